@@ -25,7 +25,7 @@ import time
 
 from fret_monitor.analysis.answers import Analysis, Answer, Example, Question
 from fret_monitor.analysis.component import (
-    build_component, by_inputs, by_outputs, Component, output_names,
+    build_component, by_inputs, by_outputs, Component, output_names, Part, unrelated_assumptions,
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
@@ -37,16 +37,14 @@ from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
 )
 from fret_monitor.analysis.second import NotComparable, SecondCheck
-from fret_monitor.analysis.unrolling import (
-    end_of_runs, find_run, Found, MOST_STEPS, Steps, Wanted,
-)
+from fret_monitor.analysis.unrolling import end_of_runs, find_run, Found, Steps, Wanted
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.policies import InputRole, Policy
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import time_text
-from fret_monitor.smt import numbers
+from fret_monitor.smt import numbers, solver
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.terms import Term
@@ -57,8 +55,14 @@ _MOST_CONFLICTS = 10
 _TIMED_S = 5.0  # for a question about time, since most end soon or never
 _LONG_S = 20.0  # to find a run of numbers
 _SHORT_S = 2.0  # that for one requirement
+_REFUTED = 'internal error: z3 refutes what the decision diagrams found; please report it'
+_CONTRADICTION = 'the assumptions contradict each other'
 _INTERRUPTED = 'interrupted'
 _OUT_OF_TIME = 'out of time'
+
+
+class _Refuted(Exception):
+    """The second check of a fixed point refutes it."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,8 @@ def _work(context: _Context, asked: Sequence[Question]) -> Iterator[Task]:
         for part in by_inputs(context.specification):
             yield from tasks(context.specification, part, of_runs, context.deadline)
     if Question.REALIZABILITY in asked:
-        for part in by_outputs(context.specification):
+        for part in [*by_outputs(context.specification),
+                     *unrelated_assumptions(context.specification)]:
             yield Task(part, (Question.REALIZABILITY,), frozenset(part.ids))
 
 
@@ -131,6 +136,7 @@ class _PartAnalysis:
         self._second: SecondCheck | None = None
         self._coarse: _PartAnalysis | None = None
         self._is_coarse = False
+        self._about_assumptions: Answer | None = None
 
     @property
     def _outputs(self) -> tuple[str, ...]:
@@ -147,7 +153,10 @@ class _PartAnalysis:
                     if name in self._task.chosen:
                         yield self._guarded(question, place)
             else:
-                yield self._guarded(question)
+                found = self._guarded(question)
+                if question is not Question.REALIZABILITY or self._part.required \
+                        or not found.holds:
+                    yield found
 
     def _guarded(self, question: Question, place: int | None = None) -> Answer:
         """Answer a question; unknown with the reason if that is not possible."""
@@ -165,6 +174,8 @@ class _PartAnalysis:
             return self._answer(blank, place)
         except (TooLarge, NoTicks, NoRun) as error:
             return replace(blank, reason=str(error))
+        except _Refuted:
+            return replace(blank, reason=_REFUTED)
         except MemoryError:
             return replace(blank, reason='the decision diagrams need too much memory')
         except OutOfTime:
@@ -190,6 +201,9 @@ class _PartAnalysis:
         if self._context.specification.policy is Policy.TIMED:
             self._deadline.begin_attempt(_TIMED_S)
         self._deadline.check()
+        contradiction = self._contradiction()
+        if contradiction is not None:
+            return _contradicted(blank, contradiction)
         component = self._built()
         match blank.question:
             case Question.CONSISTENCY:
@@ -203,6 +217,22 @@ class _PartAnalysis:
             case _:
                 assert place is not None
                 return self._redundancy(blank, component, place)
+
+    def _contradiction(self) -> Answer | None:
+        """Return the answer that no run satisfies the assumptions, if that is so."""
+        assumed = tuple(replace(item, is_assumption=False) for item in self._part.properties
+                        if item.is_assumption)
+        if not assumed:
+            return None
+        if self._about_assumptions is None:
+            self._about_assumptions = self._asked(Question.CONSISTENCY, Part(assumed))
+        return self._about_assumptions if self._about_assumptions.holds is False else None
+
+    def _asked(self, question: Question, part: Part) -> Answer:
+        """Return the answer to a question about another part."""
+        other = _PartAnalysis(self._context, Task(part, (question,), frozenset(part.ids)))
+        other._is_coarse = self._is_coarse
+        return other._attempt(Answer(question, part.ids, None), None)
 
     def _built(self) -> Component:
         if self._component is None:
@@ -225,17 +255,22 @@ class _PartAnalysis:
         if found.holds:
             return self._yes(blank, component, found, lambda second: second.wins(
                 found.last, component.required, is_game=False))
-        runner = Runner(games)
-        continue_to_violation(runner, games, component.required, found)
-        return self._with_conflicts(self._no(blank, component, runner), component,
+        return self._with_conflicts(self._inconsistent(blank, component, found), component,
                                     lambda items: not games.consistent(items).holds)
+
+    def _inconsistent(self, blank: Answer, component: Component, found: Descent) -> Answer:
+        runner = Runner(component.games)
+        continue_to_violation(runner, component.games, component.required, found)
+        return self._no(blank, component, runner)
 
     def _rt_consistency(self, blank: Answer, component: Component) -> Answer:
         games, d = component.games, component.games.diagrams
         found = self._consistent(component)
         safe = games.safe(component.required)
         if not found.holds:
-            return replace(blank, holds=False, method='no run satisfies all requirements')
+            no = self._inconsistent(blank, component, found)
+            return no if no.holds is None else replace(
+                no, method='no run satisfies all requirements', example=None)
         inside = d.before(found.last)
         fatal = found.last & safe & ~inside
         layers = games.reach(safe & inside, fatal)
@@ -249,30 +284,34 @@ class _PartAnalysis:
     def _realizability(self, blank: Answer, component: Component) -> Answer:
         games = component.games
         if not component.required:
-            return replace(blank, holds=True, method='it has assumptions only')
-        if games.assumptions and not games.consistent(()).holds:
-            return replace(blank, reason='the assumptions contradict one another: '
-                           + ', '.join(self._part.ids[item] for item in games.assumptions))
+            return self._consistency(blank, component)  # whether they contradict each other
         found = games.realizable(component.required)
         if found.holds:
             return self._yes(blank, component, found, lambda second: second.wins(
                 found.last, component.required, is_game=True))
+        trusted = [self._part.ids[item] for item in games.shared if item in games.pending]
+        if trusted:
+            found = games.realizable(component.required, trusts_shared=True)
+            if found.holds:
+                return replace(blank, reason=f'{", ".join(trusted)} is needed, which says '
+                               '`eventually` about outputs: the system could prevent it')
         runner = play_to_violation(games, component.required, found)
-        return self._with_conflicts(self._no(blank, component, runner), component,
-                                    lambda items: not games.realizable(items).holds)
+        return self._with_conflicts(
+            self._no(blank, component, runner), component,
+            lambda items: not games.realizable(items, bool(trusted)).holds)
 
     def _vacuity(self, blank: Answer, component: Component, place: int) -> Answer:
         games, d = component.games, component.games.diagrams
         verdicts = component.whole.verdicts
         found = self._consistent(component)
         if not found.holds:
-            return replace(blank, reason='no run satisfies all requirements')
-        is_fulfilled = d.outputs[place]
-        anyhow = games.reach(d.possible, d.possible & ~is_fulfilled)
+            return replace(blank, reason='; '.join(component.gaps)
+                           or 'no run satisfies all requirements')
+        anyhow = games.violation(place, d.possible, ())
         if not games.is_reached(anyhow):
             return self._certain(
                 blank, component, 'never violated, whatever the inputs',
-                lambda second: second.is_closed(~anyhow[-1], [], place))
+                lambda second: second.is_closed(~anyhow[-1], [], place), place)
         trigger = component.triggers.get(place)
         if trigger is None:
             return self._possible(blank, component, 'it can be violated',
@@ -288,19 +327,21 @@ class _PartAnalysis:
             component, (t.negation(verdicts[trigger]),)))
 
     def _redundancy(self, blank: Answer, component: Component, place: int) -> Answer:
-        games, d = component.games, component.games.diagrams
+        games = component.games
         others = [item for item in component.required if item != place]
         if place in games.assumptions:
             return replace(blank, holds=False, method='an assumption')
         if not self._consistent(component).holds and not games.consistent(others).holds:
-            return replace(blank, reason='the others exclude one another, and so imply anything')
+            return replace(blank, reason='; '.join(component.gaps) or
+                           'the others exclude one another, and so imply anything')
         safe = games.safe(others)
-        layers = games.reach(safe & d.outputs[place], safe & ~d.outputs[place])
+        layers = games.violation(place, safe, others)
         if not games.is_reached(layers):
             return self._certain(
                 blank, component,
                 'implied by the others' + self._equal(component, place, others),
-                lambda second: second.is_closed(~layers[-1], others, place))
+                lambda second: second.is_closed(
+                    ~layers[-1], others, place, games.fulfilling(safe, others)), place)
         verdicts = component.whole.verdicts
         held = t.all_of(verdicts[item] for item in (*others, *games.assumptions)
                         if item not in games.pending)
@@ -319,7 +360,7 @@ class _PartAnalysis:
     # -- answers ----------------------------------------------------------------------------
 
     def _yes(self, blank: Answer, component: Component, found: Descent,
-             check: Callable[[SecondCheck], bool]) -> Answer:
+             check: Callable[[SecondCheck], solver.Answer]) -> Answer:
         if component.doubts:
             return self._repeating(blank, component)
         steps = len(found.layers)
@@ -350,12 +391,12 @@ class _PartAnalysis:
         steps = Steps(component.whole.state, component.inputs, component.domains)
         verdicts, assumptions = component.whole.verdicts, component.games.assumptions
 
-        def end(items: Iterable[int], most: int) -> int | None:
+        def end(items: Iterable[int]) -> int | None:
             always = t.all_of(verdicts[item] for item in (*items, *assumptions)
                               if item not in component.games.pending)
-            return end_of_runs(steps, always, self._deadline, _LONG_S, most)
+            return end_of_runs(steps, always, self._deadline, _LONG_S)
 
-        last = end(component.required, MOST_STEPS)
+        last = end(component.required)
         if last is None:
             return unknown
         whole = self._everything(component).always
@@ -363,12 +404,11 @@ class _PartAnalysis:
         example = None if longest is None else self._replayed(component, longest.rows)
         if example is None:
             return unknown
-        smallest = shrunk(frozenset(component.required),
-                          lambda items: end(items, last) is not None)
-        return replace(
+        less = shrunk(frozenset(component.required), lambda items: end(items) is not None)
+        return self._with_smallest(replace(
             unknown, holds=False, example=example, reason='', are_all=False,
-            conflicts=(tuple(self._part.ids[item] for item in sorted(smallest)),),
-            method=f'no run of {counted(last, "step")} satisfies all')
+            conflicts=(tuple(self._part.ids[item] for item in sorted(less)),),
+            method=f'no run of {counted(last, "step")} satisfies all'))
 
     def _everything(self, component: Component, once: tuple[Term, ...] = ()) -> Wanted:
         """Return that all holds forever, and each of some terms once."""
@@ -395,22 +435,34 @@ class _PartAnalysis:
         inputs = [t.variable(item.name, numbers.sort_of(item.type)) for item in signals]
         return tuple(row_of(values, signals, inputs) for values in rows)
 
-    def _checked(self, component: Component, check: Callable[[SecondCheck], bool]) -> str:
-        """Return what a second check says."""
+    def _checked(self, component: Component,
+                 check: Callable[[SecondCheck], solver.Answer]) -> str:
+        """Return the result of a second check; raise _Refuted if it refutes."""
         try:
             if self._second is None:
                 self._second = SecondCheck(component.group, component.inputs, component.games)
-            return 'confirmed by z3' if check(self._second) else 'not confirmed by z3'
+            found = check(self._second)
         except (NoTicks, NotComparable):
             return 'checked once'
+        if found is solver.Answer.REFUTED:
+            raise _Refuted
+        if found is solver.Answer.UNKNOWN:
+            return 'checked once, z3 did not decide it'
+        return 'confirmed by z3' + (', but for `eventually`' if component.games.pending else '')
 
     def _certain(self, blank: Answer, component: Component, method: str,
-                 check: Callable[[SecondCheck], bool]) -> Answer:
-        """Return that nothing was reached, which holds for fewer runs, too."""
+                 check: Callable[[SecondCheck], solver.Answer],
+                 place: int | None = None) -> Answer:
+        """
+        Return that nothing was reached, which holds for fewer runs, too.
+
+        `place` is the requirement that is never violated; None: none.
+        """
         if component.gaps:
             return replace(blank, reason='; '.join(component.gaps))
-        return replace(blank, holds=True,
-                       method=f'{method} ({self._checked(component, check)})')
+        how = 'checked once' if place in component.games.pending else \
+            self._checked(component, check)
+        return replace(blank, holds=True, method=f'{method} ({how})')
 
     def _possible(self, blank: Answer, component: Component, method: str,
                   wanted: Wanted) -> Answer:
@@ -471,8 +523,45 @@ class _PartAnalysis:
                 found.append(tuple(ids[item] for item in sorted(items)))
         except OutOfTime:
             return replace(answer, conflicts=tuple(found), are_all=False)
-        return replace(answer, conflicts=tuple(found[:_MOST_CONFLICTS]),
-                       are_all=len(found) <= _MOST_CONFLICTS)
+        answer = replace(answer, conflicts=tuple(found[:_MOST_CONFLICTS]),
+                         are_all=len(found) <= _MOST_CONFLICTS)
+        return self._with_smallest(answer) if component.doubts else answer
+
+    def _with_smallest(self, answer: Answer) -> Answer:
+        """Replace conflicts, of which a part may conflict too, by those that are smallest."""
+        found = [self._reduced(answer.question, each) for each in answer.conflicts]
+        kept = tuple(dict.fromkeys(each for each in found if each is not None))
+        if None not in found and kept == answer.conflicts:
+            return answer
+        large = [', '.join(each) for each, less in zip(answer.conflicts, found) if less is None]
+        method = '; '.join([answer.method, *(
+            f'{names} conflict, but perhaps not all of them are needed' for names in large)])
+        return replace(answer, conflicts=kept, are_all=False, method=method)
+
+    def _reduced(self, question: Question, conflict: Sequence[str]) -> tuple[str, ...] | None:
+        """Return a smallest conflict within another; None if it is unknown."""
+        for left_out in conflict:
+            kept = set(conflict) - {left_out}
+            found = self._asked(question, Part(tuple(
+                item for item in self._part.properties if item.is_assumption or item.id in kept)))
+            if found.holds is None or found.holds is False and not found.conflicts:
+                return None
+            if found.holds is False:
+                return found.conflicts[0]
+        return tuple(conflict)
+
+
+def _contradicted(blank: Answer, contradiction: Answer) -> Answer:
+    """Return the answer to a question where the assumptions contradict each other."""
+    found = replace(blank, conflicts=contradiction.conflicts, are_all=contradiction.are_all)
+    match blank.question:
+        case Question.CONSISTENCY:
+            return replace(found, holds=False, example=contradiction.example,
+                           method=f'{_CONTRADICTION}; {contradiction.method}')
+        case Question.RT_CONSISTENCY:
+            return replace(found, holds=False, method=_CONTRADICTION)
+    names = '; '.join(', '.join(each) for each in contradiction.conflicts)
+    return replace(found, reason=f'{_CONTRADICTION}: {names}')
 
 
 def _has_outputs_only(component: Component) -> bool:

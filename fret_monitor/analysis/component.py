@@ -94,20 +94,39 @@ def by_outputs(specification: Specification, within: Part | None = None) -> list
     `within` is the part of the bundle that they belong to; None: all.
 
     An assumption belongs to each component with which it shares an input, directly or through
-    other assumptions.
+    other assumptions. One that reads outputs joins these components: all set its outputs.
     """
     outputs = output_names(specification)
     properties = specification.properties if within is None else within.properties
     required = [item for item in properties if not item.is_assumption]
     assumed = parts([item for item in properties if item.is_assumption],
                     lambda item: item.inputs)
+    joined = _joined_by_assumptions(assumed, outputs)
     found = []
-    for part in parts(required, lambda item: set(item.inputs) & outputs):
+    for part in parts(required, lambda item: {
+            joined.get(name, name) for name in item.inputs if name in outputs or name in joined}):
         used = {name for item in part.properties for name in item.inputs}
         concerned = {item.id for group in assumed for item in group.properties
                      if used & {name for each in group.properties for name in each.inputs}}
         kept = {*part.ids, *concerned}
         found.append(Part(tuple(item for item in properties if item.id in kept)))
+    return found
+
+
+def unrelated_assumptions(specification: Specification) -> list[Part]:
+    """Return the groups of assumptions that concern no component."""
+    used = {name for part in by_outputs(specification) for name in part.ids}
+    return parts([item for item in specification.properties
+                  if item.is_assumption and item.id not in used], lambda item: item.inputs)
+
+
+def _joined_by_assumptions(assumed: Sequence[Part], outputs: set[str]) -> dict[str, str]:
+    """Return, by input, a name of the group of assumptions that reads it, and an output."""
+    found = {}
+    for number, group in enumerate(assumed):
+        names = {name for item in group.properties for name in item.inputs}
+        if names & outputs:
+            found.update(dict.fromkeys(names, f'assumptions {number}'))
     return found
 
 
@@ -197,7 +216,9 @@ def build_component(specification: Specification, part: Part,
         diagrams,
         [place for place, item in enumerate(part.properties) if item.is_assumption],
         [place for place, item in enumerate(part.properties)
-         if item.sentence is not None and is_not_yet(item.sentence)])
+         if item.sentence is not None and is_not_yet(item.sentence)],
+        [place for place, item in enumerate(part.properties)
+         if item.is_assumption and set(item.inputs) & output_names(specification)])
     return Component(
         part, signals, inputs, group, whole, domains, games,
         {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts),

@@ -89,6 +89,8 @@ def _freedom(specification: Specification, part: Part, deadline: Deadline) -> _F
         games, d = component.games, component.games.diagrams
         if component.doubts or games.pending:
             return _Freedom.NONE
+        if games.assumptions and not games.consistent(()).holds:
+            return _Freedom.NONE
         found = games.realizable(component.required)
         if not found.holds:
             return _Freedom.NONE

@@ -16,13 +16,21 @@
 Fixed points over the steps of a system.
 
 A step is *safe* if all assumptions and requirements hold at it. A requirement whose sentence says
-`eventually` need not hold; it must only be possible that it holds later.
+`eventually` need not hold at each step, but at infinitely many.
+
+The system may not win by breaking an assumption that reads its outputs (docs/analysis.md): its
+strategies are *non-conflicting* (Majumdar, Piterman, Schmuck: Environmentally-Friendly GR(1)
+Synthesis, TACAS 2019).
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from fret_monitor.analysis.diagrams import Diagrams, Node
+
+_Predecessors = Callable[[Node], Node]
+"""Returns the states from which a step in a set can be taken, or be forced."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +54,12 @@ class Games:
     """The questions about one system; requirements are indices of its outputs."""
 
     def __init__(self, diagrams: Diagrams, assumptions: Collection[int],
-                 pending: Collection[int]) -> None:
-        """`pending` are those that need not hold now."""
+                 pending: Collection[int], shared: Collection[int]) -> None:
+        """`pending` are those that need not hold now, `shared` assumptions that read outputs."""
         self.diagrams = diagrams
         self.assumptions = sorted(assumptions)
         self.pending = set(pending)
+        self.shared = sorted(shared)
         self._assumed = diagrams.all_of(
             diagrams.outputs[item] for item in self.assumptions if item not in self.pending)
 
@@ -61,50 +70,138 @@ class Games:
             d.outputs[item] for item in sorted(requirements) if item not in self.pending)
 
     def _open(self, requirements: Collection[int]) -> list[Node]:
-        """Return the verdicts that have to stay possible."""
+        """Return the verdicts that have to hold at infinitely many steps."""
         return [self.diagrams.outputs[item]
-                for item in sorted({*requirements, *self.assumptions}) if item in self.pending]
+                for item in sorted(requirements) if item in self.pending]
 
-    def _fulfillable(self, safe: Node, within: Node, verdict: Node) -> Node:
-        """Return the states from which safe steps within a set lead to a verdict."""
-        d = self.diagrams
-        inside = safe & d.before(within)
-        found = d.some(inside & verdict)
-        while True:
-            more = found | d.some(inside & d.before(found))
-            if more == found:
-                return found
-            found = more
+    # -- runs -------------------------------------------------------------------------------
 
     def consistent(self, requirements: Collection[int]) -> Descent:
         """Return the states from which some run satisfies some requirements forever."""
-        d, safe = self.diagrams, self.safe(requirements)
-        return self._descend(lambda kept: d.some(safe & kept), safe, requirements)
+        safe = self.safe(requirements)
+        return self._descend(lambda steps: self.diagrams.some(safe & steps),
+                             self._open({*requirements, *self.assumptions}), [])
 
-    def realizable(self, requirements: Collection[int]) -> Descent:
-        """Return the states from which the system can satisfy some requirements forever."""
-        d, safe = self.diagrams, self.safe(requirements)
-        excused = ~self._assumed
-        return self._descend(
-            lambda kept: d.forced(excused | (safe & kept)), safe, requirements)
+    def violation(self, place: int, steps: Node, others: Collection[int]) -> list[Node]:
+        """
+        Return sets of states from which some steps lead to a violation, as `reach` does.
 
-    def _descend(self, chosen: Callable[[Node], Node], safe: Node,
-                 requirements: Collection[int]) -> Descent:
-        """Return the descent in which `chosen` are the states that have one of some good steps."""
+        A requirement that says `eventually` is violated by a run at whose steps it is false from
+        some step on. The other requirements that say so are fulfilled.
+        """
+        d, verdict = self.diagrams, self.diagrams.outputs[place]
+        idle = steps & ~verdict
+        if place in self.pending:
+            return self.reach(steps, idle & d.before(self._forever(idle, others)))
+        return self.reach(steps & verdict, idle & d.before(self.fulfilling(steps, others)))
+
+    def fulfilling(self, steps: Node, others: Collection[int]) -> Node:
+        """Return the states from which steps fulfil what says `eventually`; all without any."""
+        return self._forever(steps, others) if self._open(others) else self.diagrams.bdd.true
+
+    def _forever(self, steps: Node, others: Collection[int]) -> Node:
+        *_, last = self._decreasing(lambda goal: self.diagrams.some(steps & goal),
+                                    self._open(others), [])
+        return last
+
+    # -- games ------------------------------------------------------------------------------
+
+    @cached_property
+    def excused(self) -> Node:
+        """The choices of the environment after which an assumption is broken, whatever follows."""
         d = self.diagrams
-        verdicts = self._open(requirements)
-        layers, kept = [d.bdd.true], d.bdd.true
+        return ~d.bdd.exist(d.own, d.possible & self._assumed)
+
+    @cached_property
+    def lasting(self) -> Node:
+        """The states from which some run satisfies the assumptions; all if they cannot matter."""
+        found = self.consistent(()) if self.shared else None
+        return found.last if found is not None and found.holds else self.diagrams.bdd.true
+
+    @cached_property
+    def doomed(self) -> Node:
+        """The choices of the environment after which no run satisfies the assumptions."""
+        d = self.diagrams
+        return ~d.bdd.exist(d.own, d.possible & self._assumed & d.before(self.lasting))
+
+    def moves(self, requirements: Collection[int]) -> Node:
+        """Return the safe steps by which the system does not make an assumption impossible."""
+        if not self.shared:
+            return self.safe(requirements)
+        return self.safe(requirements) & (self.doomed | self.diagrams.before(self.lasting))
+
+    def good(self, requirements: Collection[int], kept: Node) -> Node:
+        """Return the moves within some steps, and those after an assumption was broken."""
+        return self.diagrams.possible & (self.excused | self.moves(requirements) & kept)
+
+    def realizable(self, requirements: Collection[int], trusts_shared: bool = False) -> Descent:
+        """
+        Return the states from which the system can satisfy some requirements forever.
+
+        Assumptions that say `eventually` and read outputs are left out, but with `trusts_shared`:
+        then the system may win by keeping them from being fulfilled.
+        """
+        d, moves = self.diagrams, self.moves(requirements)
+        fair = [item for item in self.assumptions if trusts_shared or item not in self.shared]
+        return self._descend(lambda steps: d.forced(self.excused | moves & steps),
+                             self._open(requirements), self._open(fair))
+
+    # -- fixed points -----------------------------------------------------------------------
+
+    def _descend(self, predecessors: _Predecessors, wanted: Sequence[Node],
+                 fair: Sequence[Node]) -> Descent:
+        """
+        Find the states from which steps can be taken forever, each of `wanted` again and again.
+
+        That need not be so if one of `fair` holds at finitely many steps only. The algorithm is
+        that of GR(1) (Bloem, Jobstmann, Piterman, Pnueli, Sa'ar: Synthesis of Reactive(1)
+        Designs, JCSS 2012).
+        """
+        layers = []
+        for states in self._decreasing(predecessors, wanted, fair):
+            layers.append(states)
+            if not self.diagrams.contains_start(states):
+                return Descent(tuple(layers), False)
+        return Descent(tuple(layers), True)
+
+    def _decreasing(self, predecessors: _Predecessors, wanted: Sequence[Node],
+                    fair: Sequence[Node]) -> Iterator[Node]:
+        d = self.diagrams
+        states, kept = d.bdd.true, d.bdd.true
         while True:
-            found = layers[-1] & chosen(kept)
-            for verdict in verdicts:
-                found &= self._fulfillable(safe, found, verdict)
-            if not d.contains_start(found):
-                return Descent((*layers, found), False)
-            if found == layers[-1]:
-                return Descent(tuple(layers), True)
+            yield states
+            found = states & predecessors(kept)
+            for verdict in wanted:
+                found = self._fulfillable(found, predecessors, verdict, fair)
+            if found == states:
+                return
             # Few states are lost in a round: the steps to them are computed faster than all.
-            kept &= ~d.before(layers[-1] & ~found)
-            layers.append(found)
+            kept &= ~d.before(states & ~found)
+            states = found
+
+    def _fulfillable(self, within: Node, predecessors: _Predecessors, verdict: Node,
+                     fair: Sequence[Node]) -> Node:
+        """Return the states of a set from which steps within it lead to a verdict."""
+        d = self.diagrams
+        nearer, found = verdict & d.before(within), d.bdd.false
+        while True:
+            more = within & predecessors(nearer)
+            for item in fair:
+                more |= self._waiting(within, predecessors, nearer, item)
+            if more == found:
+                return found
+            nearer |= d.before(more & ~found)
+            found = more
+
+    def _waiting(self, within: Node, predecessors: _Predecessors, nearer: Node,
+                 fair: Node) -> Node:
+        """Return the states of a set where steps come nearer, or `fair` never holds."""
+        d, states = self.diagrams, within
+        while True:
+            less = states & predecessors(nearer | ~fair & d.before(states))
+            if less == states:
+                return states
+            states = less
 
     def reach(self, steps: Node, goal: Node) -> list[Node]:
         """

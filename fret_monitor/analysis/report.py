@@ -18,9 +18,12 @@ from collections.abc import Iterator
 import textwrap
 
 from fret_monitor.analysis.answers import Analysis, Answer, Example, Question
+from fret_monitor.analysis.component import output_names
 from fret_monitor.analysis.replay import Replay
 from fret_monitor.explain.timeline import drawn, timeline, value_lines
+from fret_monitor.logic import formula as f
 from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.propositions import is_pointwise, propositions
 from fret_monitor.logic.specification import Specification
@@ -123,6 +126,39 @@ def warnings(found: Analysis, specification: Specification) -> Iterator[Diagnost
                          item.method, '`fret-monitor analyze` shows more', Level.WARNING)
 
 
+def assumption_warnings(specification: Specification) -> Iterator[Diagnostic]:
+    """Yield a warning at each assumption that reads outputs of the same step."""
+    outputs = output_names(specification)
+    for item in specification.properties:
+        names = sorted(_read_now(item.formula) & outputs) if item.is_assumption else []
+        if names:
+            yield Diagnostic(
+                f'the assumption {item.id} reads {", ".join(names)} of the same step, '
+                'which the system sets', item.id_place, 'the system may not break it',
+                'an assumption is about what the environment sets: '
+                f'inputs, and earlier outputs (Y {names[0]})', Level.WARNING)
+
+
+def _read_now(root: Formula) -> set[str]:
+    """Return the names of the inputs whose value of the same step matters to a formula."""
+    found: dict[Formula, set[str]] = {}
+    for node in f.postorder([root]):
+        match node:
+            case f.Variable(name):
+                found[node] = {name}
+            case f.Yesterday() | f.WeakYesterday():
+                found[node] = set()
+            case f.Previous(initial):
+                found[node] = found[initial]
+            case f.Once(window) | f.Historically(window) if window.low > 0:
+                found[node] = set()
+            case f.Since(window, left) | f.Triggered(window, left) if window.low > 0:
+                found[node] = found[left]
+            case _:
+                found[node] = set().union(*(found[item] for item in f.operands(node)))
+    return found[root]
+
+
 def _of_requirements(heading: str, answers: list[Answer]) -> Iterator[str]:
     names = [item.requirements[0] for item in answers if item.holds]
     unknown = [item for item in answers if item.holds is None]
@@ -178,7 +214,9 @@ def _drawing(item: Answer, example: Example, specification: Specification,
         [[bool(value) for value in column] for column in truths], verdicts, None,
         tuple(value_lines(signals, trace, example.grid)))
     violated = ', '.join(example.violated)
+    end = 'the environment can prevent that all are fulfilled' \
+        if item.question is Question.REALIZABILITY else 'not all can be fulfilled'
     yield '    ' + (f'a run at whose end {violated} '
                     f'{"is" if len(example.violated) == 1 else "are"} violated'
-                    if violated else 'a run after which not all can be fulfilled')
+                    if violated else f'a run after which {end}')
     yield from (f'      {line}' for line in drawn(picture))

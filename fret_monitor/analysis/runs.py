@@ -139,19 +139,18 @@ def play_to_violation(games: Games, requirements: Sequence[int], descent: Descen
 
     If the system can hold out forever, but not fulfil all, it ends where that is so.
     """
-    d, safe = games.diagrams, games.safe(requirements)
-    excused = ~games.safe(())
+    d, safe, moves = games.diagrams, games.safe(requirements), games.moves(requirements)
     runner = Runner(games)
     while (rank := _rank(runner, descent)) is not None:
-        good = d.possible & (excused | safe & runner.before(descent.layers[rank - 1]))
+        good = games.good(requirements, runner.before(descent.layers[rank - 1]))
         bad = d.enabled & d.possible & ~d.bdd.exist(d.own, good)
         if not runner.can(bad):
             _stop(runner, safe)
             return runner
         chosen = runner.environment_choice(bad)
-        choice = _longest(runner, chosen & safe, descent.layers[:rank - 1])
+        choice = _longest(runner, chosen & moves, descent.layers[:rank - 1])
         if choice is None:
-            _take_violation(runner, games, chosen & d.possible, requirements)
+            _take_violation(runner, games, chosen & d.possible & ~safe, requirements)
             return runner
         runner.take(choice)
     return runner

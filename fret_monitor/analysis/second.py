@@ -21,7 +21,7 @@ keep a run in the set are functions of state and inputs, so that one query witho
 enough. Comparisons are truth values here, too; `letters.py` confirms each of their combinations.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fret_monitor.analysis.diagrams import Diagrams, Node
@@ -86,19 +86,18 @@ class SecondCheck:
 
     # -- claims -----------------------------------------------------------------------------
 
-    def wins(self, states: Node, requirements: Sequence[int], is_game: bool) -> bool:
+    def wins(self, states: Node, requirements: Sequence[int], is_game: bool) -> Answer:
         """
-        Whether the system, or with `is_game` False all together, can stay in a set of states.
+        Return whether the system, or with `is_game` False all together, can stay in some states.
 
-        All requirements then hold at each step.
+        All requirements then hold at each step, but those that say `eventually`.
         """
         d, games = self._d, self._games
-        safe = games.safe(requirements)
-        steps = safe & d.before(states)
-        names = [*d.environment, *d.own]
         if is_game:
-            steps = d.possible & (~games.safe(()) | steps)
-            names = d.own
+            steps, names = games.good(requirements, d.before(states)), d.own
+        else:
+            steps = games.safe(requirements) & d.before(states)
+            names = [*d.environment, *d.own]
         chosen = self._functions(steps, names)
         # The environment's variables stay free in a game; all others are functions of them.
         held = self._verdicts(requirements, chosen)
@@ -106,20 +105,32 @@ class SecondCheck:
         good = t.conjunction(held, stays)
         given = [self._set(states, self._now)]
         if is_game:
-            given.append(self._translated(d.enabled, {**self._now, **self._variables}))
-            assumed = self._verdicts((), chosen)
-            good = t.disjunction(t.negation(assumed), good)
+            given.append(self._steps(d.enabled))
+            good = t.conjunction(good, t.disjunction(
+                self._steps(games.doomed), self._set(games.lasting, self._next(chosen))))
+            good = t.disjunction(self._steps(games.excused), good)
         goals = [self._translated(d.possible, {**self._now, **self._variables, **chosen}), good]
-        return self._contains_start(states) and self._is_valid(goals, given)
+        answers = [self._proved(states, goals, given)]
+        return _worst([*answers, *self._environment_fails()] if is_game else answers)
+
+    def _environment_fails(self) -> Iterator[Answer]:
+        """Check that no choice of the system keeps an assumption where it is excused."""
+        games = self._games
+        possible, assumed = self._steps(self._d.possible), self._verdicts((), {})
+        yield _valid([t.negation(assumed)], [possible, self._steps(games.excused)])
+        if games.shared:
+            yield self.wins(games.lasting, (), is_game=False)
+            yield _valid([t.negation(self._set(games.lasting, self._next({})))],
+                         [possible, assumed, self._steps(games.doomed)])
 
     def is_closed(self, states: Node, requirements: Sequence[int], kept: int | None = None,
-                  inside: Node | None = None) -> bool:
+                  inside: Node | None = None) -> Answer:
         """
-        Whether steps at which some requirements hold stay in a set, and another one holds at each.
+        Return whether safe steps stay in a set, and another requirement holds at each.
 
         `kept` is the other one; None: none. With `inside`, only steps that lead there count.
         """
-        possible = self._translated(self._d.possible, {**self._now, **self._variables})
+        possible = self._steps(self._d.possible)
         held = self._verdicts(requirements, {})
         after = self._next({})
         goals = [self._set(states, after)]
@@ -128,14 +139,12 @@ class SecondCheck:
         given = [self._set(states, self._now), possible, held]
         if inside is not None:
             given.append(self._set(inside, after))
-        return self._contains_start(states) and self._is_valid(goals, given)
+        return self._proved(states, goals, given)
 
-    def _is_valid(self, goals: Sequence[Term], given: Sequence[Term]) -> bool:
-        return prove(goals, given, seconds=_SECONDS).answer is Answer.PROVED
-
-    def _contains_start(self, states: Node) -> bool:
+    def _proved(self, states: Node, goals: Sequence[Term], given: Sequence[Term]) -> Answer:
+        """Return whether the states contain the start, and goals follow."""
         found, = t.substituted([self._set(states, self._now)], dict(self._start))
-        return found is t.TRUE
+        return _valid(goals, given) if found is t.TRUE else Answer.REFUTED
 
     # -- translation ------------------------------------------------------------------------
 
@@ -156,6 +165,9 @@ class SecondCheck:
                   for item in sorted({*requirements, *self._games.assumptions})
                   if item not in self._games.pending]
         return t.all_of(t.substituted(wanted, self._choices(chosen)))
+
+    def _steps(self, steps: Node) -> Term:
+        return self._translated(steps, {**self._now, **self._variables})
 
     def _set(self, states: Node, bits: Mapping[str, Term]) -> Term:
         return self._translated(states, bits)
@@ -197,3 +209,13 @@ class SecondCheck:
             known[key] = t.choice(names[node.var], known[int(yes)], known[int(no)])
             stack.pop()
         return known[int(root)]
+
+
+def _valid(goals: Sequence[Term], given: Sequence[Term]) -> Answer:
+    return prove(goals, given, seconds=_SECONDS).answer
+
+
+def _worst(answers: Sequence[Answer]) -> Answer:
+    """Return PROVED if all are so, REFUTED if one is."""
+    return next((item for item in (Answer.REFUTED, Answer.UNKNOWN) if item in answers),
+                Answer.PROVED)

@@ -36,7 +36,7 @@ from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import StateVariable
 import z3
 
-MOST_STEPS = 40
+_MOST_STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def find_run(steps: Steps, wanted: Wanted, deadline: Deadline, seconds: float,
     last = None
     with suppress(NotLinear, NoValue):
         search = _Unrolling(steps, wanted, seconds)
-        for count in range(1, MOST_STEPS + 1):
+        for count in range(1, _MOST_STEPS + 1):
             deadline.check()
             last = search.extended(count) or last
             if search.is_over or last is not None and not is_longest or time.monotonic() > end:
@@ -94,8 +94,7 @@ def find_run(steps: Steps, wanted: Wanted, deadline: Deadline, seconds: float,
     return last
 
 
-def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float,
-                most: int = MOST_STEPS) -> int | None:
+def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float) -> int | None:
     """
     Return a number of steps that no run has, if a term holds at each; None if none was found.
 
@@ -104,7 +103,7 @@ def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float,
     end = time.monotonic() + seconds
     with suppress(NotLinear, NoValue):
         search = _Unrolling(steps, Wanted(always, t.FALSE), seconds, is_wide=True)
-        for count in range(1, most + 1):
+        for count in range(1, _MOST_STEPS + 1):
             deadline.check()
             search.extended(count)
             if search.is_over:

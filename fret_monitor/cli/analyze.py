@@ -107,10 +107,13 @@ def _asked(reading: Reading, only: list[str] | None
            ) -> tuple[list['Question'], tuple[Diagnostic, ...]]:
     """Return the questions; realizability needs outputs."""
     from fret_monitor.analysis.answers import Question
+    from fret_monitor.analysis.report import assumption_warnings
     asked = [item for item in Question if only is None or item.value in only]
     has_outputs = any(item.role is InputRole.OUTPUT for item in reading.specification.signals)
-    if has_outputs or Question.REALIZABILITY not in asked:
+    if Question.REALIZABILITY not in asked:
         return asked, ()
+    if has_outputs:
+        return asked, tuple(assumption_warnings(reading.specification))
     title = 'no input is an output of the system, so that realizability has no answer'
     advice = 'write role: output at each input that the system sets'
     if only is not None:

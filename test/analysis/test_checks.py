@@ -14,12 +14,15 @@
 
 """Answers about bundles, by hand and against an explicit search over all states."""
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from random import Random
 
-from analysis.search import reference, Search
-from fret_monitor.analysis import checks, division
+from analysis.search import reference, Search, TooManyStates
+from fret_monitor.analysis import checks, division, letters
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
@@ -30,6 +33,7 @@ from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Source
+from fret_monitor.smt import solver
 from fret_monitor.traces.sampled import sampled
 import pytest
 
@@ -39,10 +43,12 @@ ROLES = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n' 
 
 def bundle(*formulas: str, inputs: str = ROLES) -> Specification:
     """Return a bundle of formulas R0, R1 ...; one that begins with `assume` is an assumption."""
-    lines = [f'  - {{id: R{number}, ptltl: "{text.removeprefix("assume ")}", '
-             f'assume: {str(text.startswith("assume ")).lower()}}}'
-             if not text.startswith('c shall') and ' shall ' not in text else
-             f'  - {{id: R{number}, fretish: "{text}"}}' for number, text in enumerate(formulas)]
+    lines = []
+    for number, text in enumerate(formulas):
+        formula = text.removeprefix('assume ')
+        language = 'fretish' if ' shall ' in formula else 'ptltl'
+        lines.append(f'  - {{id: R{number}, {language}: "{formula}", '
+                     f'assume: {str(formula != text).lower()}}}')
     text = '\n'.join(['format: 1', 'inputs:', f'  {inputs}', 'requirements:', *lines])
     return specify(parse_bundle(Source('b.yaml', text + '\n'), Path('.')))[0]
 
@@ -132,7 +138,7 @@ def test_contradictory_assumptions_are_reported_instead_of_realizability() -> No
                      Question.REALIZABILITY)
     answer = only(found, Question.REALIZABILITY)
     assert answer.holds is None and answer.reason == \
-        'the assumptions contradict one another: R2, R3'
+        'the assumptions contradict each other: R2, R3'
 
 
 def test_a_requirement_of_inputs_alone_is_not_realizable() -> None:
@@ -141,13 +147,111 @@ def test_a_requirement_of_inputs_alone_is_not_realizable() -> None:
         ((), False), (('x',), True)]
 
 
+def test_assumptions_that_contradict_each_other_are_reported_by_every_question() -> None:
+    found = analyzed(bundle('H (a -> x)', 'assume H b', 'assume a', 'assume H (Y TRUE -> !a)'))
+    for answer in found.answers:
+        if 'R0' in answer.requirements:
+            assert 'the assumptions contradict each other' in answer.reason + answer.method
+            assert answer.holds is not True
+            assert answer.conflicts == (('R2', 'R3'),)
+    assert {item.holds for item in found.of(Question.CONSISTENCY)} == {True, False}
+    unrelated = analyzed(bundle('H (a -> x)', 'assume H b', 'assume O !b & H b'),
+                         Question.REALIZABILITY)
+    assert [(item.requirements, item.holds) for item in unrelated.answers] == [
+        (('R0',), True), (('R1', 'R2'), None)]
+    fine = analyzed(bundle('H (a -> x)', 'assume H b'), Question.REALIZABILITY)
+    assert [item.requirements for item in fine.answers] == [('R0',)]
+
+
+@pytest.mark.parametrize('formulas', [
+    ('H (a -> x)', 'H (a -> !x)', 'assume H !x'),  # !x is for the system to keep
+    ('H (FTP | (a <-> b))', 'assume H (Y !x -> a)', 'assume H (Y !x -> !a)'),
+    ('H (a -> x) & H (O a -> x)', 'assume H (b -> (Y !x | FTP))', 'H (b -> !x)')])
+def test_the_system_does_not_win_by_breaking_an_assumption(formulas: tuple[str, ...]) -> None:
+    answer = only(analyzed(bundle(*formulas), Question.REALIZABILITY), Question.REALIZABILITY)
+    assert answer.holds is False and answer.conflicts
+
+
+def test_an_assumption_about_earlier_outputs_is_relied_on() -> None:
+    needs = 'H x', 'H (Y TRUE -> a)'
+    assert analyzed(bundle(*needs), Question.REALIZABILITY).together(
+        Question.REALIZABILITY) is False
+    found = analyzed(bundle(*needs, 'assume H (Y x -> a)'), Question.REALIZABILITY)
+    assert only(found, Question.REALIZABILITY).holds is True
+
+
+def test_components_whose_outputs_one_assumption_reads_are_one() -> None:
+    found = analyzed(bundle('H !x', 'H (Y TRUE -> a) & H (y | !y)', 'assume H (Y x -> a)'),
+                     Question.REALIZABILITY)
+    answer = only(found, Question.REALIZABILITY)
+    assert answer.holds is False and answer.outputs == ('x', 'y')
+    assert answer.conflicts == (('R0', 'R1'),)
+
+
+# -- eventually ------------------------------------------------------------------------------
+
+SOON = 'the c shall eventually satisfy x'
+
+
 def test_eventually_must_stay_possible() -> None:
-    soon = 'the c shall eventually satisfy x'
-    found = analyzed(bundle(soon, 'H (a -> !x)'), Question.CONSISTENCY, Question.REALIZABILITY)
-    assert found.together(Question.CONSISTENCY) is found.together(Question.REALIZABILITY) is True
-    found = analyzed(bundle(soon, 'H (!x | O a)', 'H !a'), Question.CONSISTENCY)
+    found = analyzed(bundle(SOON, 'H (a -> !x)'), Question.CONSISTENCY)
+    assert found.together(Question.CONSISTENCY) is True
+    found = analyzed(bundle(SOON, 'H (!x | O a)', 'H !a'), Question.CONSISTENCY)
     answer = next(item for item in found.answers if item.holds is not True)
     assert answer.holds is False and answer.conflicts == (('R0', 'R1', 'R2'),)
+
+
+def test_the_system_fulfils_eventually_whatever_the_environment_does() -> None:
+    def answer(*formulas: str) -> Answer:
+        return only(analyzed(bundle(*formulas), Question.REALIZABILITY), Question.REALIZABILITY)
+
+    no = answer(SOON, 'H (a -> !x)')
+    assert no.holds is False and no.conflicts == (('R0', 'R1'),)
+    assert no.example is not None and no.example.violated == ()
+    assert answer(SOON, 'H (Y x -> !x)').holds is True
+    # What the environment eventually does is not for the system to do.
+    assert answer(SOON, 'H (a -> !x)', 'assume the c shall eventually satisfy !a').holds is True
+    assert answer(SOON, 'H (a -> !x)', 'assume the c shall eventually satisfy b').holds is False
+    # Nor may it win by preventing that.
+    unknown = answer('the c shall eventually satisfy b', 'H (a | x | y | TRUE)',
+                     'assume the c shall eventually satisfy b | x')
+    assert unknown.holds is None
+    assert unknown.reason.startswith('R2 is needed, which says `eventually` about outputs')
+
+
+def test_equal_requirements_that_say_eventually_are_redundant() -> None:
+    found = analyzed(bundle(SOON, SOON, 'H (x -> a)'), Question.REDUNDANCY, Question.VACUITY)
+    assert found.listed(Question.REDUNDANCY) == ['R0', 'R1']
+    assert found.listed(Question.VACUITY) == []
+    assert 'equal to R1' in found.of(Question.REDUNDANCY)[0].method
+    found = analyzed(bundle(SOON, 'H (O[0,3] x | !O[3,3] TRUE)',
+                            'the c shall eventually satisfy x | !x'))
+    assert found.listed(Question.REDUNDANCY) == ['R0', 'R2']
+    assert found.listed(Question.VACUITY) == ['R2']
+
+
+# -- what a yes or no rests on ---------------------------------------------------------------
+
+@pytest.mark.parametrize('most', [1, 2, 3])
+def test_too_many_combinations_of_comparisons_give_no_no(
+        most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(letters, '_MOST_LETTERS', most)
+    specification = bundle('H (w > 1.0)', 'H (w > 2.0)', 'H (w > 3.0)', inputs=(
+        'w: {type: float64, role: output}'))
+    for answer in analyzed(specification).answers:
+        if answer.holds is not True:
+            is_possible = answer.question is Question.REDUNDANCY and answer.holds is False
+            assert is_possible or f'more than {most} comb' in answer.reason, answer
+        assert not (answer.requirements == ('R2',) and answer.holds)
+
+
+def test_a_yes_that_the_second_check_refutes_is_an_internal_error(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SecondCheck, 'wins', lambda *_, **__: solver.Answer.REFUTED)
+    found = analyzed(bundle('H (a -> x)'), Question.CONSISTENCY, Question.REALIZABILITY)
+    assert {item.holds for item in found.answers} == {None}
+    assert all('internal error' in item.reason and 'please report' in item.reason
+               for item in found.answers)
 
 
 # -- numbers ---------------------------------------------------------------------------------
@@ -185,6 +289,32 @@ def test_a_comparison_with_the_value_before_is_unknown_rather_than_wrong() -> No
     answer = only(analyzed(specification, Question.REALIZABILITY), Question.REALIZABILITY)
     assert answer.holds is None
     assert 'earlier steps' in answer.reason
+
+
+COUNTING = 'n: {type: int64, role: output}\n  x: {type: bool, role: output}'
+COUNTED = '(FTP -> n = 0) & (Y TRUE -> n >= preInt(0, n) + 1)'
+
+
+@pytest.mark.parametrize('formulas, conflict', [
+    # The third makes runs end sooner, but is not needed.
+    ((COUNTED, 'n <= 6', 'Y TRUE -> n >= preInt(0, n) + 3'), ('R0', 'R1')),
+    # As comparisons alone, all three conflict; as numbers, the first has no long run.
+    ((f'{COUNTED} & n <= 6', 'n <= 6 -> x', 'n <= 6 -> !x'), ('R0',))])
+def test_no_part_of_a_conflict_between_steps_conflicts(
+        formulas: tuple[str, ...], conflict: tuple[str, ...]) -> None:
+    answer = only(analyzed(bundle(*formulas, inputs=COUNTING), Question.CONSISTENCY),
+                  Question.CONSISTENCY)
+    assert answer.holds is False and answer.conflicts == (conflict,)
+
+
+def test_a_conflict_whose_parts_are_unknown_is_not_called_smallest(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks._PartAnalysis, '_asked', lambda self, question, part: Answer(
+        question, part.ids, None))
+    answer = only(analyzed(bundle(COUNTED, 'n <= 6', inputs=COUNTING), Question.CONSISTENCY),
+                  Question.CONSISTENCY)
+    assert answer.holds is False and answer.conflicts == () and not answer.are_all
+    assert 'R0, R1 conflict, but perhaps not all of them are needed' in answer.method
 
 
 def test_the_value_before_alone_becomes_a_bit() -> None:
@@ -283,14 +413,35 @@ INPUTS = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n'
     '  y: {type: bool, role: output}'
 
 
-def random_bundle(seed: int) -> Specification:
-    """Return some random requirements, sometimes with an assumption, over all four inputs."""
+def random_bundle(seed: int, most: int = 40) -> Specification:
+    """
+    Return some random requirements, sometimes with assumptions, over all four inputs.
+
+    They have up to `most` states.
+    """
     rng = Random(seed)
-    texts = [f'H ((a | b | x | y | TRUE) & {formula(rng, 2)})' if rng.random() < 0.7
-             else f'(a | b | x | y | TRUE) & {formula(rng, 2)}' for _ in range(rng.randint(2, 3))]
-    if rng.random() < 0.3:
-        texts.append(f'assume H ({formula(rng, 1)} | a)')
-    return bundle(*texts, inputs=INPUTS)
+    while True:
+        found = bundle(*random_formulas(rng), inputs=INPUTS)
+        with suppress(TooManyStates):
+            Search(found, most)
+            return found
+
+
+def random_formulas(rng: Random) -> Iterator[str]:
+    """Yield some random requirements, and perhaps assumptions."""
+    for _ in range(rng.randint(1, 2)):
+        text = f'(a | b | x | y | TRUE) & {formula(rng, 2)}'
+        yield f'H ({text})' if rng.random() < 0.7 else text
+    yield eventually(rng) if rng.random() < 0.4 else f'H ({formula(rng, 1)})'
+    for _ in range(rng.choice((0, 0, 1, 2))):
+        yield 'assume ' + (eventually(rng) if rng.random() < 0.3 else
+                           f'H ({formula(rng, 1)} | {rng.choice("abxy")})')
+
+
+def eventually(rng: Random) -> str:
+    """Return a random sentence that says `eventually`."""
+    trigger, response = rng.choices(('a', 'b', 'x', 'y', 'a & !x', '!b & y', 'x | b', '!x'), k=2)
+    return f'{rng.choice(("", f"when {trigger} "))}the c shall eventually satisfy {response}'
 
 
 @pytest.mark.parametrize('seed', range(30))
@@ -304,17 +455,16 @@ def test_answers_are_those_of_an_explicit_search(seed: int) -> None:
     games = component.games
     good = search.consistent(required)
     second = SecondCheck(component.group, component.inputs, games)
-    assert not second.wins(games.diagrams.bdd.true, required, is_game=True)
+    assert second.wins(games.diagrams.bdd.true, required, is_game=True) is not solver.Answer.PROVED
     assert games.consistent(required).holds is (search.start in good)
-    assert games.realizable(required).holds is (search.start in search.realizable(required))
+    assert games.realizable(required, trusts_shared=True).holds is (
+        search.start in search.realizable(required))
     if search.start in good:
         found = [item.holds for item in analyzed(specification, Question.RT_CONSISTENCY).answers]
         assert (False not in found) is (search.reached(required) <= good)
     for item in required:
         others = [each for each in required if each != item]
-        safe = games.safe(others)
-        verdict = component.games.diagrams.outputs[item]
-        layers = games.reach(safe & verdict, safe & ~verdict)
+        layers = games.violation(item, games.safe(others), others)
         assert games.is_reached(layers) is search.can_fail_alone(item, others)
 
 
@@ -322,13 +472,16 @@ def test_answers_are_those_of_an_explicit_search(seed: int) -> None:
 def test_all_runs_are_confirmed_and_conflicts_are_smallest(seed: int) -> None:
     specification = random_bundle(seed)
     ids = [item.id for item in specification.properties]
+    search = Search(specification)
     for answer in analyzed(specification).answers:
-        assert 'not confirmed' not in answer.method and 'once' not in answer.method
+        assert 'once' not in answer.method or search.pending
         assert answer.holds is not None or 'no run satisfies' in answer.reason \
-            or 'exclude' in answer.reason or 'contradict' in answer.reason
-        search = Search(specification) if answer.conflicts else None
+            or 'exclude' in answer.reason or 'contradict' in answer.reason \
+            or 'eventually' in answer.reason
+        if 'contradict' in answer.reason + answer.method:
+            assert search.start not in search.consistent(())
+            continue
         for conflict in answer.conflicts:
-            assert search is not None
             ask = search.realizable if answer.question is Question.REALIZABILITY \
                 else search.consistent
             chosen = [ids.index(item) for item in conflict]
@@ -354,30 +507,43 @@ def test_a_divided_bundle_has_the_same_answers(
 
 
 def test_a_realizable_bundle_wins_against_random_inputs() -> None:
-    rng, wins = Random(5), 0
-    for seed in range(100, 160):
-        specification = random_bundle(seed)
+    rng, wins, broken = Random(5), 0, 0
+    relying = [bundle(*texts, inputs=INPUTS) for texts in (
+        ('H (a -> x)', 'assume H (a | b)'), ('H x & H (Y TRUE -> a)', 'assume H (Y x -> a)'),
+        ('H (FTP | (a <-> b))', 'H !y', 'assume H (Y !y -> (a <-> b))'))]
+    for specification in [*map(random_bundle, range(100, 150)), *relying]:
         for part in by_outputs(specification):
             component = build_component(specification, part, None, Deadline(30.0))
             games, d = component.games, component.games.diagrams
             found = games.realizable(component.required)
-            if not found.holds or games.assumptions:
+            if not found.holds:
                 continue
             wins += 1
             runner = Runner(games)
-            good = games.safe(component.required) & d.before(found.last)
-            for _ in range(15):
-                inputs = {name: rng.random() < 0.5 for name in d.environment}
-                runner.take(good & d.bdd.cube(inputs))
+            good, is_broken = games.good(component.required, d.before(found.last)), False
+            while len(runner.steps) < 15 and not is_broken:
+                inputs = d.bdd.cube({name: rng.random() < 0.5 for name in d.environment})
+                is_broken = not runner.can(inputs & ~games.excused)
+                runner.take(good & inputs)
             names = [signal.name for signal in component.signals]
             rows = [tuple(bool(row.get(item, False)) for item in component.inputs)
                     for row in runner.rows()]
             columns = [[bool(row[names.index(item.name)]) if item.name in names else False
                         for item in specification.signals] for row in rows]
-            places = [specification.properties.index(item) for item in part.properties]
-            verdicts = reference(specification)([tuple(row) for row in columns], 1)
-            assert all(line[place] for line in verdicts for place in places)
-    assert wins >= 3
+            judged = [specification.properties.index(item) for place, item
+                      in enumerate(part.properties) if place not in games.pending]
+            *lines, last = reference(specification)([tuple(row) for row in columns], 1)
+            assert all(line[place] for line in lines for place in judged)
+            if not is_broken:
+                assert all(last[place] for place in judged)
+                continue
+            broken += 1  # an assumption, and no choice of the outputs would have kept it
+            assumed = [place for place in judged if specification.properties[place].is_assumption]
+            for own in product((False, True), repeat=2):
+                columns[-1][2:] = own
+                line = reference(specification)([tuple(row) for row in columns], 1)[-1]
+                assert not all(line[place] for place in assumed)
+    assert wins >= 8 and broken >= 3
 
 
 def test_what_is_redundant_holds_on_random_traces_where_the_others_do() -> None:
