@@ -172,6 +172,7 @@ class GateEntry:
     stale_place: Span | None = None
     latches: bool = False
     open_after: Fraction | None = None
+    timeout: Fraction | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,8 @@ from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
 from fret_monitor.model.names import acting_name_fault, service_type_fault, shown
 from fret_monitor.model.policies import Otherwise
 
-GATE_KEYS = ('from', 'service', 'to', 'type', 'keep', 'otherwise', 'stale', 'latch', 'open_after')
+GATE_KEYS = ('from', 'service', 'to', 'type', 'keep', 'otherwise', 'stale', 'latch', 'open_after',
+             'timeout')
 OTHERWISE_KEYS = ('substitute', 'hold', 'respond', 'rate')
 _ALTERNATIVES = (Otherwise.SUBSTITUTE, Otherwise.HOLD, Otherwise.RESPOND)
 GATE_EXAMPLE = ('drive: {from: cmd_vel_raw, to: cmd_vel, type: geometry_msgs/msg/Twist, '
@@ -40,6 +41,7 @@ _SLIPS = {'source': 'from', 'input': 'from', 'output': 'to', 'target': 'to',
           'requirements': 'keep', 'keeps': 'keep', 'else': 'otherwise', 'latched': 'latch'}
 _SHORTEST_S = Fraction(1, 1000)
 _LONGEST_S = Fraction(10 ** 6)
+_ANSWERED_S = Fraction(60)
 
 
 class WhenStale(Enum):
@@ -69,6 +71,11 @@ def _gate(name: YamlScalar, mapping: YamlMapping, problems: Problems) -> GateEnt
         problems.error("'open_after' needs 'latch: true'", key.span,
                        'without a latch the gate opens with the next good message',
                        'latch: true')
+    timeout = shape.number('timeout', SECONDS, _SHORTEST_S, _LONGEST_S)
+    if (key := shape.key('timeout')) and not is_service:
+        problems.error("'timeout' belongs to a gate on a service", key.span,
+                       'how long a request waits for its answer',
+                       "an input of 'from' has a 'timeout' of its own; remove this one")
     stale = shape.key('stale')
     entry = GateEntry(
         name=name.text, is_service=is_service,
@@ -84,7 +91,8 @@ def _gate(name: YamlScalar, mapping: YamlMapping, problems: Problems) -> GateEnt
         otherwise=None, otherwise_place=name.span,
         is_open_when_stale=shape.choice('stale', WhenStale) is WhenStale.OPEN,
         stale_place=stale.span if stale else None,
-        latches=latches, open_after=open_after)
+        latches=latches, open_after=open_after,
+        timeout=(timeout or _ANSWERED_S) if is_service else None)
     return _with_otherwise(entry, shape, problems)
 
 

@@ -136,7 +136,7 @@ class _Acting:
             otherwise=entry.otherwise, hold=_nanoseconds(entry.hold), substitute=content,
             period=_period(entry.rate), stamp_at=STAMP_AT if is_stamped else None,
             is_open_when_stale=entry.is_open_when_stale, latches=entry.latches,
-            open_after=_nanoseconds(entry.open_after)),
+            open_after=_nanoseconds(entry.open_after), timeout=_nanoseconds(entry.timeout)),
             keep=tuple(name.value for name in entry.keep), place=entry.name.span,
             otherwise_place=entry.otherwise_place)
 

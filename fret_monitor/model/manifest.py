@@ -185,7 +185,8 @@ class ManifestGate:
     response of a service, that is sent instead (CDR with its header of four bytes, little endian);
     `period` is the time between two of these, 0: one for each message withheld. `stamp_at` is the
     offset of a stamp that is filled in when a substitute or held message is sent.
-    `open_after`: of a latch, the time without a violation after which it opens.
+    `open_after`: of a latch, the time without a violation after which it opens. `timeout`: of a
+    service, how long a request waits for its answer.
     """
 
     name: str
@@ -202,6 +203,7 @@ class ManifestGate:
     is_open_when_stale: bool = False
     latches: bool = False
     open_after: int = 0
+    timeout: int = 0
 
     @property
     def judged_topic(self) -> str:
@@ -549,4 +551,5 @@ def _gate(item: _Value, topics: int) -> ManifestGate:
         is_open_when_stale=item['is_open_when_stale'].truth(),
         latches=item['latches'].truth(),
         open_after=item['open_after'].nanoseconds(),
+        timeout=item['timeout'].nanoseconds(),
     )

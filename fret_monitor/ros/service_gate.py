@@ -33,8 +33,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from service_msgs.msg import ServiceEventInfo
 
-_LONGEST_S = 60.0  # that a request waits for its server
-
 
 class ServiceGate:
     """
@@ -50,6 +48,7 @@ class ServiceGate:
         self._kind: Any = message_class(gate.interface)
         self._refusal: Any = deserialize_message(gate.substitute, self._kind.Response)
         self._name = gate.name
+        self._timeout = gate.timeout / 1e9
         self._pending: dict[Future, float] = {}  # each with the end of its time
         # Others may call while a request waits for the server.
         group = ReentrantCallbackGroup()
@@ -70,7 +69,7 @@ class ServiceGate:
         if not self._client.service_is_ready():
             return self._unanswered()
         future = self._client.call_async(request)
-        self._pending[future] = monotonic() + _LONGEST_S
+        self._pending[future] = monotonic() + self._timeout
         try:
             answer = await future
         finally:

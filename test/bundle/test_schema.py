@@ -57,7 +57,7 @@ gates:
   drive: {from: a, to: b, type: std_msgs/msg/Bool, keep: [010], latch: true, open_after: 2,
           otherwise: {substitute: {data: false}, rate: 20}}
   enable: {service: /e, to: /f, type: std_srvs/srv/SetBool, keep: [020], stale: open,
-           otherwise: {respond: {success: false}}}
+           otherwise: {respond: {success: false}}, timeout: 5}
   plain: {from: c, to: d, type: std_msgs/msg/Bool, keep: [030], otherwise: drop}
 requirements:
   - {id: 010, ptltl: "H fast", on_violation: [brake], on_end: ,

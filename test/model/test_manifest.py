@@ -57,7 +57,7 @@ MANIFEST = Manifest(
                             period=10, duration=20)),
     gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
                       substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
-                      open_after=2 * 10 ** 9),
+                      open_after=2 * 10 ** 9, timeout=10 ** 9),
     kept=(('other', ('R-2',)),))
 
 HUGE = 7 * 10 ** 400
