@@ -24,6 +24,7 @@
 #include <string.h>
 
 #include "instance.h"
+#include "thread.h"
 
 #define MILLISECOND_NS 1000000
 #define SECOND_NS 1000000000
@@ -62,33 +63,21 @@ static bool readers_fit(const struct fm_engine_options * options)
   return true;
 }
 
-static bool make_condition(pthread_cond_t * condition)
-{
-  pthread_condattr_t attributes;
-  if (pthread_condattr_init(&attributes) != 0) {
-    return false;
-  }
-  const bool is_made = pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC) == 0 &&
-    pthread_cond_init(condition, &attributes) == 0;
-  pthread_condattr_destroy(&attributes);
-  return is_made;
-}
-
 static bool make_locks(struct fm_engine * engine)
 {
   if (pthread_mutex_init(&engine->mutex, NULL) != 0) {
     return false;
   }
-  if (!make_condition(&engine->violation_queued)) {
+  if (!fm_make_condition(&engine->violation_queued)) {
     pthread_mutex_destroy(&engine->mutex);
     return false;
   }
-  if (!make_condition(&engine->detail_queued)) {
+  if (!fm_make_condition(&engine->detail_queued)) {
     pthread_cond_destroy(&engine->violation_queued);
     pthread_mutex_destroy(&engine->mutex);
     return false;
   }
-  if (!make_condition(&engine->state_changed)) {
+  if (!fm_make_condition(&engine->state_changed)) {
     pthread_cond_destroy(&engine->detail_queued);
     pthread_cond_destroy(&engine->violation_queued);
     pthread_mutex_destroy(&engine->mutex);

@@ -19,10 +19,11 @@
 #include "announcer.h"
 
 #include <pthread.h>
-#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+
+#include "thread.h"
 
 #define BATCH 64u
 #define MILLISECOND_NS 1000000
@@ -139,20 +140,6 @@ static void * run(void * argument)
   return NULL;
 }
 
-// Start the thread with all signals blocked, so that the main thread handles them.
-static bool start_thread(struct fm_announcer * announcer)
-{
-  sigset_t all;
-  sigset_t before;
-  sigfillset(&all);
-  if (pthread_sigmask(SIG_SETMASK, &all, &before) != 0) {
-    return false;
-  }
-  const bool is_started = pthread_create(&announcer->thread, NULL, run, announcer) == 0;
-  pthread_sigmask(SIG_SETMASK, &before, NULL);
-  return is_started;
-}
-
 static void free_announcer(struct fm_announcer * announcer)
 {
   free(announcer->publishers);
@@ -194,7 +181,9 @@ bool fm_announcer_start(
   if (n_locks > 0) {
     fm_engine_follow_states(engine);
   }
-  if (!copy_settings(announcer, publishers, locks) || !start_thread(announcer)) {
+  if (!copy_settings(announcer, publishers, locks) ||
+    !fm_start_thread(&announcer->thread, run, announcer))
+  {
     free_announcer(announcer);
     return false;
   }

@@ -29,6 +29,7 @@
 
 #include "engine_locked.h"
 #include "receiver_reading.h"
+#include "serialized.h"
 
 #define MOST_AT_ONCE 1000u  // messages; other topics wait for the mutex meanwhile
 #define QUIET_POLLS 16u       // one in 16 polls without a callback drains
@@ -57,30 +58,6 @@ struct fm_receiver
 };
 
 // ---- reading -----------------------------------------------------------------------------------
-
-static void * allocate(size_t size, void * state)
-{
-  (void)state;
-  return malloc(size);
-}
-
-static void deallocate(void * pointer, void * state)
-{
-  (void)state;
-  free(pointer);
-}
-
-static void * reallocate(void * pointer, size_t size, void * state)
-{
-  (void)state;
-  return realloc(pointer, size);
-}
-
-static void * zero_allocate(size_t count, size_t size, void * state)
-{
-  (void)state;
-  return calloc(count, size);
-}
 
 static const struct fm_reader * reader_of(const struct fm_receiver * receiver)
 {
@@ -285,8 +262,7 @@ bool fm_receiver_start(
   receiver->subscription = subscription;
   receiver->topic = topic;
   receiver->taking = (enum fm_taking)taking;
-  receiver->message.allocator =
-    (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
+  receiver->message.allocator = fm_malloc_allocator();
   receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
   receiver->reading.fields = receiver->fields;
   const bool listens = taking != FM_WHEN_ASKED;

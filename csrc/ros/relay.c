@@ -24,12 +24,13 @@
 #include "relay.h"
 
 #include <pthread.h>
-#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
 #include "engine_locked.h"
+#include "serialized.h"
+#include "thread.h"
 
 #define SECOND_NS 1000000000
 #define WAIT_NS 250000000  // between two probes, which find messages whose notification was lost
@@ -75,35 +76,10 @@ struct fm_relay
 
 // ---- memory ------------------------------------------------------------------------------------
 
-static void * allocate(size_t size, void * state)
-{
-  (void)state;
-  return malloc(size);
-}
-
-static void deallocate(void * pointer, void * state)
-{
-  (void)state;
-  free(pointer);
-}
-
-static void * reallocate(void * pointer, size_t size, void * state)
-{
-  (void)state;
-  return realloc(pointer, size);
-}
-
-static void * zero_allocate(size_t count, size_t size, void * state)
-{
-  (void)state;
-  return calloc(count, size);
-}
-
 static bool make_buffers(struct fm_relay * relay)
 {
   const struct fm_relay_options * options = &relay->options;
-  relay->message.allocator =
-    (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
+  relay->message.allocator = fm_malloc_allocator();
   relay->replacement.allocator = relay->message.allocator;
   if (options->substitute == NULL) {
     return true;
@@ -343,28 +319,16 @@ static void * run(void * argument)
 
 // ---- life --------------------------------------------------------------------------------------
 
-static bool make_condition(pthread_cond_t * condition)
-{
-  pthread_condattr_t attributes;
-  if (pthread_condattr_init(&attributes) != 0) {
-    return false;
-  }
-  const bool is_made = pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC) == 0 &&
-    pthread_cond_init(condition, &attributes) == 0;
-  pthread_condattr_destroy(&attributes);
-  return is_made;
-}
-
 static bool make_locks(struct fm_relay * relay)
 {
   if (pthread_mutex_init(&relay->mutex, NULL) != 0) {
     return false;
   }
-  if (!make_condition(&relay->woken)) {
+  if (!fm_make_condition(&relay->woken)) {
     pthread_mutex_destroy(&relay->mutex);
     return false;
   }
-  if (!make_condition(&relay->released)) {
+  if (!fm_make_condition(&relay->released)) {
     pthread_cond_destroy(&relay->woken);
     pthread_mutex_destroy(&relay->mutex);
     return false;
@@ -377,20 +341,6 @@ static void free_locks(struct fm_relay * relay)
   pthread_cond_destroy(&relay->released);
   pthread_cond_destroy(&relay->woken);
   pthread_mutex_destroy(&relay->mutex);
-}
-
-// Start the thread with all signals blocked, so that the main thread handles them.
-static bool start_thread(struct fm_relay * relay)
-{
-  sigset_t all;
-  sigset_t before;
-  sigfillset(&all);
-  if (pthread_sigmask(SIG_SETMASK, &all, &before) != 0) {
-    return false;
-  }
-  const bool is_started = pthread_create(&relay->thread, NULL, run, relay) == 0;
-  pthread_sigmask(SIG_SETMASK, &before, NULL);
-  return is_started;
 }
 
 bool fm_relay_start(struct fm_relay ** started, const struct fm_relay_options * options)
@@ -406,7 +356,7 @@ bool fm_relay_start(struct fm_relay ** started, const struct fm_relay_options * 
     return false;
   }
   fm_engine_on_due(options->engine, on_due, relay);
-  if (!start_thread(relay)) {
+  if (!fm_start_thread(&relay->thread, run, relay)) {
     fm_engine_on_due(options->engine, NULL, NULL);
     free_locks(relay);
     free_relay(relay);
