@@ -189,7 +189,8 @@ _GATE_VALUES: Values = {
                                  'default: closed'),
     'latch': ({'type': 'boolean'}, 'stay closed after a violation until ~/reset'),
     'open_after': (_SECONDS, 'with a latch: seconds without a violation after which it opens'),
-    'timeout': (_SECONDS, 'of a service: seconds that a request waits for its answer; default: 60'),
+    'timeout': (_SECONDS, 'of a service: seconds until a request is refused that its server does '
+                          'not answer; default: 60'),
 }
 _VALUES |= {
     'actions': (_named(_ACTION), 'what may follow a violation, by name'),

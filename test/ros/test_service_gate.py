@@ -27,7 +27,7 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 
-def test_a_request_waits_for_its_server_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(service_gate, 'monotonic', lambda: now[0])
     monkeypatch.setattr(service_gate.ServiceGate, '_event', lambda *_: b'')
