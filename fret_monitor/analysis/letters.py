@@ -30,7 +30,7 @@ from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import BooleanSystem, variables
 from fret_monitor.smt.concrete import function_of, NoValue
 from fret_monitor.smt.linear import NotLinear
-from fret_monitor.smt.reals import is_rounded, RealTranslation, value_of
+from fret_monitor.smt.reals import has_product, is_rounded, RealTranslation, value_of
 from fret_monitor.smt.solver import new_solver, Translation, value_in
 from fret_monitor.smt.terms import Term
 import z3
@@ -263,7 +263,7 @@ class _Enumeration:
             return None
         what = 'a comparison relates inputs to outputs'
         if not self._is_real or self._given or any(
-                variables(item) & self._before for item in self._others):
+                has_product(item) or variables(item) & self._before for item in self._others):
             self._doubts[what] = None
             return None
         kept = set(map(str, own.values()))

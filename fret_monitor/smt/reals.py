@@ -38,7 +38,12 @@ _LARGEST = {32: Fraction(2 ** 128 - 2 ** 104), 64: Fraction(2 ** 1024 - 2 ** 971
 
 
 class RealTranslation(LinearTranslation):
-    """Translates terms to z3; raises NotLinear for operations without a linear form."""
+    """
+    Translates terms to z3; raises NotLinear for operations without a linear form.
+
+    A product of two numbers is translated, too: the solver decides small polynomials of real
+    numbers, but seldom those of floats.
+    """
 
     def __init__(self, is_wide: bool = False) -> None:
         """Set whether a result that is rounded can be any number near it."""
@@ -53,8 +58,11 @@ class RealTranslation(LinearTranslation):
         found = z3.FreshReal('rounded')
         size = z3.If(exact < 0, -exact, exact)
         slack = size * _real(_PRECISION[bits]) + _real(_SMALLEST[bits])
-        self.ranges.append(z3.Or(size > _real(_LARGEST[bits]), z3.And(
-            found - exact <= slack, exact - found <= slack)))
+        largest = _real(_LARGEST[bits])
+        self.ranges.append(z3.Or(
+            z3.And(exact > largest, found >= largest),  # may be infinite
+            z3.And(exact < -largest, found <= -largest),
+            z3.And(found - exact <= slack, exact - found <= slack)))
         return found
 
     def _translated(self, item: Term) -> Any:
@@ -71,7 +79,7 @@ class RealTranslation(LinearTranslation):
                 return self._near(args[0] + args[1], item)
             case 'fsub':
                 return self._near(args[0] - args[1], item)
-            case 'fmul' if any(map(t.is_constant, item.args)):
+            case 'fmul':
                 return self._near(args[0] * args[1], item)
             case 'fdiv' if t.is_constant(item.args[1]) and t.plain(item.args[1]) != 0:
                 return self._near(args[0] / args[1], item)
@@ -113,6 +121,12 @@ def is_rounded(item: Term) -> bool:
     """Whether the value of a term may depend on rounding."""
     return any(each.op in _ROUNDED or each.op == 'float' and each.sort[1] == 32
                or each.op in ('float_s', 'float_u') and each.args[0].sort[1] > each.sort[1] * 0.8
+               for each in t.postorder([item]))
+
+
+def has_product(item: Term) -> bool:
+    """Whether a term multiplies two numbers neither of which is constant."""
+    return any(each.op == 'fmul' and not any(map(t.is_constant, each.args))
                for each in t.postorder([item]))
 
 

@@ -328,6 +328,14 @@ def test_the_value_before_alone_becomes_a_bit() -> None:
     assert len(answer.example.rows) == 1  # w > 7 and w < 4 are asked for at once
 
 
+def test_a_product_of_inputs_leaves_what_does_not_depend_on_its_rounding() -> None:
+    found = analyzed(bundle('w > v * v', 'w > v', 'H (v * v < -1.0 -> x)'), seconds=30.0)
+    assert found.together(Question.CONSISTENCY) is True
+    assert found.listed(Question.VACUITY) == found.listed(Question.REDUNDANCY) == ['R2']
+    assert {item.holds for item in found.of(Question.REDUNDANCY)} == {True, False}
+    assert [item.holds for item in found.of(Question.REALIZABILITY)] == [None, True]
+
+
 def test_strings_have_the_values_that_the_bundle_names() -> None:
     inputs = 'x: {type: std_msgs/msg/String, topic: t, values: {ON: "on", OFF: "off"}}'
     found = analyzed(bundle('H (x != ON)', 'H (x != OFF)', inputs=inputs), Question.CONSISTENCY)
