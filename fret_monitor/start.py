@@ -23,6 +23,7 @@ changed and the library is intact.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from hashlib import sha256
 import json
 import os
@@ -129,20 +130,32 @@ def _note(path: Path, overrides: _Overrides) -> Path | None:
     except OSError:
         return None
     parts = [os.fsencode(Path.cwd() / path), os.fsencode(path), text,
-             find_compiler().identity.encode(), *_package(),
+             find_compiler().identity.encode(), _package(),
              *(item.encode('utf-8', 'surrogatepass') for item in overrides.texts())]
     # Each part with its length, so that different parts never give the same text.
     name = _hash(b''.join(b'%d:%b' % (len(part), part) for part in parts))
     return cache_directory() / _NOTES / f'{name}.json'
 
 
-def _package() -> Iterator[bytes]:
-    """Yield path and content of all code of this package: each build depends on it."""
-    for folder in (Path(__file__).parent, csrc_directory()):
-        for file in sorted(folder.rglob('*')):
-            if file.suffix in ('.py', '.json', '.c', '.h'):
-                yield os.fsencode(file)
-                yield file.read_bytes()
+@cache
+def _package() -> bytes:
+    """
+    Return a hash of path and content of all code of this package: each build depends on it.
+
+    It is made once in a process, which goes on running what it has loaded.
+    """
+    found = sha256()
+    for top in (Path(__file__).parent, csrc_directory()):
+        for folder, folders, names in os.walk(top):
+            folders.sort()
+            for name in sorted(names):
+                if name.endswith(('.py', '.json', '.c', '.h')):
+                    path = os.path.join(folder, name)  # without pathlib, which takes twice as long
+                    with open(path, 'rb') as file:
+                        data = file.read()
+                    found.update(b'%b:%d:' % (os.fsencode(path), len(data)))
+                    found.update(data)
+    return found.digest()
 
 
 def _hash(data: bytes) -> str:

@@ -121,6 +121,7 @@ def _serve(connection: socket.socket) -> None:
     """Fork for each request, until the connection is closed; run the node in the child."""
     for name in _MODULES:
         import_module(name)
+    import_module('fret_monitor.start')._package()  # each start of a node needs this hash
     assert not _MIDDLEWARE.search(Path('/proc/self/maps').read_text(encoding='utf-8'))
     while True:
         request, files, _, _ = socket.recv_fds(connection, _MOST_BYTES, 1)
