@@ -36,11 +36,13 @@ from fret_monitor.logic.timed import TimedTrace
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
+from hypothesis import settings
 from hypothesis import strategies as st
 
 Draw = Callable[[int], int]
 Trace = dict[str, list[Any]]
 T = TypeVar('T')
+EXAMPLES = settings().max_examples  # of a test; `make thorough` has ten times as many
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64

@@ -50,7 +50,7 @@ def build(folder: Path, *command: str, source: str = 'cells.c') -> Path:
     return program
 
 
-def with_slip(folder: Path, name: str, right: str, wrong: str) -> Path:
+def with_slip(folder: Path, name: str, level: str, right: str, wrong: str) -> Path:
     """Compile a program with a mistake in the header: `wrong` in place of `right`."""
     for file in csrc_directory().glob('*.h'):
         shutil.copy(file, folder)
@@ -58,7 +58,7 @@ def with_slip(folder: Path, name: str, right: str, wrong: str) -> Path:
     text = header.read_text(encoding='utf-8')
     assert right in text
     header.write_text(text.replace(right, wrong), encoding='utf-8')
-    built = run(*gcc(), '-std=c99', '-O1', f'-I{folder}', HERE / f'{name}.c', '-o',
+    built = run(*gcc(), '-std=c99', level, f'-I{folder}', HERE / f'{name}.c', '-o',
                 folder / name, '-lm')
     assert built.returncode == 0, built.stdout
     return folder / name
@@ -151,26 +151,32 @@ SLIPS_AT_TICKS = {
 
 @pytest.mark.parametrize('slip', SLIPS_AT_TICKS)
 def test_a_mistake_in_a_cell_at_ticks_is_detected(tmp_path: Path, slip: str) -> None:
-    assert run(with_slip(tmp_path, 'cells_at', *SLIPS_AT_TICKS[slip])).returncode == 1
+    assert run(with_slip(tmp_path, 'cells_at', '-O1', *SLIPS_AT_TICKS[slip])).returncode == 1
 
 
-# Some mistakes: the text of the header, and its replacement.
+BORDERS = 'counters_are_right_at_the_borders_of_their_types'
+# Some mistakes: a check that detects it, the text of the header, and its replacement.
 SLIPS = {
-    'a bound one less': ('return age <= bound', 'return age < bound'),
-    'a since that p cannot end': ('*next | fm_ones_if_ ## suffix(!p)', '*next'),
-    'a counter that overflows': ('((before != 0u) | p) & (before <= bound)',
+    'a bound one less': (BORDERS, 'return age <= bound', 'return age < bound'),
+    'a since that p cannot end': (BORDERS, '*next | fm_ones_if_ ## suffix(!p)', '*next'),
+    'a counter that overflows': (BORDERS, '((before != 0u) | p) & (before <= bound)',
                                  '(before != 0u) | p'),
-    'a counter too narrow': ('FM_COUNTER_CELLS(u32, uint32_t)',
+    'a counter too narrow': (BORDERS, 'FM_COUNTER_CELLS(u32, uint32_t)',
                              'FM_COUNTER_CELLS(u32, uint16_t)'),
-    'a ring that cannot forget': ('*byte & ~(1u << k)', '*byte'),
-    'a quotient that is not wrapped': ('b == -1 ? fm_neg_i64(a) : a / b', 'b == -1 ? a : a / b'),
-    'a comparison of bits': ('return a < 0 || (uint64_t)a < b', 'return (uint64_t)a < b'),
-    'a minimum that prefers the second': ('return a <= b ? a : b', 'return a < b ? a : b'),
+    'a ring that cannot forget': ('rings_give_what_was_put_in_so_many_steps_ago',
+                                  '*byte & ~(1u << k)', '*byte'),
+    'a quotient that is not wrapped': ('signed_division_truncates_and_is_0_by_0',
+                                       'b == -1 ? fm_neg_i64(a) : a / b', 'b == -1 ? a : a / b'),
+    'a comparison of bits': ('numbers_compare_by_value_whatever_their_signs',
+                             'return a < 0 || (uint64_t)a < b', 'return (uint64_t)a < b'),
+    'a minimum that prefers the second': ('functions_of_floats_have_the_words_of_the_manual',
+                                          'return a <= b ? a : b', 'return a < b ? a : b'),
 }
 
 
 @pytest.mark.parametrize('slip', SLIPS)
 def test_a_mistake_in_the_header_is_detected(tmp_path: Path, slip: str) -> None:
-    done = run(with_slip(tmp_path, 'cells', *SLIPS[slip]), 'all')
+    check, right, wrong = SLIPS[slip]
+    done = run(with_slip(tmp_path, 'cells', '-O0', right, wrong), check)
     assert done.returncode == 1
     assert 'not so' in done.stdout

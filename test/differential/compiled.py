@@ -30,12 +30,14 @@ import sys
 import tempfile
 from typing import Any
 
+from differential.zig_clang import ZIG
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import cache as library_cache
 from fret_monitor.native import compiler as library_compiler
+from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
 import pytest
@@ -43,7 +45,6 @@ from strategies import Trace
 
 HERE = Path(__file__).resolve().parent
 CSRC = HERE.parent.parent / 'csrc'
-ZIG = (sys.executable, '-m', 'ziglang', 'cc')
 # As the monitors are built; no contraction, so that a * b + c rounds twice everywhere.
 FLAGS = ('-std=c99', '-O1', '-fPIC', '-fvisibility=hidden', '-ffp-contract=off')
 WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',
@@ -79,16 +80,16 @@ def clang() -> tuple[str, ...] | None:
     found = shutil.which('clang')
     if found:
         return (found,)
-    probe = subprocess.run([*ZIG, '--version'], capture_output=True, check=False)
-    return (sys.executable, str(HERE / 'zig_clang.py')) if probe.returncode == 0 else None
+    return (sys.executable, str(HERE / 'zig_clang.py')) if shutil.which(ZIG[0]) else None
 
 
 @contextmanager
 def unoptimised() -> Iterator[None]:
-    """Let `native` compile without optimisation, which takes long for much code."""
+    """Let `native` compile without optimisation, which takes long, and refuse warnings."""
+    flags = (*library_compiler.COMPILE_FLAGS, '-O0', '-Werror')
     with pytest.MonkeyPatch.context() as patch:
         for module in (library_cache, library_compiler):
-            patch.setattr(module, 'COMPILE_FLAGS', (*library_compiler.COMPILE_FLAGS, '-O0'))
+            patch.setattr(module, 'COMPILE_FLAGS', flags)
         yield
 
 
@@ -113,9 +114,20 @@ def compile_c(command: Sequence[str | Path]) -> None:
     assert result.stderr == ''
 
 
-def load(specification: Specification, driver: str, *, compiler: Sequence[str] | None = None,
-         flags: Sequence[str] = FLAGS) -> tuple[Any, Any]:
-    """Compile a specification with a driver; return the library and its `fm_monitor`."""
+@cache
+def driver(name: str) -> Any:
+    """Return the library of one of the C files beside this one."""
+    chosen = gcc() or clang()
+    assert chosen is not None
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder) / 'driver.so'
+        compile_c([*chosen, *FLAGS, '-shared', f'-I{CSRC}', HERE / name, '-o', library])
+        return ctypes.CDLL(str(library))
+
+
+def load(specification: Specification, *, compiler: Sequence[str] | None = None,
+         flags: Sequence[str] = FLAGS) -> Any:
+    """Compile a specification; return its `fm_monitor`."""
     module = c_module(specification)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -123,12 +135,15 @@ def load(specification: Specification, driver: str, *, compiler: Sequence[str] |
         sources = write_module(module, folder)
         chosen = compiler or gcc() or clang()
         assert chosen is not None
-        compile_c([*chosen, *flags, '-shared', f'-I{CSRC}', f'-I{folder}', *sources,
-                   HERE / driver, '-lm', '-o', library])
-        loaded: Any = ctypes.CDLL(str(library))
-    entry = loaded[module.symbol]
+        compile_c([*chosen, *flags, '-shared', f'-I{CSRC}', f'-I{folder}', *sources, '-lm',
+                   '-o', library])
+        return _monitor_in(library, module.symbol)
+
+
+def _monitor_in(library: Path, symbol: str) -> Any:
+    entry = ctypes.CDLL(str(library))[symbol]
     entry.restype = ctypes.c_void_p
-    return loaded, entry()
+    return entry()
 
 
 def reference(properties: Sequence[Property], trace: Trace) -> list[list[bool]]:
@@ -152,12 +167,13 @@ class Compiled:
     """A specification compiled and loaded; one state, at its start."""
 
     def __init__(self, specification: Specification, *, compiler: Sequence[str] | None = None,
-                 flags: Sequence[str] = FLAGS) -> None:
-        """Compile with `compiler` (by default gcc) into a temporary folder and load it."""
+                 flags: Sequence[str] = FLAGS, built: CompiledMonitor | None = None) -> None:
+        """Load what `native` has built, or else compile with `compiler`, by default gcc."""
         self._signals = specification.signals
         self._count = len(specification.properties)
-        self._library, self._monitor = load(specification, 'run.c', compiler=compiler, flags=flags)
-        self._run = self._library.differential_run
+        self._monitor = _monitor_in(built.library, built.manifest.symbol) if built \
+            else load(specification, compiler=compiler, flags=flags)
+        self._run = driver('run.c').differential_run
         self._run.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint64,
                               ctypes.c_void_p, ctypes.c_void_p)
         self._run.restype = ctypes.c_bool

@@ -19,7 +19,7 @@ import ctypes
 from dataclasses import dataclass
 from itertools import pairwise
 
-from differential.compiled import c_columns, FLAGS, load
+from differential.compiled import c_columns, driver, FLAGS, load
 from fret_monitor.logic.specification import Specification
 from fret_monitor.logic.timed import History, TimedTrace
 
@@ -55,7 +55,8 @@ class TimedMonitor:
     def __init__(self, specification: Specification, flags: Sequence[str] = FLAGS) -> None:
         """Compile into a temporary folder and load it."""
         self._signals = specification.signals
-        self._library, self._monitor = load(specification, 'run_at.c', flags=flags)
+        self._library = driver('run_at.c')
+        self._monitor = load(specification, flags=flags)
         self._numbers = range(len(specification.properties))
         self._groups = [self._call('group', number) for number in self._numbers]
         self._occurrences = [self._call('occurrence', number) for number in self._numbers]

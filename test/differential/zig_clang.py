@@ -20,6 +20,7 @@ takes half a minute on a machine where it never ran.
 """
 
 from collections.abc import Sequence
+from importlib.util import find_spec
 import os
 from pathlib import Path
 import shutil
@@ -27,7 +28,10 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 
-_ZIG = (sys.executable, '-m', 'ziglang', 'cc')
+_INSTALLED = find_spec('ziglang')
+# The program itself: `python -m ziglang` would start an interpreter for each file.
+ZIG = (str(Path(_INSTALLED.origin).with_name('zig')) if _INSTALLED and _INSTALLED.origin
+       else 'zig', 'cc')
 _NO_LINK = {'-c', '-S', '-E', '-fsyntax-only', '--version'}
 _FOR_BOTH = ('-fsanitize=', '-fno-sanitize', '-fPIC', '-pthread', '-g', '-O')
 _FOR_THE_LINK = ('-shared', '-l', '-L', '-Wl,')
@@ -36,7 +40,7 @@ _FOR_THE_LINK = ('-shared', '-l', '-L', '-Wl,')
 def main(arguments: Sequence[str]) -> int:
     gcc = shutil.which('gcc')
     if gcc is None or _NO_LINK & set(arguments):
-        os.execv(_ZIG[0], [*_ZIG, *arguments])
+        os.execvp(ZIG[0], [*ZIG, *arguments])
     program = arguments[arguments.index('-o') + 1]
     words = [word for word in arguments if word not in ('-o', program)]
     sources = [word for word in words if word.endswith('.c')]
@@ -48,7 +52,7 @@ def main(arguments: Sequence[str]) -> int:
     with TemporaryDirectory() as folder:
         objects = [str(Path(folder) / f'{number}.o') for number in range(len(sources))]
         for source, made in zip(sources, objects):
-            status = subprocess.run([*_ZIG, *flags, '-c', source, '-o', made], check=False)
+            status = subprocess.run([*ZIG, *flags, '-c', source, '-o', made], check=False)
             if status.returncode != 0:
                 return status.returncode
         rest = [word for word in words if word.endswith('.o') or word.startswith(
