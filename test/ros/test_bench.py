@@ -19,6 +19,7 @@ from dataclasses import replace
 import re
 
 from bench import ros as bench
+from native import engine
 import pytest
 
 if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
@@ -31,7 +32,9 @@ SAMPLE = bench.Sample(sent=100, counted=100, answers=100, cpu=10.0, p50=1.0, p99
 
 @pytest.fixture(scope='module')
 def prepared() -> Iterator[bench.Bench]:
+    built_engine = engine.entry()
     with bench.prepared(rounds=1, rate=200.0, seconds=0.5, flood=2000) as made:
+        engine.put(built_engine)
         yield made
 
 

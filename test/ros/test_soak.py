@@ -20,6 +20,7 @@ from pathlib import Path
 
 from bench import ros as bench
 from bench import soak
+from native import engine
 import pytest
 
 if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
@@ -29,7 +30,9 @@ if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or
 
 @pytest.fixture(scope='module')
 def built() -> Iterator[bench.Bench]:
+    built_engine = engine.entry()
     with bench.prepared(1) as made:
+        engine.put(built_engine)
         yield made
 
 
