@@ -163,26 +163,31 @@ def test_every_file_of_the_package_is_installed(
     assert str(share.parent.parent) in environment['AMENT_PREFIX_PATH'].split(os.pathsep)
 
 
-@pytest.mark.parametrize('bundle', ['arm.yaml', 'mobile_base.yaml', 'quadrotor.yaml'])
 def test_the_bundles_of_the_package_run_where_they_are_installed(
-    bundle: str, environment: dict[str, str], graph: Callable[[], list[str]], workspace: Path,
-    tmp_path: Path,
+    environment: dict[str, str], graph: Callable[[], list[str]], workspace: Path, tmp_path: Path,
 ) -> None:
     for package in ('geometry_msgs', 'nav_msgs', 'sensor_msgs'):
         pytest.importorskip(package)
-    spec = workspace / 'install' / NAME / 'share' / NAME / 'config' / bundle
+    folder = workspace / 'install' / NAME / 'share' / NAME / 'config'
+    specs = [folder / name for name in ('arm.yaml', 'mobile_base.yaml', 'quadrotor.yaml')]
     with subprocess.Popen(
-        [ros2_run(environment, 'monitor'), '--ros-args', '-p', f'spec:={spec}'],
+        [ros2_run(environment, 'monitor'), '--ros-args', '-p',
+         f'spec:=[{", ".join(f"{str(spec)!r}" for spec in specs)}]'],
         env=environment, cwd=tmp_path, text=True, stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     ) as process:
         assert process.stdout is not None
+        said = ''
         try:
-            said = next((line for line in process.stdout if 'watching' in line), '')
+            for line in process.stdout:
+                said += line
+                if 'watching' in line:
+                    break
         finally:
             process.send_signal(signal.SIGINT)
             rest, _ = process.communicate(timeout=30)
-    assert f'({spec}, ' in said, rest
+    assert 'in 3 bundles' in said, rest
+    assert all(f'({spec}, ' in said for spec in specs), said
     assert process.returncode == 0, rest
 
 

@@ -47,7 +47,7 @@ from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
 from hypothesis import given, HealthCheck, settings, strategies as st
 import pytest
 from stages import parse_message
-from strategies import property_of
+from strategies import EXAMPLES, property_of
 
 HERE = Path(__file__).resolve().parent
 MOST_INPUTS = 40  # for each type: compiling thousands takes long
@@ -167,7 +167,7 @@ def ours(prefix: Path) -> tuple[list[Topic], Monitor]:
 def theirs() -> tuple[list[Topic], Monitor]:
     """Build extractors of the installed messages."""
     pytest.importorskip('rclpy')
-    topics = [topic_of(find_message(name), number, MOST_INPUTS // 2)
+    topics = [topic_of(find_message(name), number, EXAMPLES // 5)
               for number, name in enumerate(installed())]
     with unoptimised():
         return topics, build_topics(topics)
@@ -187,7 +187,7 @@ def assert_equal(topic: Topic, found: tuple[FieldReading, ...] | None,
 # -- valid messages -------------------------------------------------------------------------------
 
 
-@settings(max_examples=500, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=4 * EXAMPLES, suppress_health_check=list(HealthCheck), deadline=None)
 @given(data=st.data())
 def test_extractors_read_what_was_serialized_in_either_byte_order(
         ours: tuple[list[Topic], Monitor], data: st.DataObject) -> None:
@@ -208,7 +208,7 @@ def test_extractors_read_the_same_values_as_python(
     number = installed().index(name)
     topic = topics[number]
 
-    @settings(max_examples=12, suppress_health_check=list(HealthCheck), deadline=None,
+    @settings(max_examples=EXAMPLES // 5, suppress_health_check=list(HealthCheck), deadline=None,
               database=None)
     @given(tree=trees(topic.layout))
     def compare(tree: Any) -> None:
@@ -241,7 +241,8 @@ def test_enough_types_are_installed() -> None:
 
 @cache
 def monitor_of(layout: MessageLayout, field: str) -> Monitor:
-    return build_topics([Topic(layout, (signal_of(layout, 'x', 'x', field),))])
+    with unoptimised():
+        return build_topics([Topic(layout, (signal_of(layout, 'x', 'x', field),))])
 
 
 def read_one(layout: MessageLayout, field: str, message: bytes) -> FieldReading | None:
@@ -375,7 +376,7 @@ def test_angles_that_are_none_of_a_scan_have_no_sectors(scan: tuple[Topic, Monit
         assert set(sectors(scan, least, increment, count).values()) == {None}
 
 
-@settings(max_examples=300, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=2 * EXAMPLES, suppress_health_check=list(HealthCheck), deadline=None)
 @given(st.floats(-13, 13, width=32), st.floats(0.015625, 7, width=32), st.booleans(),
        st.integers(0, 200))
 def test_a_sector_is_what_the_angle_of_each_element_says(
@@ -511,7 +512,7 @@ def corpus(topics: Sequence[Topic], rng: Random) -> list[tuple[int, bytes]]:
     """Return damaged messages of all kinds, each with the number of its topic."""
     found = []
     for number, topic in enumerate(topics):
-        for tree in examples(topic.layout, 12):
+        for tree in examples(topic.layout, EXAMPLES // 8):
             for big in (False, True):
                 message = serialize(topic.layout, tree, big=big)
                 found += [(number, message), (rng.randrange(len(topics)), message)]

@@ -33,7 +33,7 @@ from fret_monitor.model.floats import to_float32
 from fret_monitor.model.values import ValueType
 import pytest
 from strategies import (
-    all_values, becomes, finite_values, property_of, specification_of, TERM_TYPES,
+    all_values, becomes, EXAMPLES, finite_values, property_of, specification_of, TERM_TYPES,
 )
 
 INT64, UINT64 = ValueType.INT64, ValueType.UINT64
@@ -93,7 +93,8 @@ def constants() -> Iterator[Formula]:
     """Yield constants: edge values, and others of many digits."""
     rng = Random(1)
     for kind in TERM_TYPES:
-        values = [*finite_values(kind), *(random_value(rng, kind) for _ in range(100))]
+        values = [*finite_values(kind),
+                  *(random_value(rng, kind) for _ in range(EXAMPLES // 2))]
         yield from (Constant(value, kind) for value in values
                     if math.isfinite(value))
 

@@ -28,12 +28,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 from strategies import (
-    FormulaMaker, formulas, INPUTS, property_of, random_inputs, random_property, random_trace,
-    specification_of, Trace, traces,
+    EXAMPLES, FormulaMaker, formulas, INPUTS, property_of, random_inputs, random_property,
+    random_trace, specification_of, Trace, traces,
 )
 
 HUGE = 2 ** 31 - 1
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
+COUNT = 3 * EXAMPLES // 5  # of requirements in one library
 UNOPTIMISED = (*FLAGS, '-O0')  # optimising takes longer than all the rest
 
 
@@ -69,7 +70,7 @@ def test_random_formulas_give_the_verdicts_of_the_reference(seed: int, size: int
     properties = [
         random_property(rng, f'R-{number}', random_inputs(rng), size=size, reach=reach,
                         loops=2 if number % 4 == 0 else 0)
-        for number in range(60)]
+        for number in range(COUNT)]
     assert_equal(properties, random_trace(rng, INPUTS, 700), resets=(5, 6, 350),
                  flags=FLAGS if size < 25 else UNOPTIMISED)
 
@@ -81,7 +82,7 @@ def test_requirements_that_share_subterms_do_not_affect_one_another(
     inputs = (P, Q, Variable('x_int32', ValueType.INT32), Variable('x_float32', ValueType.FLOAT32))
     maker = FormulaMaker(rng.randrange, inputs, reach=70)
     shared = [maker.formula(30) for _ in range(20)]
-    properties = [property_of(f'R-{number}', variant(rng, shared)) for number in range(100)]
+    properties = [property_of(f'R-{number}', variant(rng, shared)) for number in range(2 * COUNT)]
     assert_equal(properties, random_trace(rng, INPUTS, 500), resets=(99,))
 
 
@@ -95,7 +96,7 @@ def variant(rng: Random, shared: list[Formula]) -> Formula:
     return rng.choice(variants)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=EXAMPLES // 2, deadline=None)
 @given(formulas(size=20, reach=70), st.data())
 def test_any_formula_gives_the_verdicts_of_the_reference(formula: Formula,
                                                          data: st.DataObject) -> None:

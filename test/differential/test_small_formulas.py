@@ -33,13 +33,16 @@ from fret_monitor.logic.formula import (
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.values import ValueType
 import pytest
-from strategies import property_of, random_property, random_trace, specification_of, Trace
+from strategies import (
+    EXAMPLES, property_of, random_property, random_trace, specification_of, Trace,
+)
 
 BOOL = ValueType.BOOL
 P, Q = Variable('p', BOOL), Variable('q', BOOL)
 LEAVES: tuple[Formula, ...] = (P, Q, FTP, TRUE, FALSE)
 WINDOWS = (ALWAYS, Window(0, 1), Window(0, 3), Window(1, 1), Window(1, 2), Window(2, 4),
            Window(1, None), Window(3, None), Window(0, -1), Window(0, 0))
+COUNT = 8 * EXAMPLES  # of random formulas of one size
 CONNECTIVES = (BinaryOperator.AND, BinaryOperator.OR, BinaryOperator.XOR, BinaryOperator.IMPLIES,
                BinaryOperator.IFF)
 
@@ -112,8 +115,8 @@ def test_every_operator_on_inputs_and_constants_is_that_of_the_reference() -> No
 def test_small_nested_formulas_are_those_of_the_reference(seed: int) -> None:
     rng = Random(seed)
     pool = two_deep()
-    middle = larger(rng, pool, 800)
-    assert_equal([*middle, *larger(rng, [*pool, *middle], 800)], trace_of(seed), resets=(60,))
+    middle = larger(rng, pool, COUNT)
+    assert_equal([*middle, *larger(rng, [*pool, *middle], COUNT)], trace_of(seed), resets=(60,))
 
 
 def as_fret_writes(p: Formula, q: Formula, left: Formula, n: int) -> Iterator[Formula]:

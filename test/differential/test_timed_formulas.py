@@ -45,8 +45,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 from strategies import (
-    Draw, FormulaMaker, INPUTS, make_close_trace, make_timed_trace, on_both_scales, property_of,
-    random_inputs, specification_of,
+    Draw, EXAMPLES, FormulaMaker, INPUTS, make_close_trace, make_timed_trace, on_both_scales,
+    property_of, random_inputs, specification_of,
 )
 
 BOOL, INT64 = ValueType.BOOL, ValueType.INT64
@@ -176,7 +176,7 @@ def test_random_formulas_give_the_verdicts_of_the_reference(seed: int, size: int
     assert_equal(properties_of(formulas), traces, max_rate=SCALES[scale].max_rate)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=EXAMPLES // 2, deadline=None)
 @given(st.sampled_from(sorted(SCALES)), st.data())
 def test_any_formula_gives_the_verdicts_of_the_reference(scale: str, data: st.DataObject) -> None:
     def draw(n: int) -> int:
@@ -270,7 +270,8 @@ def test_the_templates_of_fret_with_a_duration_of_seconds_are_those_of_the_refer
     assert len(formulas) == 576
     rng = Random(1)
     bounds = (1, 100, SECOND, 2 * SECOND, 3 * SECOND)
-    traces = [make_close_trace(rng.randrange, TEMPLATE_INPUTS, 40, bounds) for _ in range(6)]
+    traces = [make_close_trace(rng.randrange, TEMPLATE_INPUTS, 40, bounds)
+              for _ in range(EXAMPLES // 16)]
     traces += [make_timed_trace(rng.randrange, TEMPLATE_INPUTS, 40, (SECOND, 700_000_000, 3))]
     properties = [property_of(name, formula) for name, formula in formulas.items()]
     assert_equal(properties, traces, TEMPLATE_INPUTS, Fraction(100))

@@ -40,7 +40,7 @@ from fret_monitor.model.values import ValueType
 from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent
-SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g', '-O1')
+SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g1')
 EVALUATOR = ('evaluator', 'deadlines', 'steps', 'tables', 'instance')
 # Common types, with strings and arrays before numbers, beside those that the tests define.
 TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/msg/JointState',
@@ -49,9 +49,10 @@ TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/m
 MOST_INPUTS = 10
 
 
-def fuzz(folder: Path, seconds: float, seed: int) -> 'subprocess.CompletedProcess[str]':
+def fuzz(folder: Path, seconds: float, seed: int,
+         level: str = '-O1') -> 'subprocess.CompletedProcess[str]':
     """Fuzz for some seconds; return the output, and a status other than 0 for a bug."""
-    program = build(folder, topics(folder))
+    program = build(folder, topics(folder), level=level)
     return subprocess.run(
         [program, folder / 'seeds', str(seconds), str(seed)], capture_output=True, text=True,
         check=False, timeout=seconds + 60,
@@ -96,7 +97,7 @@ def _relation(item: Variable) -> Formula:
     return Binary(BinaryOperator.LE, as_term(item, kind), as_term(item, kind))
 
 
-def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC) -> Path:
+def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC, level: str = '-O1') -> Path:
     """Write the seed messages and build the program, with sanitizers if possible."""
     (folder / 'seeds').write_bytes(b''.join(
         struct.pack('<II', number, len(message)) + message
@@ -108,8 +109,9 @@ def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC) -> Path:
     command = [gcc, '-std=c99', f'-I{csrc}', f'-I{folder}', *map(str, sources),
                *(str(csrc / f'{name}.c') for name in EVALUATOR), str(HERE / 'messages.c'),
                '-lm', '-o', str(program)]
-    for flags in (SANITIZERS, ('-O1',)):
-        done = subprocess.run([*command, *flags], capture_output=True, text=True, check=False)
+    for flags in (SANITIZERS, ()):
+        done = subprocess.run([*command, *flags, level], capture_output=True, text=True,
+                              check=False)
         if done.returncode == 0:
             return program
     raise AssertionError(done.stderr)

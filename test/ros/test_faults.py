@@ -238,7 +238,7 @@ def many(topics: int) -> str:
         f'  - {{id: R{index}, ptltl: "x{index} < 0.5"}}\n' for index in range(topics))
 
 
-@pytest.mark.parametrize(('hot_path', 'topics'), [('on', 500), ('off', 150)],
+@pytest.mark.parametrize(('hot_path', 'topics'), [('on', 500), ('off', 100)],
                          indirect=['hot_path'])
 def test_many_topics_are_all_received_in_bounded_time_and_memory(
     hot_path: str, topics: int, partner: Partner, operator: Operator, tmp_path: Path,

@@ -95,15 +95,16 @@ def threads(node: NodeProcess) -> int:
 @pytest.mark.usefixtures('domain')
 def test_a_signal_while_the_threads_start_ends_the_node(bundle: Path) -> None:
     arguments = ('-p', f'spec:={bundle}', '-p', 'hot_path:=on')
-    with started('monitor', *arguments, is_anew=True) as node:
+    with started('monitor', *arguments) as node:
         sleep(0.5)  # until the middleware has started its threads too
         running = threads(node)
     for before in (3, 2, 2, 2, 1, 1):
-        node = NodeProcess('monitor', *arguments, is_anew=True)
+        node = NodeProcess('monitor', *arguments)
         try:
             end = monotonic() + PATIENCE
             while threads(node) < running - before and node.process.poll() is None:
                 assert monotonic() < end, node.output
+                sleep(0.0005)
             assert node.end(signal.SIGTERM) == 0, node.output
         finally:
             node.kill()

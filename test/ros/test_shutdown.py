@@ -26,6 +26,7 @@ from fret_monitor import build
 import pytest
 from ros.harness import NodeProcess, Partner, READY, wait_until
 from std_msgs.msg import Empty, Float32
+from strategies import EXAMPLES
 
 # The monitor reads messages in C, and in Python; the logger in Python only.
 nodes = pytest.mark.parametrize(
@@ -36,7 +37,7 @@ signals = pytest.mark.parametrize('number', SIGNALS)
 
 AT_ONCE = 4  # half of them get the one signal, half the other
 IDLE_ROUNDS = 1  # an idle node has few threads that could meet
-BUSY_ROUNDS = 2
+BUSY_ROUNDS = max(1, EXAMPLES // 50)  # `make thorough`: ten
 PATIENCE = 30.0  # s; it takes two on an idle machine, ten beside other tests
 
 BUNDLE = """
