@@ -94,7 +94,7 @@ def constants() -> Iterator[Formula]:
     rng = Random(1)
     for kind in TERM_TYPES:
         values = [*finite_values(kind),
-                  *(random_value(rng, kind) for _ in range(EXAMPLES // 2))]
+                  *(random_value(rng, kind) for _ in range(EXAMPLES // 5))]
         yield from (Constant(value, kind) for value in values
                     if math.isfinite(value))
 
