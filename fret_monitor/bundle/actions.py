@@ -130,7 +130,7 @@ def _of_kind(name: Text, kind: ActionKind, part: Shape, problems: Problems) -> A
     state = _state(part, problems) if kind is ActionKind.TRANSITION else ''
     return ActionEntry(
         name=name, kind=kind,
-        target=required(part, target, name_of_resource(target), problems,
+        target=required(part, target, name_of_resource(target, target), problems,
                         {'topic': 'e_stop', 'service': '/base/stop'}.get(target, '/arm_driver')),
         type=type_,
         content=mapping_of(part.node(content), f"'{content}'", problems, f'{content}: {{}}')
@@ -153,14 +153,16 @@ def message_type_fault(name: str) -> Fault | None:
     return type_fault(name)
 
 
-def name_of_resource(key: str) -> Callable[[str], Fault | None]:
-    """Return the check for the name of a topic, a service or a node, which have the same rules."""
+def name_of_resource(what: str, key: str) -> Callable[[str], Fault | None]:
+    """
+    Return the check for the name of a topic, a service or a node, which have the same rules.
+
+    `key` is that under which it stands.
+    """
     def fault(name: str) -> Fault | None:
         found = topic_fault(name)
-        if found is None or key == 'topic':
-            return found
-        reason, help_ = (text.replace('topic', key) for text in found)
-        return Fault(reason, help_)
+        return None if found is None else Fault(
+            found.reason.replace('topic', what), found.help.replace('topic:', f'{key}:', 1))
 
     return fault
 

@@ -14,7 +14,7 @@
 
 """Reads the gates of a bundle; names, topics and types are resolved in `elaboration`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from fractions import Fraction
@@ -26,6 +26,7 @@ from fret_monitor.bundle.bundle import GateEntry
 from fret_monitor.bundle.yaml_shape import mapping_of, report_fault, SECONDS, Shape
 from fret_monitor.bundle.yaml_tree import YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
+from fret_monitor.model.manifest import EVENT_SUFFIX, events_of
 from fret_monitor.model.names import acting_name_fault, service_type_fault, shown
 from fret_monitor.model.policies import Otherwise
 
@@ -51,16 +52,22 @@ class WhenStale(Enum):
     OPEN = 'open'
 
 
-def read_gates(shape: Shape, problems: Problems) -> Iterator[tuple[Text, GateEntry | None]]:
-    """Yield the name of each gate with its entry; None: it was refused."""
+def read_gates(shape: Shape, types: Mapping[str, str],
+               problems: Problems) -> Iterator[tuple[Text, GateEntry | None]]:
+    """
+    Yield the name of each gate with its entry; None: it was refused.
+
+    `types` are those of the inputs, by topic, for examples.
+    """
     mapping = mapping_of(shape.node('gates'), "'gates'", problems, GATE_EXAMPLE)
     for key, node in mapping.entries if mapping else ():
         report_fault(acting_name_fault(key.value), key.text, problems)
         inner = mapping_of(node, f'the gate {shown(key.value)}', problems, GATE_EXAMPLE)
-        yield key.text, _gate(key, inner, problems) if inner else None
+        yield key.text, _gate(key, inner, types, problems) if inner else None
 
 
-def _gate(name: YamlScalar, mapping: YamlMapping, problems: Problems) -> GateEntry:
+def _gate(name: YamlScalar, mapping: YamlMapping, types: Mapping[str, str],
+          problems: Problems) -> GateEntry:
     shape = Shape(mapping, 'a gate', GATE_KEYS, problems, _SLIPS)
     is_service = _is_service(name, shape, problems)
     source = 'service' if is_service else 'from'
@@ -77,16 +84,20 @@ def _gate(name: YamlScalar, mapping: YamlMapping, problems: Problems) -> GateEnt
                        'how long a request waits for its answer',
                        "an input of 'from' has a 'timeout' of its own; remove this one")
     stale = shape.key('stale')
+    usual = 'std_srvs/srv/SetBool' if is_service else 'geometry_msgs/msg/Twist'
+    topic = shape.node(source)
+    if isinstance(topic, YamlScalar):
+        judged = events_of(topic.value) if is_service else topic.value
+        usual = types.get(judged, usual).removesuffix(EVENT_SUFFIX)
     entry = GateEntry(
         name=name.text, is_service=is_service,
-        source=required(shape, source, name_of_resource(kind), problems,
+        source=required(shape, source, name_of_resource(kind, source), problems,
                         '/arm/enable' if is_service else 'cmd_vel_raw')
         if shape.key(source) else None,
-        target=required(shape, 'to', name_of_resource(kind), problems,
+        target=required(shape, 'to', name_of_resource(kind, 'to'), problems,
                         '/arm/enable_raw' if is_service else 'cmd_vel'),
         type=required(shape, 'type', service_type_fault if is_service else message_type_fault,
-                      problems, 'std_srvs/srv/SetBool' if is_service else
-                      'geometry_msgs/msg/Twist'),
+                      problems, usual),
         keep=_keep(name, shape, problems),
         otherwise=None, otherwise_place=name.span,
         is_open_when_stale=shape.choice('stale', WhenStale) is WhenStale.OPEN,
@@ -167,6 +178,7 @@ def _with_alternative(entry: GateEntry, part: Shape, place: Span,
     rate = part.number('rate', MESSAGES, *RATES_HZ)
     if (key := part.key('rate')) and given and given[0] is not Otherwise.SUBSTITUTE:
         problems.error("'rate' belongs to a substitute", key.span,
+                       'each request that is withheld gets one response' if entry.is_service else
                        f"a gate with '{given[0].value}' sends one for each message it withholds",
                        'remove it')
     if not given:

@@ -201,7 +201,9 @@ class _BundleReader:
         for name, action in read_actions(shape, self._problems):
             names.add(name.value)
             actions += [action] if action else []
-        for name, gate in read_gates(shape, self._problems):
+        types = {item.topic.value: item.type.value for item in bundle.inputs
+                 if item.topic and item.type}
+        for name, gate in read_gates(shape, types, self._problems):
             names.add(name.value)
             gates += [gate] if gate else []
         return replace(bundle, actions=tuple(actions), gates=tuple(gates),

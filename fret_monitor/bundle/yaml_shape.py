@@ -163,9 +163,11 @@ class Shape:
                 f"'{key}' must be a number of {quantity.unit}: {fault.reason}", text.span,
                 help=fault.help or f'{key}: {_without_unit(text.value, quantity)}')
         elif value is not None and value < 0 and not least:
-            self._problems.error(f"'{key}' cannot be negative", text.span)
+            self._problems.error(f"'{key}' cannot be negative", text.span,
+                                 help=f'{key}: {quantity.example}')
         elif value is not None and value <= 0 and least:
-            self._problems.error(f"'{key}' must be greater than 0", text.span)
+            self._problems.error(f"'{key}' must be greater than 0", text.span,
+                                 help=f'{key}: {quantity.example}')
         elif value is None or not least <= value <= most:
             self._problems.error(
                 f"'{key}' is out of range", text.span, f'a number of {quantity.unit} from '

@@ -19,7 +19,7 @@ All mistakes are added to the problems, each at its place.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 import re
 
@@ -32,12 +32,13 @@ from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.messages.serialize import has_stamp, STAMP_AT
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
 from fret_monitor.model.graph import cycles
-from fret_monitor.model.manifest import EVENTS, events_of, ManifestAction, ManifestGate
+from fret_monitor.model.manifest import (
+    EVENT_SUFFIX, EVENTS, events_of, ManifestAction, ManifestGate,
+)
 from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, shown
 from fret_monitor.model.policies import ActionKind, Otherwise, Policy, Stale, Stamp
 
 LOCK_TYPE = 'std_msgs/msg/Bool'
-EVENT_SUFFIX = '_Event'  # of the type of a service's events
 DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
 _BEYOND_REQUEST = re.compile(r'\bresponse\b|\brequest\[[1-9]')
 _GATED_POLICIES = (Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.TIMED)
@@ -78,6 +79,8 @@ class _Acting:
     signals: tuple[Signal, ...]
     find_message: FindMessage
     problems: Problems
+    unusable: set[str] = field(default_factory=set)
+    """Types that are not installed, or cannot be read."""
 
     # -- actions ----------------------------------------------------------------------------------
 
@@ -112,6 +115,7 @@ class _Acting:
             check_complete(layout, type_.span)
         except CompileError as error:
             self.problems.extend(error.diagnostics)
+            self.unusable.add(type_.value)
             return None
         return layout
 
@@ -149,7 +153,8 @@ class _Acting:
             self.problems.error(
                 f'the gate {shown(entry.name.value)} leads from {shown(source.value)} to itself',
                 target.span, 'what it lets through would come back to it',
-                f'to: {target.value}_checked   # the name that the subscriber reads')
+                f'to: {target.value}_raw   # the name of the real server' if entry.is_service
+                else f'to: {target.value}_checked   # the name that the subscriber reads')
         judged = events_of(source.value) if entry.is_service else source.value
         for item in self.bundle.inputs:
             if item.topic is not None and item.topic.value != judged and \
@@ -293,6 +298,8 @@ class _Acting:
         """Refuse two types of one topic."""
         types: dict[str, tuple[str, str]] = {}
         for owner, topic, kind, place in self._typed_topics():
+            if kind in self.unusable:
+                continue
             known, first = types.setdefault(absolute(topic), (kind, owner))
             if known != kind:
                 suffix = EVENT_SUFFIX if kind.endswith(EVENT_SUFFIX) else ''

@@ -44,7 +44,7 @@ def message_bytes(layout: MessageLayout, content: YamlMapping | None,
     """Return a message serialized, and report all that does not fit its definition."""
     found = Problems()
     values = _MessageReader(found).message(layout, content) if content else {}
-    problems.extend(found.errors)
+    problems.extend((*found.errors, *found.warnings))
     return b'' if found.errors else serialize(layout, values)
 
 
@@ -149,32 +149,32 @@ class _MessageReader:
     def _real(self, field: MessageField, node: YamlScalar) -> float | None:
         special = _SPECIAL.get(node.value.lower())
         if special is not None:
+            self.problems.warning(f'{shown(node.value)} is no finite number', node.span,
+                                  'what receives it may fail', f'{field.name}: 0.0')
             return float(special)
+        if (fault := number_fault(node.value)) is not None:
+            self._wrong(field, node.value, node.span, fault.help or f'{field.name}: 0.0')
+            return None
         value = exact(node.value)
-        if value is None:
-            self._not_a_number(field, node)
+        if value is None or field.type.base == 'float32' and \
+                abs(to_float32(float(value))) == float('inf'):
+            self._wrong(field, node.value, node.span,
+                        'a number between -1e30 and 1e30')
             return None
-        number = float(value)
-        if field.type.base == 'float32' and abs(to_float32(number)) == float('inf'):
-            self._wrong(field, node.value, node.span, 'the greatest is about 3.4e38')
-            return None
-        return number
+        return float(value)
 
     def _whole(self, field: MessageField, node: YamlScalar) -> int | None:
         base = field.type.base
         low, high = (0, 255) if base in _BYTES else ValueType(base).limits
-        if not is_integer(node.value) or len(node.value) > _MOST_DIGITS:
-            self._not_a_number(field, node)
-        elif not low <= int(node.value) <= high:
-            self._wrong(field, node.value, node.span, f'a whole number from {low} to {high}')
+        fault = number_fault(node.value)
+        if not is_integer(node.value) or len(node.value) > _MOST_DIGITS or \
+                not low <= int(node.value) <= high:
+            self._wrong(field, node.value, node.span,
+                        fault.help if fault and fault.help else
+                        f'a whole number from {low} to {high}')
         else:
             return int(node.value)
         return None
-
-    def _not_a_number(self, field: MessageField, node: YamlScalar) -> None:
-        fault = number_fault(node.value)
-        self._wrong(field, node.value, node.span,
-                    fault.help if fault and fault.help else f'{field.name}: 0')
 
     def _wrong(self, field: MessageField, text: str, place: Span, help_: str) -> None:
         self.problems.error(

@@ -47,11 +47,14 @@ def doubtful_acting(bundle: Bundle, specification: Specification) -> Iterator[Di
 def _source_nobody_reads(entry: GateEntry, gate: Gate,
                          specification: Specification) -> Iterator[Diagnostic]:
     topics = sorted({signal.topic for signal in specification.signals if signal.topic})
-    if gate.settings.judged_topic not in topics and entry.source is not None:
+    judged = gate.settings.judged_topic
+    similar = did_you_mean(judged, topics)
+    # A request may have no fields, such as that of a Trigger.
+    if judged not in topics and entry.source is not None and (
+            similar or not gate.settings.is_service):
         yield Diagnostic(
-            f"no input has the topic '{gate.settings.judged_topic}'", entry.source.span,
-            'no field of what passes is judged',
-            did_you_mean(gate.settings.judged_topic, topics), Level.WARNING)
+            f"no input has the topic '{judged}'", entry.source.span,
+            'no field of what passes is judged', similar, Level.WARNING)
 
 
 def _of_inputs(gate: Gate, specification: Specification) -> Iterator[Diagnostic]:
@@ -100,7 +103,16 @@ def interlocks(bundle: Bundle, specification: Specification) -> Iterator[Diagnos
     for gate in specification.gates:
         judged = {signal.name for signal in specification.signals
                   if signal.topic == gate.settings.judged_topic}
-        for id_ in gate.keep if not gate.settings.is_service else ():
+        if gate.settings.is_service:
+            if judged and all(judged.isdisjoint(read[id_]) for id_ in gate.keep):
+                yield Diagnostic(
+                    f"the gate '{gate.name}' keeps nothing that reads the request",
+                    places[gate.name][gate.keep[0]].span,
+                    'at any time all requests pass, or none does',
+                    f"read {' or '.join(sorted(judged))} in one of its requirements",
+                    Level.WARNING)
+            continue
+        for id_ in gate.keep:
             if judged.isdisjoint(read[id_]):
                 yield Diagnostic(
                     f"{id_} reads nothing of '{gate.settings.source}'",

@@ -37,6 +37,7 @@ from fret_monitor.model.values import ValueType
 FORMAT = 5
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
+EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
 SECONDS = 'seconds'  # of a builtin_interfaces/msg/Time or Duration
 ANGLES = ('yaw', 'pitch', 'roll')  # of a quaternion
 REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm', *ANGLES)

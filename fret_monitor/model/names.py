@@ -142,14 +142,15 @@ def topic_fault(topic: str) -> Fault | None:
         return Fault("a topic cannot contain '//'", f'topic: {re.sub("/+", "/", topic)}')
     for token in plain.removeprefix('/').split('/'):
         if token and _TOPIC_TOKEN.fullmatch(token) is None:
-            return _token_fault(token)
+            right = '/'.join(part and _identifier(part) for part in topic.split('/'))
+            return _token_fault(token, f'topic: {right}' if plain == topic else '')
     return _length_fault(topic, f'the topic name {shown(topic)}')
 
 
-def _token_fault(token: str) -> Fault:
+def _token_fault(token: str, help_: str) -> Fault:
     if token[0].isdigit():
-        return Fault(f'a part of a topic cannot begin with a digit: {shown(token)}')
-    return Fault(f"a topic can contain letters, digits, '_' and '/' only: {shown(token)}")
+        return Fault(f'a part of a topic cannot begin with a digit: {shown(token)}', help_)
+    return Fault(f"a topic can contain letters, digits, '_' and '/' only: {shown(token)}", help_)
 
 
 def _length_fault(topic: str, what: str) -> Fault | None:
@@ -209,7 +210,10 @@ def service_type_fault(name: str) -> Fault | None:
         return Fault(
             reason, 'a service type is written pkg/srv/Name, such as std_srvs/srv/Trigger')
     right = f'{parts[0]}/srv/{parts[-1]}'
-    return None if name == right else Fault(reason, f'type: {right}')
+    is_message = 'msg' in parts[1:-1] and not parts[0].endswith('_srvs')
+    return None if name == right else Fault(
+        reason, 'this is a message; a service type is written pkg/srv/Name, such as '
+        'std_srvs/srv/SetBool' if is_message else f'type: {right}')
 
 
 def acting_name_fault(name: str) -> Fault | None:

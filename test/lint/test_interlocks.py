@@ -54,6 +54,38 @@ def test_gates_and_locks_are_warned_of(tmp_path: Path) -> None:
         "the gate 'drive' reads its own output with 'front'", 'topic: raw')
     assert warnings(tmp_path, ('{data: 0}', '{}'))[0][0] == (
         "the substitute of the gate 'drive' names no field")
+    assert warnings(tmp_path, ('{data: 0}', '{data: .nan}')) == [
+        ("'.nan' is no finite number", 'data: 0.0')]
     assert warnings(tmp_path, ('Float32OPTIONS', 'BoolOPTIONS'), ('front < 1', 'front'),
                     ('topic: front', 'topic: /e_stop')) == [
         ("SLOW reads the lock 'stop' that it closes", 'choose another topic')]
+
+
+SERVICE = """
+format: 1
+evaluation: {policy: relevant_message}
+inputs:
+  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+  is_safe: {topic: is_safe, type: std_msgs/msg/Bool, timeout: 1}
+requirements:
+  - {id: ARMED, ptltl: FORMULA}
+gates:
+  enable: {service: arm, to: arm_raw, type: std_srvs/srv/SetBool, keep: [ARMED],
+           otherwise: {respond: {success: false}}}
+"""
+
+
+def test_a_gate_on_a_service_that_reads_nothing_of_the_request_is_warned_of(
+        tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    found = []
+    for formula, topic in (('data -> is_safe', 'arm'), ('is_safe', 'arm'),
+                           ('data -> is_safe', 'amr')):
+        path.write_text(SERVICE.replace('FORMULA', formula).replace(
+            'arm/_service', f'{topic}/_service'), encoding='utf-8')
+        found.append([(item.title, item.help) for item in read(path).warnings])
+    assert found[0] == []
+    assert found[1] == [("the gate 'enable' keeps nothing that reads the request",
+                         'read data in one of its requirements')]
+    assert found[2][-1] == ("no input has the topic 'arm/_service_event'",
+                            "did you mean 'amr/_service_event'?")
