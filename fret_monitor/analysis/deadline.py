@@ -49,6 +49,11 @@ class Deadline:
         """Begin an attempt within the part, with a time limit of its own."""
         self._attempt_end = time.monotonic() + seconds
 
+    def at_most(self, seconds: float) -> float:
+        """Return a time limit that does not exceed what is left, in seconds."""
+        ends = [end for end in (self._part_end, self._attempt_end) if end is not None]
+        return max(0.0, min([seconds, *(end - time.monotonic() for end in ends)]))
+
     @property
     def is_over(self) -> bool:
         """Whether the part or all has ended."""

@@ -37,7 +37,7 @@ import z3
 
 _MOST_LETTERS = 1024
 _QUERY_S = 5.0
-_ROUNDED = 'a sum or product in a comparison is rounded'
+ROUNDED = 'a sum or product in a comparison is rounded'
 
 Values = Mapping[Term, Any]
 """Values of inputs, as terms have them: words are unsigned."""
@@ -190,7 +190,7 @@ class _Enumeration:
     def _letters(self, shown: Sequence[Any], names: Mapping[Term, Any],
                  ranges: Sequence[Any]) -> list[Letter]:
         truths = [z3.Bool(f'letter.{place}') for place in range(len(shown))]
-        solver = new_solver(_QUERY_S)
+        solver = new_solver(self._deadline.at_most(_QUERY_S))
         solver.add(*ranges)
         solver.add(*(truth == item for truth, item in zip(truths, shown)))
         evaluate = self._evaluation()
@@ -218,7 +218,7 @@ class _Enumeration:
                     if exact is None:
                         continue
                 else:
-                    self._doubts[_ROUNDED] = None
+                    self._doubts[ROUNDED] = None
                 witness = exact or witness
             found.append(Letter(letter, witness, self._is_certain(letter, witness)))
 
@@ -240,7 +240,7 @@ class _Enumeration:
     def _exact(self, letter: Sequence[bool]) -> Values | None:
         """Return values of floats that give a letter which real numbers have, if there are any."""
         translation = Translation(False)
-        solver = new_solver(_QUERY_S)
+        solver = new_solver(self._deadline.at_most(_QUERY_S))
         for item, value in zip(self._terms, letter):
             solver.add(translation(item) if value else z3.Not(translation(item)))
         self._is_real = False
@@ -273,7 +273,7 @@ class _Enumeration:
         possible = {rest: self._possible(rest, shown[count:], eliminated, ranges)
                     for rest in rests}
         if self._is_rounded:
-            self._doubts[_ROUNDED] = None
+            self._doubts[ROUNDED] = None
         if any(item is None for item in possible.values()):
             self._doubts[what] = None
             return None
@@ -287,7 +287,7 @@ class _Enumeration:
                                  for item, value in zip(shown, rest)))
         goal = z3.Goal()
         goal.add(z3.Exists(list(eliminated), body))
-        tactic = z3.TryFor(z3.Then('qe', 'simplify'), int(_QUERY_S * 1000))
+        tactic = z3.TryFor(z3.Then('qe', 'simplify'), int(self._deadline.at_most(_QUERY_S) * 1000))
         try:
             result = tactic(goal)
         except z3.Z3Exception:
@@ -299,7 +299,7 @@ class _Enumeration:
                     possible: Mapping[tuple[bool, ...], Any], letters: Sequence[Letter],
                     ) -> tuple[EnvironmentClass, ...] | None:
         count = len(shown)
-        solver = new_solver(_QUERY_S)
+        solver = new_solver(self._deadline.at_most(_QUERY_S))
         conditions = [*shown, *possible.values()]
         truths = [z3.Bool(f'class.{place}') for place in range(len(conditions))]
         names = set(map(str, own.values()))

@@ -95,9 +95,13 @@ def quick_warnings(reading: Reading) -> list[Diagnostic]:
     return list(warnings(found, reading.specification))
 
 
+def missing_packages() -> list[str]:
+    """Return the packages of the analysis that are not installed."""
+    return [package for module, package in _NEEDED.items() if find_spec(module) is None]
+
+
 def _refuse_missing() -> None:
-    missing = [package for module, package in _NEEDED.items() if find_spec(module) is None]
-    if missing:
+    if missing := missing_packages():
         refuse(f'`analyze` needs {" and ".join(missing)}, which '
                f'{"are" if len(missing) > 1 else "is"} not installed',
                help=pip_install(*missing))

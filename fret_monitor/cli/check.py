@@ -23,13 +23,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
-from fret_monitor.cli.analyze import quick_warnings
+from fret_monitor.cli.analyze import missing_packages, quick_warnings
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import by_place, CompileError, counted, Diagnostic, Text
 from fret_monitor.model.policies import Policy, Stamp
@@ -37,7 +37,7 @@ from fret_monitor.model.times import time_text
 from fret_monitor.native.errors import NativeError
 from fret_monitor.program.layout import lay_out, state_bytes
 from fret_monitor.program.lower import lower
-from fret_monitor.traces.gated import doubtful_gates
+from fret_monitor.traces.gated import doubtful_gates, Repair
 
 _STEPS = {
     Policy.EVERY_MESSAGE: ('a step is a message on any mapped topic', 'messages'),
@@ -50,6 +50,7 @@ _STEPS = {
 }
 _MANY = 4
 _FORMULA_WIDTH = 2000
+_SOLVER_S = 1.5
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -100,9 +101,22 @@ def _checked(name: str, constants: Mapping[str, Text], is_analyzed: bool) -> _Ch
 
 
 def _of_gates(generated: GeneratedMonitor) -> Iterator[Diagnostic]:
-    """Yield what running the monitors of gates finds; nothing where there is no compiler."""
+    """
+    Yield what the solver finds about gates, if it is installed, and what their monitors find.
+
+    Without a compiler there is nothing.
+    """
+    specification = generated.specification
+
+    def decide(gate: Gate) -> Mapping[str, Repair]:
+        if missing_packages():
+            return {}
+        # Imported here: loading the solver is slow, and bundles without gates do not need it.
+        from fret_monitor.analysis.repairs import repairs
+        return repairs(specification, gate, _SOLVER_S / len(specification.gates))
+
     with suppress(NativeError):
-        yield from doubtful_gates(generated.specification)
+        yield from doubtful_gates(specification, decide)
 
 
 def _as_dict(item: _Checked) -> dict[str, object]:
@@ -162,6 +176,19 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     yield f'policy {manifest.policy.value}: {step}{_time_options(generated.specification)}'
     yield ''
     yield from _table([('id', 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
+    acting = [*_acting(generated.specification)]
+    yield from ['', *acting] if acting else []
+
+
+def _acting(specification: Specification) -> Iterator[str]:
+    """Yield a line for each gate and each action."""
+    for gate in specification.gates:
+        yield (f'gate {gate.name}: {gate.settings.source} -> {gate.settings.target}, '
+               f'keeps {", ".join(gate.keep)}')
+    for action in specification.actions:
+        users = [item.id for item in specification.properties
+                 if action.name in (*item.on_violation, *item.on_end)]
+        yield f'{action.kind.value} {action.name}: {action.target}, of {", ".join(users) or "-"}'
 
 
 def _time_options(specification: Specification) -> str:

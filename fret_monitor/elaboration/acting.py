@@ -142,7 +142,8 @@ class _Acting:
             is_open_when_stale=entry.is_open_when_stale, latches=entry.latches,
             open_after=_nanoseconds(entry.open_after), timeout=_nanoseconds(entry.timeout)),
             keep=tuple(name.value for name in entry.keep), place=entry.name.span,
-            otherwise_place=entry.otherwise_place)
+            otherwise_place=entry.otherwise_place,
+            keep_places=tuple(name.span for name in entry.keep))
 
     def _check_sides(self, entry: GateEntry) -> None:
         """Check the topic that a gate reads, against itself and the inputs on it."""

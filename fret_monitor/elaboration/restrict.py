@@ -16,7 +16,7 @@
 
 from dataclasses import replace
 
-from fret_monitor.logic.formula import Historically
+from fret_monitor.logic.formula import Formula, Historically
 from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.messages.installed import listed
 from fret_monitor.model.diagnostics import did_you_mean, refuse
@@ -59,10 +59,17 @@ def _kept_by(specification: Specification, gate: Gate) -> Specification:
         signals=tuple(item for item in specification.signals if item.name in read)), properties)
 
 
+def counted_formula(item: Property) -> Formula:
+    """Return what a gate judges by: of `H p`, p; `H p` would withhold all for ever."""
+    match item.formula:
+        case Historically(window, argument) if window.is_unbounded:
+            return argument
+    return item.formula
+
+
 def _judged(item: Property) -> Property:
-    """Of `H p`, p counts: `H p` would stay false for ever, and would withhold all messages."""
-    always = isinstance(item.formula, Historically) and item.formula.window.is_unbounded
-    return replace(item, report=Report.OCCURRENCE) if always else item
+    is_always = counted_formula(item) is not item.formula
+    return replace(item, report=Report.OCCURRENCE) if is_always else item
 
 
 def _ungated(specification: Specification) -> Specification:

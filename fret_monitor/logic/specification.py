@@ -118,14 +118,15 @@ class Gate:
     """
     A gate, with the ids of the requirements that it keeps.
 
-    `settings.topic` is None: the manifest has the index. `place` is that of its name, and
-    `otherwise_place` that of what it sends instead.
+    `settings.topic` is None: the manifest has the index. `place` is that of its name,
+    `keep_places` are those of the ids, and `otherwise_place` is that of what it sends instead.
     """
 
     settings: ManifestGate
     keep: tuple[str, ...]
     place: Span | None = field(default=None, repr=False, compare=False)
     otherwise_place: Span | None = field(default=None, repr=False, compare=False)
+    keep_places: tuple[Span, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def name(self) -> str:

@@ -13,23 +13,26 @@
 # limitations under the License.
 
 """
-Gates that would stay closed: found by example, by running the monitors of a gate.
+Gates that would stay closed, and substitutes that violate: found by example.
 
-Random messages of the other topics are delivered, and messages of the gate's topic as the gate
-passes them. Wherever a requirement is violated, all fields of a message are tried that matter to
-the formulas. What is found is real; what is not found may exist.
+The monitor of a gate gets random messages of the other topics, and messages of the gate's topic as
+the gate passes them. Wherever a requirement is violated, values of a message are tried that matter
+to the formulas. What is not found may exist.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 from math import prod
 from random import Random
+from typing import TypeAlias
 
 from fret_monitor.build import build_specification
-from fret_monitor.elaboration.restrict import restrict
-from fret_monitor.logic.formula import postorder
-from fret_monitor.logic.specification import Gate, Signal, Specification
+from fret_monitor.elaboration.restrict import counted_formula, restrict
+from fret_monitor.logic.formula import (
+    Binary, Choice, Constant, Conversion, postorder, Unary, Variable,
+)
+from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
 from fret_monitor.model.parts import Part
 from fret_monitor.model.policies import InputSource, Otherwise, Report, Stale
@@ -45,15 +48,33 @@ _MOST_CONSTANTS = 8
 _MOST_NODES = 5000
 _MOST_MESSAGES = 256  # that are tried wherever a requirement is violated
 _FEWEST_STATES = 20  # in which a substitute was tried, before it is called violating
+_PLAIN = (Binary, Choice, Constant, Conversion, Unary, Variable)  # nodes without a past
 _PAUSES_NS = (1, 10 ** 6, 10 ** 8, 10 ** 9, 10 ** 10)
 
 
-def doubtful_gates(specification: Specification) -> Iterator[Diagnostic]:
+@dataclass(frozen=True)
+class Repair:
+    """
+    Whether some message of a gate's topic satisfies a requirement in every state.
+
+    `example` are inputs after which none does, None: one always does. `is_first`: at the first
+    step none does, whatever the other inputs are.
+    """
+
+    example: tuple[tuple[str, Value], ...] | None = None
+    is_first: bool = False
+
+
+Decide: TypeAlias = Callable[[Gate], Mapping[str, Repair]]
+"""Returns what is known of the requirements of a gate, by id."""
+
+
+def doubtful_gates(specification: Specification,
+                   decide: Decide = lambda gate: {}) -> Iterator[Diagnostic]:
     """
     Yield a warning for each requirement that nothing, or not the substitute, can satisfy.
 
-    That is one that no message of the gate's topic satisfies after some messages of other topics,
-    and one that the substitute has violated wherever it was tried. Each gate is compiled.
+    What `decide` does not decide is found by example. Each gate is compiled.
 
     Raises
     ------
@@ -61,22 +82,25 @@ def doubtful_gates(specification: Specification) -> Iterator[Diagnostic]:
         if there is no C compiler, or it fails.
     """
     for gate in specification.gates:
-        yield from _Search(specification, gate).warnings()
+        yield from _Search(specification, gate, decide(gate)).warnings()
 
 
 @dataclass
 class _Tried:
-    """What was found about a requirement."""
+    """What was found about a requirement; `opens`: some message satisfied its first step."""
 
-    unrepairable: tuple[tuple[str, Value], ...] | None = None
+    repair: Repair | None = None
+    opens: bool = False
     substituted: int = 0
-    satisfied: bool = False
+    violated: int = 0
+    violating: tuple[tuple[str, Value], ...] | None = None
 
 
 class _Search:
     """Runs the monitor of a gate on random messages."""
 
-    def __init__(self, specification: Specification, gate: Gate) -> None:
+    def __init__(self, specification: Specification, gate: Gate,
+                 decided: Mapping[str, Repair]) -> None:
         part = restrict(specification, Part(gate.name))
         # No input is silent, and of `H p` what counts is p, as for the gate.
         part = replace(
@@ -99,7 +123,8 @@ class _Search:
         self._topics = topics
         self._now = 0
         self._substitute = self._fields(monitor)
-        self._tried = {index: _Tried() for index, item in enumerate(part.properties)
+        self._tried = {index: _Tried(decided.get(item.id), opens=item.id in decided)
+                       for index, item in enumerate(part.properties)
                        if self._judged is not None and any(
                            place in topics[self._judged]
                            for place in monitor.manifest.requirements[index].inputs)}
@@ -121,21 +146,35 @@ class _Search:
             self._evaluator.restore(start)
             self._run()
         for index, tried in self._tried.items():
-            item = self._part.properties[index]
-            if tried.unrepairable is not None:
-                after = ', '.join(f'{name} = {_shown(value)}'
-                                  for name, value in tried.unrepairable)
-                yield Diagnostic(
-                    f"{item.id} can be violated whatever passes the gate '{self._gate.name}'",
-                    item.id_place, f'for example after {after}',
-                    'until that changes nothing passes, and no substitute satisfies it',
-                    Level.WARNING)
-            elif tried.substituted >= _FEWEST_STATES and not tried.satisfied:
-                yield Diagnostic(
-                    f"the substitute of the gate '{self._gate.name}' violates {item.id}",
-                    self._gate.otherwise_place,
-                    f'in all {tried.substituted} states in which it was tried',
-                    'choose values that satisfy it', Level.WARNING)
+            yield from self._of_requirement(self._part.properties[index], tried)
+
+    def _of_requirement(self, item: Property, tried: _Tried) -> Iterator[Diagnostic]:
+        gate, repair = self._gate, tried.repair
+        place = gate.keep_places[gate.keep.index(item.id)] if gate.keep_places else None
+        if not tried.opens or repair is not None and repair.is_first:
+            has_past = not all(isinstance(node, _PLAIN) for node in
+                               postorder([counted_formula(item)]))
+            yield Diagnostic(
+                f'{item.id} is false at its first step, whatever passes' if has_past else
+                f'no message satisfies {item.id}', place, f"the gate '{gate.name}' never opens",
+                'let it hold without a past: FTP | PROPERTY' if has_past else
+                f'change {item.id}, or leave it to the monitor', Level.WARNING)
+        elif repair is not None and repair.example is not None:
+            yield Diagnostic(
+                f"{item.id} can be violated whatever passes the gate '{gate.name}'", place,
+                _after(repair.example),
+                'until that changes nothing passes, and no substitute satisfies it',
+                Level.WARNING)
+        elif tried.substituted >= _FEWEST_STATES and tried.violated == tried.substituted:
+            yield Diagnostic(
+                f"the substitute of the gate '{gate.name}' violates {item.id}",
+                gate.otherwise_place, f'in all {tried.substituted} states in which it was tried',
+                'choose values that satisfy it', Level.WARNING)
+        elif tried.violating is not None:
+            yield Diagnostic(
+                f"the substitute of the gate '{gate.name}' can violate {item.id}",
+                gate.otherwise_place, _after(tried.violating),
+                'it is sent nevertheless: choose values that satisfy it', Level.WARNING)
 
     def _run(self) -> None:
         """Deliver random messages, each of the gate's topic only if it passes."""
@@ -146,13 +185,14 @@ class _Search:
         for topic in self._others:
             values |= self._random(topic)
             self._deliver(topic, values)
+        self._try_first()
         for _ in range(_STEPS):
             if self._others and self._rng.random() < 0.7:
                 topic = self._rng.choice(self._others)
                 values |= self._random(topic)
                 self._deliver(topic, values)
             else:
-                self._pass(self._random(self._judged))
+                values |= self._pass(self._random(self._judged))
             self._try(values)
 
     def _random(self, topic: int | None) -> dict[int, Value]:
@@ -169,15 +209,16 @@ class _Search:
             evaluator.store(index, values[index], self._now)
         evaluator.message(topic, self._now)
 
-    def _pass(self, values: Mapping[int, Value]) -> None:
+    def _pass(self, values: Mapping[int, Value]) -> Mapping[int, Value]:
         """Deliver a message of the gate's topic, and take it back if it violates."""
-        if self._judged is None:
-            return
+        assert self._judged is not None
         before, now = self._evaluator.save(), self._now
         self._deliver(self._judged, values)
-        if not all(map(self._holds, range(len(self._part.properties)))):
-            self._evaluator.restore(before)
-            self._now = now
+        if all(map(self._holds, range(len(self._part.properties)))):
+            return values
+        self._evaluator.restore(before)
+        self._now = now
+        return {}
 
     def _holds(self, index: int) -> bool:
         return self._evaluator.requirement_counts(index).holds
@@ -189,33 +230,57 @@ class _Search:
                 for topic in self._others for index in self._topics[topic]):
             return
         before, now = self._evaluator.save(), self._now
+        violated = []
         if len(self._substitute) == len(self._topics[self._judged]):
             self._deliver(self._judged, self._substitute)
-            for index, tried in self._tried.items():
-                tried.substituted += 1
-                tried.satisfied = tried.satisfied or self._holds(index)
+            violated = [index for index in self._tried if not self._holds(index)]
             self._evaluator.restore(before)
             self._now = now
+            for index, tried in self._tried.items():
+                tried.substituted += 1
+                tried.violated += index in violated
         open_ = [index for index, tried in self._tried.items()
-                 if tried.unrepairable is None and not self._holds(index)]
-        if open_:
-            self._repair(open_, before)
-            for index in open_:
-                self._tried[index].unrepairable = tuple(
-                    (self._part.signals[place].name, value)
-                    for place, value in sorted(values.items()))
+                 if tried.repair is None and not self._holds(index)
+                 or tried.violating is None and index in violated]
+        unrepaired = self._unrepaired(open_)
+        for index in open_:
+            tried = self._tried[index]
+            if index not in unrepaired:
+                if index in violated:
+                    tried.violating = tried.violating or self._inputs(index, values)
+            elif tried.repair is None and not self._holds(index):
+                tried.repair = Repair(self._inputs(index, values))
 
-    def _repair(self, open_: list[int], before: bytes) -> None:
-        """Remove the requirements from `open_` that some message satisfies."""
+    def _inputs(self, requirement: int,
+                values: Mapping[int, Value]) -> tuple[tuple[str, Value], ...]:
+        """Return the names and values of the inputs of a requirement."""
+        read = self._part.properties[requirement].inputs
+        return tuple((name, value) for place, value in sorted(values.items())
+                     if (name := self._part.signals[place].name) in read)
+
+    def _try_first(self) -> None:
+        """Try what satisfies the first step of each requirement."""
+        if self._judged is not None:
+            closed = [index for index, tried in self._tried.items() if not tried.opens]
+            left = self._unrepaired(closed)
+            for index in closed:
+                self._tried[index].opens = index not in left
+
+    def _unrepaired(self, indices: Sequence[int]) -> list[int]:
+        """Return those of some requirements that no message satisfies."""
         assert self._judged is not None
+        open_, before = list(indices), self._evaluator.save()
         places, now = self._topics[self._judged], self._now
+        if not open_:
+            return open_
         for row in self._rows(places):
             self._deliver(self._judged, dict(zip(places, row)))
             open_[:] = [index for index in open_ if not self._holds(index)]
             self._evaluator.restore(before)
             self._now = now
             if not open_:
-                return
+                break
+        return open_
 
     def _rows(self, places: Sequence[int]) -> Iterator[tuple[Value, ...]]:
         """Yield combinations of fields: all, or a sample."""
@@ -238,6 +303,10 @@ def _pool(signal: Signal, part: Specification) -> list[Value]:
     named = [value for _, value in signal.values if isinstance(value, int)]
     values, _ = boundary_values(signal.type, sorted(numbers)[:_MOST_CONSTANTS])
     return list(dict.fromkeys([*named, *(value for value in values if value == value)]))
+
+
+def _after(inputs: Sequence[tuple[str, Value]]) -> str:
+    return 'for example after ' + ', '.join(f'{name} = {_shown(value)}' for name, value in inputs)
 
 
 def _shown(value: Value) -> str:

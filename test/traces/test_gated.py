@@ -17,7 +17,7 @@
 from pathlib import Path
 
 from fret_monitor.build import read
-from fret_monitor.traces.gated import doubtful_gates
+from fret_monitor.traces.gated import doubtful_gates, Repair
 import pytest
 
 BUNDLE = """
@@ -34,6 +34,9 @@ requirements:
   - {id: INTERLOCK, ptltl: "front > 0.1"}
   - {id: BRAKE, ptltl: "(speed < 5 & !brake) | front > 3"}
   - {id: MOVE, ptltl: "speed >= 0.5"}
+  - {id: STOP, ptltl: "front < 0.5 -> speed < 0"}
+  - {id: LATE, ptltl: "Y (speed < 1)"}
+  - {id: FALSE, ptltl: "speed > 1 & speed < 0.5"}
 gates:
   drive: {from: raw, to: out, type: geometry_msgs/msg/Twist, keep: [KEPT],
           otherwise: {substitute: {linear: {x: 0.0}}, rate: 20}}
@@ -59,6 +62,30 @@ def test_requirements_that_nothing_can_satisfy_are_found(tmp_path: Path, policy:
 
 
 def test_a_gate_that_some_message_opens_is_not_warned_of(tmp_path: Path) -> None:
-    assert found(tmp_path / 'bundle.yaml', 'SLOW, CHANGE') == ([], [])
+    assert found(tmp_path / 'bundle.yaml', 'SLOW') == ([], [])
     path = tmp_path / 'bundle.yaml'
     assert found(path, 'INTERLOCK') == (["INTERLOCK reads nothing of 'raw'"], [])
+
+
+def test_substitutes_that_violate_in_some_states_are_found_with_an_example(
+        tmp_path: Path) -> None:
+    assert found(tmp_path / 'bundle.yaml', 'STOP, CHANGE')[1] == [
+        "the substitute of the gate 'drive' can violate CHANGE",
+        "the substitute of the gate 'drive' can violate STOP"]
+    warning = next(doubtful_gates(read(tmp_path / 'bundle.yaml').specification))
+    assert warning.label.startswith('for example after speed = ')
+
+
+def test_requirements_that_are_false_at_their_first_step_are_found(tmp_path: Path) -> None:
+    assert found(tmp_path / 'bundle.yaml', 'LATE, FALSE')[1] == [
+        'LATE is false at its first step, whatever passes', 'no message satisfies FALSE']
+
+
+def test_what_is_decided_elsewhere_is_not_searched(tmp_path: Path) -> None:
+    found(tmp_path / 'bundle.yaml', 'BRAKE, MOVE')
+    specification = read(tmp_path / 'bundle.yaml').specification
+    decided = {'BRAKE': Repair(), 'MOVE': Repair((('front', 0.25),))}
+    warnings = list(doubtful_gates(specification, lambda gate: decided))
+    assert [item.title for item in warnings] == [
+        "MOVE can be violated whatever passes the gate 'drive'"]
+    assert warnings[0].label == 'for example after front = 0.25'
