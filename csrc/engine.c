@@ -713,7 +713,8 @@ struct gated_step
 };
 
 // Take what is due before a message of the gate's topic, which is never left to a round: it is to
-// be sent at once.
+// be sent at once. Under FM_TIMED it takes effect now, and not when it was received: it may have
+// waited in the middleware's queue while an input became silent.
 static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t received)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
@@ -728,8 +729,7 @@ static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t r
     if (fm_evaluator_is_timed(evaluator)) {
       fm_engine_note_restart_locked(engine, now);
       fm_engine_release_locked(engine, now);
-      step.now =
-        fm_evaluator_arrival(evaluator, fm_engine_instant_locked(engine, received, now));
+      step.now = fm_evaluator_arrival(evaluator, now);
     }
     fm_engine_take_due_before_locked(engine, step.now);
   }
@@ -747,8 +747,9 @@ static void end_gated_locked(struct fm_engine * engine, const struct gated_step 
   queue_locked(engine, n, n > 0 && is_timed ? fm_engine_stamps_ahead_locked(engine) : 0);
   fm_gate_finish(engine->gate);
   update_states_locked(engine);  // a message that is withheld never happened
-  if (is_timed && step->source != INT64_MIN) {
-    take_due_after_locked(engine, step->now, step->source);
+  int64_t now;
+  if (is_timed && step->source != INT64_MIN && fm_engine_read_now_locked(engine, 0, &now)) {
+    take_due_after_locked(engine, step->now, now);
   }
   fm_engine_end_wait_if_earlier_locked(engine);
 }

@@ -51,10 +51,8 @@ struct fm_relay_options
   int64_t stamp_at;           // of a replacement, as of fm_engine_replace
 };
 
-/// Start the thread. `*relay` is NULL before, and is set here, for the reason that announcer.h
-/// gives. False if no thread can be made, or memory is short. The functions of this header may be
-/// called from any thread, but not from within the middleware's callback, and not for one relay
-/// from two threads at a time.
+/// Start the thread; `*relay` as of fm_announcer_start. False if no thread can be made, or memory is
+/// short. The functions of this header may be called as those of receiver.h.
 FM_EXPORT bool fm_relay_start(struct fm_relay ** relay, const struct fm_relay_options * options);
 
 /// Take the messages of a subscription (an rmw_subscription_t from which no other code takes),
@@ -63,7 +61,7 @@ FM_EXPORT bool fm_relay_start(struct fm_relay ** relay, const struct fm_relay_op
 /// memory is short.
 FM_EXPORT bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled);
 
-/// A new subscription replaces this one: see fm_origin.is_retired.
+/// As fm_receiver_retire.
 FM_EXPORT void fm_relay_retire(struct fm_relay * relay, const void * subscription);
 
 /// Take what is in the queue of a subscription, at most 1000 messages, then no more; waits for

@@ -21,52 +21,22 @@ destroy them.
 
 from typing import Any
 
+from fret_monitor.ros.rcl_endpoint import RclEndpoint
+
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.type_support import check_is_valid_msg_type
 
 
-class RclPublisher:
-    """
-    A publisher of a node; its owner closes it.
-
-    `handle` is rclpy's object for the `rcl_publisher_t`: hold it (`with`) while C uses it.
-    """
+class RclPublisher(RclEndpoint):
+    """A publisher of a node; its owner closes it."""
 
     def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
-        """
-        Advertise the topic.
-
-        Raises
-        ------
-        InvalidTopicNameException
-            if the name of the topic is not valid.
-        RCLError
-            if the middleware refuses.
-        """
-        self.qos_profile = qos_profile
-        check_is_valid_msg_type(msg_type)  # imports its type support
-        try:
-            with node.handle:
-                self.handle: Any = _rclpy.Publisher(
-                    node.handle, msg_type, topic, qos_profile.get_c_qos_profile())
-        except ValueError:
-            node._validate_topic_or_service_name(topic)
-            raise
-
-    @property
-    def topic_name(self) -> str:
-        """The full name of the topic."""
-        with self.handle:
-            return str(self.handle.get_topic_name())
+        """Advertise the topic; raises as `RclEndpoint`."""
+        super().__init__(_rclpy.Publisher, node, msg_type, topic, qos_profile)
 
     @property
     def subscriptions(self) -> int:
         """How many subscriptions have matched."""
         with self.handle:
             return int(self.handle.get_subscription_count())
-
-    def close(self) -> None:
-        """Destroy the publisher as soon as its handle is no longer held."""
-        self.handle.destroy_when_not_in_use()

@@ -22,47 +22,16 @@ handle, but the node does not list them.
 
 from typing import Any
 
+from fret_monitor.ros.rcl_endpoint import RclEndpoint
+
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.type_support import check_is_valid_msg_type
 
 
-class RclSubscription:
-    """
-    A subscription of a node; its owner takes the messages and closes it.
-
-    `handle` is rclpy's object for the `rcl_subscription_t`: hold it (`with`) while C uses it.
-    """
+class RclSubscription(RclEndpoint):
+    """A subscription of a node; its owner takes the messages and closes it."""
 
     def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
-        """
-        Subscribe.
-
-        Raises
-        ------
-        InvalidTopicNameException
-            if the name of the topic is not valid.
-        RuntimeError
-            if the middleware refuses.
-        """
-        self.msg_type = msg_type
-        self.qos_profile = qos_profile
-        check_is_valid_msg_type(msg_type)  # imports its type support
-        try:
-            with node.handle:
-                self.handle: Any = _rclpy.Subscription(
-                    node.handle, msg_type, topic, qos_profile.get_c_qos_profile())
-        except ValueError:
-            node._validate_topic_or_service_name(topic)
-            raise
-
-    @property
-    def topic_name(self) -> str:
-        """The full name of the topic."""
-        with self.handle:
-            return str(self.handle.get_topic_name())
-
-    def close(self) -> None:
-        """Destroy the subscription as soon as its handle is no longer held."""
-        self.handle.destroy_when_not_in_use()
+        """Subscribe; raises as `RclEndpoint`."""
+        super().__init__(_rclpy.Subscription, node, msg_type, topic, qos_profile)
