@@ -123,12 +123,10 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         *(entry for folder in SHARED for entry in shared_files(folder)),
     ],
-    # Two distributions on PyPI carry a module `lark`: `lark` (1.x) and the older `lark-parser`
-    # (0.x), and installing one over the other breaks both. The ROS 2 wheels (rosidl) require
-    # lark-parser, so pip gets that and never `lark`. Ubuntu's python3-lark is 1.x: the grammars
-    # keep to what both read. There, apt provides the module, and neither colcon nor
-    # the scripts that setuptools writes look at this list.
-    install_requires=['cffi>=1.16', 'lark-parser>=0.12,<1', 'PyYAML>=6'],
+    # lark, which makes the tables of the parsers from the grammars (tools/parser_tables.py), is
+    # needed to change a grammar only. It is in no list: the ROS 2 wheels (rosidl) require
+    # `lark-parser` (0.x), apt's python3-lark is 1.x, and one installed over the other breaks both.
+    install_requires=['cffi>=1.16', 'PyYAML>=6'],
     extras_require={
         'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
         'ros-test': ROS_TEST_WHEELS, 'test': TEST,

@@ -141,8 +141,8 @@ FM_EXPORT void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blac
 /// Let a gate of the evaluator judge the messages of its topic: these are given to
 /// fm_engine_judge, and not to fm_engine_message. Whatever else is evaluated, the engine notes
 /// with the gate. While the engine hangs (fm_engine_hangs) for half a second, the gate is closed;
-/// fm_engine_take also looks for that. Call it before messages are delivered; the gate outlives the engine, and no
-/// other code calls it. O(1).
+/// fm_engine_take also looks for that. Call it before messages are delivered; the gate outlives
+/// the engine, and no other code calls it. O(1).
 FM_EXPORT void fm_engine_guard(
   struct fm_engine * engine, struct fm_gate * gate, const struct fm_gate_options * options);
 

@@ -86,7 +86,7 @@ def manifest() -> Any:
 
 def imported(folder: str) -> Iterator[str]:
     """Yield the top-level name of every import in a folder, except Python's and our own."""
-    ours = {NAME, 'bench'} | {path.stem for path in (ROOT / 'test').iterdir()}
+    ours = {NAME, 'bench', 'tools'} | {path.stem for path in (ROOT / 'test').iterdir()}
     for path in sorted((ROOT / folder).rglob('*.py')):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             match node:

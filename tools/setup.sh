@@ -104,7 +104,7 @@ make_venv() {
   echo "fret_monitor: making $venv with $python, which takes a minute"
   "$python" -c 'import ensurepip, venv' >/dev/null 2>&1 || fail "$python cannot make virtual" \
     'environments: install the rest of it (on Ubuntu and Debian: sudo apt install python3.12-venv).'
-  # System packages, apt's lark and cffi among them, belong to a ROS 2 installation only.
+  # System packages, apt's cffi among them, belong to a ROS 2 installation only.
   rm -rf "$venv"
   "$python" -m venv ${ros:+--system-site-packages} "$venv"
   printf '%s\n' "$PWD|$ros" >"$venv/.base"
@@ -124,7 +124,7 @@ install_packages() {
     install_project -e '.[ros]'
   elif test -z "$ros"; then
     install_project -e '.[ros,ros-test,test]'
-  elif "$venv/bin/python" -c 'import cffi, lark, yaml' >/dev/null 2>&1; then
+  elif "$venv/bin/python" -c 'import cffi, yaml' >/dev/null 2>&1; then
     # What apt installed is not to be shadowed by other releases from PyPI.
     install_project --no-deps -e .
   else

@@ -15,27 +15,17 @@
 """
 The LALR tables of the grammars, in JSON files beside them, and a parser that uses them.
 
-Making the tables takes a third of the time of `fret-monitor check`, so lark makes them here, and
-whoever reads a formula needs no lark. Run this after a grammar has changed:
-
-    python3 -m fret_monitor.language.tables
+lark makes the tables when a grammar changes (`tools/parser_tables.py`), not in each process that
+reads a formula: that was a third of the time of `fret-monitor check`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 import json
-from pathlib import Path
 from typing import Any
-import warnings
 
 END = '$END'
-STARTS = {
-    'cocospec': ('formula', 'program'),
-    'fretish': ('sentence', 'definition'),
-    'smv': ('start',),
-}
 
 
 @dataclass(frozen=True)
@@ -78,7 +68,8 @@ class UnexpectedLexemeError(Exception):
 @cache
 def read_tables(grammar: str) -> Tables:
     """Return the tables of a grammar."""
-    content = json.loads(_place(grammar).read_text(encoding='utf-8'))
+    content = json.loads(
+        files(__package__).joinpath(f'{grammar}.json').read_text(encoding='utf-8'))
     return Tables(
         {name: (first, last) for name, (first, last) in content['starts'].items()},
         tuple(Rule(origin, tuple(parts.split()), method)
@@ -147,55 +138,3 @@ class Parser:
             del stack[len(stack) - len(rule.parts):]
             stack.append(states[stack[-1]][rule.origin])
         return kind == END and stack[-1] == self._last
-
-
-# -- making the tables ----------------------------------------------------------------------------
-
-
-def tables_text(grammar: str) -> str:
-    """Return the text of the JSON file of a grammar: a line for each rule and each state."""
-    with warnings.catch_warnings():
-        # lark 0.12 imports two modules that Python 3.11 and later call deprecated.
-        warnings.filterwarnings('ignore', r"module 'sre_", DeprecationWarning)
-        from lark import Lark
-    from lark.parsers.lalr_analysis import Reduce
-    text = files(__package__).joinpath(f'{grammar}.lark').read_text(encoding='utf-8')
-    lark = Lark(text, parser='lalr', lexer='contextual', start=list(STARTS[grammar]),
-                maybe_placeholders=False)
-    table = lark.parse_interactive('', STARTS[grammar][0]).parser_state.parse_conf.parse_table
-    # lark numbers the states in another order each time.
-    order = [table.start_states[start] for start in STARTS[grammar]]
-    for state in order:
-        for _, (action, target) in sorted(table.states[state].items(), key=lambda item: item[0]):
-            if action is not Reduce and target not in order:
-                order.append(target)
-    rules = sorted({_written(target) for state in order
-                    for action, target in table.states[state].values() if action is Reduce})
-    starts = {start: [order.index(table.start_states[start]), order.index(table.end_states[start])]
-              for start in STARTS[grammar]}
-    states = [{kind: ~rules.index(_written(target)) if action is Reduce else order.index(target)
-               for kind, (action, target) in sorted(table.states[state].items())}
-              for state in order]
-    return (f'{{"starts": {json.dumps(starts)},\n"rules": [\n{_lines(rules)}],\n'
-            f'"states": [\n{_lines(states)}]}}\n')
-
-
-def _written(rule: Any) -> tuple[str, str, str | None]:
-    """Return a rule of lark as the file has it: without a method if lark makes no tree of it."""
-    origin = rule.origin.name
-    is_plain = origin.startswith('_') or (rule.options.expand1 and not rule.alias)
-    return (origin, ' '.join(part.name for part in rule.expansion),
-            None if is_plain else rule.alias or origin)
-
-
-def _lines(items: Sequence[Any]) -> str:
-    return ',\n'.join(map(json.dumps, items))
-
-
-def _place(grammar: str) -> Any:
-    return files(__package__).joinpath(f'{grammar}.json')
-
-
-if __name__ == '__main__':
-    for name in STARTS:
-        Path(str(_place(name))).write_text(tables_text(name), encoding='utf-8')
