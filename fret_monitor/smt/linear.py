@@ -21,6 +21,7 @@ signed integer that it represents; a sum that leaves the range of its width wrap
 
 from collections.abc import Callable
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
@@ -86,6 +87,23 @@ class LinearTranslation:
             self.ranges.append(z3.And(-half <= found, found < half))
         self.variables[item] = found
         return found
+
+
+# Making an expression of z3 in Python takes as long as many a proof.
+_made: 'WeakKeyDictionary[Term, Any]' = WeakKeyDictionary()
+
+
+class SharedTranslation(LinearTranslation):
+    """As `LinearTranslation`, with the expressions that others have made of the same terms."""
+
+    def __call__(self, root: Term) -> Any:
+        """Return the z3 expression of a term; raises NotLinear for other operations."""
+        for item in t.postorder([root], self._known):
+            found = _made.get(item)
+            if found is None or item.op == 'variable':  # with its range
+                found = _made[item] = self._translated(item)
+            self._known[item] = found
+        return self._known[root]
 
 
 def _wrapped(found: Any, bits: int) -> Any:

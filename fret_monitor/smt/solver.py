@@ -35,7 +35,7 @@ from typing import Any
 from fret_monitor.model.floats import to_float32
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
-from fret_monitor.smt.linear import LinearTranslation, NotLinear
+from fret_monitor.smt.linear import LinearTranslation, NotLinear, SharedTranslation
 from fret_monitor.smt.terms import Sort, Term
 import z3
 
@@ -104,7 +104,7 @@ def prove_linear(goal: Term, given: Sequence[Term] = (), *, seconds: float = 10.
     if goal is t.TRUE:
         return PROVED
     try:
-        return _ask(goal, given, LinearTranslation(), seconds)
+        return _ask(goal, given, SharedTranslation(), seconds)
     except NotLinear:
         return prove([goal], given, seconds=seconds)
 
