@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Warnings about gates that may stay closed, stay open, or replace nothing.
+Warnings about gates that may stay closed, stay open, or replace nothing, and endless actions.
 
 A requirement that reads nothing of the gate's topic is an interlock: while it is violated nothing
 passes, and no substitute helps.
@@ -22,10 +22,11 @@ passes, and no substitute helps.
 from collections.abc import Iterator
 
 from fret_monitor.bundle.bundle import Bundle, GateEntry
+from fret_monitor.elaboration.restrict import counted_formula
 from fret_monitor.logic.specification import Gate, Specification
 from fret_monitor.model.diagnostics import Diagnostic, did_you_mean, Level
 from fret_monitor.model.names import absolute
-from fret_monitor.model.policies import ActionKind
+from fret_monitor.model.policies import ActionKind, Report
 
 
 def doubtful_acting(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
@@ -42,6 +43,7 @@ def doubtful_acting(bundle: Bundle, specification: Specification) -> Iterator[Di
                 Level.WARNING)
     yield from interlocks(bundle, specification)
     yield from _locks_that_are_read(bundle, specification)
+    yield from _endless(bundle, specification)
 
 
 def _source_nobody_reads(entry: GateEntry, gate: Gate,
@@ -93,6 +95,25 @@ def _locks_that_are_read(bundle: Bundle, specification: Specification) -> Iterat
                     'a lock that is closed once may stay closed', 'choose another topic',
                     Level.WARNING)
                 del locks[name.value]
+
+
+def _endless(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
+    """Yield a warning for each message that is published until `~/reset`."""
+    endless = {entry.name.value for entry in bundle.actions if entry.kind is ActionKind.PUBLISH
+               and entry.rate is not None and entry.duration is None}
+    kept = {id_ for gate in specification.gates for id_ in gate.keep}
+    always = {item.id for item in specification.properties
+              if item.id not in kept and item.report is not Report.OCCURRENCE
+              and counted_formula(item) is not item.formula}
+    for item in bundle.requirements:
+        for name in item.on_violation:
+            if name.value in endless and item.id.value in always:
+                yield Diagnostic(
+                    f"'{name.value}' is published until ~/reset", name.span,
+                    f'{item.id.value} stays false once it was violated',
+                    'report: occurrence   # of the requirement: it ends with the violation\n'
+                    'for: 2               # of the action: it ends after 2 s', Level.WARNING)
+                endless.discard(name.value)
 
 
 def interlocks(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:

@@ -89,3 +89,25 @@ def test_a_gate_on_a_service_that_reads_nothing_of_the_request_is_warned_of(
                          'read data in one of its requirements')]
     assert found[2][-1] == ("no input has the topic 'arm/_service_event'",
                             "did you mean 'amr/_service_event'?")
+
+
+ENDLESS = """
+format: 1
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float32}
+actions:
+  brake: {publish: {topic: brake, type: std_msgs/msg/Bool, rate: 10}}
+on_violation: [brake]
+requirements:
+  - {id: SLOW, ptltl: H (speed < 1)}
+"""
+
+
+def test_what_is_published_until_a_reset_is_warned_of(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    found = []
+    for old, new in (('', ''), ('H (speed < 1)}', 'H (speed < 1), report: occurrence}'),
+                     ('rate: 10', 'rate: 10, for: 2'), ('H (speed', '(speed')):
+        path.write_text(ENDLESS.replace(old, new) if old else ENDLESS, encoding='utf-8')
+        found.append([item.title for item in read(path).warnings])
+    assert found == [["'brake' is published until ~/reset"], [], [], []]
