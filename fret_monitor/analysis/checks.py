@@ -19,6 +19,7 @@ The analysis of a bundle: all questions, each for the parts that it concerns.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 import time
@@ -404,11 +405,13 @@ class _PartAnalysis:
         example = None if longest is None else self._replayed(component, longest.rows)
         if example is None:
             return unknown
-        less = shrunk(frozenset(component.required), lambda items: end(items) is not None)
-        return self._with_smallest(replace(
-            unknown, holds=False, example=example, reason='', are_all=False,
-            conflicts=(tuple(self._part.ids[item] for item in sorted(less)),),
-            method=f'no run of {counted(last, "step")} satisfies all'))
+        no = replace(unknown, holds=False, example=example, reason='', are_all=False,
+                     method=f'no run of {counted(last, "step")} satisfies all')
+        with suppress(OutOfTime):
+            less = shrunk(frozenset(component.required), lambda items: end(items) is not None)
+            return self._with_smallest(replace(
+                no, conflicts=(tuple(self._part.ids[item] for item in sorted(less)),)))
+        return no
 
     def _everything(self, component: Component, once: tuple[Term, ...] = ()) -> Wanted:
         """Return that all holds forever, and each of some terms once."""

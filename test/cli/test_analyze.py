@@ -101,6 +101,17 @@ def test_without_outputs_realizability_is_refused_or_left_out(here: Here) -> Non
     assert found['diagnostics'][0]['level'] == 'warning'
 
 
+def test_an_assumption_about_outputs_of_the_same_step_gets_a_warning(here: Here) -> None:
+    bundle = here.file('valves.yaml', VALVES + (
+        '  - {id: A-1, ptltl: "H (valve -> !stop)", assume: true}\n'
+        '  - {id: A-2, ptltl: "H (Y valve -> !start)", assume: true}\n'))
+    done = here.run('analyze', bundle, '--only', 'realizability')
+    assert done.status == 1
+    assert 'warning: the assumption A-1 reads valve of the same step' in done.err
+    assert 'A-2' not in done.err
+    assert '  no       valve: V-1, V-2, A-1, A-2' in done.out
+
+
 def test_missing_packages_are_named_with_the_command(
         here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(analyze, 'find_spec', lambda name: None)
