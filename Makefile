@@ -5,7 +5,7 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo demo-gate test thorough lint bench bench-ros bench-bags bench-copilot soak fuzz coverage prove clean
+.PHONY: help setup setup-test demo demo-gate test thorough lint bench bench-ros bench-bags bench-copilot bench-analysis soak fuzz coverage prove clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
@@ -18,6 +18,7 @@ help:
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
 	@echo 'make bench-copilot  the C of export --to copilot, beside Copilot itself'
 	@echo 'make bench-bags  checking recordings, beside reading them'
+	@echo 'make bench-analysis  analyze, and what the traces of tests notice (10 minutes)'
 	@echo 'make soak    ten million messages through the node, and rows through simulate (15 minutes)'
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
 	@echo 'make coverage  lines of the package and of csrc that the tests run'
@@ -61,6 +62,11 @@ bench-bags: setup-test
 
 bench-copilot: setup
 	@$(PYTHON) -m bench.copilot_abi
+
+# FRET is a folder with exports of FRET projects, such as its case studies.
+FRET := $(wildcard ../shared/data/fret/exports)
+bench-analysis: setup-test
+	@PYTHONPATH=.:test $(PYTHON) -m bench.analysis $(FRET)
 
 soak: setup
 	@$(PYTHON) -m bench.soak

@@ -13,12 +13,14 @@
 # limitations under the License.
 
 """
-Time of `analyze` on FRET's case studies, and on bundles of 10, 50 and 200 requirements.
+Time of `analyze`, and what the traces of `tests` cover and notice.
 
-    python -m bench.analysis [FOLDER]
+    make bench-analysis
+    make bench-analysis FRET=FOLDER
 
-FOLDER has bundles imported from FRET's case studies. The made bundles are FRETish sentences about
-Boolean inputs; requirements share outputs in threes.
+FOLDER has exports of FRET projects (`*_reqts_and_vars.json`) or bundles. The made bundles of 10,
+50 and 200 requirements are FRETish sentences about Boolean inputs; requirements share outputs in
+threes. A mutant of a requirement is noticed if one of its traces has other verdicts.
 """
 
 from pathlib import Path
@@ -33,6 +35,13 @@ from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.replay import CompiledReplay
 from fret_monitor.build import read
 from fret_monitor.explain.report import meanings
+from fret_monitor.importing import import_bundles, write_bundles
+from fret_monitor.model.policies import Policy
+from fret_monitor.testgen.recorded import history
+from fret_monitor.testgen.suite import Answer, make_suite
+from testgen.mutants import mutants
+
+ROOT = Path(__file__).resolve().parent.parent
 
 LIMIT_S = 60.0
 TIMINGS = ('immediately', 'within 5 ticks', 'within 1000 ticks', 'for 3 ticks',
@@ -61,7 +70,7 @@ def measured(path: Path) -> None:
     reading = read(path)
     denials = {name: item.denial for name, item in meanings(reading).items()
                if item.denial is not None}
-    print(f'{path.parent.name}/{path.name}: {len(reading.specification.properties)} requirements')
+    print(f'{path.name}: {len(reading.specification.properties)} requirements')
     for question in Question:
         begin = time.perf_counter()
         found = analyze(reading.specification, CompiledReplay(reading), [question],
@@ -72,16 +81,47 @@ def measured(path: Path) -> None:
               f'{answers.count(None):3} unknown')
 
 
+def tested(path: Path) -> None:
+    """Print how many obligations the tests of a bundle cover, and how many mutants they notice."""
+    found = make_suite(read(path), LIMIT_S)
+    names = [item.name for item in found.specification.signals]
+    answers = [item.answer for item in found.covered]
+    covered = answers.count(Answer.COVERED)
+    possible = len(answers) - answers.count(Answer.UNREACHABLE)
+    results = []
+    for item in found.specification.properties:
+        traces = [case.trace for case in found.cases if case.requirement.id == item.id]
+        delta = 1 if found.specification.policy is not Policy.TIMED else 1_000_000_000
+        for mutant in mutants(item, delta):
+            results.append(any(
+                history(item.formula, item.feedback, names, trace) !=
+                history(mutant.item.formula, item.feedback, names, trace) for trace in traces))
+    print(f'{path.name:24} {covered:5} / {possible} obligations   '
+          f'{sum(results):5} / {len(results)} mutants', flush=True)
+
+
+def bundles(folder: Path, made_in: Path) -> list[Path]:
+    """Return the bundles in a folder, and those imported from exports of FRET in it."""
+    found = sorted(folder.rglob('*.yaml'))
+    for export in sorted(folder.rglob('*_reqts_and_vars.json')):
+        imported = import_bundles([export], made_in / f'{export.stem}.yaml')
+        write_bundles(imported)
+        found += [item.path for item in imported]
+    return found
+
+
 def main() -> None:
-    """Print the times of all bundles."""
-    for folder in sys.argv[1:]:
-        for path in sorted(Path(folder).rglob('*.yaml')):
-            measured(path)
-    with TemporaryDirectory() as folder:
+    """Print the times of all bundles, then the tests of those in config/."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        paths = [path for given in sys.argv[1:] for path in bundles(Path(given), folder)]
         for count in (10, 50, 200):
-            path = Path(folder) / f'made_{count}.yaml'
-            path.write_text(made(count), encoding='utf-8')
+            paths.append(folder / f'made_{count}.yaml')
+            paths[-1].write_text(made(count), encoding='utf-8')
+        for path in paths:
             measured(path)
+    for path in sorted((ROOT / 'config').glob('*.yaml')):
+        tested(path)
 
 
 if __name__ == '__main__':
