@@ -23,7 +23,7 @@ import struct
 from typing import Any
 
 from differential.compiled import clang, Compiled, FLAGS, gcc
-from fret_monitor.logic.evaluate import evaluate
+from fret_monitor.logic.evaluate import evaluate, evaluate_all
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, Conversion, Formula, Previous, Unary, UnaryOperator,
     Variable,
@@ -165,9 +165,10 @@ def compiled(properties: list[Property], inputs: Sequence[Variable], compiler: A
 @cache
 def results() -> list[tuple[Formula, Variable, list[Any]]]:
     """Return every operation with an input and the values that it should give."""
-    trace = columns()
-    return [(term, Variable(f'r_{number}', term.type), evaluate(term, trace))
-            for number, term in enumerate(terms())]
+    items = [*terms()]
+    found = zip(items, evaluate_all(items, columns()), strict=True)
+    return [(term, Variable(f'r_{number}', term.type), values)
+            for number, (term, values) in enumerate(found)]
 
 
 @cache
@@ -213,8 +214,7 @@ def relations() -> list[tuple[Formula, list[Any]]]:
     plain = [Binary(operator, a, b) for a, b in pairs
              for operator in BinaryOperator if operator.is_relation]
     items: list[Formula] = [*plain, *(Unary(UnaryOperator.NOT, item) for item in plain)]
-    trace = columns()
-    return [(item, evaluate(item, trace)) for item in items]
+    return list(zip(items, evaluate_all(items, columns()), strict=True))
 
 
 @with_each_compiler
