@@ -94,7 +94,8 @@ def find_run(steps: Steps, wanted: Wanted, deadline: Deadline, seconds: float,
     return last
 
 
-def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float) -> int | None:
+def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float,
+                most: int | None = None) -> int | None:
     """
     Return a number of steps that no run has, if a term holds at each; None if none was found.
 
@@ -103,7 +104,7 @@ def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float) 
     end = time.monotonic() + seconds
     with suppress(NotLinear, NoValue):
         search = _Unrolling(steps, Wanted(always, t.FALSE), seconds, is_wide=True)
-        for count in range(1, _MOST_STEPS + 1):
+        for count in range(1, (most or _MOST_STEPS) + 1):
             deadline.check()
             search.extended(count)
             if search.is_over:
