@@ -41,6 +41,7 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory, TemporaryFile
 import time
+from typing import Any
 
 from fret_monitor.build import generate_monitor, read
 from fret_monitor.export.content import Options
@@ -51,6 +52,7 @@ from fret_monitor.ros.parameters import MONITOR_PARAMETERS
 
 HERE = Path(__file__).resolve().parent
 ROUNDS = 7
+LOCK_TIMEOUT_S = 0.5  # of a subscriber, as of twist_mux
 DOMAIN = '101'  # unless ROS_DOMAIN_ID is set; the tests use domains up to 100
 RATE = 1000.0  # messages a second
 SECONDS = 4.0
@@ -655,6 +657,47 @@ def gate(bench: Bench) -> Iterator[Row]:
     yield from rows('from a violating message to the substitute, median', 'us', found,
                     attrgetter('p50'))
     yield from rows('the same, 99 %', 'us', found, attrgetter('p99'))
+    found_s = [killed(bench) for _ in range(bench.rounds)]
+    yield Row(f'kill -9 after a message of the lock until it has expired, timeout '
+              f'{LOCK_TIMEOUT_S:g} s', 'gate', 's',
+              median(found_s), min(found_s), max(found_s))
+
+
+def killed(bench: Bench) -> float:
+    """Return the seconds from kill -9 of a gate until its lock has expired at a subscriber."""
+    import rclpy
+    from std_msgs.msg import Bool, Float32
+    path = bench.folder / 'gate_killed.yaml'
+    path.write_text(
+        'format: 1\ninputs:\n  x: {topic: raw, type: std_msgs/msg/Float32}\n'
+        'actions:\n  stop: {lock: {topic: e_stop, rate: 10}}\n'
+        'requirements:\n  - {id: EACH, ptltl: "x >= 0", on_violation: [stop]}\n'
+        'gates:\n  g: {from: raw, to: relayed, type: std_msgs/msg/Float32, keep: [EACH]}\n',
+        encoding='utf-8')
+    received: list[tuple[float, bool]] = []
+    rclpy.init()
+    node: Any = rclpy.create_node('base')
+    node.create_subscription(
+        Bool, 'e_stop', lambda message: received.append((time.monotonic(), message.data)), 10)
+    raw = node.create_publisher(Float32, 'raw', 10)
+    running = Running(Subject('gate', (
+        str(executable('gate')), '--ros-args', '-p', f'spec:={path}'), is_monitor=True))
+    try:
+        end_of_wait = time.monotonic() + 60.0
+        while sum(not is_locked for _, is_locked in received) < 10:
+            raw.publish(Float32(data=1.0))
+            rclpy.spin_once(node, timeout_sec=0.02)
+            if time.monotonic() > end_of_wait:
+                raise SystemExit('the lock of the gate has not opened')
+        running.process.kill()
+        began = time.monotonic()
+        while time.monotonic() < received[-1][0] + LOCK_TIMEOUT_S:
+            rclpy.spin_once(node, timeout_sec=0.001)
+        return time.monotonic() - began
+    finally:
+        running.kill()
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def start(bench: Bench) -> Iterator[Row]:
