@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The SROS2 policy of the running example allows what its nodes do, and nothing else."""
+"""The SROS2 policy of the examples allows what their nodes do, and nothing else."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -21,7 +21,8 @@ import pytest
 from ros.harness import Partner, started, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
-BUNDLE = ROOT / 'config' / 'quadrotor.yaml'
+QUADROTOR = ROOT / 'config' / 'quadrotor.yaml'
+BUNDLES = {'monitor': QUADROTOR, 'logger': QUADROTOR, 'gate': ROOT / 'examples' / 'wall.yaml'}
 POLICY = ROOT / 'config' / 'sros2' / 'policy.xml'
 
 if not POLICY.is_file():
@@ -59,14 +60,14 @@ def used(partner: Partner, node: str) -> set[Use]:
     return {(what, name) for what, ask in asked.items() for name, _ in ask(node, '/')}
 
 
-@pytest.mark.parametrize('executable', ['monitor', 'logger'])
+@pytest.mark.parametrize('executable', ['monitor', 'logger', 'gate'])
 def test_the_policy_allows_what_a_node_does_and_nothing_else(
     partner: Partner, executable: str,
 ) -> None:
     node = f'fret_{executable}'
     expected = allowed(node)
     assert len(expected) > 10
-    with started(executable, '-p', f'spec:={BUNDLE}'):
+    with started(executable, '-p', f'spec:={BUNDLES[executable]}'):
         wait_until(lambda: node in partner.node.get_node_names()
                    and used(partner, node) >= expected,
                    f'{node} does all of {sorted(expected)}')
@@ -76,7 +77,7 @@ def test_the_policy_allows_what_a_node_does_and_nothing_else(
 def test_an_enclave_has_one_node_and_the_path_in_the_documentation() -> None:
     page = (ROOT / 'docs' / 'security.md').read_text(encoding='utf-8')
     enclaves = ElementTree.parse(POLICY).findall('.//enclave')
-    assert len(enclaves) == 2
+    assert len(enclaves) == 3
     for enclave in enclaves:
         assert len(enclave.findall('.//profile')) == 1
         assert f'--enclave {enclave.get("path")}' in page
