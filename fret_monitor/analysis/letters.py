@@ -218,7 +218,10 @@ class _Enumeration:
                     if exact is None:
                         continue
                 else:
-                    self._doubts[ROUNDED] = None
+                    exact = self._unrounded(letter)
+                    if exact is None or tuple(map(bool, evaluate(
+                            *(exact[item] for item in self._inputs)))) != letter:
+                        self._doubts[ROUNDED] = None
                 witness = exact or witness
             found.append(Letter(letter, witness, self._is_certain(letter, witness)))
 
@@ -236,6 +239,17 @@ class _Enumeration:
             return function_of(self._terms, self._inputs)
         except NoValue:
             return None
+
+    def _unrounded(self, letter: Sequence[bool]) -> Values | None:
+        """Return numbers that give a letter if nothing is rounded, if there are any."""
+        translation = RealTranslation()
+        solver = new_solver(_QUERY_S)
+        for item, value in zip(self._terms, letter):
+            solver.add(translation(item) if value else z3.Not(translation(item)))
+        solver.add(*translation.ranges, *self._ranges(translation.variables))
+        if solver.check() != z3.sat:
+            return None
+        return _witness(solver.model(), translation.variables, True)
 
     def _exact(self, letter: Sequence[bool]) -> Values | None:
         """Return values of floats that give a letter which real numbers have, if there are any."""
