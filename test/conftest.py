@@ -16,6 +16,7 @@
 
 from collections.abc import Callable, Iterator
 import fcntl
+import gc
 import os
 from pathlib import Path
 import re
@@ -76,6 +77,11 @@ def pytest_collection() -> Iterator[None]:
             file.flush()
             return (yield)
     return (yield)
+
+
+def pytest_collection_finish() -> None:
+    """Let the garbage collector skip the thousands of tests, which stay until the end."""
+    gc.freeze()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -416,7 +416,7 @@ def test_a_topic_may_be_as_long_as_ros_allows() -> None:
     strategies.sampled_from(['', ' ', '\n', '\t', ':', '#', '!', '&', '*', '[', ']', '{', '}', '|',
                              '>', '-', '"', "'", '%', '@', '\\', 'é', '\r', '\u2028', '---\n',
                              '<<: ', '\x00', '\ufeff', '\ud800'])), max_size=4))
-@settings(max_examples=300)
+@settings(max_examples=3 * settings().max_examples)
 @example([(0, 0, '\ufeff'), (5, 0, '\ufeff')])
 def test_a_damaged_bundle_is_read_or_refused_and_nothing_else(
         damage: list[tuple[int, int, str]]) -> None:

@@ -53,7 +53,7 @@ def _scalars(text: str, loader: type) -> list[tuple[yaml.ScalarEvent, Text]]:
 @given(head=strategies.sampled_from(_HEADS),
        middle=strategies.lists(strategies.sampled_from(_PIECES), max_size=14),
        tail=strategies.sampled_from(_TAILS))
-@settings(max_examples=400)
+@settings(max_examples=3 * settings().max_examples)
 def test_a_character_stands_where_its_place_says(
         loader: type, head: str, middle: list[str], tail: str) -> None:
     text = head + ''.join(middle) + tail

@@ -21,7 +21,7 @@ from fret_monitor.logic.formula import (
     Variable, Yesterday,
 )
 from fret_monitor.model.values import ValueType
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 BOOL, INT, REAL = ValueType.BOOL, ValueType.INT64, ValueType.FLOAT64
@@ -56,7 +56,6 @@ def terms(cell: Feedback, numbers: tuple[Formula, ...]) -> st.SearchStrategy[For
         inner, inner) | st.builds(Choice, truths(cell, numbers), inner, inner), max_leaves=6)
 
 
-@settings(max_examples=80, deadline=None)
 @given(st.data())
 def test_what_is_said_to_settle_stays_as_it_is_while_its_inputs_do(data: st.DataObject) -> None:
     cell, numbers = data.draw(st.sampled_from(((LATCH, WHOLE), (COUNT, WHOLE), (LEVEL, REALS))))
