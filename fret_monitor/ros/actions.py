@@ -34,6 +34,7 @@ from fret_monitor.ros.action_calls import Call, CallError
 from fret_monitor.ros.feed import ErrorKeeper
 from fret_monitor.ros.fields import message_class
 from fret_monitor.ros.hot_path import Lock
+from fret_monitor.ros.reasons import why_locked
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.runtime import Engine, State
 
@@ -85,6 +86,7 @@ class Actions:
         self._manifest = manifest
         self._owned = ExitStack()
         self.locks: list[Lock] = []
+        self._reviewed: dict[str, LockState] = {}
         self._running: _Running | None = None
         self._runners: dict[int, _Publishing | _Calling] = {}
         with ExitStack() as undo:
@@ -112,6 +114,7 @@ class Actions:
 
     def prepare(self, engine: Engine) -> None:
         """Let an engine keep the states that actions follow; before messages are delivered."""
+        self._reviewed.clear()
         if self._manifest.actions:
             engine.follow_states()
 
@@ -146,13 +149,58 @@ class Actions:
         for index, runner in self._runners.items():
             yield self._manifest.actions[index], runner.counts
 
-    def are_locked(self, engine: Engine) -> Iterator[tuple[str, bool]]:
-        """Yield the name of each lock, and whether it is locked."""
-        locks = [item.name for item in self._manifest.actions if item.kind is ActionKind.LOCK]
-        _, states = engine.states(0, 0.0) if locks else (0, [])
-        for name, lock in zip(locks, self.locks):
-            yield name, any(states[index].state is not State.HOLDS
-                            for index in lock.requirements)
+    def lock_states(self, engine: Engine) -> Iterator[tuple[str, 'LockState']]:
+        """Yield the name and the state of each lock."""
+        names = [item.name for item in self._manifest.actions if item.kind is ActionKind.LOCK]
+        _, states = engine.states(0, 0.0) if names else (0, [])
+        for name, lock in zip(names, self.locks):
+            occurrences = sum(states[index].occurrences for index in lock.requirements)
+            yield name, LockState(why_locked(engine, states, lock.requirements), occurrences)
+
+    def review(self, engine: Engine) -> None:
+        """Log the locks that have changed, also those that were locked in between."""
+        for name, state in self.lock_states(engine):
+            before = self._reviewed.get(name)
+            if before == state:
+                continue
+            self._reviewed[name] = state
+            if state.why or before is None or before.why:
+                self._node.get_logger().info(f"lock '{name}' is {state.text}")
+            else:
+                self._node.get_logger().info(
+                    f"lock '{name}' is free again, after a violation that was over at once")
+
+    def describe(self) -> str:
+        """Return the log line at the start: all locks and actions; '' if there are none."""
+        node, found = self._node, self._manifest.actions
+        parts = [f"lock '{item.name}' on {node.resolve_topic_name(item.target)}, "
+                 f'{1e9 / item.period:g} Hz' for item in found if item.kind is ActionKind.LOCK]
+        parts += [f"action '{item.name}' {_effect(node, item)}" for item in found
+                  if item.kind is not ActionKind.LOCK]
+        return '; '.join(parts)
+
+
+@dataclass(frozen=True)
+class LockState:
+    """Why a lock is locked, '' if it is free; how often one of its requirements was violated."""
+
+    why: str
+    occurrences: int
+
+    @property
+    def text(self) -> str:
+        """The state in the log and in diagnostics."""
+        return f'locked: {self.why}' if self.why else 'free'
+
+
+def _effect(node: Node, action: ManifestAction) -> str:
+    match action.kind:
+        case ActionKind.LOCK | ActionKind.PUBLISH:
+            return f'publishes on {node.resolve_topic_name(action.target)}'
+        case ActionKind.CALL:
+            return f'calls {node.resolve_service_name(action.target)}'
+        case ActionKind.TRANSITION:
+            return f'brings {action.target} to {action.state}'
 
 
 class _Publishing:

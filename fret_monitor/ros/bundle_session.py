@@ -205,6 +205,10 @@ class BundleSession:
         turns = [0 if thread is None else thread.turns for thread in threads]
         return (*turns, *([] if self._actions.turns is None else [self._actions.turns]))
 
+    def describe_actions(self) -> str:
+        """Return the locks and actions for the log at the start; '' if there are none."""
+        return self._actions.describe()
+
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
         self._engine.reset()
@@ -339,6 +343,7 @@ class BundleSession:
             self._look_up_log.review()
             if self._gate is not None:
                 self._gate.review()
+            self._actions.review(self._engine)
             self._health.publish(self._statuses())
         self._log_unpublished()
         for topic in range(len(self.manifest.topics)):

@@ -25,6 +25,7 @@ from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.feed import Topic
 from fret_monitor.ros.hot_path import Middleware
 from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.reasons import missing_inputs
 from fret_monitor.ros.relay import Relay
 from fret_monitor.ros.service_gate import ServiceGate
 from fret_monitor.ros.throttle import Throttle
@@ -214,14 +215,9 @@ def _reasons(engine: Engine, gate: ManifestGate, counts: GateCounts) -> Iterator
     manifest = engine.monitor.manifest
     own = () if gate.topic is None else manifest.topics[gate.topic].inputs
     other = [index for index in range(len(manifest.inputs)) if index not in own]
-    unknown = [index for index in other if engine.value(index) is None]
-    silent = [] if gate.is_open_when_stale else [
-        index for index in other if index not in unknown and engine.silence(index).is_silent]
-    if unknown:
-        yield f'no value yet of {_named(manifest, unknown)}'
-    if silent:
-        yield f'nothing comes of {_named(manifest, silent)}'
-    if not counts.is_known and not unknown and not silent:
+    missing = list(missing_inputs(engine, other, with_silent=not gate.is_open_when_stale))
+    yield from missing
+    if not counts.is_known and not missing:
         yield 'this node stood still: whether an input is silent is not known yet'
     if counts.is_latched:
         yield 'latched by a violation'
@@ -233,7 +229,3 @@ def _reasons(engine: Engine, gate: ManifestGate, counts: GateCounts) -> Iterator
            if is_withheld_from_start(engine, index)]
     if ids:
         yield f'violated since the first message: {", ".join(ids)}'
-
-
-def _named(manifest: Manifest, indices: list[int]) -> str:
-    return ', '.join(manifest.inputs[index].name for index in indices)

@@ -206,9 +206,9 @@ class Health:
             yield self._status(f'action {item.name}', level, message, {
                 'started': counts.started, 'sent': counts.sent, 'failed': counts.failed,
                 'skipped': counts.skipped})
-        for name, is_locked in self._actions.are_locked(self._engine) if self._actions else ():
-            yield self._status(f'lock {name}', DiagnosticStatus.WARN if is_locked else
-                               DiagnosticStatus.OK, 'locked' if is_locked else 'open', {})
+        for name, state in self._actions.lock_states(self._engine) if self._actions else ():
+            level = DiagnosticStatus.WARN if state.why else DiagnosticStatus.OK
+            yield self._status(f'lock {name}', level, state.text, {})
 
     def _named(self, places: Collection[int]) -> str:
         return ', '.join(self._manifest.inputs[place].name for place in places)

@@ -192,6 +192,9 @@ class MonitorNode(LifecycleNode):
             self._is_active = True
             self._sign_of_life = SignOfLife(self, [session.turns for session in self._sessions])
             undo.pop_all()
+        for session in self._sessions:
+            if line := session.describe_actions():
+                self.get_logger().info(line)
         for line in announcement([session.opened for session in self._sessions]):
             self.get_logger().info(line)
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(self, {

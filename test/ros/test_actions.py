@@ -109,9 +109,13 @@ def test_a_lock_follows_its_requirements_and_is_silent_with_its_process(
 ) -> None:
     x, y = (partner.publisher(Float32, name) for name in 'xy')
     lock = Log(partner, Bool, 'e_stop')
+    diagnostics = Diagnostics(partner, 'lock')
     begin = monotonic()
     with to_be_killed('-p', written(tmp_path, LOCKS)) as monitor:
         lock.wait_for(True, begin)  # no message has come
+        monitor.wait_for("lock 'stop' on /e_stop, 2 Hz")
+        monitor.wait_for("lock 'stop' is locked: no value yet of x")
+        diagnostics.wait_for_message('stop', 'locked: no value yet of x')
         partner.wait_for_listener(x, y)
         sleep(1.2)
         assert [message.data for _, message in lock.messages] == [True] * len(lock.messages)
@@ -127,7 +131,12 @@ def test_a_lock_follows_its_requirements_and_is_silent_with_its_process(
             topic.publish(Float32(data=value))
             # At once, not with the next heartbeat.
             assert lock.wait_for(expected, now) - now < 0.35, kind
+        monitor.wait_for("lock 'stop' is free")
         lock.wait_for(True, monotonic())  # x is silent
+        diagnostics.wait_for_message('stop', 'locked: nothing comes of x')
+        y.publish(Float32(data=2.0))
+        diagnostics.wait_for_message('stop', 'locked: violated: Y; nothing comes of x')
+        y.publish(Float32(data=0.0))
         now = monotonic()
         x.publish(Float32(data=0.0))
         lock.wait_for(False, now)
@@ -154,18 +163,25 @@ class Arm(LifecycleNode):
 
 
 class Diagnostics:
-    """The last status of each action."""
+    """The last status of each action, or of each lock."""
 
-    def __init__(self, partner: Partner) -> None:
+    def __init__(self, partner: Partner, kind: str = 'action') -> None:
         self.of: dict[str, tuple[int, dict[str, str]]] = {}
+        self.messages: dict[str, str] = {}
+        self._kind = kind
         partner.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, RELIABLE)
 
     def _take(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            name = status.name.partition(': action ')[2]
+            name = status.name.partition(f': {self._kind} ')[2]
             if name:
+                self.messages[name] = status.message
                 values = {item.key: item.value for item in status.values}
                 self.of[name] = ord(status.level), values
+
+    def wait_for_message(self, name: str, message: str) -> None:
+        wait_until(lambda: self.messages.get(name) == message,
+                   f'{message}, and not {self.messages.get(name)}')
 
     def wait_for(self, name: str, **values: int) -> None:
         wanted = {key: str(value) for key, value in values.items()}
@@ -198,6 +214,8 @@ def test_actions_follow_violations_and_are_counted(tmp_path: Path, partner: Part
     diagnostics = Diagnostics(partner)
     try:
         with started('monitor', '-p', written(tmp_path, BUNDLE)) as monitor:
+            monitor.wait_for("action 'call' calls /call; action 'slow' calls /slow")
+            monitor.wait_for("action 'park' brings /arm to inactive")
             partner.wait_for_listener(n)
             wait_until(lambda: all(partner.node.count_publishers(name) for name in kinds),
                        'publishers of the actions')
@@ -282,3 +300,20 @@ def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
     for now in (1.0, 6.0):
         running._start(0, now)
     assert running._last_start == {0: 1.0}
+
+
+def test_each_change_of_a_lock_is_logged_once_also_one_between_two_looks() -> None:
+    lines: list[str] = []
+    followed: Any = object.__new__(actions.Actions)
+    followed._node = SimpleNamespace(get_logger=lambda: SimpleNamespace(info=lines.append))
+    followed._reviewed = {}
+    for why, occurrences in (('', 0), ('', 0), ('', 1), ('violated: X', 2), ('violated: X', 2),
+                             ('', 2)):
+        state = actions.LockState(why, occurrences)
+        followed.lock_states = lambda engine, state=state: [('stop', state)]
+        followed.review(None)
+    assert lines == [
+        "lock 'stop' is free",
+        "lock 'stop' is free again, after a violation that was over at once",
+        "lock 'stop' is locked: violated: X",
+        "lock 'stop' is free"]
