@@ -24,6 +24,7 @@ have to differ between nodes.
 import atexit
 import ctypes
 from functools import cache
+import gc
 from importlib import import_module
 import json
 import os
@@ -39,11 +40,15 @@ from typing import Any
 import fret_monitor
 
 _MODULES = (
-    'concurrent.futures.thread', 'diagnostic_msgs.msg', 'fret_monitor.build',
-    'fret_monitor.native.folder', 'fret_monitor.runtime', 'fret_monitor.start',
-    'lifecycle_msgs.srv', 'numpy', 'rcl_interfaces.srv', 'rosgraph_msgs.msg',
-    'rosidl_generator_py', 'std_msgs.msg', 'std_srvs.srv', 'type_description_interfaces.srv',
-    'yaml')
+    'ament_index_python.packages', 'builtin_interfaces.msg', 'concurrent.futures.thread',
+    'diagnostic_msgs.msg', 'fret_monitor.build', 'fret_monitor.model.bundle_files',
+    'fret_monitor.model.mcap', 'fret_monitor.model.output', 'fret_monitor.native.folder',
+    'fret_monitor.ros.signals', 'fret_monitor.ros.throttle', 'fret_monitor.runtime',
+    'fret_monitor.runtime.detail_text', 'fret_monitor.runtime.fields', 'fret_monitor.start',
+    'lifecycle_msgs.msg', 'lifecycle_msgs.srv', 'numpy', 'rcl_interfaces.msg',
+    'rcl_interfaces.srv', 'rosgraph_msgs.msg', 'rosidl_generator_py', 'service_msgs.msg',
+    'std_msgs.msg', 'std_srvs.srv', 'type_description_interfaces.msg',
+    'type_description_interfaces.srv', 'yaml')
 _MIDDLEWARE = re.compile(r'/lib(rmw|fastrtps|rcl)')
 _MOST_BYTES = 1 << 17
 _PR_SET_CHILD_SUBREAPER = 36
@@ -123,6 +128,9 @@ def _serve(connection: socket.socket) -> None:
         import_module(name)
     import_module('fret_monitor.start')._package()  # each start of a node needs this hash
     assert not _MIDDLEWARE.search(Path('/proc/self/maps').read_text(encoding='utf-8'))
+    # A collection in a node would visit all these objects, which copies the pages they are on.
+    gc.collect()
+    gc.freeze()
     while True:
         request, files, _, _ = socket.recv_fds(connection, _MOST_BYTES, 1)
         if not request:
