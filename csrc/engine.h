@@ -210,7 +210,7 @@ FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
 FM_EXPORT void fm_engine_serve_clock(struct fm_engine * engine);
 
 /// Whether what is known of the requirements is old, since a thread hangs: messages are taken in
-/// rounds, and none has begun for so long, by CLOCK_MONOTONIC; or a clock is followed, and
+/// rounds, and none has ended for so long, by CLOCK_MONOTONIC; or a clock is followed, and
 /// fm_engine_serve_clock was not called for so long.
 FM_EXPORT bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds);
 

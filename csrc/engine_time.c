@@ -278,8 +278,10 @@ void fm_engine_begin(struct fm_engine * engine)
 void fm_engine_begin_round(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
+  if (!engine->has_rounds) {
+    engine->round_ended = read_clock(CLOCK_MONOTONIC);
+  }
   engine->has_rounds = true;
-  engine->round_began = read_clock(CLOCK_MONOTONIC);
   engine->has_round = !engine->is_closed && read_source_locked(engine, 0, &engine->round);
   if (engine->has_round) {
     join_source_locked(engine, engine->round);
@@ -293,6 +295,7 @@ void fm_engine_end_round(struct fm_engine * engine)
   if (engine->has_begun && engine->has_round && engine->source != FM_TOLD && !engine->is_closed) {
     fm_engine_take_due_by_locked(engine, engine->round);
   }
+  engine->round_ended = read_clock(CLOCK_MONOTONIC);
   fm_engine_unlock(engine);
 }
 
@@ -306,7 +309,7 @@ void fm_engine_serve_clock(struct fm_engine * engine)
 bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds)
 {
   const int64_t now = read_clock(CLOCK_MONOTONIC);
-  return (engine->has_rounds && fm_since(engine->round_began, now) > nanoseconds) ||
+  return (engine->has_rounds && fm_since(engine->round_ended, now) > nanoseconds) ||
          (engine->source == FM_CLOCK && fm_since(engine->clock_served, now) > nanoseconds);
 }
 

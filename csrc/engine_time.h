@@ -72,7 +72,7 @@ struct fm_engine
   int64_t system_ahead;  // of the steady clock, ns
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
   int64_t round;         // the time of the round
-  int64_t round_began;   // by CLOCK_MONOTONIC
+  int64_t round_ended;   // by CLOCK_MONOTONIC
   int64_t clock_served;  // by CLOCK_MONOTONIC: the thread that moves the clock was alive
   int64_t released;      // waiting messages were released until then
   bool has_rounds;       // messages are taken in rounds

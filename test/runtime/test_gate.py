@@ -593,7 +593,8 @@ def test_a_gate_is_closed_while_no_messages_of_the_other_topics_are_taken(tmp_pa
     assert gated.send(1.0) is PASSED
     gated.engine.take(0)
     assert gated.engine.replacement_due == NEVER
-    sleep(0.6)  # no round begins
+    sleep(0.6)
+    gated.engine.begin_round()  # but none ends, in which a silence would be taken
     gated.engine.take(0)
     assert gated.engine.replacement_due != NEVER
     assert gated.send(1.0) is CLOSED
@@ -601,6 +602,21 @@ def test_a_gate_is_closed_while_no_messages_of_the_other_topics_are_taken(tmp_pa
     gated.engine.begin_round()
     gated.engine.end_round()
     assert gated.send(1.0) is PASSED
+
+
+@pytest.mark.parametrize('policy', ['relevant_message', 'timed'])
+def test_a_message_that_is_judged_during_a_round_moves_no_time_back(
+        tmp_path: Path, policy: str) -> None:
+    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', policy)
+    bound = '5 s' if policy == 'timed' else '50'
+    gated = Guarded(tmp_path, text.replace('H (x < y)', f'(O[0,{bound}] y < 1.0) -> x <= 0.0'))
+    for level in (9.0, 0.5, 9.0):
+        gated.engine.begin_round()
+        gated.send(0.0)
+        gated.sense(level)
+        gated.engine.end_round()
+    assert gated.send(1.0) is VIOLATES
+    assert gated.engine.time_counts().restarts == 0
 
 
 def test_under_timed_a_message_that_waited_is_judged_when_it_is_sent(tmp_path: Path) -> None:
