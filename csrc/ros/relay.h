@@ -51,8 +51,8 @@ struct fm_relay_options
   int64_t stamp_at;           // of a replacement, as of fm_engine_replace
 };
 
-/// Start the thread; `*relay` as of fm_announcer_start. False if no thread can be made, or memory is
-/// short. The functions of this header may be called as those of receiver.h.
+/// Start the thread; `*relay` as of fm_announcer_start. False if no thread can be made, or memory
+/// is short. The functions of this header may be called as those of receiver.h.
 FM_EXPORT bool fm_relay_start(struct fm_relay ** relay, const struct fm_relay_options * options);
 
 /// Take the messages of a subscription (an rmw_subscription_t from which no other code takes),
