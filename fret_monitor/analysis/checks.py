@@ -30,6 +30,7 @@ from fret_monitor.analysis.component import (
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
+from fret_monitor.analysis.diagrams import memory_errors
 from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.letters import Values
@@ -38,6 +39,7 @@ from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
 )
 from fret_monitor.analysis.second import NotComparable, SecondCheck
+from fret_monitor.analysis.short_runs import short_runs
 from fret_monitor.analysis.unrolling import end_of_runs, find_run, Found, Steps, Wanted
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.specification import Specification
@@ -56,6 +58,9 @@ _MOST_CONFLICTS = 10
 _TIMED_S = 5.0  # for a question about time, since most end soon or never
 _LONG_S = 20.0  # to find a run of numbers
 _SHORT_S = 2.0  # that for one requirement
+_MANY = 20  # requirements, for which short runs are searched first
+_RUNS_SHARE = 0.75  # of the time of a part, for short runs
+_MOST_S = 120.0  # of that time
 _REFUTED = 'internal error: z3 refutes what the decision diagrams found; please report it'
 _CONTRADICTION = 'the assumptions contradict each other'
 _INTERRUPTED = 'interrupted'
@@ -138,6 +143,8 @@ class _PartAnalysis:
         self._coarse: _PartAnalysis | None = None
         self._is_coarse = False
         self._about_assumptions: Answer | None = None
+        self._is_full = False
+        self._shown: dict[tuple[Question, int | None], Answer] = {}
 
     @property
     def _outputs(self) -> tuple[str, ...]:
@@ -148,6 +155,9 @@ class _PartAnalysis:
                      if item.name in names & read)
 
     def answers(self) -> Iterator[Answer]:
+        if len(self._part.properties) > _MANY:
+            with suppress(MemoryError, NoTicks, OutOfTime, TooLarge), memory_errors():
+                self._show_by_runs()
         for question in self._questions:
             if question in (Question.VACUITY, Question.REDUNDANCY):
                 for place, name in enumerate(self._part.ids):
@@ -164,7 +174,8 @@ class _PartAnalysis:
         ids = self._part.ids if place is None else (self._part.ids[place],)
         outputs = self._outputs if question is Question.REALIZABILITY else ()
         blank = Answer(question, ids, None, outputs=outputs)
-        found = self._attempt(blank, place)
+        known = self._shown.get((question, place))
+        found = known or self._attempt(blank, place)
         if found.holds is None and not self._deadline.is_over and not self._is_coarse and \
                 self._context.specification.policy is Policy.TIMED:
             return self._on_grid(found, place)
@@ -172,7 +183,8 @@ class _PartAnalysis:
 
     def _attempt(self, blank: Answer, place: int | None) -> Answer:
         try:
-            return self._answer(blank, place)
+            with memory_errors():
+                return self._answer(blank, place)
         except (TooLarge, NoTicks, NoRun) as error:
             return replace(blank, reason=str(error))
         except _Refuted:
@@ -246,8 +258,62 @@ class _PartAnalysis:
 
     def _consistent(self, component: Component) -> Descent:
         if self._descent is None:
-            self._descent = component.games.consistent(component.required)
+            if self._is_full:
+                raise MemoryError
+            try:
+                with memory_errors():
+                    self._descent = component.games.consistent(component.required)
+            except MemoryError:
+                self._is_full = True  # so that no other question fills the memory again
+                raise
         return self._descent
+
+    def _show_by_runs(self) -> None:
+        """Store the answers about many requirements that short runs show."""
+        questions = {*self._questions} - {Question.REALIZABILITY, Question.RT_CONSISTENCY}
+        if not questions or self._context.specification.policy is Policy.TIMED:
+            return
+        component = self._built()
+        if component.games.pending:
+            return
+        verdicts, ids = component.whole.verdicts, self._part.ids
+        seconds = self._deadline.at_most(_MOST_S) * _RUNS_SHARE
+        violable: set[int] = set()
+        triggered: set[int] = set()
+        for found in short_runs(
+                Steps(component.whole.state, component.inputs, component.domains),
+                [verdicts[place] for place in range(len(ids))],
+                {place: verdicts[item] for place, item in component.triggers.items()},
+                self._deadline, seconds):
+            violated = [{name for name in ids if not line[name]}
+                        for line in self._verdicts(component, found.rows)]
+            if found.alone is None and not any(violated):
+                self._store(Question.CONSISTENCY, None, True, (
+                    f'a run that repeats from step {len(found.rows) - 1} on after '
+                    f'{counted(len(found.rows), "step")}, replayed in the compiled monitor'))
+                triggered |= found.triggered
+            elif found.alone is not None and violated[-1] == {ids[found.alone]} \
+                    and not any(violated[:-1]):
+                violable.add(found.alone)
+            self._store_places(component, triggered, violable)
+
+    def _store_places(self, component: Component, triggered: set[int],
+                      violable: set[int]) -> None:
+        """Store that requirements are needed, once some run satisfies all."""
+        if (Question.CONSISTENCY, None) not in self._shown:
+            return
+        for place in violable:
+            is_assumption = place in component.games.assumptions
+            self._store(Question.REDUNDANCY, place, False, 'an assumption' if is_assumption
+                        else 'it can be violated alone')
+            if place not in component.triggers:
+                self._store(Question.VACUITY, place, False, 'it can be violated')
+            elif place in triggered:
+                self._store(Question.VACUITY, place, False, 'its trigger can come')
+
+    def _store(self, question: Question, place: int | None, holds: bool, method: str) -> None:
+        ids = self._part.ids if place is None else (self._part.ids[place],)
+        self._shown[question, place] = Answer(question, ids, holds, method)
 
     # -- questions --------------------------------------------------------------------------
 

@@ -19,7 +19,8 @@ A set of states is a diagram over the bits of the state. A set of steps is one o
 choices of the environment and those of the system.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -36,8 +37,21 @@ except ImportError:  # a platform without a wheel
 
 Node: TypeAlias = Any
 _MEMORY_BYTES = 2 * 2 ** 30
+_LEAST_BYTES = 2 ** 26
+_FULL_AFTER_S = 100.0  # about the time in which the memory fills
 _MANY_NODES = 100_000  # before variables are moved
 _ROUNDS = 32  # between two looks at how many there are
+
+
+@contextmanager
+def memory_errors() -> Iterator[None]:
+    """Raise MemoryError where `dd` reports that CUDD has reached the limit of its memory."""
+    try:
+        yield
+    except (RuntimeError, ValueError) as error:
+        if 'NULL' not in str(error) and 'failed' not in str(error):
+            raise
+        raise MemoryError from error
 
 
 @dataclass(frozen=True)
@@ -48,6 +62,24 @@ class Choices:
     environment: tuple[str, ...]
     others: tuple[str, ...]
     classes: tuple[str, ...]
+
+
+def _manager(deadline: Deadline) -> BDD:
+    """
+    Return a manager of diagrams.
+
+    An operation of CUDD cannot be interrupted. Its memory is limited to what fills in the time
+    that is left, so that it ends by then.
+    """
+    if 'cudd' not in BDD.__module__:
+        manager = BDD()
+        manager.configure(reordering=False)
+        return manager
+    share = deadline.at_most(_FULL_AFTER_S) / _FULL_AFTER_S
+    manager = BDD(memory_estimate=_MEMORY_BYTES)
+    manager.configure(reordering=False,
+                      max_memory=max(_LEAST_BYTES, int(share * _MEMORY_BYTES)))
+    return manager
 
 
 def _order(bit: str) -> tuple[int, str]:
@@ -72,8 +104,7 @@ class Diagrams:
                  deadline: Deadline) -> None:
         """Translate a system."""
         self.deadline = deadline
-        self.bdd = BDD(memory_estimate=_MEMORY_BYTES) if 'cudd' in BDD.__module__ else BDD()
-        self.bdd.configure(reordering=False)
+        self.bdd = _manager(deadline)
         self._rounds = 0
         self.system = system
         self.bits = [item.now.value for item in system.bits]
@@ -209,6 +240,7 @@ class Diagrams:
         """Return the conjunction of some diagrams."""
         found = self.bdd.true
         for item in nodes:
+            self.deadline.check()
             found &= item
         return found
 

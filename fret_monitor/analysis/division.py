@@ -27,6 +27,7 @@ from enum import Enum
 from fret_monitor.analysis.answers import Question
 from fret_monitor.analysis.component import build_component, by_outputs, Part, united
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
+from fret_monitor.analysis.diagrams import memory_errors
 from fret_monitor.logic.specification import Specification
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.transition import NoTicks
@@ -56,7 +57,10 @@ def tasks(specification: Specification, part: Part, questions: Sequence[Question
     if len(part.properties) <= _SMALL or len(components) < 2:
         yield Task(part, tuple(questions), frozenset(part.ids))
         return
-    freedom = [_freedom(specification, item, deadline) for item in components]
+    freedom = []
+    for number, item in enumerate(components):
+        deadline.begin_part(2 * len(components) - number)  # half of the time is for the answers
+        freedom.append(_freedom(specification, item, deadline))
     found = dict(enumerate(freedom))
     core = [item for place, item in enumerate(components) if found[place] is _Freedom.NONE]
     loose = [item for place, item in enumerate(components)
@@ -85,18 +89,23 @@ def _of_runs(part: Part, components: Sequence[Part], core: list[Part],
 
 def _freedom(specification: Specification, part: Part, deadline: Deadline) -> _Freedom:
     try:
-        component = build_component(specification, part, None, deadline)
-        games, d = component.games, component.games.diagrams
-        if component.doubts or games.pending:
-            return _Freedom.NONE
-        if games.assumptions and not games.consistent(()).holds:
-            return _Freedom.NONE
-        found = games.realizable(component.required)
-        if not found.holds:
-            return _Freedom.NONE
-        safe = games.safe(component.required)
-        inside = d.before(found.last)
-        layers = games.reach(safe & inside, safe & found.last & ~inside)
-        return _Freedom.REALIZABLE if games.is_reached(layers) else _Freedom.ROBUST
+        with memory_errors():
+            return _found_freedom(specification, part, deadline)
     except (MemoryError, NoTicks, OutOfTime, TooLarge):
         return _Freedom.NONE
+
+
+def _found_freedom(specification: Specification, part: Part, deadline: Deadline) -> _Freedom:
+    component = build_component(specification, part, None, deadline)
+    games, d = component.games, component.games.diagrams
+    if component.doubts or games.pending:
+        return _Freedom.NONE
+    if games.assumptions and not games.consistent(()).holds:
+        return _Freedom.NONE
+    found = games.realizable(component.required)
+    if not found.holds:
+        return _Freedom.NONE
+    safe = games.safe(component.required)
+    inside = d.before(found.last)
+    layers = games.reach(safe & inside, safe & found.last & ~inside)
+    return _Freedom.REALIZABLE if games.is_reached(layers) else _Freedom.ROBUST

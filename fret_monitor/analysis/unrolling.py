@@ -85,7 +85,7 @@ def find_run(steps: Steps, wanted: Wanted, deadline: Deadline, seconds: float,
     end = time.monotonic() + seconds
     last = None
     with suppress(NotLinear, NoValue):
-        search = _Unrolling(steps, wanted, seconds)
+        search = Unrolling(steps, wanted, seconds)
         for count in range(1, _MOST_STEPS + 1):
             deadline.check()
             last = search.extended(count) or last
@@ -103,7 +103,7 @@ def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float,
     """
     end = time.monotonic() + seconds
     with suppress(NotLinear, NoValue):
-        search = _Unrolling(steps, Wanted(always, t.FALSE), seconds, is_wide=True)
+        search = Unrolling(steps, Wanted(always, t.FALSE), seconds, is_wide=True)
         for count in range(1, (most or _MOST_STEPS) + 1):
             deadline.check()
             search.extended(count)
@@ -114,14 +114,15 @@ def end_of_runs(steps: Steps, always: Term, deadline: Deadline, seconds: float,
     return None
 
 
-class _Unrolling:
+class Unrolling:
     """The terms of the first steps, in a solver."""
 
     def __init__(self, steps: Steps, wanted: Wanted, seconds: float,
                  is_wide: bool = False) -> None:
+        """Begin without a step; each query may take some seconds."""
         self._steps, self._wanted = steps, wanted
         self._translation = RealTranslation(is_wide)
-        self._solver = new_solver(seconds)
+        self.solver = new_solver(seconds)
         self._ranges = 0
         self._states = [[item.start for item in steps.state]]
         self._inputs: list[list[Term]] = []
@@ -156,23 +157,32 @@ class _Unrolling:
             goal = z3.Or(*(self._returns(start, count) for start in range(count)))
         else:
             goal = self._translation(last)
-        self._solver.add(*self._translation.ranges[self._ranges:])
+        self.solver.add(*self._translation.ranges[self._ranges:])
         self._ranges = len(self._translation.ranges)
-        self._solver.push()
-        self._solver.add(goal)
-        answer = self._solver.check()
-        model = self._solver.model() if answer == z3.sat else None
-        self._solver.pop()
+        self.solver.push()
+        self.solver.add(goal)
+        answer = self.solver.check()
+        model = self.solver.model() if answer == z3.sat else None
+        self.solver.pop()
         confirmed = None
         if model is not None:
             confirmed = self._confirmed(model)
         if not wanted.repeats:
             self._add(always)
-        self.is_over = self._solver.check() == z3.unsat
+        self.is_over = self.solver.check() == z3.unsat
         return confirmed
 
+    def once(self, step: int) -> list[Any]:
+        """Return what is wanted once, at a step, as the solver has it."""
+        return [self._translation(item) for item in self._once[step]]
+
+    def stays(self) -> Any:
+        """Return whether the last step leads to the state before it."""
+        return z3.And(*(self._translation(t.same(left, right))
+                        for left, right in zip(self._states[-2], self._states[-1])))
+
     def _add(self, item: Term) -> None:
-        self._solver.add(self._translation(item))
+        self.solver.add(self._translation(item))
 
     def _returns(self, start: int, count: int) -> Any:
         """Return whether the state after `count` steps is the one after `start`."""
@@ -185,17 +195,7 @@ class _Unrolling:
 
     def _confirmed(self, model: Any) -> Found | None:
         """Compute a run again, with floats."""
-        steps, size = self._steps, len(self._steps.state)
-        state = [t.plain(item.start) for item in steps.state]
-        states, flags = [state], []
-        rows = []
-        for inputs in self._inputs:
-            values = [self._value(model, item) for item in inputs]
-            found = self._compute(*state, *values)
-            state = found[:size]
-            states.append(state)
-            flags.append(found[size:])
-            rows.append(dict(zip(steps.inputs, values)))
+        rows, states, flags = self.computed(model)
         if not self._wanted.repeats:
             is_so = all(flag[0] for flag in flags[:-1]) and flags[-1][1]
             return Found(tuple(rows), None) if is_so else None
@@ -207,6 +207,26 @@ class _Unrolling:
                     for place in range(len(self._wanted.once))):
                 return Found(tuple(rows), start)
         return None
+
+    def computed(self, model: Any) -> tuple[list[Values], list[list[Any]], list[list[Any]]]:
+        """
+        Return the run of a model as floats have it.
+
+        They are the values of the inputs at each step, the states from the first one on, and at
+        each step the values of what is wanted: always, last, and each of once.
+        """
+        steps, size = self._steps, len(self._steps.state)
+        state = [t.plain(item.start) for item in steps.state]
+        rows: list[Values] = []
+        states, flags = [state], []
+        for inputs in self._inputs:
+            values = [self._value(model, item) for item in inputs]
+            found = self._compute(*state, *values)
+            state = found[:size]
+            states.append(state)
+            flags.append(found[size:])
+            rows.append(dict(zip(steps.inputs, values)))
+        return rows, states, flags
 
     def _value(self, model: Any, item: Term) -> Any:
         shown = self._translation.variables.get(item)

@@ -23,7 +23,7 @@ Sorts: `BOOL`, `word(n)` (n bits), `real(n)` (IEEE 754 with n = 32 or 64, and a 
 `ring(n)` (n bytes).
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 import ctypes
 from fractions import Fraction
 from itertools import count
@@ -152,16 +152,16 @@ def constant(value: Any, sort: Sort) -> Term:
     return number(value, bits) if kind == 'word' else floating(value, bits)
 
 
-def postorder(roots: Iterable[Term], known: Iterable[Term] = ()) -> list[Term]:
+def postorder(roots: Iterable[Term], known: Collection[Term] = ()) -> list[Term]:
     """Return each subterm of some roots once, after its arguments, except those in `known`."""
     order: list[Term] = []
-    seen = set(known)
+    seen: set[Term] = set()
     stack = [(root, False) for root in roots]
     while stack:
         item, ready = stack.pop()
         if ready:
             order.append(item)
-        elif item not in seen:
+        elif item not in seen and item not in known:
             seen.add(item)
             stack.append((item, True))
             stack.extend((each, False) for each in item.args)

@@ -14,7 +14,7 @@
 
 """Answers about bundles, by hand and against an explicit search over all states."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -22,11 +22,12 @@ from pathlib import Path
 from random import Random
 
 from analysis.search import reference, Search, TooManyStates
-from fret_monitor.analysis import checks, division, letters
+from fret_monitor.analysis import checks, diagrams, division, letters
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
 from fret_monitor.analysis.deadline import Deadline
+from fret_monitor.analysis.games import Descent, Games
 from fret_monitor.analysis.runs import Runner
 from fret_monitor.analysis.second import SecondCheck
 from fret_monitor.bundle.reader import parse_bundle
@@ -35,6 +36,7 @@ from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Source
 from fret_monitor.smt import solver
 from fret_monitor.traces.sampled import sampled
+from fret_monitor.traces.trace import Row
 import pytest
 
 ROLES = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n' \
@@ -401,6 +403,59 @@ def test_time_that_runs_out_leaves_partial_answers() -> None:
 
 
 # -- against an explicit search --------------------------------------------------------------
+
+HARD = [f'H (H[0,{9 + n}] a & Y (O[0,{12 + n}] b | x) -> (y | O[0,{9 + n}] x))'
+        for n in range(8)]
+
+
+def test_short_runs_answer_what_is_too_large_for_decision_diagrams(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, '_MANY', 0)
+    monkeypatch.setattr(Games, 'consistent', full)
+    specification = bundle('H (a -> x)', 'H (b -> !x)', 'H (x -> Y a | a)', 'H x | b')
+    found = analyzed(specification, Question.CONSISTENCY, Question.RT_CONSISTENCY,
+                     Question.VACUITY, Question.REDUNDANCY)
+    assert found.together(Question.CONSISTENCY) is True
+    assert [item.holds for item in found.of(Question.VACUITY)] == [False] * 4
+    assert [item.holds for item in found.of(Question.REDUNDANCY)] == [False] * 4
+    unknown = only(found, Question.RT_CONSISTENCY)
+    assert unknown.holds is None and 'too much memory' in unknown.reason
+
+
+def full(self: Games, requirements: list[int]) -> Descent:
+    """Behave as CUDD where its memory is full."""
+    raise ValueError('`DdNode *node` is `NULL` pointer.')
+
+
+def test_the_memory_of_decision_diagrams_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagrams, '_LEAST_BYTES', 2 ** 20)
+    monkeypatch.setattr(diagrams, '_MEMORY_BYTES', 2 ** 20)
+    found = only(analyzed(bundle(*HARD), Question.RT_CONSISTENCY), Question.RT_CONSISTENCY)
+    assert found.holds is None and 'too much memory' in found.reason
+
+
+def test_an_interrupt_leaves_the_answers_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, '_MANY', 0)
+    specification, deadline = bundle('H (a -> x)', 'H (a -> y)'), Deadline(None)
+
+    def interrupted(rows: Sequence[Row], spacing: int) -> list[list[bool]]:
+        deadline.is_interrupted = True
+        return reference(specification)(rows, spacing)
+
+    found = analyze(specification, interrupted, list(Question), deadline=deadline)
+    assert found.together(Question.CONSISTENCY) is True and found.is_partial
+    assert {item.reason for item in found.answers if item.holds is None} == {'interrupted'}
+
+
+@pytest.mark.parametrize('seed', range(400, 408))
+def test_short_runs_give_the_same_answers(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    specification = random_bundle(seed)
+    expected = analyzed(specification)
+    monkeypatch.setattr(checks, '_MANY', 0)
+    found = analyzed(specification)
+    assert [(item.question, item.requirements, item.holds) for item in found.answers] \
+        == [(item.question, item.requirements, item.holds) for item in expected.answers]
+
 
 def formula(rng: Random, depth: int) -> str:
     """Return a random formula over a, b, x, y."""
