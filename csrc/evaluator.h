@@ -114,6 +114,7 @@ struct fm_violation
   int64_t stamp;         // the time of the message, row, period, deadline or timeout
   uint32_t requirement;  // index
   bool is_recovery;      // only with fm_evaluator_options.reports_recoveries
+  bool is_withheld;      // by a message that a gate withheld
 };
 
 /// Counters of a requirement. They count on through a reset.

@@ -256,6 +256,7 @@ static uint32_t keep_violations(
     if (!found[k].is_recovery) {
       gate->was_withheld[found[k].requirement] = true;
       found[n_kept] = found[k];
+      found[n_kept].is_withheld = true;
       n_kept += 1;
     }
   }
@@ -284,7 +285,7 @@ static uint32_t add_recoveries(
       const struct fm_instance_group * cell = &evaluator->instance.groups[group];
       const uint64_t number = evaluator->policy == FM_TIMED ?
         (uint64_t)fm_since(cell->start, stamp) : cell->steps - 1;
-      found[n] = (struct fm_violation) {number, stamp, r, true};
+      found[n] = (struct fm_violation) {number, stamp, r, true, false};
       n += 1;
     }
     gate->was_withheld[r] = false;

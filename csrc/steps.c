@@ -28,6 +28,7 @@ static void announce(
     report->out[report->n].stamp = report->stamp;
     report->out[report->n].requirement = requirement;
     report->out[report->n].is_recovery = is_recovery;
+    report->out[report->n].is_withheld = false;
   }
   report->n += 1;
 }

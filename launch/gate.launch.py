@@ -39,8 +39,9 @@ ARGUMENTS = {
     'name': ('fret_gate', 'the name of the node'),
     'use_sim_time': ('false', 'whether time comes from /clock'),
     'log_level': ('info', 'the least severity that is logged'),
-    'respawn': ('false', 'whether the node is started again after it has ended, at once'),
+    'respawn': ('false', 'whether the node is started again, a second after it has ended'),
 }
+RESPAWN_DELAY_S = 1.0  # so that a node that cannot start is not started without pause
 LISTS = ('spec', 'library', 'gates')
 BOOLEANS = ('autostart', 'use_sim_time')
 
@@ -63,7 +64,7 @@ def _nodes(context: LaunchContext) -> list[LifecycleNode]:
     return [LifecycleNode(
         package='fret_monitor', executable='gate', output='screen',
         name=LaunchConfiguration('name'), namespace=LaunchConfiguration('namespace'),
-        parameters=[given], respawn=LaunchConfiguration('respawn'), respawn_delay=0.0,
+        parameters=[given], respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY_S,
         ros_arguments=['--log-level', LaunchConfiguration('log_level')])]
 
 

@@ -31,7 +31,9 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Severity
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
 from fret_monitor.runtime import ViolationDetail
-from fret_monitor.runtime.detail_text import detail_text, input_name, OF_STEPS, OF_TIMES
+from fret_monitor.runtime.detail_text import (
+    detail_text, input_name, OF_STEPS, OF_TIMES, WITHHELD_BY,
+)
 
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -52,6 +54,7 @@ class Detail:
     Under the policy timed `step` is None, and `time` the seconds since the requirement began, as
     text. `silent` names the stale inputs, if they are the reason; `suppressed` counts the details
     of the requirement that were not published so far. With `is_recovery` a violation is over.
+    `gate` has withheld the message that violates, if it is not empty.
     """
 
     step: int | None
@@ -61,6 +64,7 @@ class Detail:
     suppressed: int = 0
     time: str | None = None
     is_recovery: bool = False
+    gate: str = ''
 
 
 def read_detail(status: DiagnosticStatus) -> Detail | None:
@@ -74,10 +78,11 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
     if not (_TIME if is_timed else _COUNT).fullmatch(place) or not _STAMP.fullmatch(stamp) \
             or not _COUNT.fullmatch(suppressed):
         return None
-    values = tuple((input_name(key), value) for key, value in pairs[4:])
+    values = tuple((input_name(key), value) for key, value in pairs[4:] if key != WITHHELD_BY)
     return Detail(
         None if is_timed else int(place), float(stamp), values, pairs[3][1], int(suppressed),
-        place if is_timed else None, status.level == DiagnosticStatus.OK)
+        place if is_timed else None, status.level == DiagnosticStatus.OK,
+        dict(pairs).get(WITHHELD_BY, ''))
 
 
 class Details:

@@ -32,6 +32,9 @@ OF_STEPS = ('step', 'stamp', 'suppressed', 'silent')
 OF_TIMES = ('time', *OF_STEPS[1:])
 """The same under the policy timed."""
 
+WITHHELD_BY = 'withheld by'
+"""The last key of a violation by a message that a gate withheld; no input has such a name."""
+
 Value = bool | int | float | None
 
 _OF_ALL = frozenset((*OF_STEPS, *OF_TIMES))
@@ -68,7 +71,8 @@ def detail_text(manifest: Manifest, detail: ViolationDetail) -> DetailText:
         manifest.component,
         (*zip(OF_TIMES if is_timed else OF_STEPS, of_all),
          *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
-           for index in requirement.inputs)))
+           for index in requirement.inputs),
+         *([(WITHHELD_BY, manifest.gate.name)] if violation.is_withheld and manifest.gate else [])))
 
 
 def short_seconds(nanoseconds: int) -> str:

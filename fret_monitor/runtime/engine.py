@@ -485,7 +485,8 @@ class Engine:
 
 def _violation(item: Any) -> Violation:
     """Return a `struct fm_violation`."""
-    return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
+    return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
+                     bool(item.is_withheld))
 
 
 def _destroy(library: Any, pointer: Any) -> None:

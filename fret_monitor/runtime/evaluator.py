@@ -48,13 +48,15 @@ class Violation(NamedTuple):
     An announced violation: a requirement (index), the step of its group, its time (ns).
 
     Under the policy timed, `step` is the time since the group began, in nanoseconds. With
-    `is_recovery` it is the end of one: what the requirement's report compares is true again.
+    `is_recovery` it is the end of one: what the requirement's report compares is true again. With
+    `is_withheld` a message violates that a gate withheld.
     """
 
     requirement: int
     step: int
     stamp: int
     is_recovery: bool = False
+    is_withheld: bool = False
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,8 @@ class Gate:
         return self._fields
 
     def _violations(self) -> list[Violation]:
-        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
+        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
+                          bool(item.is_withheld))
                 for item in self._found[0:self._count[0]]]
 
 

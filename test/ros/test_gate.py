@@ -213,6 +213,9 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         commands.publish(twist(-1.0))
         wait_until(lambda: -1.0 in speeds(arrived), 'a command')
         assert 1.75 not in speeds(arrived)
+        node.wait_for("withheld by gate 'drive'")
+        line = next(line for line in node.output.splitlines() if 'withheld by' in line)
+        assert 'FRONT violated' in line and 'speed = 1.75' in line
         counts = values()
         assert (counts['passed'], counts['withheld, violating']) == (3, 1)
         # The distance is silent: closed, and substitutes without a message of any topic.
