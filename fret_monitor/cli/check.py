@@ -32,6 +32,7 @@ from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import by_place, CompileError, counted, Diagnostic, Text
+from fret_monitor.model.manifest import ManifestAction
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.times import time_text
 from fret_monitor.native.errors import NativeError
@@ -134,7 +135,17 @@ def _as_dict(item: _Checked) -> dict[str, object]:
         'inputs': [{'name': signal.name, 'type': signal.type.value, 'topic': signal.topic}
                    for signal in specification.signals],
         'requirements': list(map(_requirement_as_dict, _requirements(item.generated))),
+        'gates': list(map(_gate_as_dict, specification.gates)),
+        'actions': [{'name': action.name, 'kind': action.kind.value, 'target': action.target,
+                     'requirements': users} for action, users in _users(specification)],
     }
+
+
+def _gate_as_dict(gate: Gate) -> dict[str, object]:
+    settings = gate.settings
+    return {'name': gate.name, 'is_service': settings.is_service, 'from': settings.source,
+            'to': settings.target, 'type': settings.interface, 'keep': gate.keep,
+            'otherwise': settings.otherwise.value}
 
 
 class _Requirement(NamedTuple):
@@ -185,10 +196,15 @@ def _acting(specification: Specification) -> Iterator[str]:
     for gate in specification.gates:
         yield (f'gate {gate.name}: {gate.settings.source} -> {gate.settings.target}, '
                f'keeps {", ".join(gate.keep)}')
-    for action in specification.actions:
-        users = [item.id for item in specification.properties
-                 if action.name in (*item.on_violation, *item.on_end)]
+    for action, users in _users(specification):
         yield f'{action.kind.value} {action.name}: {action.target}, of {", ".join(users) or "-"}'
+
+
+def _users(specification: Specification) -> Iterator[tuple[ManifestAction, list[str]]]:
+    """Yield each action and the ids of the requirements that it follows."""
+    for action in specification.actions:
+        yield action, [item.id for item in specification.properties
+                       if action.name in (*item.on_violation, *item.on_end)]
 
 
 def _time_options(specification: Specification) -> str:

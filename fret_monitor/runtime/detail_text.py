@@ -72,7 +72,8 @@ def detail_text(manifest: Manifest, detail: ViolationDetail) -> DetailText:
         (*zip(OF_TIMES if is_timed else OF_STEPS, of_all),
          *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
            for index in requirement.inputs),
-         *([(WITHHELD_BY, manifest.gate.name)] if violation.is_withheld and manifest.gate else [])))
+         *([(WITHHELD_BY, manifest.gate.name)]
+           if violation.is_withheld and manifest.gate is not None else [])))
 
 
 def short_seconds(nanoseconds: int) -> str:

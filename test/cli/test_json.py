@@ -29,6 +29,20 @@ requirements:
   - {id: R, title: Seldom, ptltl: "H (p -> O[0, 2 s] !p)"}
   - {id: Q, ptltl: "p | !p"}
 """
+GATED = """\
+format: 1
+inputs:
+  speed: {topic: raw, type: std_msgs/msg/Float32}
+  front: {topic: front, type: std_msgs/msg/Float32, timeout: 1}
+actions:
+  stop: {lock: {topic: e_stop}}
+  ask: {call: {service: base/stop, type: std_srvs/srv/Trigger}}
+requirements:
+  - {id: SLOW, ptltl: speed < 1.0, on_violation: [stop]}
+  - {id: FAR, ptltl: front > 1.0, on_end: [ask]}
+gates:
+  drive: {from: raw, to: cmd, type: std_msgs/msg/Float32, keep: [SLOW], otherwise: drop}
+"""
 PLACE = {'level', 'file', 'line', 'column', 'message', 'label', 'help'}
 
 
@@ -53,7 +67,8 @@ def test_check_describes_the_valid_bundles_and_the_problems_of_the_others(here: 
     assert valid.pop('state_bytes') > 0 and valid.pop('operations') > 0
     assert valid == {
         'bundle': str(good), 'is_valid': True, 'policy': 'timed', 'period': None, 'unit': None,
-        'topics': [], 'inputs': [{'name': 'p', 'type': 'bool', 'topic': None}]}
+        'topics': [], 'inputs': [{'name': 'p', 'type': 'bool', 'topic': None}],
+        'gates': [], 'actions': []}
     warning, error, missing = found['diagnostics']
     assert (warning['level'], warning['message']) == ('warning', 'Q is true at every step')
     assert error == {
@@ -62,6 +77,16 @@ def test_check_describes_the_valid_bundles_and_the_problems_of_the_others(here: 
         'help': 'declare it under inputs, constants or definitions'}
     assert (missing['line'], missing['file']) == (None, None)
     assert 'none.yaml' in missing['message']
+
+
+def test_check_describes_gates_and_actions(here: Here) -> None:
+    [found] = document(here.run('check', '--json', here.file('gated.yaml', GATED)))['bundles']
+    assert found['gates'] == [{
+        'name': 'drive', 'is_service': False, 'from': 'raw', 'to': 'cmd',
+        'type': 'std_msgs/msg/Float32', 'keep': ['SLOW'], 'otherwise': 'drop'}]
+    assert found['actions'] == [
+        {'name': 'stop', 'kind': 'lock', 'target': 'e_stop', 'requirements': ['SLOW']},
+        {'name': 'ask', 'kind': 'call', 'target': 'base/stop', 'requirements': ['FAR']}]
 
 
 def test_simulate_counts_violations(here: Here) -> None:
