@@ -64,10 +64,10 @@ class ServiceGate:
         return str(self._client.service_name)
 
     async def _serve(self, request: Any, response: Any) -> Any:
+        if not self._client.service_is_ready():  # not judged: a request that passes is a step
+            return self._unanswered()
         if self._engine.judge(self._event(request), time_ns()) is not Judgement.PASSED:
             return self._refusal
-        if not self._client.service_is_ready():
-            return self._unanswered()
         future = self._client.call_async(request)
         self._pending[future] = monotonic() + self._timeout
         try:

@@ -27,19 +27,38 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 
-def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr(service_gate, 'monotonic', lambda: now[0])
-    monkeypatch.setattr(service_gate.ServiceGate, '_event', lambda *_: b'')
-    node, engine = MagicMock(), MagicMock()
+def make_gate(node: MagicMock, engine: MagicMock) -> service_gate.ServiceGate:
+    """Return a gate whose requests pass, with a timeout of 2 s."""
     engine.judge.return_value = Judgement.PASSED
     node.create_client.return_value.call_async.return_value = Future()
-    gate = service_gate.ServiceGate(node, engine, ManifestGate(
+    return service_gate.ServiceGate(node, engine, ManifestGate(
         name='arm', source='arm', target='arm_raw', interface='std_srvs/srv/SetBool',
         is_service=True, topic=None, otherwise=Otherwise.RESPOND, hold=0, period=0,
         substitute=bytes(serialize_message(SetBool.Response(message='withheld'))),
         stamp_at=None, is_open_when_stale=False, latches=False, open_after=0,
         timeout=2 * 10**9))
+
+
+@pytest.fixture(autouse=True)
+def no_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service_gate.ServiceGate, '_event', lambda *_: b'')
+
+
+def test_a_request_without_a_server_is_no_step() -> None:
+    node, engine = MagicMock(), MagicMock()
+    node.create_client.return_value.service_is_ready.return_value = False
+    gate = make_gate(node, engine)
+    with pytest.raises(StopIteration) as found:
+        gate._serve(SetBool.Request(), SetBool.Response()).send(None)
+    assert found.value.value.message == 'withheld'
+    assert gate.unanswered == 1
+    engine.judge.assert_not_called()
+
+
+def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(service_gate, 'monotonic', lambda: now[0])
+    gate = make_gate(MagicMock(), MagicMock())
     waiting = gate._serve(SetBool.Request(), SetBool.Response())
     waiting.send(None)
     now[0] = 1.9
