@@ -20,7 +20,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate, ManifestTopic
-from fret_monitor.model.policies import Otherwise
+from fret_monitor.model.policies import ActionKind, Otherwise
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.feed import Topic
 from fret_monitor.ros.hot_path import Middleware
@@ -61,6 +61,35 @@ def refuse_circles(node: Node, gates: Sequence[ManifestGate]) -> None:
                 what = 'offer' if is_service else 'lead to'
                 raise Refusal(f"the gates '{other.name}' and '{gate.name}' both {what} {name}: "
                               'what passes one would not be judged by the other')
+
+
+def refuse_shared_targets(node: Node, manifests: Sequence[Manifest]) -> None:
+    """
+    Refuse remappings that let an action publish on the topic of a gate or of a lock.
+
+    Raises
+    ------
+    Refusal
+        if there is one.
+    """
+    published = [item for manifest in manifests for item in _published(manifest)]
+    owners: dict[str, str] = {}
+    for what, topic, is_owner in sorted(published, key=lambda item: not item[2]):
+        name = node.resolve_topic_name(topic)
+        owner = owners.setdefault(name, what) if is_owner else owners.get(name, what)
+        if owner != what:
+            raise Refusal(f'{owner} and {what} both publish on {name}; '
+                          'remap them to different topics')
+
+
+def _published(manifest: Manifest) -> Iterator[tuple[str, str, bool]]:
+    """Yield what publishes on a topic, the topic, and whether no other may publish there."""
+    if (gate := manifest.gate) is not None and not gate.is_service:
+        yield f"the gate '{gate.name}'", gate.target, True
+    for action in manifest.actions:
+        if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
+            is_lock = action.kind is ActionKind.LOCK
+            yield f"the {'lock' if is_lock else 'action'} '{action.name}'", action.target, is_lock
 
 
 def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:

@@ -342,7 +342,10 @@ inputs:
   c: {topic: c, type: std_msgs/msg/Float32}
 requirements:
   - {id: A, ptltl: "a < 5.0"}
-  - {id: C, ptltl: "c < 5.0"}
+  - {id: C, ptltl: "c < 5.0", on_violation: [brake, stop]}
+actions:
+  brake: {publish: {topic: braked, type: std_msgs/msg/Float32, message: {}}}
+  stop: {lock: {topic: e_stop}}
 gates:
   g: {from: a, to: b, type: std_msgs/msg/Float32, keep: [A], otherwise: drop}
   h: {from: c, to: d, type: std_msgs/msg/Float32, keep: [C], otherwise: drop}
@@ -352,7 +355,10 @@ gates:
 @pytest.mark.parametrize(('remappings', 'words'), [
     (('c:=b', 'd:=a'), 'these gates are a circle: /'),
     (('b:=a',), 'these gates are a circle: /a -> /a'),
-    (('d:=b',), "the gates 'g' and 'h' both lead to /b")])
+    (('d:=b',), "the gates 'g' and 'h' both lead to /b"),
+    (('braked:=b',), "the gate 'g' and the action 'brake' both publish on /b"),
+    (('braked:=e_stop',), "the lock 'stop' and the action 'brake' both publish on /e_stop"),
+    (('e_stop:=d',), "the gate 'h' and the lock 'stop' both publish on /d")])
 def test_remappings_that_lead_gates_together_are_refused(
     partner: Partner, tmp_path: Path, remappings: tuple[str, ...], words: str,
 ) -> None:
