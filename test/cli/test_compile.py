@@ -59,8 +59,14 @@ def test_the_worst_case_is_printed_as_instructions_and_stack(
 def test_a_compiler_without_stack_usage_is_reported(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    pytest.importorskip('ziglang')
-    monkeypatch.setenv('CC', shlex.join(clang() or ()))
+    gcc, other = shutil.which('gcc'), clang()
+    if gcc is None or other is None:
+        pytest.skip('needs gcc and clang')
+    # Clang answers the question; gcc compiles the monitor, in a fraction of the time.
+    script = here.file('cc', f'#!/bin/sh\ncase "$*" in *-fcallgraph-info*)\n'
+                             f'exec {shlex.join(other)} "$@";;\nesac\nexec {gcc} "$@"\n')
+    script.chmod(0o755)
+    monkeypatch.setenv('CC', str(script))
     bundle = here.file('pump.yaml', PUMP)
     done = here.run('compile', bundle, '--output', here.folder / 'out', '--worst-case')
     assert (done.status, done.err) == (0, '')
