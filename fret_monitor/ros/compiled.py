@@ -88,7 +88,9 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
     missing = set(names) - {item.gate.name for item in manifests if item.gate}
     if missing or not opened:
         known = [name for origin in settings.origins for name in _gate_names(origin)]
-        raise Refusal(*(f"no bundle has the gate '{name}': {did_you_mean(name, known)}"
+        listed = ', '.join(f"'{name}'" for name in known) or 'none'
+        raise Refusal(*(f"no bundle has the gate '{name}': "
+                        f'{did_you_mean(name, known) or f"the gates are {listed}"}'
                         for name in sorted(missing)),
                       *(['no gates: write them in the bundle, under gates'] if not opened
                         and not missing else []))

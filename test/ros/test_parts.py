@@ -128,6 +128,8 @@ def test_each_node_opens_its_parts_and_refuses_the_others(path: Path, tmp_path: 
     assert len(open_gates(settings, ['arm'])) == 1
     with pytest.raises(Refusal, match="no bundle has the gate 'drve': did you mean 'drive'"):
         open_gates(settings, ['drve'])
+    with pytest.raises(Refusal, match="'nope': the gates are 'drive', 'arm'"):
+        open_gates(settings, ['nope'])
 
     for part, folder in ((DRIVE, tmp_path / 'drive'), (UNGATED, tmp_path / 'rest')):
         write(generate_monitor(read(path, part=part)), folder)
