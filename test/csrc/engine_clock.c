@@ -292,8 +292,8 @@ static uint64_t check_order(void)
   uint64_t beats = 0;
   uint64_t first_steps = 0;
   uint64_t clocks = 0;
-  struct fm_violation last = {0, 0, 0, false};
-  struct fm_violation beat = {0, 0, 0, false};
+  struct fm_violation last = {0, 0, 0, false, false};
+  struct fm_violation beat = {0, 0, 0, false, false};
   for (uint32_t k = 0; k < n_taken; ++k) {
     const struct fm_violation now = taken[k];
     const bool is_changed = is_other(now.stamp) != is_other(last.stamp);
