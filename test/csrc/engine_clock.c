@@ -410,7 +410,11 @@ static void an_engine_may_be_closed_in_the_middle_of_a_wait(void)
     fm_engine_wake(engine);
     fm_engine_close(engine);
     pthread_join(taker, NULL);
-    CHECK(n_taken == fm_engine_time_counts(engine).periods);
+    uint64_t beats = 0;  // where the processors are busy, `quiet` is silent too
+    for (uint32_t n = 0; n < n_taken; ++n) {
+      beats += taken[n].requirement == BEAT ? 1u : 0u;
+    }
+    CHECK(beats == fm_engine_time_counts(engine).periods);
     fm_engine_destroy(engine);
     free(memory);
   }
