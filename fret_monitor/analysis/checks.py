@@ -33,8 +33,9 @@ from fret_monitor.analysis.deadline import Deadline, OutOfTime
 from fret_monitor.analysis.diagrams import memory_errors
 from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
+from fret_monitor.analysis.grid_runs import GridRuns
 from fret_monitor.analysis.letters import Values
-from fret_monitor.analysis.replay import Replay, row_of
+from fret_monitor.analysis.replay import Replay, rows_of
 from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
 )
@@ -47,7 +48,7 @@ from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.policies import InputRole, Policy
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import time_text
-from fret_monitor.smt import numbers, solver
+from fret_monitor.smt import solver
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.terms import Term
@@ -175,7 +176,7 @@ class _PartAnalysis:
         outputs = self._outputs if question is Question.REALIZABILITY else ()
         blank = Answer(question, ids, None, outputs=outputs)
         known = self._shown.get((question, place))
-        found = known or self._attempt(blank, place)
+        found = known or self._confirmed_on_grid(blank, place) or self._attempt(blank, place)
         if found.holds is None and not self._deadline.is_over and not self._is_coarse and \
                 self._context.specification.policy is Policy.TIMED:
             return self._on_grid(found, place)
@@ -195,13 +196,40 @@ class _PartAnalysis:
             reason = _INTERRUPTED if self._deadline.is_interrupted else _OUT_OF_TIME
             return replace(blank, reason=reason)
 
-    def _on_grid(self, unknown: Answer, place: int | None) -> Answer:
-        """Add to an unknown answer about time what holds if all happens on a grid of time."""
+    @property
+    def _of_grid(self) -> '_PartAnalysis':
+        """The analysis of this part on a grid of time."""
         if self._coarse is None:
             self._coarse = _PartAnalysis(self._context, self._task)
             self._coarse._is_coarse = True
-        found = self._coarse._attempt(replace(unknown, reason=''), place)
-        component = self._coarse._component
+        return self._coarse
+
+    def _confirmed_on_grid(self, blank: Answer, place: int | None) -> Answer | None:
+        """
+        Return that a timed requirement is needed, if runs on a grid of time show it.
+
+        The runs are short there, and the monitor confirms them in real time.
+        """
+        if place is None or self._is_coarse or \
+                self._context.specification.policy is not Policy.TIMED:
+            return None
+        with suppress(MemoryError, NoRun, NoTicks, OutOfTime, TooLarge), memory_errors():
+            self._deadline.begin_attempt(_TIMED_S)
+            component = self._built()
+            is_covered = not component.games.pending and not component.doubts \
+                and place not in component.games.assumptions
+            if is_covered and self._contradiction() is None \
+                    and self._consistent(component).holds:
+                runs = GridRuns(self._of_grid._built(), self._context.replay,
+                                self._context.specification)
+                return runs.answer(blank, place, self._context.denials)
+        return None
+
+    def _on_grid(self, unknown: Answer, place: int | None) -> Answer:
+        """Add to an unknown answer about time what holds if all happens on a grid of time."""
+        coarse = self._of_grid
+        found = coarse._attempt(replace(unknown, reason=''), place)
+        component = coarse._component
         if found.holds is None or component is None or component.grid is None:
             return unknown
         what = 'yes' if found.holds else 'no'
@@ -503,9 +531,7 @@ class _PartAnalysis:
                 for line in self._context.replay(self._rows(rows), component.grid or 1)]
 
     def _rows(self, rows: Sequence[Values]) -> tuple[Row, ...]:
-        signals = self._context.specification.signals
-        inputs = [t.variable(item.name, numbers.sort_of(item.type)) for item in signals]
-        return tuple(row_of(values, signals, inputs) for values in rows)
+        return rows_of(rows, self._context.specification.signals)
 
     def _checked(self, component: Component,
                  check: Callable[[SecondCheck], solver.Answer]) -> str:

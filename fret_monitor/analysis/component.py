@@ -25,7 +25,7 @@ from math import gcd
 from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.diagrams import Diagrams
 from fret_monitor.analysis.games import Games
-from fret_monitor.analysis.letters import blocks
+from fret_monitor.analysis.letters import BEFORE, blocks
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Feedback, Formula, Historically, postorder, Unary,
@@ -187,7 +187,7 @@ def build_component(specification: Specification, part: Part,
     TooLarge, NoTicks, OutOfTime
         if there is none.
     """
-    extra = [] if denials is None else list(_trigger_properties(part, denials))
+    extra = [] if denials is None else list(trigger_properties(part, denials))
     wanted = [*part.properties, *(item for _, item in extra)]
     grid = None
     if specification.policy is Policy.TIMED:
@@ -210,7 +210,7 @@ def build_component(specification: Specification, part: Part,
     gaps = dict.fromkeys(gap for block in found for gap in block.gaps)
     doubts = dict.fromkeys([*gaps, *(doubt for block in found for doubt in block.doubts)])
     if system.related:
-        doubts['a comparison relates inputs to their values at earlier steps'] = None
+        doubts[BEFORE] = None
     count = len(part.properties)
     games = Games(
         diagrams,
@@ -236,8 +236,8 @@ def _without_trigger(item: Property) -> Formula | None:
     return Unary(UnaryOperator.NOT, found[0]) if found else None
 
 
-def _trigger_properties(part: Part, denials: Mapping[str, Formula]
-                        ) -> Iterator[tuple[int, Property]]:
+def trigger_properties(part: Part, denials: Mapping[str, Formula]
+                       ) -> Iterator[tuple[int, Property]]:
     """Yield, by place, properties that are violated once a trigger has come."""
     for place, item in enumerate(part.properties):
         denial = denials.get(item.id)

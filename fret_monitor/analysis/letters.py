@@ -38,6 +38,7 @@ import z3
 _MOST_LETTERS = 1024
 _QUERY_S = 5.0
 ROUNDED = 'a sum or product in a comparison is rounded'
+BEFORE = 'a comparison relates inputs to their values at earlier steps'
 
 Values = Mapping[Term, Any]
 """Values of inputs, as terms have them: words are unsigned."""
@@ -275,7 +276,7 @@ class _Enumeration:
         mixed = [item for item in self._others if variables(item) & set(own)]
         if not mixed:
             return None
-        what = 'a comparison relates inputs to outputs'
+        what = 'a comparison relates inputs to outputs' if self._chosen else BEFORE
         if not self._is_real or self._given or any(
                 has_product(item) or variables(item) & self._before for item in self._others):
             self._doubts[what] = None

@@ -23,6 +23,7 @@ from fret_monitor.build import compile_monitor, generate_monitor, Reading
 from fret_monitor.logic.specification import Signal
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
 from fret_monitor.traces.simulate import for_trace
@@ -62,6 +63,12 @@ class CompiledReplay:
             found += [[bool(value) for value in verdicts[place * width:(place + 1) * width]]
                       for place in range(len(instants))]
         return found
+
+
+def rows_of(rows: Sequence[Mapping[Term, Any]], signals: Sequence[Signal]) -> tuple[Row, ...]:
+    """Return the values of all inputs of a bundle at each step, 0 for those that have none."""
+    inputs = [t.variable(item.name, numbers.sort_of(item.type)) for item in signals]
+    return tuple(row_of(values, signals, inputs) for values in rows)
 
 
 def row_of(values: Mapping[Term, Any], signals: Sequence[Signal],

@@ -28,8 +28,10 @@ from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
 from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.games import Descent, Games
+from fret_monitor.analysis.replay import CompiledReplay
 from fret_monitor.analysis.runs import Runner
 from fret_monitor.analysis.second import SecondCheck
+from fret_monitor.build import read
 from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.specification import Specification
@@ -297,6 +299,12 @@ COUNTING = 'n: {type: int64, role: output}\n  x: {type: bool, role: output}'
 COUNTED = '(FTP -> n = 0) & (Y TRUE -> n >= preInt(0, n) + 1)'
 
 
+def test_no_reason_names_outputs_where_there_are_none() -> None:
+    specification = bundle('v >= preReal(0.0, v)', inputs='v: {type: float64}')
+    answer = only(analyzed(specification, Question.RT_CONSISTENCY), Question.RT_CONSISTENCY)
+    assert answer.reason == 'a comparison relates inputs to their values at earlier steps'
+
+
 @pytest.mark.parametrize('formulas, conflict', [
     # The third makes runs end sooner, but is not needed.
     ((COUNTED, 'n <= 6', 'Y TRUE -> n >= preInt(0, n) + 3'), ('R0', 'R1')),
@@ -393,6 +401,20 @@ def test_where_time_has_to_run_out_the_answer_is_that_on_a_grid(
     assert answer.requirements == ('T1', 'T3') and answer.holds is None
     assert answer.reason == 'out of time; if all happens on a grid of 0.2 s, no: T1, T3'
     assert answer.example is not None and answer.example.grid == 200_000_000
+
+
+def test_runs_on_a_grid_that_real_time_confirms_show_that_timed_requirements_are_needed(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, '_TIMED_S', 20.0)
+    reading = read(Path(__file__).parents[2] / 'config' / 'quadrotor.yaml')
+    replay = CompiledReplay(reading)
+    found = analyze(reading.specification, replay, [Question.VACUITY, Question.REDUNDANCY])
+    assert [item.holds for item in found.answers] == [False] * 8
+    monkeypatch.setattr(checks, '_TIMED_S', 0.5)
+    unconfirmed = analyze(
+        reading.specification, lambda rows, spacing: [[True] * 4 for _ in rows],
+        [Question.REDUNDANCY])
+    assert {item.holds for item in unconfirmed.answers[:2]} == {None}
 
 
 def test_time_that_runs_out_leaves_partial_answers() -> None:
