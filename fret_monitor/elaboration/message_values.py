@@ -20,6 +20,7 @@ Every mistake is reported at its place; `messages/serialize.py` makes bytes of t
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+import math
 
 from fret_monitor.bundle.yaml_shape import kind_of
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
@@ -28,7 +29,7 @@ from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, Mes
 from fret_monitor.messages.serialize import serialize, Value
 from fret_monitor.model.diagnostics import counted, did_you_mean, Problems, Span
 from fret_monitor.model.floats import to_float32
-from fret_monitor.model.names import exact, is_integer, number_fault, shown
+from fret_monitor.model.names import is_integer, number_fault, shown
 from fret_monitor.model.values import ValueType
 
 _SPECIAL = {'nan': 'nan', '.nan': 'nan', 'inf': 'inf', '.inf': 'inf', '-inf': '-inf',
@@ -155,13 +156,13 @@ class _MessageReader:
         if (fault := number_fault(node.value)) is not None:
             self._wrong(field, node.value, node.span, fault.help or f'{field.name}: 0.0')
             return None
-        value = exact(node.value)
-        if value is None or field.type.base == 'float32' and \
-                abs(to_float32(float(value))) == float('inf'):
-            self._wrong(field, node.value, node.span,
-                        'a number between -1e30 and 1e30')
+        value, most = float(node.value), '1.79e308'
+        if field.type.base == 'float32':
+            value, most = to_float32(value), '3.4e38'
+        if math.isinf(value):
+            self._wrong(field, node.value, node.span, f'a number between -{most} and {most}')
             return None
-        return float(value)
+        return value
 
     def _whole(self, field: MessageField, node: YamlScalar) -> int | None:
         base = field.type.base

@@ -23,6 +23,7 @@ from collections.abc import Iterator
 
 from fret_monitor.bundle.bundle import Bundle, GateEntry
 from fret_monitor.elaboration.restrict import counted_formula
+from fret_monitor.lint.not_a_number import acting, weaker_with_nan
 from fret_monitor.logic.specification import Gate, Specification
 from fret_monitor.model.diagnostics import Diagnostic, did_you_mean, Level
 from fret_monitor.model.names import absolute
@@ -43,6 +44,8 @@ def doubtful_acting(bundle: Bundle, specification: Specification) -> Iterator[Di
                 Level.WARNING)
     yield from interlocks(bundle, specification)
     yield from _locks_that_are_read(bundle, specification)
+    yield from _locks_that_stay_free(specification)
+    yield from weaker_with_nan(specification)
     yield from _endless(bundle, specification)
 
 
@@ -95,6 +98,24 @@ def _locks_that_are_read(bundle: Bundle, specification: Specification) -> Iterat
                     'a lock that is closed once may stay closed', 'choose another topic',
                     Level.WARNING)
                 del locks[name.value]
+
+
+def _locks_that_stay_free(specification: Specification) -> Iterator[Diagnostic]:
+    """Yield a warning for each input without a timeout that a lock of the monitor depends on."""
+    kept = {id_ for gate in specification.gates for id_ in gate.keep}
+    locks = {action.name for action in specification.actions if action.kind is ActionKind.LOCK}
+    readers: dict[str, str] = {}
+    for item in acting(specification):
+        if item.id not in kept:
+            lock = next(name for name in item.on_violation if name in locks)
+            for name in item.inputs:
+                readers.setdefault(name, lock)
+    for signal in specification.signals:
+        if signal.name in readers and signal.topic is not None and signal.timeout is None:
+            yield Diagnostic(
+                f"the lock '{readers[signal.name]}' stays free if '{signal.name}' falls silent",
+                signal.place, 'an input without a timeout is never silent', 'timeout: 0.5',
+                Level.WARNING)
 
 
 def _endless(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:

@@ -124,10 +124,11 @@ def _otherwise(gate: ManifestGate) -> str:
 
 
 def _latch(gate: ManifestGate) -> str:
-    if not gate.latches:
-        return ''
-    after = f'{gate.open_after / 1e9:g} s without a violation' if gate.open_after else '~/reset'
-    return f'; after a violation closed until {after}'
+    return f'; after a violation closed until {_latch_end(gate)}' if gate.latches else ''
+
+
+def _latch_end(gate: ManifestGate) -> str:
+    return f'{gate.open_after / 1e9:g} s without a violation' if gate.open_after else '~/reset'
 
 
 def is_withheld_from_start(engine: Engine, index: int) -> bool:
@@ -249,7 +250,7 @@ def _reasons(engine: Engine, gate: ManifestGate, counts: GateCounts) -> Iterator
     if not counts.is_known and not missing:
         yield 'this node stood still: whether an input is silent is not known yet'
     if counts.is_latched:
-        yield 'latched by a violation'
+        yield f'latched by a violation, until {_latch_end(gate)}'
     ids = [item.id for index, item in enumerate(manifest.requirements)
            if not engine.requirement_counts(index).holds]
     if ids:

@@ -15,6 +15,7 @@
 
 from fractions import Fraction
 from pathlib import Path
+import struct
 import time
 
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
@@ -357,6 +358,25 @@ requirements:
   - {id: R, ptltl: none}
 """)
     assert [item.startup for item in result.signals] == [None, 10.0, 30.0, 2.0]
+
+
+def test_a_number_of_a_message_has_the_range_of_its_type() -> None:
+    def payload(number: str) -> bytes:
+        result = specified(f"""
+inputs:
+  b: {{topic: a, type: std_msgs/msg/Bool}}
+actions:
+  send: {{publish: {{topic: c, type: std_msgs/msg/Float32, message: {{data: {number}}}}}}}
+requirements:
+  - {{id: R, ptltl: b, on_violation: [send]}}
+""")
+        return result.actions[0].payload[4:]
+
+    assert payload('-3.4e38') == struct.pack('<f', -3.4e38)
+    assert payload('1e-60') == struct.pack('<f', 0.0)
+    with pytest.raises(CompileError) as caught:
+        payload('3.5e38')
+    assert caught.value.diagnostics[0].help == 'a number between -3.4e38 and 3.4e38'
 
 
 def test_messages_come_from_where_the_caller_says() -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Gates that may stay closed, stay open or replace nothing; locks that are read."""
+"""Gates that may stay closed, stay open or replace nothing; locks that are read or stay free."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ inputs:
 actions:
   stop: {lock: {topic: e_stop}}
 requirements:
-  - {id: SLOW, ptltl: front < 1 -> speed <= 0, on_violation: [stop]}
+  - {id: SLOW, ptltl: speed <= 0 | front >= 1, on_violation: [stop]}
 gates:
   drive: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [SLOW],
           otherwise: {substitute: {data: 0}}}
@@ -56,7 +56,7 @@ def test_gates_and_locks_are_warned_of(tmp_path: Path) -> None:
         "the substitute of the gate 'drive' names no field")
     assert warnings(tmp_path, ('{data: 0}', '{data: .nan}')) == [
         ("'.nan' is no finite number", 'data: 0.0')]
-    assert warnings(tmp_path, ('Float32OPTIONS', 'BoolOPTIONS'), ('front < 1', 'front'),
+    assert warnings(tmp_path, ('Float32OPTIONS', 'BoolOPTIONS'), ('front >= 1', '!front'),
                     ('topic: front', 'topic: /e_stop')) == [
         ("SLOW reads the lock 'stop' that it closes", 'choose another topic')]
 
@@ -111,3 +111,26 @@ def test_what_is_published_until_a_reset_is_warned_of(tmp_path: Path) -> None:
         path.write_text(ENDLESS.replace(old, new) if old else ENDLESS, encoding='utf-8')
         found.append([item.title for item in read(path).warnings])
     assert found == [["'brake' is published until ~/reset"], [], [], []]
+
+
+LOCKED = """
+format: 1
+inputs:
+  speed: {topic: odom, type: std_msgs/msg/Float32OPTIONS}
+  other: {topic: other, type: std_msgs/msg/Float32}
+actions:
+  stop: {lock: {topic: e_stop}}
+  tell: {publish: {topic: told, type: std_msgs/msg/Bool}}
+requirements:
+  - {id: SLOW, ptltl: speed < 1, on_violation: [tell, stop]}
+  - {id: OTHER, ptltl: other < 1, on_violation: [tell]}
+"""
+
+
+def test_a_lock_whose_input_is_never_silent_is_warned_of(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    found = []
+    for options in ('', ', timeout: 0.5'):
+        path.write_text(LOCKED.replace('OPTIONS', options), encoding='utf-8')
+        found.append([(item.title, item.help) for item in read(path).warnings])
+    assert found == [[("the lock 'stop' stays free if 'speed' falls silent", 'timeout: 0.5')], []]

@@ -1,0 +1,234 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Warnings about requirements of gates and locks that NaN makes weaker.
+
+A comparison with NaN is false, so that `distance < 1.0 -> speed <= 0.0` holds when a range sensor
+gives NaN for an invalid reading (REP 117). `!(distance >= 1.0) -> speed <= 0.0` demands a stop.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator as Op, Choice, Constant, Conversion, Formula, Historically, Once,
+    operands, postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables,
+    WeakYesterday, Yesterday,
+)
+from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.model.diagnostics import Diagnostic, Level
+from fret_monitor.model.policies import ActionKind, InputSource
+from fret_monitor.model.values import ValueType
+
+
+def acting(specification: Specification) -> Iterator[Property]:
+    """Yield the requirements that a gate keeps or a lock follows."""
+    kept = {id_ for gate in specification.gates for id_ in gate.keep}
+    locks = {action.name for action in specification.actions if action.kind is ActionKind.LOCK}
+    for item in specification.properties:
+        if item.id in kept or not locks.isdisjoint(item.on_violation):
+            yield item
+
+
+def weaker_with_nan(specification: Specification) -> Iterator[Diagnostic]:
+    """Yield a warning for each comparison that lets a kept or locking requirement hold for NaN."""
+    floats = {signal.name for signal in specification.signals if signal.type.is_float
+              and signal.topic is not None and signal.source is InputSource.FIELD}
+    for item in acting(specification):
+        found: dict[Binary, list[str]] = {}
+        for variable in variables(item.formula):
+            if variable.name in floats:
+                for comparison in weakening(item.formula, variable):
+                    found.setdefault(comparison, []).append(variable.name)
+        for comparison, names in found.items():
+            yield Diagnostic(
+                f'{item.id} requires less while {" or ".join(names)} is NaN', item.place,
+                f'{to_smv(comparison)} is {str(comparison.operator is Op.NE).lower()} then',
+                f'write {_strict(comparison)} instead of {to_smv(comparison)}', Level.WARNING)
+
+
+def _strict(comparison: Binary) -> str:
+    """Return what equals a weakening comparison for numbers, and is true or false as NaN needs."""
+    def relation(operator: Op) -> str:
+        return to_smv(Binary(operator, comparison.left, comparison.right))
+
+    match comparison.operator:
+        case Op.EQ:
+            return f'!({relation(Op.LT)} | {relation(Op.GT)})'
+        case Op.NE:
+            return f'({relation(Op.LT)} | {relation(Op.GT)})'
+        case operator:
+            return f'!({relation(_OPPOSITE[operator])})'
+
+
+_OPPOSITE = {Op.LT: Op.GE, Op.LE: Op.GT, Op.GT: Op.LE, Op.GE: Op.LT}
+
+
+class _Weak(NamedTuple):
+    """A comparison that weakens a formula, which reads it `age` steps ago at the latest."""
+
+    comparison: Binary
+    age: int
+
+
+_Found: TypeAlias = bool | frozenset[_Weak]
+"""What NaN makes of a formula: a constant, or something that these comparisons weaken."""
+
+
+class _Both(NamedTuple):
+    """What NaN makes of a formula where it is required, and where its negation is."""
+
+    required: _Found
+    denied: _Found
+
+
+_OPAQUE: frozenset[_Weak] = frozenset()
+
+
+def weakening(formula: Formula, variable: Variable) -> list[Binary]:
+    """
+    Return the comparisons that weaken a formula while an input is NaN.
+
+    These are the comparisons of the input whose value then makes the formula hold more easily,
+    such as `x < 1` left of an implication, unless other comparisons of the input make up for them,
+    as in `x >= 0 & (x < 1 -> p)`. Of a comparison that is read at several steps, the latest
+    counts: the edge `!(x >= 1) & Y (x >= 1)` is true when NaN begins.
+    """
+    undefined: set[Formula] = {variable}
+    table: dict[Formula, _Both] = {}
+    order = postorder([formula])
+    for node in order:
+        if node.type is not ValueType.BOOL:
+            if _is_nan(node, undefined):
+                undefined.add(node)
+        else:
+            table[node] = _both(node, table, undefined)
+    found = table[formula].required
+    if isinstance(found, bool):
+        return []
+    ages = _ages(order)
+    latest = {weak.comparison for weak in found if weak.age == ages[weak.comparison]}
+    return [node for node in order if node in latest and isinstance(node, Binary)]
+
+
+def _ages(order: Sequence[Formula]) -> dict[Formula, int]:
+    """Return how many steps ago each node of a formula is read at the latest."""
+    ages = {order[-1]: 0}
+    for node in reversed(order):
+        for part in operands(node):
+            age = ages[node] + _distance(node, part)
+            ages[part] = min(age, ages.get(part, age))
+    return ages
+
+
+def _distance(node: Formula, part: Formula) -> int:
+    match node:
+        case Yesterday() | WeakYesterday():
+            return 1
+        case Once() | Historically():
+            return node.window.low
+        case Since() | Triggered() if part is node.right:
+            return node.window.low
+        case _:
+            return 0
+
+
+def _is_nan(node: Formula, undefined: set[Formula]) -> bool:
+    match node:
+        case Conversion() | Unary() | Previous():
+            return node.argument in undefined
+        case Binary(Op.MIN | Op.MAX, _, right):
+            return right in undefined  # of NaN on the left, the result is the right operand
+        case Binary(Op.POW, left, right):
+            return left in undefined or right in undefined
+        case Binary():
+            return node.left in undefined or node.right in undefined
+        case Choice():
+            return node.yes in undefined and node.no in undefined
+        case _:
+            return node in undefined
+
+
+def _both(node: Formula, table: Mapping[Formula, _Both], undefined: set[Formula]) -> _Both:
+    match node:
+        case Constant():
+            return _Both(bool(node.value), bool(node.value))
+        case Binary(operator, left, right) if operator.is_relation and (
+                left in undefined or right in undefined):
+            weak = frozenset({_Weak(node, 0)})
+            return _Both(weak, True) if operator is Op.NE else _Both(False, weak)
+        case Unary(UnaryOperator.NOT, argument):
+            found = table[argument]
+            return _Both(_not(found.denied), _not(found.required))
+        case Binary(Op.AND, left, right):
+            return _Both(*map(_and, table[left], table[right]))
+        case Binary(Op.OR, left, right):
+            return _Both(*map(_or, table[left], table[right]))
+        case Binary(Op.IMPLIES, left, right):
+            return _Both(_or(_not(table[left].denied), table[right].required),
+                         _or(_not(table[left].required), table[right].denied))
+        case Yesterday():
+            return _Both(*(_earlier(found, 1, keeps=False) for found in table[node.argument]))
+        case WeakYesterday():
+            return _Both(*(_earlier(found, 1, keeps=True) for found in table[node.argument]))
+        case Once() | Historically():
+            return _Both(*(_windowed(node, found) for found in table[node.argument]))
+        case Since() | Triggered():
+            return _Both(*(_since(node, *found) for found in zip(
+                table[node.left], table[node.right])))
+        case _:
+            # In `<->`, `xor` and choices a comparison strengthens one side and weakens the other.
+            return _Both(_OPAQUE, _OPAQUE)
+
+
+def _not(found: _Found) -> _Found:
+    return not found if isinstance(found, bool) else found
+
+
+def _and(one: _Found, other: _Found) -> _Found:
+    if isinstance(one, bool):
+        return other if one else False
+    return _and(other, one) if isinstance(other, bool) else one | other
+
+
+def _or(one: _Found, other: _Found) -> _Found:
+    return _not(_and(_not(one), _not(other)))
+
+
+def _earlier(found: _Found, age: int, keeps: bool) -> _Found:
+    """Return what NaN makes of a formula some steps ago; only the constant `keeps` stays."""
+    if age == 0:
+        return found
+    if isinstance(found, bool):
+        return found if found is keeps else _OPAQUE
+    return frozenset(weak._replace(age=weak.age + age) for weak in found)
+
+
+def _windowed(node: Once | Historically, found: _Found) -> _Found:
+    is_all = isinstance(node, Historically)
+    if node.window.is_empty:
+        return is_all
+    return _earlier(found, node.window.low, keeps=is_all)
+
+
+def _since(node: Since | Triggered, left: _Found, right: _Found) -> _Found:
+    is_triggered = isinstance(node, Triggered)
+    if node.window.is_empty:
+        return is_triggered
+    right = _earlier(right, node.window.low, keeps=is_triggered)
+    if isinstance(right, bool):
+        return right
+    return right if isinstance(left, bool) else left | right
