@@ -30,7 +30,8 @@ from fret_monitor.logic.formula import (
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
-from fret_monitor.model.policies import ActionKind, InputSource
+from fret_monitor.model.manifest import SECONDS
+from fret_monitor.model.policies import ActionKind
 from fret_monitor.model.values import ValueType
 
 
@@ -46,7 +47,7 @@ def acting(specification: Specification) -> Iterator[Property]:
 def weaker_with_nan(specification: Specification) -> Iterator[Diagnostic]:
     """Yield a warning for each comparison that lets a kept or locking requirement hold for NaN."""
     floats = {signal.name for signal in specification.signals if signal.type.is_float
-              and signal.topic is not None and signal.source is InputSource.FIELD}
+              and signal.topic is not None and signal.reduction != SECONDS}
     for item in acting(specification):
         found: dict[Binary, list[str]] = {}
         for variable in variables(item.formula):

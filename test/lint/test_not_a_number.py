@@ -26,6 +26,7 @@ inputs:
   speed: {topic: raw, type: std_msgs/msg/Float32}
   x: {topic: front, type: std_msgs/msg/Float32, timeout: 0.5}
   y: {topic: other, type: std_msgs/msg/Float32, timeout: 0.5}
+  t: {topic: odom, type: nav_msgs/msg/Odometry, field: header.stamp, timeout: 0.5}
   n: {topic: count, type: std_msgs/msg/Int32, timeout: 0.5}
   b: {topic: flag, type: std_msgs/msg/Bool, timeout: 0.5}
 definitions:
@@ -67,7 +68,8 @@ def test_a_comparison_that_nan_makes_weaker_is_warned_of(
 
 @pytest.mark.parametrize('formula', [
     '!(x >= 1.0) -> speed <= 0.0', 'speed <= 1.0 | x > 5.0', 'b -> speed <= 0.0 & x > 0.2',
-    'n < 1 -> speed <= 0.0', 'b -> n != 3', 'H (x >= 0.0 & (x < 1.0 -> speed <= 0.0))',
+    'n < 1 -> speed <= 0.0', 't < 5.0 -> speed <= 0.0', 'b -> n != 3',
+    'H (x >= 0.0 & (x < 1.0 -> speed <= 0.0))',
     '!(x >= 1.0) | x < 1.0 -> speed <= 0.0', 'O[0,3] (x > 1.0)', 'x >= 1.0 S b',
     '!(x >= 1.0) & Y (x >= 1.0) -> speed <= 0.0', '(x < 1.0 <-> b) & speed <= 1.0',
 ])

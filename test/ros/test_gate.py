@@ -326,6 +326,9 @@ def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> No
         sleep(0.3)
         notes.publish(String(data='latched'))
         sleep(0.3)
+        health = Listener(partner, DiagnosticArray, '/diagnostics')
+        wait_until(lambda: 'closed: latched by a violation, until ~/reset' in [
+            item.message for array in health.messages for item in array.status], 'the latch')
         assert 'restarted' in partner.reset('fret_gate/reset')
         free.publish(Bool(data=True))
         sleep(0.3)
