@@ -381,15 +381,17 @@ class _PartAnalysis:
         if not component.required:
             return self._consistency(blank, component)  # whether they contradict each other
         found = games.realizable(component.required)
+        trusted = [self._part.ids[item] for item in games.linked if item in games.pending]
+        if trusted and not self._consistent(component).holds:
+            return self._consistency(blank, component)  # the system can only prevent them
         if found.holds:
             return self._yes(blank, component, found, lambda second: second.wins(
                 found.last, component.required, is_game=True))
-        trusted = [self._part.ids[item] for item in games.shared if item in games.pending]
         if trusted:
-            found = games.realizable(component.required, trusts_shared=True)
+            found = games.realizable(component.required, trusts_linked=True)
             if found.holds:
-                return replace(blank, reason=f'{", ".join(trusted)} is needed, which says '
-                               '`eventually` about outputs: the system could prevent it')
+                return replace(blank, reason=_preventable(
+                    trusted, [self._part.ids[item] for item in games.shared]))
         runner = play_to_violation(games, component.required, found)
         return self._with_conflicts(
             self._no(blank, component, runner), component,
@@ -429,14 +431,12 @@ class _PartAnalysis:
         if not self._consistent(component).holds and not games.consistent(others).holds:
             return replace(blank, reason='; '.join(component.gaps) or
                            'the others exclude one another, and so imply anything')
-        safe = games.safe(others)
-        layers = games.violation(place, safe, others)
+        layers = games.violation(place, games.safe(others), [*others, *games.assumptions])
         if not games.is_reached(layers):
             return self._certain(
                 blank, component,
                 'implied by the others' + self._equal(component, place, others),
-                lambda second: second.is_closed(
-                    ~layers[-1], others, place, games.fulfilling(safe, others)), place)
+                lambda second: second.is_closed(~layers[-1], others, place), place)
         verdicts = component.whole.verdicts
         held = t.all_of(verdicts[item] for item in (*others, *games.assumptions)
                         if item not in games.pending)
@@ -660,6 +660,15 @@ def _contradicted(blank: Answer, contradiction: Answer) -> Answer:
             return replace(found, holds=False, method=_CONTRADICTION)
     names = '; '.join(', '.join(each) for each in contradiction.conflicts)
     return replace(found, reason=f'{_CONTRADICTION}: {names}')
+
+
+def _preventable(trusted: Sequence[str], shared: Sequence[str]) -> str:
+    """Return why an answer is unknown that needs assumptions of which some read outputs."""
+    others = [name for name in shared if name not in trusted]
+    link = f' through {", ".join(others)}' if others else ''
+    return (f'{", ".join(trusted)} {"is" if len(trusted) == 1 else "are"} needed, which '
+            f'{"says" if len(trusted) == 1 else "say"} `eventually` about outputs{link}: '
+            'the system could prevent it')
 
 
 def _has_outputs_only(component: Component) -> bool:

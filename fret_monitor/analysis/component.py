@@ -212,13 +212,19 @@ def build_component(specification: Specification, part: Part,
     if system.related:
         doubts[BEFORE] = None
     count = len(part.properties)
+    outputs = output_names(specification)
+    assumed = [item for item in part.properties if item.is_assumption]
+    linked = {name for group in parts(assumed, lambda item: item.inputs)
+              if any(outputs.intersection(item.inputs) for item in group.properties)
+              for name in group.ids}
     games = Games(
         diagrams,
         [place for place, item in enumerate(part.properties) if item.is_assumption],
         [place for place, item in enumerate(part.properties)
          if item.sentence is not None and is_not_yet(item.sentence)],
         [place for place, item in enumerate(part.properties)
-         if item.is_assumption and set(item.inputs) & output_names(specification)])
+         if item.is_assumption and outputs.intersection(item.inputs)],
+        [place for place, item in enumerate(part.properties) if item.id in linked])
     return Component(
         part, signals, inputs, group, whole, domains, games,
         {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts),

@@ -54,12 +54,19 @@ class Games:
     """The questions about one system; requirements are indices of its outputs."""
 
     def __init__(self, diagrams: Diagrams, assumptions: Collection[int],
-                 pending: Collection[int], shared: Collection[int]) -> None:
-        """`pending` are those that need not hold now, `shared` assumptions that read outputs."""
+                 pending: Collection[int], shared: Collection[int], linked: Collection[int]
+                 ) -> None:
+        """
+        Store what is assumed.
+
+        `pending` are those that need not hold now, `shared` assumptions that read outputs, and
+        `linked` these and those that share inputs with them, directly or through others.
+        """
         self.diagrams = diagrams
         self.assumptions = sorted(assumptions)
         self.pending = set(pending)
         self.shared = sorted(shared)
+        self.linked = sorted(linked)
         self._assumed = diagrams.all_of(
             diagrams.outputs[item] for item in self.assumptions if item not in self.pending)
 
@@ -86,23 +93,16 @@ class Games:
         """
         Return sets of states from which some steps lead to a violation, as `reach` does.
 
-        A requirement that says `eventually` is violated by a run at whose steps it is false from
-        some step on. The other requirements that say so are fulfilled.
+        It is what a monitor reports at a step, whether or not the run can go on. A requirement
+        that says `eventually` is violated by a run on which it is false from some step on, and
+        which fulfils the others that say so.
         """
         d, verdict = self.diagrams, self.diagrams.outputs[place]
         idle = steps & ~verdict
-        if place in self.pending:
-            return self.reach(steps, idle & d.before(self._forever(idle, others)))
-        return self.reach(steps & verdict, idle & d.before(self.fulfilling(steps, others)))
-
-    def fulfilling(self, steps: Node, others: Collection[int]) -> Node:
-        """Return the states from which steps fulfil what says `eventually`; all without any."""
-        return self._forever(steps, others) if self._open(others) else self.diagrams.bdd.true
-
-    def _forever(self, steps: Node, others: Collection[int]) -> Node:
-        *_, last = self._decreasing(lambda goal: self.diagrams.some(steps & goal),
-                                    self._open(others), [])
-        return last
+        if place not in self.pending:
+            return self.reach(steps & verdict, idle)
+        *_, forever = self._decreasing(lambda goal: d.some(idle & goal), self._open(others), [])
+        return self.reach(steps, idle & d.before(forever))
 
     # -- games ------------------------------------------------------------------------------
 
@@ -134,15 +134,15 @@ class Games:
         """Return the moves within some steps, and those after an assumption was broken."""
         return self.diagrams.possible & (self.excused | self.moves(requirements) & kept)
 
-    def realizable(self, requirements: Collection[int], trusts_shared: bool = False) -> Descent:
+    def realizable(self, requirements: Collection[int], trusts_linked: bool = False) -> Descent:
         """
         Return the states from which the system can satisfy some requirements forever.
 
-        Assumptions that say `eventually` and read outputs are left out, but with `trusts_shared`:
-        then the system may win by keeping them from being fulfilled.
+        Assumptions that say `eventually` and are linked to outputs are left out, but with
+        `trusts_linked`: then the system may win by keeping them from being fulfilled.
         """
         d, moves = self.diagrams, self.moves(requirements)
-        fair = [item for item in self.assumptions if trusts_shared or item not in self.shared]
+        fair = [item for item in self.assumptions if trusts_linked or item not in self.linked]
         return self._descend(lambda steps: d.forced(self.excused | moves & steps),
                              self._open(requirements), self._open(fair))
 

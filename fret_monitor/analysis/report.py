@@ -33,6 +33,7 @@ from fret_monitor.traces.trace import joined, Run
 
 _WIDTH = 99
 _MAX_BANDS = 12
+_FEW = 12  # requirements that are all named, and drawn
 _WORDS = {True: 'yes', False: 'no', None: 'unknown'}
 _HEADINGS = {
     Question.CONSISTENCY: 'consistent',
@@ -176,7 +177,7 @@ def _of_requirements(heading: str, answers: list[Answer]) -> Iterator[str]:
 
 def _of_part(item: Answer) -> Iterator[str]:
     what = ', '.join(item.outputs) + ': ' if item.outputs else ''
-    ids = ', '.join(item.requirements) if len(item.requirements) <= 12 else \
+    ids = ', '.join(item.requirements) if len(item.requirements) <= _FEW else \
         counted(len(item.requirements), 'requirement')
     yield from _wrapped(f'  {_WORDS[item.holds]:<9}',
                         f'{what}{ids} ({item.method or item.reason})')
@@ -191,9 +192,20 @@ def _wrapped(start: str, text: str) -> list[str]:
                          break_long_words=False, break_on_hyphens=False) or [start.rstrip()]
 
 
+def _near(ids: set[str], item: Answer, specification: Specification) -> set[str]:
+    """Return all requirements of an answer; of many, those that share inputs with some."""
+    if len(item.requirements) <= _FEW:
+        return set(item.requirements)
+    read = {name for each in specification.properties if each.id in ids for name in each.inputs}
+    return {each.id for each in specification.properties
+            if each.id in item.requirements and read.intersection(each.inputs)}
+
+
 def _drawing(item: Answer, example: Example, specification: Specification,
              replay: Replay) -> Iterator[str]:
     concerned = set(example.violated) | {name for each in item.conflicts for name in each}
+    if item.question is Question.RT_CONSISTENCY:  # what leads to the dead end
+        concerned = _near(concerned, item, specification)
     chosen = [each for each in specification.properties
               if each.id in (concerned or item.requirements)]
     read = {name for each in chosen for name in each.inputs}

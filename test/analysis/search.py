@@ -19,7 +19,7 @@ States and steps come from `smt/transition.py`, whose models of the cells are pr
 decision diagrams. All inputs are Boolean.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -72,6 +72,15 @@ class Search:
                         if item.is_assumption]
         self.pending = [number for number, item in enumerate(specification.properties)
                         if item.sentence is not None and is_not_yet(item.sentence)]
+        linked = {item.name for item in specification.signals if item.role is InputRole.OUTPUT}
+        self.of_environment = list(self.assumed)
+        for _ in self.assumed:
+            for place in self.of_environment:
+                names = specification.properties[place].inputs
+                if linked.intersection(names):
+                    linked.update(names)
+            self.of_environment = [place for place in self.of_environment if not
+                                   linked.intersection(specification.properties[place].inputs)]
         self.start: State = self._reduced([t.plain(item.start) for item in system.state])
         self.steps: dict[State, dict[tuple[Choice, Choice], tuple[State, Choice]]] = {}
         todo = [self.start]
@@ -128,22 +137,22 @@ class Search:
         return {self.start, *_closure(graph, self.start)}
 
     def can_fail_alone(self, item: int, others: Sequence[int]) -> bool:
-        """Whether a requirement can be violated while the others hold."""
+        """Whether a requirement can be violated while the others are not."""
         if item in self.pending:
             never = self._fair(lambda verdicts: self._safe(verdicts, others)
-                               and not verdicts[item], self._open(others))
+                               and not verdicts[item], self._open({*others, *self.assumed}))
             return not never.isdisjoint(self.reached(others))
-        alive = self._fair(lambda verdicts: self._safe(verdicts, others), self._open(others)) \
-            if self._open(others) else set(self.steps)
-        return any(self._safe(verdicts, others) and not verdicts[item] and after in alive
+        return any(self._safe(verdicts, others) and not verdicts[item]
                    for state in self.reached([*others, item])
-                   for after, verdicts in self.steps[state].values())
+                   for _, verdicts in self.steps[state].values())
 
     # -- games ------------------------------------------------------------------------------
 
-    def realizable(self, required: Sequence[int]) -> set[State]:
+    def realizable(self, required: Sequence[int], trusted: Collection[int]) -> set[State]:
         """
         Return the states from which the system can satisfy all forever.
+
+        The environment fulfils those of `trusted` that say `eventually`.
 
         This is a parity game: the environment chooses, then the system, then the verdicts count.
         The priority is 2 when each requirement that says `eventually` has been fulfilled anew,
@@ -151,7 +160,7 @@ class Search:
         comes again and again is even.
         """
         alive = self.consistent(())
-        wanted, fair = self._open(required), self._open(self.assumed)
+        wanted, fair = self._open(required), self._open(trusted)
         nodes: dict[Node, tuple[bool, int, list[Node]]] = {
             'won': (True, 0, ['won']), 'lost': (True, 1, ['lost'])}
         for state, place, turn in product(

@@ -73,6 +73,17 @@ def test_text_json_and_runs_say_the_same(here: Here) -> None:
     assert done.out.splitlines()[-1] == '0,1,0,1,1,1'
 
 
+def test_a_run_into_a_dead_end_shows_what_leads_there(here: Here) -> None:
+    bundle = here.file('b.yaml', VALVES.partition('requirements')[0] + (
+        'requirements:\n'
+        '  - {id: A, fretish: when start the mixer shall within 3 ticks satisfy valve}\n'
+        '  - {id: B, ptltl: "H !valve"}\n'))
+    done = here.run('analyze', bundle, '--only', 'rt-consistency')
+    assert done.status == 1
+    for line in ('      start    ####', '      valve    ...#', '      verdict  ###x'):
+        assert line in done.out.splitlines(), done.out
+
+
 def test_check_warns_of_what_is_found_soon(here: Here) -> None:
     done = here.run('check', '--analyze', here.file('valves.yaml', VALVES))
     assert done.status == 0
