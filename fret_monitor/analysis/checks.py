@@ -35,6 +35,7 @@ from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.grid_runs import GridRuns
 from fret_monitor.analysis.letters import Values
+from fret_monitor.analysis.nan_inputs import values_with_nan, with_nan
 from fret_monitor.analysis.replay import Replay, rows_of
 from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
@@ -141,6 +142,7 @@ class _PartAnalysis:
         self._component: Component | None = None
         self._descent: Descent | None = None
         self._second: SecondCheck | None = None
+        self._nan: Component | None = None
         self._coarse: _PartAnalysis | None = None
         self._is_coarse = False
         self._about_assumptions: Answer | None = None
@@ -406,8 +408,12 @@ class _PartAnalysis:
                            or 'no run satisfies all requirements')
         anyhow = games.violation(place, d.possible, ())
         if not games.is_reached(anyhow):
+            if self._is_violated_by_nan(component, place, None):
+                return replace(blank, holds=False, method='NaN violates it')
+            reads_floats = self._reads_floats(place)
             return self._certain(
-                blank, component, 'never violated, whatever the inputs',
+                blank, component, 'never violated by finite numbers' if reads_floats
+                else 'never violated, whatever the inputs',
                 lambda second: second.is_closed(~anyhow[-1], [], place), place)
         trigger = component.triggers.get(place)
         if trigger is None:
@@ -433,6 +439,8 @@ class _PartAnalysis:
                            'the others exclude one another, and so imply anything')
         layers = games.violation(place, games.safe(others), [*others, *games.assumptions])
         if not games.is_reached(layers):
+            if self._is_violated_by_nan(component, place, others):
+                return replace(blank, holds=False, method='NaN violates it alone')
             return self._certain(
                 blank, component,
                 'implied by the others' + self._equal(component, place, others),
@@ -442,6 +450,40 @@ class _PartAnalysis:
                         if item not in games.pending)
         return self._possible(blank, component, 'it can be violated alone', Wanted(
             held, t.conjunction(held, t.negation(verdicts[place]))))
+
+    def _reads_floats(self, place: int) -> bool:
+        floats = {item.name for item in self._context.specification.signals
+                  if item.type.is_float}
+        return not floats.isdisjoint(self._part.properties[place].inputs)
+
+    def _is_violated_by_nan(self, component: Component, place: int,
+                            others: Sequence[int] | None) -> bool:
+        """Whether a run with NaN violates a requirement while others hold; None: all runs."""
+        if place in component.games.pending or not self._reads_floats(place):
+            return False
+        try:
+            if self._nan is None:
+                self._nan = build_component(
+                    *with_nan(self._context.specification, self._part), None, self._deadline,
+                    self._is_coarse)
+        except (NoTicks, TooLarge):
+            return False
+        games, d = self._nan.games, self._nan.games.diagrams
+        steps = d.possible if others is None else games.safe(others)
+        layers = games.violation(place, steps, ())
+        if not games.is_reached(layers):
+            return False
+        verdict = d.outputs[place]
+        try:
+            found = run_to(games, layers, steps & verdict, steps & ~verdict).rows()
+        except NoRun:
+            return False
+        *before, last = self._verdicts(component, [
+            values_with_nan(row, self._context.specification.signals) for row in found])
+        held = [self._part.ids[item] for item in (*others, *games.assumptions)
+                if item not in games.pending] if others is not None else []
+        return not last[self._part.ids[place]] and all(
+            line[name] for line in (*before, last) for name in held)
 
     def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
         """Name a requirement that always has the same verdict."""

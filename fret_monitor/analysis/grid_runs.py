@@ -49,6 +49,8 @@ class GridRuns:
         """Return that a requirement is not redundant, or not vacuous, if runs show it."""
         grid = self._component.grid
         assert grid is not None
+        if place in self._games.pending:
+            return None  # a run that ends shows nothing
         shown = self._is_violated_alone(place) if blank.question is Question.REDUNDANCY \
             else self._is_not_vacuous(place, dict(trigger_properties(
                 self._component.part, denials)).get(place))

@@ -381,6 +381,18 @@ def test_a_product_of_inputs_leaves_what_does_not_depend_on_its_rounding() -> No
     assert [item.holds for item in found.of(Question.REALIZABILITY)] == [None, True]
 
 
+def test_what_nan_violates_is_needed() -> None:
+    found = analyzed(bundle(
+        'v = v', 'H (Y (v > 1.0 | v <= 1.0) | FTP)', 'w != v | w = v', 'w > 1.0', '!(w <= 1.0)',
+        'v > 1.0 -> !(v < 0.5)'))
+    assert found.listed(Question.VACUITY) == ['R2', 'R5']
+    # R0 at each step is R1 at the next one, and w > 1 is false for NaN, !(w <= 1) true.
+    assert found.listed(Question.REDUNDANCY) == ['R1', 'R2', 'R4', 'R5']
+    methods = {item.requirements[0]: item.method for item in found.of(Question.REDUNDANCY)}
+    assert methods['R3'] == 'NaN violates it alone'
+    assert found.of(Question.VACUITY)[5].method.startswith('never violated by finite numbers (')
+
+
 def test_a_product_of_inputs_can_be_violated() -> None:
     found = analyzed(bundle('H (v * u >= 0.0)', inputs='v: {type: float64}\n'
                             '  u: {type: float64}'), Question.REALIZABILITY)
