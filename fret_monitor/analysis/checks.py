@@ -30,7 +30,7 @@ from fret_monitor.analysis.component import (
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
-from fret_monitor.analysis.diagrams import memory_errors
+from fret_monitor.analysis.diagrams import MemoryErrors
 from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.grid_runs import GridRuns
@@ -159,7 +159,7 @@ class _PartAnalysis:
 
     def answers(self) -> Iterator[Answer]:
         if len(self._part.properties) > _MANY:
-            with suppress(MemoryError, NoTicks, OutOfTime, TooLarge), memory_errors():
+            with suppress(MemoryError, NoTicks, OutOfTime, TooLarge), MemoryErrors():
                 self._show_by_runs()
         for question in self._questions:
             if question in (Question.VACUITY, Question.REDUNDANCY):
@@ -186,7 +186,7 @@ class _PartAnalysis:
 
     def _attempt(self, blank: Answer, place: int | None) -> Answer:
         try:
-            with memory_errors():
+            with MemoryErrors():
                 return self._answer(blank, place)
         except (TooLarge, NoTicks, NoRun) as error:
             return replace(blank, reason=str(error))
@@ -215,7 +215,7 @@ class _PartAnalysis:
         if place is None or self._is_coarse or \
                 self._context.specification.policy is not Policy.TIMED:
             return None
-        with suppress(MemoryError, NoRun, NoTicks, OutOfTime, TooLarge), memory_errors():
+        with suppress(MemoryError, NoRun, NoTicks, OutOfTime, TooLarge), MemoryErrors():
             self._deadline.begin_attempt(_TIMED_S)
             component = self._built()
             is_covered = not component.games.pending and not component.doubts \
@@ -291,7 +291,7 @@ class _PartAnalysis:
             if self._is_full:
                 raise MemoryError
             try:
-                with memory_errors():
+                with MemoryErrors():
                     self._descent = component.games.consistent(component.required)
             except MemoryError:
                 self._is_full = True  # so that no other question fills the memory again

@@ -19,8 +19,7 @@ A set of states is a diagram over the bits of the state. A set of steps is one o
 choices of the environment and those of the system.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -43,15 +42,22 @@ _MANY_NODES = 100_000  # before variables are moved
 _ROUNDS = 32  # between two looks at how many there are
 
 
-@contextmanager
-def memory_errors() -> Iterator[None]:
-    """Raise MemoryError where `dd` reports that CUDD has reached the limit of its memory."""
-    try:
-        yield
-    except (RuntimeError, ValueError) as error:
-        if 'NULL' not in str(error) and 'failed' not in str(error):
-            raise
-        raise MemoryError from error
+class MemoryErrors:
+    """
+    Raises MemoryError where `dd` reports that CUDD has reached the limit of its memory.
+
+    A generator would keep the errors in a cycle, and so their diagrams for the garbage collector.
+    """
+
+    def __enter__(self) -> None:
+        """Do nothing."""
+
+    def __exit__(self, _: object, error: BaseException | None, place: object) -> None:
+        """Replace an error."""
+        if isinstance(error, RuntimeError | ValueError) and (
+                'NULL' in str(error) or 'failed' in str(error)):
+            del error, place
+            raise MemoryError
 
 
 @dataclass(frozen=True)

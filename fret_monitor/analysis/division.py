@@ -27,7 +27,7 @@ from enum import Enum
 from fret_monitor.analysis.answers import Question
 from fret_monitor.analysis.component import build_component, by_outputs, Part, united
 from fret_monitor.analysis.deadline import Deadline, OutOfTime
-from fret_monitor.analysis.diagrams import memory_errors
+from fret_monitor.analysis.diagrams import MemoryErrors
 from fret_monitor.logic.specification import Specification
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.transition import NoTicks
@@ -89,7 +89,7 @@ def _of_runs(part: Part, components: Sequence[Part], core: list[Part],
 
 def _freedom(specification: Specification, part: Part, deadline: Deadline) -> _Freedom:
     try:
-        with memory_errors():
+        with MemoryErrors():
             return _found_freedom(specification, part, deadline)
     except (MemoryError, NoTicks, OutOfTime, TooLarge):
         return _Freedom.NONE
