@@ -39,7 +39,7 @@ demo-gate: setup
 
 # Five workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
-	@$(PYTHON) -m pytest -n 5 $(TESTS)
+	@$(PYTHON) -m pytest -n 6 $(TESTS)
 
 # Ten times the random examples of those tests that leave their number to hypothesis.
 thorough: setup-test

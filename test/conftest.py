@@ -96,7 +96,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     Give a worker of pytest-xdist all tests of a module, and three workers those with processes.
 
     So what a module builds for its tests is built once. One of the three runs the tests with ROS 2
-    that keep a processor busy, the others those that mostly wait.
+    that keep a processor busy, the others those that mostly wait. One worker runs all proofs: what
+    it has proved of the cells of bounds serves the next ones.
     """
     from xdist.scheduler import LoadScopeScheduling
 
@@ -112,6 +113,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 def _scope(nodeid: str) -> str:
     module = nodeid.split('::')[0]
+    if re.search(r'\btest/(proving/|cli/test_prove)', module):
+        return 'proofs'
     if not re.search(r'\btest/(ros/|test_colcon)', module):
         return module
     if re.search(_BUSY, module):
