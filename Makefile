@@ -37,7 +37,7 @@ demo: setup
 demo-gate: setup
 	@$(PYTHON) examples/wall.py
 
-# Five workers; three of them start with the tests with ROS 2, which wait more than they compute.
+# Six workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
 	@$(PYTHON) -m pytest -n 6 $(TESTS)
 
