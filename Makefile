@@ -37,9 +37,9 @@ demo: setup
 demo-gate: setup
 	@$(PYTHON) examples/wall.py
 
-# Six workers; three of them start with the tests with ROS 2, which wait more than they compute.
+# Five workers; three of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
-	@$(PYTHON) -m pytest -n 6 $(TESTS)
+	@$(PYTHON) -m pytest -n 5 $(TESTS)
 
 # Ten times the random examples of those tests that leave their number to hypothesis.
 thorough: setup-test
