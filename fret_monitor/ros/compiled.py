@@ -31,7 +31,7 @@ from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems,
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import exact, fret_name
 from fret_monitor.model.parts import Part, UNGATED
-from fret_monitor.model.policies import ActionKind, Policy
+from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
@@ -67,7 +67,6 @@ def open_monitors(settings: Settings) -> list[Opened]:
     opened = _all(lambda origin: _open(settings, origin, UNGATED), settings)
     manifests = [item.monitor.manifest for item in opened]
     _refuse_combinations(settings, manifests)
-    _refuse_shared_locks(manifests)
     return opened
 
 
@@ -95,7 +94,6 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
                       *(['no gates: write them in the bundle, under gates'] if not opened
                         and not missing else []))
     _refuse_combinations(settings, manifests)
-    _refuse_shared_locks(manifests)
     return opened
 
 
@@ -197,20 +195,6 @@ def _place(origin: Origin, requirement: ManifestRequirement) -> str:
                 span = item.id.span
                 return f'{span.source.name}:{span.line}:{span.column}'
     return str(origin)
-
-
-def _refuse_shared_locks(manifests: Sequence[Manifest]) -> None:
-    """Refuse two publishers of one lock: one would say false while the other says true."""
-    first: dict[str, str] = {}
-    problems = []
-    for manifest in manifests:
-        for item in manifest.actions:
-            other = first.setdefault(item.target, manifest.name)
-            if item.kind is ActionKind.LOCK and other != manifest.name:
-                problems.append(f"'{other}' and '{manifest.name}' have both a lock on "
-                                f'{item.target}: give one of them another topic')
-    if problems:
-        raise Refusal(*problems)
 
 
 def _open(settings: Settings, origin: Origin, part: Part) -> Opened:

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fret_monitor.ros.compiled import open_gates, Opened
-from fret_monitor.ros.gate_session import describe_gate, refuse_circles
+from fret_monitor.ros.gate_session import describe_gate
 from fret_monitor.ros.monitor_node import distinct_names, MonitorNode
 from fret_monitor.ros.parameters import Described, GATE_PARAMETERS, Settings
 
@@ -37,10 +37,7 @@ class GateNode(MonitorNode):
         super().__init__(node_name, **options)
 
     def _open(self, settings: Settings) -> list[Opened]:
-        opened = open_gates(settings, settings.gates)
-        gates = [item.monitor.manifest.gate for item in opened]
-        refuse_circles(self, [gate for gate in gates if gate is not None])
-        return opened
+        return open_gates(settings, settings.gates)
 
     def _names(self, opened: Sequence[Opened]) -> list[str]:
         return distinct_names([item.monitor.manifest.gate.name for item in opened

@@ -15,7 +15,7 @@
 """A gate while it runs, on a topic or a service; its state for the log and diagnostics."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor.model.graph import cycles
@@ -46,50 +46,55 @@ def gate_of(evaluator: Evaluator, settings: ManifestGate) -> Gate:
             f'it cannot run with the policy {evaluator.policy.value}') from None
 
 
-def refuse_circles(node: Node, gates: Sequence[ManifestGate]) -> None:
-    """Refuse remappings that lead gates in a circle, or two to one topic; raises `Refusal`."""
-    for is_service in (False, True):
-        ends = [(gate, *ends_of(node, gate)) for gate in gates if gate.is_service is is_service]
-        for way in cycles((source, target) for _, source, target in ends):
-            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
-                          'different ones')
-        first: dict[str, ManifestGate] = {}
-        for gate, source, target in ends:
-            name = source if is_service else target
-            other = first.setdefault(name, gate)
-            if other is not gate:
-                what = 'offer' if is_service else 'lead to'
-                raise Refusal(f"the gates '{other.name}' and '{gate.name}' both {what} {name}: "
-                              'what passes one would not be judged by the other')
-
-
-def refuse_shared_targets(node: Node, manifests: Sequence[Manifest]) -> None:
+def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
     """
-    Refuse remappings that let an action publish on the topic of a gate or of a lock.
+    Refuse gates in a circle, and what else publishes on the topic of a gate or of a lock.
+
+    Compares names after remapping, of everything that the node runs; a gate on a service must be
+    its only server, too.
 
     Raises
     ------
     Refusal
-        if there is one.
+        with the first problem.
     """
-    published = [item for manifest in manifests for item in _published(manifest)]
-    owners: dict[str, str] = {}
-    for what, topic, is_owner in sorted(published, key=lambda item: not item[2]):
-        name = node.resolve_topic_name(topic)
-        owner = owners.setdefault(name, what) if is_owner else owners.get(name, what)
-        if owner != what:
-            raise Refusal(f'{owner} and {what} both publish on {name}; '
-                          'remap them to different topics')
+    gates = [item.gate for item in manifests if item.gate is not None]
+    for is_service in (False, True):
+        ends = [ends_of(node, gate) for gate in gates if gate.is_service is is_service]
+        for way in cycles(ends):
+            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
+                          'different ones')
+    used = [item for manifest in manifests for item in _used_names(node, manifest)]
+    owners: dict[tuple[str, str], _Use] = {}
+    for use in sorted(used, key=lambda item: not item.is_alone):
+        owner = owners.setdefault((use.verb, use.name), use)
+        if owner is not use and owner.is_alone:
+            first, second = (f"{item.what} of '{item.origin}'" if owner.what == use.what
+                             else item.what for item in (owner, use))
+            raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
+                          'write different names, or remap them')
 
 
-def _published(manifest: Manifest) -> Iterator[tuple[str, str, bool]]:
-    """Yield what publishes on a topic, the topic, and whether no other may publish there."""
-    if (gate := manifest.gate) is not None and not gate.is_service:
-        yield f"the gate '{gate.name}'", gate.target, True
+class _Use(NamedTuple):
+    """What publishes on a topic or offers a service; `is_alone`: it must be the only one."""
+
+    what: str
+    origin: str
+    verb: str
+    name: str
+    is_alone: bool
+
+
+def _used_names(node: Node, manifest: Manifest) -> Iterator[_Use]:
+    if (gate := manifest.gate) is not None:
+        source, target = ends_of(node, gate)
+        yield _Use(f"the gate '{gate.name}'", manifest.name,
+                   *(('offer', source) if gate.is_service else ('publish on', target)), True)
     for action in manifest.actions:
         if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
             is_lock = action.kind is ActionKind.LOCK
-            yield f"the {'lock' if is_lock else 'action'} '{action.name}'", action.target, is_lock
+            yield _Use(f"the {'lock' if is_lock else 'action'} '{action.name}'", manifest.name,
+                       'publish on', node.resolve_topic_name(action.target), is_lock)
 
 
 def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:

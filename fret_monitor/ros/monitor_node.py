@@ -23,7 +23,7 @@ from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
-from fret_monitor.ros.gate_session import refuse_shared_targets
+from fret_monitor.ros.gate_session import refuse_shared_names
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import (
     Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
@@ -143,7 +143,7 @@ class MonitorNode(LifecycleNode):
         settings = read_settings(self._declared.values())
         opened = self._open(settings)
         self._refuse_two_types(opened)
-        refuse_shared_targets(self, [item.monitor.manifest for item in opened])
+        refuse_shared_names(self, [item.monitor.manifest for item in opened])
         self._declared.show_constants(item.monitor.manifest for item in opened)
         with ExitStack() as undo:
             undo.callback(self._release)

@@ -36,6 +36,7 @@ from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.gate_node import GateNode
 from fret_monitor.ros.gate_session import _reasons
 from fret_monitor.ros.health import describe_missing
+from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.runtime import Engine, Evaluator, Gate
 from fret_monitor.start import start
@@ -358,7 +359,7 @@ gates:
 @pytest.mark.parametrize(('remappings', 'words'), [
     (('c:=b', 'd:=a'), 'these gates are a circle: /'),
     (('b:=a',), 'these gates are a circle: /a -> /a'),
-    (('d:=b',), "the gates 'g' and 'h' both lead to /b"),
+    (('d:=b',), "the gate 'g' and the gate 'h' both publish on /b"),
     (('braked:=b',), "the gate 'g' and the action 'brake' both publish on /b"),
     (('braked:=e_stop',), "the lock 'stop' and the action 'brake' both publish on /e_stop"),
     (('e_stop:=d',), "the gate 'h' and the lock 'stop' both publish on /d")])
@@ -369,6 +370,28 @@ def test_remappings_that_lead_gates_together_are_refused(
     with pytest.raises(Refusal, match=re.escape(words)):
         GateNode(context=partner.context, parameter_overrides=[spec],
                  cli_args=['--ros-args', *(word for rule in remappings for word in ('-r', rule))])
+
+
+@pytest.mark.parametrize(('node_type', 'rules', 'words'), [
+    (MonitorNode, [('e_stop', 'e_stop')], "the lock 'stop' of 'one' and the lock 'stop' of 'two'"),
+    (MonitorNode, [('e_stop', 'halt')], 'both publish on /e_stop; write different'),
+    (GateNode, [('e_stop', 'free'), ('to: b', 'to: e'), ('to: d', 'to: f')],
+     "the gate 'h' of 'one_h' and the gate 'h' of 'two_h' both publish on /d")])
+def test_two_bundles_cannot_share_the_topic_of_a_lock_or_of_a_gate(
+    partner: Partner, tmp_path: Path, node_type: type[MonitorNode],
+    rules: list[tuple[str, str]], words: str,
+) -> None:
+    first = TWO if node_type is GateNode else TWO.partition('gates:')[0]
+    second = re.sub(r'\b([AC])\b', r'\1_2', first)
+    for old, new in rules:
+        second = second.replace(old, new)
+    paths = [tmp_path / 'one.yaml', tmp_path / 'two.yaml']
+    for path, text in zip(paths, (first, second)):
+        path.write_text(text, encoding='utf-8')
+    with pytest.raises(Refusal, match=re.escape(words)):
+        node_type(context=partner.context,
+                  parameter_overrides=[Parameter('spec', value=[str(path) for path in paths])],
+                  cli_args=['--ros-args', '-r', 'halt:=e_stop', '-r', 'f:=d'])
 
 
 def test_another_publisher_of_a_node_of_the_same_name_is_reported(

@@ -139,10 +139,3 @@ def test_each_node_opens_its_parts_and_refuses_the_others(path: Path, tmp_path: 
         open_monitors(drive)
     with pytest.raises(Refusal, match='is compiled for the monitor: ros2 run fret_monitor moni'):
         open_gates(rest)
-
-
-def test_two_bundles_cannot_share_the_topic_of_a_lock(path: Path, tmp_path: Path) -> None:
-    other = tmp_path / 'other.yaml'
-    other.write_text(BUNDLE.replace('REST', 'OTHER'), encoding='utf-8')
-    with pytest.raises(Refusal, match="'robot' and 'other' have both a lock on e_stop"):
-        open_monitors(Settings((Origin(path, None), Origin(other, None))))
