@@ -124,6 +124,7 @@ class _BundleReader:
         self._needs_period = needs_period
         self._declared: dict[str, DeclaredName] = {}
         self._unreadable: set[str] = set()
+        self._signals_sources: list[Source] = []
         self._has_policy = True  # whether it is known what formulas mean
 
     def bundle(self, source: Source) -> Bundle | None:
@@ -142,7 +143,7 @@ class _BundleReader:
         check_topics(inputs, self._problems)
         return replace(
             self._acting(shape, read),
-            sources=(source, *(part.sources[0] for part in shared)),
+            sources=(source, *self._signals_sources),
             constants=(*read.constants, *(item for part in shared for item in part.constants)),
             inputs=inputs,
             definitions=definitions,
@@ -416,6 +417,7 @@ class _BundleReader:
             for item in error.diagnostics:
                 self._problems.extend([item if item.span else replace(item, span=text.span)])
             return None
+        self._signals_sources.append(source)
         mapping = self._root(source, 'the signals file', _SIGNALS_EXAMPLE)
         if mapping is None or not self._has_format(mapping, is_required=False):
             return None

@@ -32,7 +32,8 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import Diagnostic, Level, pip_install, refuse
-from fret_monitor.model.output import open_output
+from fret_monitor.model.folders import refusing
+from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import InputRole
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ def run(options: Namespace) -> int:
     asked, warnings = _asked(reading, options.only)
     if not options.json:
         print_diagnostics(warnings)
+    if options.output is not None:
+        _make_folder(options.output, reading)
     replay = CompiledReplay(reading)
     deadline = Deadline(options.timeout)
     with _interruptible(deadline):
@@ -155,12 +158,21 @@ def _interruptible(deadline: 'Deadline') -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+def _make_folder(folder: Path, reading: Reading) -> None:
+    with refusing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in _former_runs(folder):
+            refuse_overwriting(path, reading.paths)
+
+
+def _former_runs(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if _RUN.fullmatch(path.name)]
+
+
 def _write_runs(folder: Path, found: 'Analysis', reading: Reading) -> None:
     from fret_monitor.analysis.report import examples, to_csv
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in folder.iterdir():
-        if _RUN.fullmatch(path.name):  # of an earlier analysis
-            path.unlink()
+    for path in _former_runs(folder):
+        path.unlink()
     for name, _, example in examples(found):
         with open_output(folder / f'{name}.csv', reading.paths) as file:
             file.write(to_csv(example, reading.specification))

@@ -28,7 +28,9 @@ from typing import TYPE_CHECKING
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import CompileError, counted, pip_install, refuse
+from fret_monitor.model.diagnostics import (
+    CompileError, counted, pip_install, Problems, refuse,
+)
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
 from fret_monitor.native.errors import NativeError
@@ -106,10 +108,8 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
         refuse('`bag` needs the extra `bag`', help=pip_install('rosbags'))
     from fret_monitor.bag.recording import files_of
     bundle = existing_bundle(options.bundle)
-    read = [bundle, *(file for path in options.bags for file in files_of(path))]
-    for path in (options.junit, options.csv, options.mcap, options.report, options.results):
-        if path is not None:
-            refuse_overwriting(path, read)
+    _check_outputs(options, [*_files_of_bundle(bundle),
+                             *(file for path in options.bags for file in files_of(path))])
     is_page = options.report is not None and options.report.suffix in _PAGES
     for name, path in (('--csv', options.csv), ('--mcap', options.mcap),
                        (f'--report {options.report}', options.report if is_page else None)):
@@ -118,6 +118,27 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
                    help='call the command once for each' if path is not options.report else
                    'name a folder, for an index and a page each')
     return _check(options, bundle, _selection(options), lines)
+
+
+def _files_of_bundle(bundle: Path) -> list[Path]:
+    from fret_monitor.bundle.reader import survey_bundle
+    survey = survey_bundle(bundle, Problems())
+    return [bundle, *(Path(source.name) for source in survey.sources[1:])] if survey else [bundle]
+
+
+def _check_outputs(options: Namespace, read: Sequence[Path]) -> None:
+    """Refuse to write over a file that is read, or two results to one file."""
+    options_of: dict[str, str] = {}
+    for name in ('junit', 'csv', 'mcap', 'report', 'results'):
+        path = getattr(options, name)
+        if path is None:
+            continue
+        refuse_overwriting(path, read)
+        if path.exists() and not path.is_file():
+            continue
+        other = options_of.setdefault(os.path.realpath(path), f'--{name}')
+        if other != f'--{name}':
+            refuse(f"{other} and --{name} both write '{path}'", help='name two files')
 
 
 def _selection(options: Namespace) -> 'Selection':

@@ -157,6 +157,27 @@ def test_a_pipe_is_written_and_not_replaced(
             assert reader_of_mcap.message_count > 2
 
 
+def test_results_overwrite_no_file_that_is_read_and_no_other_result(
+        tmp_path: Path, recording: Path, capsys: Capture) -> None:
+    signals, file = tmp_path / 'signals.yaml', tmp_path / 'tank.yaml'
+    inputs, _, requirements = LOW.partition('\n')[2].partition('\n')
+    file.write_text(f'format: 1\nsignals: signals.yaml\n{requirements}', encoding='utf-8')
+    (tmp_path / 'link').symlink_to('signals.yaml')
+    for text in (inputs, 'inputs: ['):  # what cannot be used is read too
+        signals.write_text(text, encoding='utf-8')
+        before = {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()}
+        for option in ('--csv', '--mcap', '--junit', '--results', '--report'):
+            for out in (file, signals, tmp_path / 'link', recording / 'metadata.yaml'):
+                assert main(['bag', str(file), str(recording), option, str(out)]) == 1
+                assert f"error: cannot write '{out}': this command reads it" \
+                    in capsys.readouterr().err
+    out = str(tmp_path / 'out')
+    arguments = ['bag', str(file), str(recording), '--results', out]
+    assert main([*arguments, '--junit', f'{tmp_path}/recording/../out']) == 1
+    assert '--junit and --results both write' in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()} == before
+
+
 def test_results_are_not_kept_in_a_pipe(
         tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
     os.mkfifo(tmp_path / 'pipe')

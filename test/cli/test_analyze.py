@@ -73,6 +73,18 @@ def test_text_json_and_runs_say_the_same(here: Here) -> None:
     assert done.out.splitlines()[-1] == '0,1,0,1,1,1'
 
 
+def test_runs_that_could_not_be_written_are_refused_before_the_analysis(
+        here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('fret_monitor.analysis.checks.analyze', None)
+    bundle = here.file('consistency.csv', VALVES)
+    for out, error in ((bundle, f"'{bundle}' is a file"),
+                       (here.folder, f"'{bundle}': this command reads it")):
+        done = here.run('analyze', bundle, '-o', out)
+        assert (done.status, done.out) == (1, '')
+        assert done.err.startswith('error: cannot write ') and error in done.err
+    assert bundle.read_text() == VALVES
+
+
 def test_a_run_into_a_dead_end_shows_what_leads_there(here: Here) -> None:
     bundle = here.file('b.yaml', VALVES.partition('requirements')[0] + (
         'requirements:\n'
