@@ -28,13 +28,12 @@ import signal
 import sys
 from threading import current_thread, main_thread
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TYPE_CHECKING
 
 from fret_monitor import __version__
-from fret_monitor.cli.terminal import print_diagnostics
-from fret_monitor.model.diagnostics import CompileError, Diagnostic
-from fret_monitor.model.output import drop_output
-from fret_monitor.native.errors import NativeError
+
+if TYPE_CHECKING:
+    from fret_monitor.model.diagnostics import Diagnostic
 
 # The verbs, each with its line in --help. A module of this folder has the name of its verb.
 _VERBS = {
@@ -71,11 +70,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with _terminable():
             return _main(arguments)
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
     except _Terminated:
         return 128 + signal.SIGTERM
 
 
 def _main(arguments: Sequence[str] | None) -> int:
+    # Imported here, since these imports are slow, and an interrupt meanwhile is handled above.
+    from fret_monitor.model.diagnostics import CompileError, Diagnostic
+    from fret_monitor.model.output import drop_output
+    from fret_monitor.native.errors import NativeError
     options = Namespace(json=False, has_document=False)
     if '_ARGCOMPLETE' in os.environ:
         _complete(os.environ.get('COMP_LINE', ''))
@@ -96,8 +101,6 @@ def _main(arguments: Sequence[str] | None) -> int:
             options.has_document = False
         _print_problems([Diagnostic(f'cannot {place}: {error.strerror or error}')], options)
         return 1
-    except KeyboardInterrupt:
-        return 128 + signal.SIGINT
 
 
 def _run(arguments: Sequence[str], options: Namespace) -> int:
@@ -122,8 +125,9 @@ def _complete(line: str) -> NoReturn:
     sys.exit(1)
 
 
-def _print_problems(diagnostics: Iterable[Diagnostic], options: Namespace) -> None:
+def _print_problems(diagnostics: 'Iterable[Diagnostic]', options: Namespace) -> None:
     """Print the errors that ended a verb, in its document if it has one."""
+    from fret_monitor.cli.terminal import print_diagnostics
     if options.json and options.has_document:
         from fret_monitor.cli.document import print_document
         print_document({}, diagnostics)

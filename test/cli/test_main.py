@@ -23,7 +23,7 @@ import subprocess
 import sys
 from time import monotonic, sleep
 
-from cli.command import command, environment, HEADING, Here, PUMP, run
+from cli.command import command, environment, HEADING, Here, PUMP, run, START
 import fret_monitor
 from fret_monitor import __version__
 import pytest
@@ -107,8 +107,8 @@ def test_a_verb_loads_no_other_verb() -> None:
         print(*(name for name in sys.modules if 'fret_monitor.cli.' in name), file=sys.stderr)"""
     done = subprocess.run([sys.executable, '-c', script], env=environment(), capture_output=True,
                           text=True, check=True)
-    assert done.stderr.split() == [
-        f'fret_monitor.cli.{name}' for name in ('terminal', 'main', 'formalize')]
+    assert sorted(done.stderr.split()) == [
+        f'fret_monitor.cli.{name}' for name in ('formalize', 'main', 'terminal')]
 
 
 def test_the_version_is_that_of_the_package(here: Here) -> None:
@@ -229,6 +229,23 @@ exec sleep 100
     left = {path.name for path in here.folder.iterdir()}
     assert left <= {'compiler', 'home', 'pump.yaml', 'slow-cc', 'trace.csv'}
     assert list((home / 'fret_monitor').glob('*')) == []
+
+
+@pytest.mark.parametrize('module', ['fret_monitor.model', 'fret_monitor.native', 'yaml'])
+def test_an_interrupt_during_the_imports_ends_quietly(here: Here, module: str) -> None:
+    script = f"""\
+import os, signal, sys
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Interrupter())
+{START}"""
+    done = subprocess.run(
+        [sys.executable, '-c', script, 'check', here.file('pump.yaml', PUMP)], env=environment(),
+        capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, '', '')
 
 
 def test_a_signal_handler_of_the_caller_is_restored(here: Here) -> None:
