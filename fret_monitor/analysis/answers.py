@@ -90,6 +90,6 @@ class Analysis:
             return None
         return False if False in found else None if None in found else True
 
-    def listed(self, question: Question) -> Sequence[str]:
-        """Return the requirements for which the answer to a question is yes."""
-        return [item.requirements[0] for item in self.of(question) if item.holds]
+    def listed(self, question: Question, holds: bool | None = True) -> Sequence[str]:
+        """Return the requirements for which a question has some answer; None is `unknown`."""
+        return [item.requirements[0] for item in self.of(question) if item.holds is holds]

@@ -195,8 +195,13 @@ class _PartAnalysis:
         except MemoryError:
             return replace(blank, reason='the decision diagrams need too much memory')
         except OutOfTime:
-            reason = _INTERRUPTED if self._deadline.is_interrupted else _OUT_OF_TIME
-            return replace(blank, reason=reason)
+            return replace(blank, reason=self._late)
+
+    @property
+    def _late(self) -> str:
+        if self._deadline.is_interrupted:
+            return _INTERRUPTED
+        return _OUT_OF_TIME if self._deadline.is_over else f'not decided in {_TIMED_S:g} s'
 
     @property
     def _of_grid(self) -> '_PartAnalysis':

@@ -46,17 +46,20 @@ _HEADINGS = {
 
 def as_dict(found: Analysis) -> dict[str, object]:
     """Return an analysis as a JSON object; null for what is unknown or was not asked."""
-    def listed(question: Question) -> list[str] | None:
-        return list(found.listed(question)) if question in found.asked else None
+    def listed(question: Question, holds: bool | None = True) -> list[str] | None:
+        return list(found.listed(question, holds)) if question in found.asked else None
 
     return {
         'consistent': found.together(Question.CONSISTENCY),
         'rt_consistent': found.together(Question.RT_CONSISTENCY),
         'vacuous': listed(Question.VACUITY),
         'redundant': listed(Question.REDUNDANCY),
+        'vacuous_unknown': listed(Question.VACUITY, None),
+        'redundant_unknown': listed(Question.REDUNDANCY, None),
         'components': [_component(item) for item in found.of(Question.REALIZABILITY)]
         if Question.REALIZABILITY in found.asked else None,
         'answers': [_answer(item) for item in found.answers],
+        'partial': found.is_partial,
         'seconds': round(found.seconds, 3),
     }
 

@@ -455,7 +455,7 @@ def test_where_time_has_to_run_out_the_answer_is_that_on_a_grid(
     found = analyze(specification, on_grid, [Question.REALIZABILITY])
     answer = found.answers[0]
     assert answer.requirements == ('T1', 'T3') and answer.holds is None
-    assert answer.reason == 'out of time; if all happens on a grid of 0.2 s, no: T1, T3'
+    assert answer.reason == 'not decided in 0.5 s; if all happens on a grid of 0.2 s, no: T1, T3'
     assert answer.example is not None and answer.example.grid == 200_000_000
 
 

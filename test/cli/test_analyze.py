@@ -158,6 +158,19 @@ def test_an_interrupt_leaves_partial_answers(here: Here) -> None:
     assert 'The analysis ended before its end' in done.out
 
 
+def test_json_tells_what_is_unknown_from_what_is_not_so(here: Here) -> None:
+    bundle = here.file('valves.yaml', VALVES)
+    full = json.loads(here.run('analyze', bundle, '--only', 'vacuity', '--json').out)
+    assert [full[key] for key in ('vacuous', 'vacuous_unknown', 'redundant_unknown', 'partial')] \
+        == [['P-3'], [], None, False]
+    done = here.run('analyze', bundle, '--json', '--timeout', '0.001')
+    assert done.status == 1
+    none = json.loads(done.out)
+    ids = ['V-1', 'V-2', 'P-1', 'P-2', 'P-3']
+    assert [none[key] for key in ('vacuous', 'vacuous_unknown', 'redundant', 'redundant_unknown',
+                                  'partial')] == [[], ids, [], ids, True]
+
+
 def test_wrong_limits_are_wrong_usage(here: Here) -> None:
     assert here.run('analyze', Path('b.yaml'), '--timeout', '0').status == 2
     assert here.run('analyze', Path('b.yaml'), '--only', 'beauty').status == 2
