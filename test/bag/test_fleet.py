@@ -171,9 +171,8 @@ def test_results_overwrite_no_file_that_is_read_and_no_other_result(
                 assert main(['bag', str(file), str(recording), option, str(out)]) == 1
                 assert f"error: cannot write '{out}': this command reads it" \
                     in capsys.readouterr().err
-    out = str(tmp_path / 'out')
-    arguments = ['bag', str(file), str(recording), '--results', out]
-    assert main([*arguments, '--junit', f'{tmp_path}/recording/../out']) == 1
+    assert main(['bag', str(file), str(recording), '--results', str(tmp_path / 'out'),
+                 '--junit', f'{tmp_path}/recording/../out']) == 1
     assert '--junit and --results both write' in capsys.readouterr().err
     assert {path: path.read_bytes() for path in tmp_path.rglob('*') if path.is_file()} == before
 
