@@ -21,10 +21,11 @@ The analysis of a bundle: all questions, each for the parts that it concerns.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 import time
 
-from fret_monitor.analysis.answers import Analysis, Answer, Example, Question
+from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.component import (
     build_component, by_inputs, by_outputs, Component, output_names, Part, unrelated_assumptions,
 )
@@ -35,14 +36,15 @@ from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.grid_runs import GridRuns
 from fret_monitor.analysis.letters import Values
-from fret_monitor.analysis.nan_inputs import values_with_nan, with_nan
-from fret_monitor.analysis.replay import Replay, rows_of
+from fret_monitor.analysis.nan_inputs import NanRuns
+from fret_monitor.analysis.part_runs import PartRuns
+from fret_monitor.analysis.replay import Replay
 from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
 )
 from fret_monitor.analysis.second import NotComparable, SecondCheck
-from fret_monitor.analysis.short_runs import short_runs
-from fret_monitor.analysis.unrolling import end_of_runs, find_run, Found, Steps, Wanted
+from fret_monitor.analysis.short_runs import shown_by_short_runs
+from fret_monitor.analysis.unrolling import end_of_runs, Wanted
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import counted
@@ -52,14 +54,12 @@ from fret_monitor.model.times import time_text
 from fret_monitor.smt import solver
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
-from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import NoTicks
-from fret_monitor.traces.trace import Row
 
 _MOST_CONFLICTS = 10
 _TIMED_S = 5.0  # for a question about time, since most end soon or never
 _LONG_S = 20.0  # to find a run of numbers
-_SHORT_S = 2.0  # that for one requirement
+_SHORT_S = 2.0  # the same for one requirement
 _MANY = 20  # requirements, for which short runs are searched first
 _RUNS_SHARE = 0.75  # of the time of a part, for short runs
 _MOST_S = 120.0  # of that time
@@ -135,19 +135,19 @@ def _work(context: _Context, asked: Sequence[Question]) -> Iterator[Task]:
 class _PartAnalysis:
     """Answers the questions about one part."""
 
-    def __init__(self, context: _Context, task: Task) -> None:
+    def __init__(self, context: _Context, task: Task, is_on_grid: bool = False) -> None:
+        """With `is_on_grid`, time is a grid."""
         self._context, self._task = context, task
         self._part, self._questions = task.part, task.questions
         self._deadline = context.deadline
+        self._is_timed = context.specification.policy is Policy.TIMED
+        self._is_on_grid = is_on_grid
         self._component: Component | None = None
         self._descent: Descent | None = None
         self._second: SecondCheck | None = None
-        self._nan: Component | None = None
-        self._coarse: _PartAnalysis | None = None
-        self._is_coarse = False
-        self._about_assumptions: Answer | None = None
+        self._nan: NanRuns | None = None
         self._is_full = False
-        self._shown: dict[tuple[Question, int | None], Answer] = {}
+        self._shown: dict[tuple[Question, tuple[str, ...]], Answer] = {}
 
     @property
     def _outputs(self) -> tuple[str, ...]:
@@ -177,10 +177,10 @@ class _PartAnalysis:
         ids = self._part.ids if place is None else (self._part.ids[place],)
         outputs = self._outputs if question is Question.REALIZABILITY else ()
         blank = Answer(question, ids, None, outputs=outputs)
-        known = self._shown.get((question, place))
+        known = self._shown.get((question, ids))
         found = known or self._confirmed_on_grid(blank, place) or self._attempt(blank, place)
-        if found.holds is None and not self._deadline.is_over and not self._is_coarse and \
-                self._context.specification.policy is Policy.TIMED:
+        if found.holds is None and not self._deadline.is_over and self._is_timed \
+                and not self._is_on_grid:
             return self._on_grid(found, place)
         return found
 
@@ -203,13 +203,10 @@ class _PartAnalysis:
             return _INTERRUPTED
         return _OUT_OF_TIME if self._deadline.is_over else f'not decided in {_TIMED_S:g} s'
 
-    @property
+    @cached_property
     def _of_grid(self) -> '_PartAnalysis':
         """The analysis of this part on a grid of time."""
-        if self._coarse is None:
-            self._coarse = _PartAnalysis(self._context, self._task)
-            self._coarse._is_coarse = True
-        return self._coarse
+        return _PartAnalysis(self._context, self._task, is_on_grid=True)
 
     def _confirmed_on_grid(self, blank: Answer, place: int | None) -> Answer | None:
         """
@@ -217,26 +214,25 @@ class _PartAnalysis:
 
         The runs are short there, and the monitor confirms them in real time.
         """
-        if place is None or self._is_coarse or \
-                self._context.specification.policy is not Policy.TIMED:
+        if place is None or self._is_on_grid or not self._is_timed:
             return None
         with suppress(MemoryError, NoRun, NoTicks, OutOfTime, TooLarge), MemoryErrors():
             self._deadline.begin_attempt(_TIMED_S)
             component = self._built()
             is_covered = not component.games.pending and not component.doubts \
                 and place not in component.games.assumptions
-            if is_covered and self._contradiction() is None \
+            if is_covered and self._contradiction is None \
                     and self._consistent(component).holds:
-                runs = GridRuns(self._of_grid._built(), self._context.replay,
+                runs = GridRuns(self._of_grid._built(), self._of_grid._runs,
                                 self._context.specification)
                 return runs.answer(blank, place, self._context.denials)
         return None
 
     def _on_grid(self, unknown: Answer, place: int | None) -> Answer:
         """Add to an unknown answer about time what holds if all happens on a grid of time."""
-        coarse = self._of_grid
-        found = coarse._attempt(replace(unknown, reason=''), place)
-        component = coarse._component
+        on_grid = self._of_grid
+        found = on_grid._attempt(replace(unknown, reason=''), place)
+        component = on_grid._component
         if found.holds is None or component is None or component.grid is None:
             return unknown
         what = 'yes' if found.holds else 'no'
@@ -246,12 +242,11 @@ class _PartAnalysis:
                        f'{time_text(component.grid)}, {what}{sets}', example=found.example)
 
     def _answer(self, blank: Answer, place: int | None) -> Answer:
-        if self._context.specification.policy is Policy.TIMED:
+        if self._is_timed:
             self._deadline.begin_attempt(_TIMED_S)
         self._deadline.check()
-        contradiction = self._contradiction()
-        if contradiction is not None:
-            return _contradicted(blank, contradiction)
+        if self._contradiction is not None:
+            return _contradicted(blank, self._contradiction)
         component = self._built()
         match blank.question:
             case Question.CONSISTENCY:
@@ -266,20 +261,20 @@ class _PartAnalysis:
                 assert place is not None
                 return self._redundancy(blank, component, place)
 
+    @cached_property
     def _contradiction(self) -> Answer | None:
-        """Return the answer that no run satisfies the assumptions, if that is so."""
+        """The answer that no run satisfies the assumptions, if that is so."""
         assumed = tuple(replace(item, is_assumption=False) for item in self._part.properties
                         if item.is_assumption)
         if not assumed:
             return None
-        if self._about_assumptions is None:
-            self._about_assumptions = self._asked(Question.CONSISTENCY, Part(assumed))
-        return self._about_assumptions if self._about_assumptions.holds is False else None
+        found = self._asked(Question.CONSISTENCY, Part(assumed))
+        return found if found.holds is False else None
 
     def _asked(self, question: Question, part: Part) -> Answer:
         """Return the answer to a question about another part."""
-        other = _PartAnalysis(self._context, Task(part, (question,), frozenset(part.ids)))
-        other._is_coarse = self._is_coarse
+        task = Task(part, (question,), frozenset(part.ids))
+        other = _PartAnalysis(self._context, task, self._is_on_grid)
         return other._attempt(Answer(question, part.ids, None), None)
 
     def _built(self) -> Component:
@@ -288,8 +283,13 @@ class _PartAnalysis:
             self._component = build_component(
                 self._context.specification, self._part,
                 self._context.denials if needs_triggers else None, self._deadline,
-                self._is_coarse)
+                self._is_on_grid)
         return self._component
+
+    @cached_property
+    def _runs(self) -> PartRuns:
+        return PartRuns(self._built(), self._context.specification, self._context.replay,
+                        self._deadline)
 
     def _consistent(self, component: Component) -> Descent:
         if self._descent is None:
@@ -306,49 +306,14 @@ class _PartAnalysis:
     def _show_by_runs(self) -> None:
         """Store the answers about many requirements that short runs show."""
         questions = {*self._questions} - {Question.REALIZABILITY, Question.RT_CONSISTENCY}
-        if not questions or self._context.specification.policy is Policy.TIMED:
+        if not questions or self._is_timed:
             return
         component = self._built()
         if component.games.pending:
             return
-        verdicts, ids = component.whole.verdicts, self._part.ids
         seconds = self._deadline.at_most(_MOST_S) * _RUNS_SHARE
-        violable: set[int] = set()
-        triggered: set[int] = set()
-        for found in short_runs(
-                Steps(component.whole.state, component.inputs, component.domains),
-                [verdicts[place] for place in range(len(ids))],
-                {place: verdicts[item] for place, item in component.triggers.items()},
-                self._deadline, seconds):
-            violated = [{name for name in ids if not line[name]}
-                        for line in self._verdicts(component, found.rows)]
-            if found.alone is None and not any(violated):
-                self._store(Question.CONSISTENCY, None, True, (
-                    f'a run that repeats from step {len(found.rows) - 1} on after '
-                    f'{counted(len(found.rows), "step")}, replayed in the compiled monitor'))
-                triggered |= found.triggered
-            elif found.alone is not None and violated[-1] == {ids[found.alone]} \
-                    and not any(violated[:-1]):
-                violable.add(found.alone)
-            self._store_places(component, triggered, violable)
-
-    def _store_places(self, component: Component, triggered: set[int],
-                      violable: set[int]) -> None:
-        """Store that requirements are needed, once some run satisfies all."""
-        if (Question.CONSISTENCY, None) not in self._shown:
-            return
-        for place in violable:
-            is_assumption = place in component.games.assumptions
-            self._store(Question.REDUNDANCY, place, False, 'an assumption' if is_assumption
-                        else 'it can be violated alone')
-            if place not in component.triggers:
-                self._store(Question.VACUITY, place, False, 'it can be violated')
-            elif place in triggered:
-                self._store(Question.VACUITY, place, False, 'its trigger can come')
-
-    def _store(self, question: Question, place: int | None, holds: bool, method: str) -> None:
-        ids = self._part.ids if place is None else (self._part.ids[place],)
-        self._shown[question, place] = Answer(question, ids, holds, method)
+        for found in shown_by_short_runs(component, self._runs, self._deadline, seconds):
+            self._shown[found.question, found.requirements] = found
 
     # -- questions --------------------------------------------------------------------------
 
@@ -431,8 +396,8 @@ class _PartAnalysis:
                 blank, component, 'its trigger never comes while all requirements hold',
                 lambda second: second.is_closed(
                     ~layers[-1], component.required, trigger, found.last))
-        return self._possible(blank, component, 'its trigger can come', self._everything(
-            component, (t.negation(verdicts[trigger]),)))
+        return self._possible(blank, component, 'its trigger can come', self._runs.everything(
+            (t.negation(verdicts[trigger]),)))
 
     def _redundancy(self, blank: Answer, component: Component, place: int) -> Answer:
         games = component.games
@@ -468,27 +433,11 @@ class _PartAnalysis:
             return False
         try:
             if self._nan is None:
-                self._nan = build_component(
-                    *with_nan(self._context.specification, self._part), None, self._deadline,
-                    self._is_coarse)
-        except (NoTicks, TooLarge):
+                self._nan = NanRuns(self._context.specification, self._part, self._deadline,
+                                    self._is_on_grid)
+            return self._nan.violate(place, others, self._runs)
+        except (NoRun, NoTicks, TooLarge):
             return False
-        games, d = self._nan.games, self._nan.games.diagrams
-        steps = d.possible if others is None else games.safe(others)
-        layers = games.violation(place, steps, ())
-        if not games.is_reached(layers):
-            return False
-        verdict = d.outputs[place]
-        try:
-            found = run_to(games, layers, steps & verdict, steps & ~verdict).rows()
-        except NoRun:
-            return False
-        *before, last = self._verdicts(component, [
-            values_with_nan(row, self._context.specification.signals) for row in found])
-        held = [self._part.ids[item] for item in (*others, *games.assumptions)
-                if item not in games.pending] if others is not None else []
-        return not last[self._part.ids[place]] and all(
-            line[name] for line in (*before, last) for name in held)
 
     def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
         """Name a requirement that always has the same verdict."""
@@ -516,13 +465,11 @@ class _PartAnalysis:
             blank.question is Question.REALIZABILITY and _has_outputs_only(component))
         if not is_run_enough:
             return unknown
-        found = self._found_run(blank, component, self._everything(component))
+        found = self._runs.find(self._runs.everything(), _LONG_S)
         if found is None or found.start is None:
             return self._ending(unknown, component)
-        rows = (*found.rows, *found.rows[found.start:])
-        verdicts = self._verdicts(component, rows)
-        if not all(line[item.id] for line in verdicts for place, item
-                   in enumerate(self._part.properties) if place not in component.games.pending):
+        rows = self._runs.rows((*found.rows, *found.rows[found.start:]))
+        if any(self._runs.violated(rows)):
             return unknown
         return replace(blank, holds=True, method=(
             f'a run that repeats from step {found.start} on after '
@@ -530,20 +477,17 @@ class _PartAnalysis:
 
     def _ending(self, unknown: Answer, component: Component) -> Answer:
         """Answer no if no run satisfies all for more than some steps."""
-        steps = Steps(component.whole.state, component.inputs, component.domains)
         verdicts, assumptions = component.whole.verdicts, component.games.assumptions
 
         def end(items: Iterable[int], most: int | None = None) -> int | None:
             always = t.all_of(verdicts[item] for item in (*items, *assumptions)
                               if item not in component.games.pending)
-            return end_of_runs(steps, always, self._deadline, _LONG_S, most)
+            return end_of_runs(self._runs.steps, always, self._deadline, _LONG_S, most)
 
         last = end(component.required)
         if last is None:
             return unknown
-        whole = self._everything(component).always
-        longest = self._found_run(unknown, component, Wanted(whole, t.negation(whole)), True)
-        example = None if longest is None else self._replayed(component, longest.rows)
+        example = self._runs.example(self._runs.longest(_LONG_S))
         if example is None:
             return unknown
         no = replace(unknown, holds=False, example=example, reason='', are_all=False,
@@ -556,29 +500,6 @@ class _PartAnalysis:
             return self._with_smallest(replace(
                 no, conflicts=(tuple(self._part.ids[item] for item in sorted(less)),)))
         return no
-
-    def _everything(self, component: Component, once: tuple[Term, ...] = ()) -> Wanted:
-        """Return that all holds forever, and each of some terms once."""
-        verdicts, pending = component.whole.verdicts, component.games.pending
-        places = range(len(self._part.properties))
-        return Wanted(t.all_of(verdicts[place] for place in places if place not in pending),
-                      once=(*(verdicts[place] for place in places if place in pending), *once),
-                      repeats=True)
-
-    def _found_run(self, blank: Answer, component: Component, wanted: Wanted,
-                   is_longest: bool = False) -> Found | None:
-        steps = Steps(component.whole.state, component.inputs, component.domains)
-        is_one = blank.question in (Question.VACUITY, Question.REDUNDANCY)
-        seconds = _SHORT_S if is_one else _LONG_S
-        return find_run(steps, wanted, self._deadline, seconds, is_longest)
-
-    def _verdicts(self, component: Component, rows: Sequence[Values]) -> list[dict[str, bool]]:
-        """Return the verdicts of the compiled monitor by id, at each step."""
-        return [dict(zip((item.id for item in self._context.specification.properties), line))
-                for line in self._context.replay(self._rows(rows), component.grid or 1)]
-
-    def _rows(self, rows: Sequence[Values]) -> tuple[Row, ...]:
-        return rows_of(rows, self._context.specification.signals)
 
     def _checked(self, component: Component,
                  check: Callable[[SecondCheck], solver.Answer]) -> str:
@@ -612,14 +533,14 @@ class _PartAnalysis:
     def _possible(self, blank: Answer, component: Component, method: str,
                   wanted: Wanted) -> Answer:
         """Return that something was reached; where that is in doubt, find a run."""
-        if component.doubts and self._found_run(blank, component, wanted) is None:
+        if component.doubts and self._runs.find(wanted, _SHORT_S) is None:
             return replace(blank, reason='; '.join(component.doubts))
         return replace(blank, holds=False, method=method)
 
     def _no(self, blank: Answer, component: Component, runner: Runner) -> Answer:
         """Return a no whose run the compiled monitor confirms."""
-        example = None if component.gaps else self._replayed(component, self._values(
-            blank, component, runner))
+        example = None if component.gaps else self._runs.example(
+            self._values(blank, component, runner))
         if example is None:
             return replace(blank, reason='; '.join(component.doubts) or
                            'the compiled monitor does not confirm the run')
@@ -632,28 +553,7 @@ class _PartAnalysis:
         if not related or blank.question is Question.RT_CONSISTENCY \
                 or not _has_outputs_only(component):
             return runner.rows()
-        whole = self._everything(component).always
-        found = self._found_run(blank, component, Wanted(whole, t.negation(whole)), True)
-        return () if found is None else found.rows
-
-    def _replayed(self, component: Component, found: Sequence[Values]) -> Example | None:
-        """
-        Return a run in the compiled monitor.
-
-        None unless all requirements hold before its last step, and one does not at it.
-        """
-        if not found:
-            return None
-        pending = component.games.pending
-        judged = [item.id for place, item in enumerate(self._part.properties)
-                  if place not in pending]
-        *before, violated = (tuple(name for name in judged if not line[name])
-                             for line in self._verdicts(component, found))
-        if any(before):
-            return None
-        if not violated and not pending:
-            return None
-        return Example(self._rows(found), violated, component.grid)
+        return self._runs.longest(_LONG_S)
 
     def _with_conflicts(self, answer: Answer, component: Component,
                         conflicts: Callable[[frozenset[int]], bool]) -> Answer:

@@ -174,13 +174,13 @@ class Component:
 
 def build_component(specification: Specification, part: Part,
                     denials: Mapping[str, Formula] | None, deadline: Deadline,
-                    is_coarse: bool = False) -> Component:
+                    is_on_grid: bool = False) -> Component:
     """
     Build the system of a part.
 
     `denials` are formulas by id that are violated once the requirement's trigger comes; with None
-    there are no triggers. Under the
-    policy timed a step is a nanosecond; with `is_coarse` it is a point of a grid of time.
+    there are no triggers. Under the policy timed a step is a nanosecond; with `is_on_grid` it is a
+    point of a grid of time.
 
     Raises
     ------
@@ -191,8 +191,8 @@ def build_component(specification: Specification, part: Part,
     wanted = [*part.properties, *(item for _, item in extra)]
     grid = None
     if specification.policy is Policy.TIMED:
-        grid = gcd(*map(grid_of, part.properties)) if is_coarse else 1
-        if is_coarse:
+        grid = gcd(*map(grid_of, part.properties)) if is_on_grid else 1
+        if is_on_grid:
             wanted = [sampled(item, grid) for item in wanted]
     used = {name for item in wanted for name in item.inputs}
     signals = tuple(item for item in specification.signals if item.name in used)
@@ -212,23 +212,29 @@ def build_component(specification: Specification, part: Part,
     if system.related:
         doubts[BEFORE] = None
     count = len(part.properties)
-    outputs = output_names(specification)
-    assumed = [item for item in part.properties if item.is_assumption]
+    return Component(
+        part, signals, inputs, group, whole, domains,
+        _games(diagrams, part, output_names(specification)),
+        {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts),
+        tuple(gaps), grid)
+
+
+def _games(diagrams: Diagrams, part: Part, outputs: set[str]) -> Games:
+    items = part.properties
+    assumed = [item for item in items if item.is_assumption]
     linked = {name for group in parts(assumed, lambda item: item.inputs)
               if any(outputs.intersection(item.inputs) for item in group.properties)
               for name in group.ids}
-    games = Games(
+
+    def places(is_one: Callable[[Property], object]) -> list[int]:
+        return [place for place, item in enumerate(items) if is_one(item)]
+
+    return Games(
         diagrams,
-        [place for place, item in enumerate(part.properties) if item.is_assumption],
-        [place for place, item in enumerate(part.properties)
-         if item.sentence is not None and is_not_yet(item.sentence)],
-        [place for place, item in enumerate(part.properties)
-         if item.is_assumption and outputs.intersection(item.inputs)],
-        [place for place, item in enumerate(part.properties) if item.id in linked])
-    return Component(
-        part, signals, inputs, group, whole, domains, games,
-        {place: count + number for number, (place, _) in enumerate(extra)}, tuple(doubts),
-        tuple(gaps), grid)
+        assumptions=places(lambda item: item.is_assumption),
+        pending=places(lambda item: item.sentence is not None and is_not_yet(item.sentence)),
+        shared=places(lambda item: item.is_assumption and outputs.intersection(item.inputs)),
+        linked=places(lambda item: item.id in linked))
 
 
 def _without_trigger(item: Property) -> Formula | None:

@@ -24,7 +24,7 @@ from dataclasses import replace
 from fret_monitor.analysis.answers import Answer, Question
 from fret_monitor.analysis.component import Component, trigger_properties
 from fret_monitor.analysis.diagrams import Node
-from fret_monitor.analysis.replay import Replay, rows_of
+from fret_monitor.analysis.part_runs import PartRuns
 from fret_monitor.analysis.runs import run_to, Runner
 from fret_monitor.logic import formula as f
 from fret_monitor.logic.formula import Formula
@@ -39,18 +39,16 @@ _MOST_ROWS = 2000
 class GridRuns:
     """Runs of the system of a part on a grid of time."""
 
-    def __init__(self, component: Component, replay: Replay,
+    def __init__(self, component: Component, runs: PartRuns,
                  specification: Specification) -> None:
-        """`replay` runs the bundle in real time."""
+        """Store the system, and what runs the bundle in real time."""
         self._component, self._games = component, component.games
-        self._replay, self._specification = replay, specification
+        self._runs, self._specification = runs, specification
 
     def answer(self, blank: Answer, place: int, denials: Mapping[str, Formula]) -> Answer | None:
         """Return that a requirement is not redundant, or not vacuous, if runs show it."""
         grid = self._component.grid
         assert grid is not None
-        if place in self._games.pending:
-            return None  # a run that ends shows nothing
         shown = self._is_violated_alone(place) if blank.question is Question.REDUNDANCY \
             else self._is_not_vacuous(place, dict(trigger_properties(
                 self._component.part, denials)).get(place))
@@ -66,7 +64,7 @@ class GridRuns:
         runner = self._run(games.violation(place, safe, others), safe & verdict, safe & ~verdict)
         if runner is None:
             return ''
-        violated = next((names for names in self._violated(self._rows(runner)) if names), set())
+        violated = next(filter(None, self._runs.violated(self._rows(runner))), set())
         return 'it is violated alone' if violated == {self._component.part.ids[place]} else ''
 
     def _is_not_vacuous(self, place: int, trigger: Property | None) -> str:
@@ -74,7 +72,7 @@ class GridRuns:
         runner = self._run(games.violation(place, d.possible, ()), d.possible & verdict,
                            d.possible & ~verdict)
         if runner is None or not any(self._component.part.ids[place] in names
-                                     for names in self._violated(self._rows(runner))):
+                                     for names in self._runs.violated(self._rows(runner))):
             return ''
         if trigger is None:
             return 'it is violated'
@@ -97,7 +95,7 @@ class GridRuns:
             if before[-1:] != [row]:
                 # All bounds have run out when nothing has changed for so long: verdicts stay.
                 rows = (*before, *[row] * last)
-                if not any(self._violated(rows)):
+                if not any(self._runs.violated(rows)):
                     return self._is_false_once(trigger, rows)
             runner.take(steps)
         return False
@@ -115,14 +113,7 @@ class GridRuns:
         return run_to(self._games, layers, steps, goal) if self._games.is_reached(layers) else None
 
     def _rows(self, runner: Runner) -> tuple[Row, ...]:
-        return rows_of(runner.rows(), self._specification.signals)
-
-    def _violated(self, rows: Sequence[Row]) -> list[set[str]]:
-        """Return the requirements of the part that are violated at each instant in real time."""
-        names = [item.id for item in self._specification.properties]
-        ids = {*self._component.part.ids}
-        return [{name for name, value in zip(names, line) if not value} & ids
-                for line in self._replay(rows, self._component.grid or 1)]
+        return self._runs.rows(runner.rows())
 
     def _is_false_once(self, item: Property, rows: Sequence[Row]) -> bool:
         """Whether a formula is false at some instant, by the reference semantics."""

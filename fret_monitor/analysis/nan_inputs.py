@@ -13,18 +13,21 @@
 # limitations under the License.
 
 """
-Requirements in which an input may be NaN.
+Runs on which inputs may be NaN.
 
 The numbers of an analysis are finite. A comparison with NaN is false, `!=` is true. Here, whether
 an input is NaN is one more Boolean input.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 import math
 
-from fret_monitor.analysis.component import Part
+from fret_monitor.analysis.component import build_component, Part
+from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Values
+from fret_monitor.analysis.part_runs import PartRuns
+from fret_monitor.analysis.runs import run_to
 from fret_monitor.logic import formula as f
 from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.specification import Property, Signal, Specification
@@ -34,7 +37,36 @@ from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 
 
-def with_nan(specification: Specification, part: Part) -> tuple[Specification, Part]:
+class NanRuns:
+    """Runs of a part on which inputs may be NaN."""
+
+    def __init__(self, specification: Specification, part: Part, deadline: Deadline,
+                 is_on_grid: bool) -> None:
+        """Build the system; raises as `build_component`."""
+        self._signals, self._part = specification.signals, part
+        self._component = build_component(*_with_nan(specification, part), None, deadline,
+                                          is_on_grid)
+
+    def violate(self, place: int, others: Sequence[int] | None, runs: PartRuns) -> bool:
+        """
+        Whether one violates a requirement while others hold; None: whatever they do.
+
+        `runs`, of the part itself, confirm it. Raises NoRun if it is too long.
+        """
+        games, d = self._component.games, self._component.games.diagrams
+        steps = d.possible if others is None else games.safe(others)
+        layers = games.violation(place, steps, ())
+        if not games.is_reached(layers):
+            return False
+        verdict = d.outputs[place]
+        found = run_to(games, layers, steps & verdict, steps & ~verdict).rows()
+        violated = runs.violated(runs.rows([_values(row, self._signals) for row in found]))
+        held = set() if others is None else {
+            self._part.ids[item] for item in (*others, *games.assumptions)}
+        return self._part.ids[place] in violated[-1] and held.isdisjoint(set().union(*violated))
+
+
+def _with_nan(specification: Specification, part: Part) -> tuple[Specification, Part]:
     """
     Return a bundle and a part of it with an input for each float input: whether it is NaN.
 
@@ -48,7 +80,7 @@ def with_nan(specification: Specification, part: Part) -> tuple[Specification, P
             Part(tuple(map(_changed, part.properties))))
 
 
-def values_with_nan(values: Values, signals: Iterable[Signal]) -> Values:
+def _values(values: Values, signals: Iterable[Signal]) -> Values:
     """Return the values of a step of such a bundle as those of the bundle itself."""
     found = dict(values)
     for item in signals:

@@ -139,7 +139,7 @@ class _Question:
         layers = [goal]
         while True:
             d.deadline.check()
-            before = d.bdd.let(self._used(after, layers[-1]), layers[-1])
+            before = d.at(layers[-1], after)
             first = d.at(self._good & before, {item.now.value: item.start
                                                for item in d.system.bits})
             if first != d.bdd.false:
@@ -148,9 +148,6 @@ class _Question:
             if more == layers[-1]:
                 return Repair()
             layers.append(more)
-
-    def _used(self, after: Mapping[str, Node], node: Node) -> dict[str, Node]:
-        return {name: after[name] for name in self._d.bdd.support(node) if name in after}
 
     def _run(self, first: Node, layers: Sequence[Node], steps: Node, after: Mapping[str, Node],
              was: Mapping[str, str]) -> list[dict[str, bool]]:
@@ -167,8 +164,7 @@ class _Question:
                          if d.at(layer, state) == d.bdd.true)
             if place == 0:
                 break
-            node = d.at(steps & d.bdd.let(self._used(after, layers[place - 1]),
-                                          layers[place - 1]), state)
+            node = d.at(steps & d.at(layers[place - 1], after), state)
             choices.append(d.picked(node, names, chosen))
         return choices
 

@@ -20,15 +20,19 @@ one on which all hold forever, one on which a trigger comes, too, and one on whi
 is violated alone. The solver finds them, one step more at a time.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 import time
 from typing import Any
 
+from fret_monitor.analysis.answers import Answer, Question
+from fret_monitor.analysis.component import Component
 from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Values
+from fret_monitor.analysis.part_runs import PartRuns
 from fret_monitor.analysis.unrolling import Steps, Unrolling, Wanted
+from fret_monitor.model.diagnostics import counted
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import NoValue
 from fret_monitor.smt.linear import NotLinear
@@ -40,35 +44,75 @@ _QUERY_S = 3.0
 
 
 @dataclass(frozen=True)
-class ShortRun:
+class _ShortRun:
     """
     A run that is computed with floats.
 
-    With `repeats`, its last step can be repeated forever, all requirements hold, and `triggered`
-    are those whose trigger comes. Without, `alone` is violated at its last step, and all others
-    hold.
+    With `alone`, that requirement is violated at its last step, and all others hold. Without, all
+    hold, its last step can be repeated forever, and `triggered` are those whose trigger comes.
     """
 
     rows: tuple[Values, ...]
-    repeats: bool
     triggered: frozenset[int] = frozenset()
     alone: int | None = None
 
 
-def short_runs(steps: Steps, verdicts: Sequence[Term], triggers: Mapping[int, Term],
-               deadline: Deadline, seconds: float) -> Iterator[ShortRun]:
+def shown_by_short_runs(component: Component, runs: PartRuns, deadline: Deadline,
+                        seconds: float) -> Iterator[Answer]:
     """
-    Yield runs until each requirement is triggered in one, and violated alone in one.
+    Yield what short runs show, confirmed by the compiled monitor.
 
-    `triggers` are false where a trigger comes. It ends after about as many seconds, at the latest
-    with runs of a few steps.
+    It ends when each requirement is triggered in a run and violated alone in one, after about as
+    many seconds, or after runs of a few steps.
     """
+    ids = component.part.ids
+    violable: set[int] = set()
+    triggered: set[int] = set()
+    is_consistent = False
+    for found in _short_runs(component, runs.steps, deadline, seconds):
+        violated = runs.violated(runs.rows(found.rows))
+        if found.alone is None and not any(violated):
+            is_consistent = True
+            triggered |= found.triggered
+            yield Answer(Question.CONSISTENCY, ids, True, (
+                f'a run that repeats from step {len(found.rows) - 1} on after '
+                f'{counted(len(found.rows), "step")}, replayed in the compiled monitor'))
+        elif found.alone is not None and violated[-1] == {ids[found.alone]} \
+                and not any(violated[:-1]):
+            violable.add(found.alone)
+        if is_consistent:  # else a violation would not show that a requirement is needed
+            yield from _needed(component, triggered, violable)
+
+
+def _needed(component: Component, triggered: Collection[int],
+            violable: Collection[int]) -> Iterator[Answer]:
+    """Yield that requirements are not redundant, and not vacuous."""
+    for place in violable:
+        ids = (component.part.ids[place],)
+        yield Answer(Question.REDUNDANCY, ids, False, 'an assumption'
+                     if place in component.games.assumptions else 'it can be violated alone')
+        if place not in component.triggers:
+            yield Answer(Question.VACUITY, ids, False, 'it can be violated')
+        elif place in triggered:
+            yield Answer(Question.VACUITY, ids, False, 'its trigger can come')
+
+
+def _short_runs(component: Component, steps: Steps, deadline: Deadline,
+                seconds: float) -> Iterator[_ShortRun]:
+    verdicts = component.whole.verdicts
     with suppress(NotLinear, NoValue):
-        yield from _Search(steps, verdicts, triggers, deadline, seconds).runs()
+        yield from _Search(
+            steps, [verdicts[place] for place in range(len(component.part.ids))],
+            {place: verdicts[item] for place, item in component.triggers.items()}, deadline,
+            seconds).runs()
 
 
 class _Search:
-    """The steps so far, and what has been found."""
+    """
+    The steps so far, and what has been found.
+
+    `triggers` are false where a trigger comes.
+    """
 
     def __init__(self, steps: Steps, verdicts: Sequence[Term], triggers: Mapping[int, Term],
                  deadline: Deadline, seconds: float) -> None:
@@ -82,7 +126,7 @@ class _Search:
         self._not_alone = set(range(len(verdicts)))
         self._repeats = False
 
-    def runs(self) -> Iterator[ShortRun]:
+    def runs(self) -> Iterator[_ShortRun]:
         searched = 0
         for count in range(1, _MOST_STEPS + 1):
             self._deadline.check()
@@ -108,7 +152,7 @@ class _Search:
         self._held.append(names[:self._count])
         self._triggers.append(names[self._count:])
 
-    def _repeating(self) -> Iterator[ShortRun]:
+    def _repeating(self) -> Iterator[_ShortRun]:
         """Yield runs on which all hold forever, with as many triggers as are found."""
         stays = z3.Bool(f'stays.{len(self._held)}')
         self._unrolling.solver.add(stays == self._unrolling.stays())
@@ -118,7 +162,7 @@ class _Search:
         if self._repeats:
             yield from self._triggering(always, sorted(self._open))
 
-    def _triggering(self, always: Sequence[Any], places: Sequence[int]) -> Iterator[ShortRun]:
+    def _triggering(self, always: Sequence[Any], places: Sequence[int]) -> Iterator[_ShortRun]:
         """Yield a run with some triggers, or else runs with parts of them."""
         if self._is_over:
             return
@@ -132,7 +176,7 @@ class _Search:
                         if not all(flag[2 + self._count + number] for flag in flags)}
                 self._open -= come
                 self._repeats = True
-                yield ShortRun(tuple(rows), True, frozenset(come))
+                yield _ShortRun(tuple(rows), frozenset(come))
         elif len(places) > 1:
             half = len(places) // 2
             for some in (places[:half], places[half:]):
@@ -142,7 +186,7 @@ class _Search:
     def _all_hold(self, flags: Sequence[Sequence[Any]]) -> bool:
         return all(all(flag[2:2 + self._count]) for flag in flags)
 
-    def _violating(self, step: int) -> Iterator[ShortRun]:
+    def _violating(self, step: int) -> Iterator[_ShortRun]:
         """Yield, for each requirement, a run to a step at which it alone is violated."""
         held, last = [item for line in self._held[:step] for item in line], self._held[step]
         for place in sorted(self._not_alone):
@@ -157,7 +201,7 @@ class _Search:
             if self._all_hold(flags[:step]) and [
                     other for other, value in enumerate(verdicts) if not value] == [place]:
                 self._not_alone.discard(place)
-                yield ShortRun(tuple(rows[:step + 1]), False, alone=place)
+                yield _ShortRun(tuple(rows[:step + 1]), alone=place)
 
     def _computed(self, given: Sequence[Any]) -> Any:
         """Return a run on which some literals are true, as floats have it; None if none."""
