@@ -26,16 +26,15 @@ import os
 from pathlib import Path
 import re
 import stat
-import sys
 from typing import NoReturn
 
 from fret_monitor.messages.definitions import parse_definition
 from fret_monitor.messages.layout import FieldType, MessageLayout
 from fret_monitor.model.diagnostics import (
-    CompileError, did_you_mean, pip_install, refuse, Source, Span, TYPO,
+    CompileError, did_you_mean, refuse, Source, Span, TYPO,
 )
 from fret_monitor.model.names import LONGEST_PATH, shown
-from fret_monitor.model.packages import search_path
+from fret_monitor.model.packages import how_to_install, search_path
 
 _MAX_LISTED = 12
 _SEPARATOR = '=' * 80 + '\n'
@@ -46,11 +45,6 @@ _KINDS = {'msg': 'message', 'srv': 'service', 'action': 'action'}
 _COMMON = frozenset({
     'control_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav2_msgs', 'nav_msgs', 'sensor_msgs',
     'std_msgs', 'tf2_msgs', 'trajectory_msgs', 'vision_msgs', 'visualization_msgs'})
-
-# The wheels of `ros-jazzy-common-interfaces`. Other messages may have no wheels.
-_WHEELS = frozenset({
-    'actionlib_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'shape_msgs',
-    'std_msgs', 'std_srvs', 'stereo_msgs', 'trajectory_msgs', 'visualization_msgs'})
 
 _INTERFACE = re.compile(
     r'(?P<package>[A-Za-z][A-Za-z0-9_]*)/(?:(?P<folder>msg|srv|action)/)?'
@@ -155,24 +149,7 @@ def _list(folder: Path, pattern: str) -> list[Path]:
 def _no_package(package: str, packages: set[str]) -> str:
     if not packages:
         return 'no messages are installed: source ROS, such as /opt/ros/jazzy/setup.bash'
-    command = _command(package)
-    return (f'install it ({command}), or source the workspace that has it' if command else
-            'source the workspace that has it')
-
-
-def _command(package: str) -> str:
-    """
-    Return what installs a package of ROS: pip if ROS itself came as wheels, else apt.
-
-    It is empty if there may be no wheel of the package.
-    """
-    distribution = os.environ.get('ROS_DISTRO') or 'jazzy'
-    name = f'ros-{distribution}-{package.replace("_", "-")}'
-    has_wheels = (Path(sys.prefix) / 'share' / 'rclpy').is_dir()
-    is_sourced = bool(os.environ.get('AMENT_PREFIX_PATH'))
-    if is_sourced and not has_wheels:
-        return f'sudo apt install {name}'
-    return pip_install(name) if package in _WHEELS else ''
+    return how_to_install(package)
 
 
 def listed(names: Sequence[str]) -> str:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Installed packages of ROS: where they are looked for, and their share folders."""
+"""Packages of ROS: where they are looked for, their share folders, and how to install one."""
 
 from collections.abc import Iterator
 import os
@@ -20,8 +20,14 @@ from pathlib import Path
 import sys
 
 import fret_monitor
+from fret_monitor.model.diagnostics import pip_install
 
 _OWN = 'fret_monitor'
+
+# The wheels of `ros-jazzy-common-interfaces`. Other messages may have no wheels.
+_WHEELS = frozenset({
+    'actionlib_msgs', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'sensor_msgs', 'shape_msgs',
+    'std_msgs', 'std_srvs', 'stereo_msgs', 'trajectory_msgs', 'visualization_msgs'})
 
 
 def search_path() -> tuple[Path, ...]:
@@ -47,3 +53,25 @@ def installed_packages() -> set[str]:
     found = (path.parent.name for prefix in search_path()
              for path in (prefix / 'share').glob('*/package.xml'))
     return {_OWN, *found}
+
+
+def how_to_install(package: str) -> str:
+    """Return what a user can do who needs a package: a command where there is one."""
+    command = _command(package)
+    return (f'install it ({command}), or source the workspace that has it' if command else
+            'source the workspace that has it')
+
+
+def _command(package: str) -> str:
+    """
+    Return what installs a package of ROS: pip if ROS itself came as wheels, else apt.
+
+    It is empty if there may be no wheel of the package.
+    """
+    distribution = os.environ.get('ROS_DISTRO') or 'jazzy'
+    name = f'ros-{distribution}-{package.replace("_", "-")}'
+    has_wheels = (Path(sys.prefix) / 'share' / 'rclpy').is_dir()
+    is_sourced = bool(os.environ.get('AMENT_PREFIX_PATH'))
+    if is_sourced and not has_wheels:
+        return f'sudo apt install {name}'
+    return pip_install(name) if package in _WHEELS else ''

@@ -24,6 +24,7 @@ from types import ModuleType
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.packages import how_to_install
 from fret_monitor.model.paths import LookUp, path_text, Sector, Slice
 
 from rclpy.serialization import deserialize_message
@@ -52,9 +53,8 @@ def message_class(message_type: str) -> Any:
         return _class_of(import_module(f'{package}.{folder}'), name)
     except (ImportError, AttributeError):
         raise MessageTypeError(
-            f'message type {message_type} is not installed here: '
-            f'install the package {package} (sudo apt install '
-            f'ros-$ROS_DISTRO-{package.replace("_", "-")}) or source its workspace') from None
+            f"message type {message_type} of the package '{package}' is not installed here: "
+            f'{how_to_install(package)}') from None
 
 
 def _class_of(module: ModuleType, name: str) -> Any:

@@ -14,8 +14,10 @@
 
 """Message types found by name, and the reasons why a field of a message is unusable."""
 
+import re
 from typing import Any
 
+from fret_monitor.model.diagnostics import pip_install
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.paths import LookUp, Sector, Slice, Step
 from fret_monitor.model.values import ValueType
@@ -111,7 +113,15 @@ def test_feedback_of_actions_has_a_class() -> None:
         'Fibonacci_FeedbackMessage'
 
 
-@pytest.mark.parametrize('name', ['no_such_msgs/msg/Bool', 'std_msgs/msg/NoSuch'])
-def test_a_type_that_is_not_installed_is_reported_with_its_package(name: str) -> None:
-    with pytest.raises(MessageTypeError, match=rf'{name} is not installed.*{name.split("/")[0]}'):
+@pytest.mark.parametrize(('name', 'command'), [
+    ('no_such_msgs/msg/Bool', ''),
+    ('std_msgs/msg/NoSuch', f'install it ({pip_install("ros-jazzy-std-msgs")}), or ')])
+def test_a_type_that_is_not_installed_is_reported_with_the_command_that_installs_it(
+        name: str, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    monkeypatch.setenv('ROS_DISTRO', '')
+    package, _, _ = name.partition('/')
+    with pytest.raises(MessageTypeError, match=re.escape(
+            f"message type {name} of the package '{package}' is not installed here: {command}"
+            'source the workspace that has it')):
         message_class(name)
