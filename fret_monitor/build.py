@@ -32,9 +32,11 @@ from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.restrict import restrict
 from fret_monitor.elaboration.signals import FindMessage
+from fret_monitor.lint.actions import action_warnings
 from fret_monitor.lint.constant_verdicts import constant_verdicts
+from fret_monitor.lint.gates import gate_warnings
 from fret_monitor.lint.instants import doubtful_instants, reports_once
-from fret_monitor.lint.interlocks import doubtful_acting
+from fret_monitor.lint.not_a_number import weaker_with_nan
 from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.topics import doubtful_topics
 from fret_monitor.lint.unread import unread_topics
@@ -120,7 +122,9 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
                          *doubtful_topics(bundle, specification),
-                         *doubtful_acting(bundle, specification),
+                         *gate_warnings(bundle, specification),
+                         *action_warnings(bundle, specification),
+                         *weaker_with_nan(specification),
                          *reports_once(specification), *doubtful_instants(specification)))
     find_message = find_message or find_installed
     messages = _messages(specification, find_message)

@@ -30,7 +30,7 @@ from fret_monitor.analysis.deadline import Deadline, OutOfTime
 from fret_monitor.analysis.diagrams import Diagrams, Node
 from fret_monitor.analysis.letters import ROUNDED
 from fret_monitor.analysis.replay import row_of
-from fret_monitor.elaboration.restrict import counted_formula
+from fret_monitor.elaboration.restrict import judged_formula
 from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.model.policies import InputRole, InputSource, Policy
 from fret_monitor.smt.boolean import TooLarge
@@ -64,7 +64,7 @@ def repairs(specification: Specification, gate: Gate, seconds: float) -> dict[st
 
 
 def _judged(item: Property) -> Property:
-    return replace(item, formula=counted_formula(item), is_assumption=False, sentence=None)
+    return replace(item, formula=judged_formula(item), is_assumption=False, sentence=None)
 
 
 def _decided(specification: Specification, judged: set[str], item: Property, is_alone: bool,

@@ -13,17 +13,18 @@
 # limitations under the License.
 
 """
-The actions and gates of a bundle, resolved: names, topics, types, and messages as bytes.
+The actions and gates of a bundle, resolved: names, types, and messages as bytes.
 
 All mistakes are added to the problems, each at its place.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 import re
 
-from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry, Requirement
+from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry
+from fret_monitor.elaboration.acting_topics import check_topics, LOCK_TYPE
 from fret_monitor.elaboration.message_values import is_given, message_bytes
 from fret_monitor.elaboration.signals import find_layout, FindMessage
 from fret_monitor.logic.specification import Gate, Property, Signal
@@ -31,15 +32,10 @@ from fret_monitor.messages.installed import check_complete, listed
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.messages.serialize import has_stamp, STAMP_AT
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
-from fret_monitor.model.graph import cycles
-from fret_monitor.model.manifest import (
-    EVENT_SUFFIX, EVENTS, events_of, ManifestAction, ManifestGate,
-)
-from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, shown
+from fret_monitor.model.manifest import EVENTS, events_of, ManifestAction, ManifestGate
+from fret_monitor.model.names import absolute, shown
 from fret_monitor.model.policies import ActionKind, Otherwise, Policy, Stale, Stamp
 
-LOCK_TYPE = 'std_msgs/msg/Bool'
-DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
 _BEYOND_REQUEST = re.compile(r'\bresponse\b|\brequest\[[1-9]')
 _GATED_POLICIES = (Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.TIMED)
 
@@ -184,11 +180,7 @@ class _Acting:
             self._check_policy(self.bundle.gates[0])
         self._check_uses()
         self._check_kept()
-        self._check_targets()
-        self._check_circles()
-        self._check_types()
-        self._check_locks()
-        self._check_own_topics()
+        check_topics(self.bundle, self.unusable, self.problems)
 
     def _check_policy(self, entry: GateEntry) -> None:
         """Refuse policies under which a message is not judged when it comes."""
@@ -231,7 +223,7 @@ class _Acting:
     def _check_at_end(self, entry: ActionEntry, place: Text) -> None:
         if entry.kind is ActionKind.LOCK:
             self.problems.error(
-                f'{shown(entry.name.value)} is a lock, which opens by itself', place.span,
+                f'{shown(entry.name.value)} is a lock, which is freed by itself', place.span,
                 'a lock follows a violation and its end',
                 f'on_violation: [{entry.name.value}]')
         elif entry.rate is not None and entry.duration is None:
@@ -251,139 +243,6 @@ class _Acting:
                         f'two gates keep {shown(name.value)}', name.span,
                         f'{shown(other.name.value)} keeps it already',
                         'a requirement has one verdict: write it twice, with two ids')
-
-    def _check_targets(self) -> None:
-        """Refuse two publishers of what a gate lets through, and two servers of a service."""
-        servers: dict[str, GateEntry] = {}
-        for entry in self.bundle.gates:
-            if entry.is_service and entry.source:
-                other_gate = servers.setdefault(absolute(entry.source.value), entry)
-                if other_gate is not entry:
-                    self.problems.error(
-                        f'two gates offer {shown(entry.source.value)}', entry.source.span,
-                        f'{shown(other_gate.name.value)} does already',
-                        'one gate keeps all requirements of a service')
-        first: dict[tuple[bool, str], Text] = {}
-        for entry in self.bundle.gates:
-            if entry.target is None:
-                continue
-            other = first.setdefault((entry.is_service, absolute(entry.target.value)),
-                                     entry.name)
-            if other is not entry.name and not entry.is_service:
-                self.problems.error(
-                    f'two gates lead to {shown(entry.target.value)}', entry.target.span,
-                    f'{shown(other.value)} does already',
-                    'one gate keeps all requirements of a topic')
-        for action in self.bundle.actions:
-            if action.target is None or action.kind not in (ActionKind.LOCK, ActionKind.PUBLISH):
-                continue
-            gate = first.get((False, absolute(action.target.value)))
-            if gate is not None:
-                self.problems.error(
-                    f'{shown(action.target.value)} belongs to the gate {shown(gate.value)}',
-                    action.target.span, 'what is published here would not pass the gate',
-                    "publish on the gate's 'from', or write it as the gate's substitute")
-
-    def _check_circles(self) -> None:
-        sides = [(absolute(entry.source.value), absolute(entry.target.value), entry)
-                 for entry in self.bundle.gates
-                 if entry.source and entry.target and not entry.is_service]
-        for way in cycles((source, target) for source, target, _ in sides if source != target):
-            entry = next(item for source, target, item in sides
-                         if (source, target) == (way[-2], way[-1]))
-            assert entry.target
-            self.problems.error('these gates are a circle', entry.target.span,
-                                ' -> '.join(way), 'messages would go round for ever')
-
-    def _check_types(self) -> None:
-        """Refuse two types of one topic."""
-        types: dict[str, tuple[str, str]] = {}
-        for owner, topic, kind, place in self._typed_topics():
-            if kind in self.unusable:
-                continue
-            known, first = types.setdefault(absolute(topic), (kind, owner))
-            if known != kind:
-                suffix = EVENT_SUFFIX if kind.endswith(EVENT_SUFFIX) else ''
-                self.problems.error(
-                    f'{shown(topic)} has two types', place.span,
-                    f'{first} has {known}, {owner} has {kind}',
-                    'choose another topic' if place.value == topic
-                    else f'type: {known.removesuffix(suffix)}')
-
-    def _typed_topics(self) -> Iterator[tuple[str, str, str, Text]]:
-        """Yield what uses a topic, the topic, its type, and the place for the error."""
-        for item in self.bundle.inputs:
-            if item.topic and item.type:
-                yield f"the input '{item.name}'", item.topic.value, item.type.value, item.topic
-        for gate in self.bundle.gates:
-            owner = f"the gate '{gate.name}'"
-            if gate.type and gate.is_service and gate.source:
-                yield (owner, events_of(gate.source.value), gate.type.value + EVENT_SUFFIX,
-                       gate.type)
-            for topic in (gate.source, gate.target):
-                if gate.type and not gate.is_service and topic:
-                    yield owner, topic.value, gate.type.value, gate.type
-        for action in self.bundle.actions:
-            owner = f"the action '{action.name}'"
-            if action.target and action.kind is ActionKind.LOCK:
-                yield owner, action.target.value, LOCK_TYPE, action.target
-            elif action.target and action.kind is ActionKind.PUBLISH and action.type:
-                yield owner, action.target.value, action.type.value, action.type
-
-    def _check_locks(self) -> None:
-        """Refuse two publishers of one lock, which would contradict each other."""
-        first: dict[str, ActionEntry] = {}
-        gate_of = {name.value: entry for entry in self.bundle.gates for name in entry.keep}
-        for lock in self.bundle.actions:
-            if lock.kind is not ActionKind.LOCK or lock.target is None:
-                continue
-            other = first.setdefault(absolute(lock.target.value), lock)
-            if other is not lock:
-                self.problems.error(
-                    f'two locks on {shown(lock.target.value)}', lock.target.span,
-                    'one would say false while the other says true',
-                    f'use the lock {shown(other.name.value)} for the requirements of both')
-            self._check_judges(lock, gate_of)
-        for action in self.bundle.actions:
-            if action.kind is ActionKind.PUBLISH and action.target is not None and \
-                    (locked := first.get(absolute(action.target.value))):
-                self.problems.error(
-                    f'{shown(action.target.value)} is the topic of the lock '
-                    f'{shown(locked.name.value)}', action.target.span,
-                    'a message here would open or close it whatever is violated',
-                    'publish on another topic, or let the lock alone lock')
-
-    def _check_own_topics(self) -> None:
-        """Refuse to publish on the topics that the node itself publishes on."""
-        published = [(entry.target, entry.type) for entry in self.bundle.gates
-                     if not entry.is_service]
-        published += [(entry.target, entry.type) for entry in self.bundle.actions
-                      if entry.kind in (ActionKind.LOCK, ActionKind.PUBLISH)]
-        for target, type_ in published:
-            if target and is_own_topic(target.value) and not (
-                    absolute(target.value) == DIAGNOSTICS_TOPIC and type_
-                    and type_.value == DIAGNOSTICS_TYPE):
-                self.problems.error(
-                    f'the node publishes on {shown(target.value)} itself', target.span,
-                    'its subscribers take each message for one of the node',
-                    'choose another topic')
-
-    def _check_judges(self, lock: ActionEntry, gate_of: dict[str, GateEntry]) -> None:
-        users = [item for item in self.bundle.requirements
-                 if any(name.value == lock.name.value for name in item.on_violation)]
-        other = next((item for item in users
-                      if gate_of.get(item.id.value) is not gate_of.get(users[0].id.value)), None)
-        if other is not None:
-            self.problems.error(
-                f'the lock {shown(lock.name.value)} has two publishers', lock.name.span,
-                f'{_judge(users[0], gate_of)}, {_judge(other, gate_of)}',
-                'give the requirements of each gate a lock on a topic of its own')
-
-
-def _judge(item: Requirement, gate_of: dict[str, GateEntry]) -> str:
-    gate = gate_of.get(item.id.value)
-    return f'{item.id} is judged by ' + (
-        f'the gate {shown(gate.name.value)}' if gate else 'the monitor')
 
 
 def check_judged(properties: Iterable[Property], gates: Iterable[Gate],

@@ -59,7 +59,7 @@ def _kept_by(specification: Specification, gate: Gate) -> Specification:
         signals=tuple(item for item in specification.signals if item.name in read)), properties)
 
 
-def counted_formula(item: Property) -> Formula:
+def judged_formula(item: Property) -> Formula:
     """Return what a gate judges by: of `H p`, p; `H p` would withhold all for ever."""
     match item.formula:
         case Historically(window, argument) if window.is_unbounded:
@@ -68,7 +68,7 @@ def counted_formula(item: Property) -> Formula:
 
 
 def _judged(item: Property) -> Property:
-    is_always = counted_formula(item) is not item.formula
+    is_always = judged_formula(item) is not item.formula
     return replace(item, report=Report.OCCURRENCE) if is_always else item
 
 
@@ -76,8 +76,8 @@ def _ungated(specification: Specification) -> Specification:
     if not specification.gates:
         return specification
     kept = tuple((gate.name, gate.keep) for gate in specification.gates)
-    ids = {id_ for _, keep in kept for id_ in keep}
-    properties = tuple(item for item in specification.properties if item.id not in ids)
+    properties = tuple(item for item in specification.properties
+                       if item.id not in specification.gated)
     if not properties:
         names = ', '.join(gate.name for gate in specification.gates)
         refuse(f"gates keep all requirements of '{specification.name}' ({names})",

@@ -28,27 +28,20 @@ from fret_monitor.logic.formula import (
     WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.specification import Property, Specification
+from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
 from fret_monitor.model.manifest import SECONDS
-from fret_monitor.model.policies import ActionKind
 from fret_monitor.model.values import ValueType
-
-
-def acting(specification: Specification) -> Iterator[Property]:
-    """Yield the requirements that a gate keeps or a lock follows."""
-    kept = {id_ for gate in specification.gates for id_ in gate.keep}
-    locks = {action.name for action in specification.actions if action.kind is ActionKind.LOCK}
-    for item in specification.properties:
-        if item.id in kept or not locks.isdisjoint(item.on_violation):
-            yield item
 
 
 def weaker_with_nan(specification: Specification) -> Iterator[Diagnostic]:
     """Yield a warning for each comparison that lets a kept or locking requirement hold for NaN."""
     floats = {signal.name for signal in specification.signals if signal.type.is_float
               and signal.topic is not None and signal.reduction != SECONDS}
-    for item in acting(specification):
+    for item in specification.properties:
+        if item.id not in specification.gated and specification.locks.isdisjoint(
+                item.on_violation):
+            continue
         found: dict[Binary, list[str]] = {}
         for variable in variables(item.formula):
             if variable.name in floats:

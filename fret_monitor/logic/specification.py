@@ -30,7 +30,7 @@ from fret_monitor.model.diagnostics import Span
 from fret_monitor.model.manifest import ManifestAction, ManifestGate
 from fret_monitor.model.paths import FieldPath
 from fret_monitor.model.policies import (
-    InputRole, InputSource, Policy, Report, Severity, Stale, Stamp,
+    ActionKind, InputRole, InputSource, Policy, Report, Severity, Stale, Stamp,
 )
 from fret_monitor.model.values import ValueType
 
@@ -161,3 +161,13 @@ class Specification:
     gates: tuple[Gate, ...] = ()
     gate: Gate | None = None
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    @cached_property
+    def gated(self) -> frozenset[str]:
+        """The ids of the requirements that gates keep."""
+        return frozenset(id_ for gate in self.gates for id_ in gate.keep)
+
+    @cached_property
+    def locks(self) -> frozenset[str]:
+        """The names of the locks."""
+        return frozenset(item.name for item in self.actions if item.kind is ActionKind.LOCK)

@@ -28,7 +28,7 @@ from random import Random
 from typing import TypeAlias
 
 from fret_monitor.build import build_specification
-from fret_monitor.elaboration.restrict import counted_formula, restrict
+from fret_monitor.elaboration.restrict import judged_formula, restrict
 from fret_monitor.logic.formula import (
     Binary, Choice, Constant, Conversion, postorder, Unary, Variable,
 )
@@ -150,10 +150,10 @@ class _Search:
 
     def _of_requirement(self, item: Property, tried: _Tried) -> Iterator[Diagnostic]:
         gate, repair = self._gate, tried.repair
-        place = gate.keep_places[gate.keep.index(item.id)] if gate.keep_places else None
+        place = gate.keep_places[gate.keep.index(item.id)]
         if not tried.opens or repair is not None and repair.is_first:
             has_past = not all(isinstance(node, _PLAIN) for node in
-                               postorder([counted_formula(item)]))
+                               postorder([judged_formula(item)]))
             yield Diagnostic(
                 f'{item.id} is false at its first step, whatever passes' if has_past else
                 f'no message satisfies {item.id}', place, f"the gate '{gate.name}' never opens",

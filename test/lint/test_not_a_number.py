@@ -16,7 +16,7 @@
 
 from pathlib import Path
 
-from fret_monitor.build import read
+from lint.warned import warned
 import pytest
 
 BUNDLE = """
@@ -40,9 +40,8 @@ gates:
 
 def warnings(folder: Path, requirement: str) -> list[tuple[str, str]]:
     """Return the titles and the advice of the warnings of NaN, of a gate that keeps one."""
-    path = folder / 'bundle.yaml'
-    path.write_text(BUNDLE % requirement, encoding='utf-8')
-    return [(item.title, item.help) for item in read(path).warnings if 'NaN' in item.title]
+    return [(title, help_) for title, help_ in warned(folder, BUNDLE % requirement)
+            if 'NaN' in title]
 
 
 @pytest.mark.parametrize('formula, names, strict, loose', [

@@ -1,0 +1,182 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Who uses a topic or a service: gates and actions that would disturb one another are refused."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry, Requirement
+from fret_monitor.model.diagnostics import Problems, Text
+from fret_monitor.model.graph import cycles
+from fret_monitor.model.manifest import EVENT_SUFFIX, events_of
+from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, shown
+from fret_monitor.model.policies import ActionKind
+
+LOCK_TYPE = 'std_msgs/msg/Bool'
+_DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+def check_topics(bundle: Bundle, unusable: Collection[str], problems: Problems) -> None:
+    """Check the topics and services of all gates and actions; types in `unusable` are unknown."""
+    checks = _Checks(bundle, problems)
+    checks.servers()
+    checks.targets()
+    checks.circles()
+    checks.types(unusable)
+    checks.locks()
+    checks.judges()
+    checks.own_topics()
+
+
+@dataclass(frozen=True)
+class _Checks:
+    bundle: Bundle
+    problems: Problems
+
+    def _published(self, *kinds: ActionKind) -> Iterator[tuple[ActionEntry, Text]]:
+        """Yield the actions of some kinds, each with its topic."""
+        for entry in self.bundle.actions:
+            if entry.kind in kinds and entry.target is not None:
+                yield entry, entry.target
+
+    def servers(self) -> None:
+        """Refuse two gates that offer one service."""
+        first: dict[str, GateEntry] = {}
+        for entry in self.bundle.gates:
+            if entry.is_service and entry.source:
+                other = first.setdefault(absolute(entry.source.value), entry)
+                if other is not entry:
+                    self.problems.error(
+                        f'two gates offer {shown(entry.source.value)}', entry.source.span,
+                        f'{shown(other.name.value)} does already',
+                        'one gate keeps all requirements of a service')
+
+    def targets(self) -> None:
+        """Refuse a second publisher of what a gate lets through."""
+        first: dict[str, GateEntry] = {}
+        for entry in self.bundle.gates:
+            if entry.target is None or entry.is_service:
+                continue
+            other = first.setdefault(absolute(entry.target.value), entry)
+            if other is not entry:
+                self.problems.error(
+                    f'two gates lead to {shown(entry.target.value)}', entry.target.span,
+                    f'{shown(other.name.value)} does already',
+                    'one gate keeps all requirements of a topic')
+        for _, topic in self._published(ActionKind.LOCK, ActionKind.PUBLISH):
+            if gate := first.get(absolute(topic.value)):
+                self.problems.error(
+                    f'{shown(topic.value)} belongs to the gate {shown(gate.name.value)}',
+                    topic.span, 'what is published here would not pass the gate',
+                    "publish on the gate's 'from', or write it as the gate's substitute")
+
+    def circles(self) -> None:
+        sides = [(absolute(entry.source.value), absolute(entry.target.value), entry)
+                 for entry in self.bundle.gates
+                 if entry.source and entry.target and not entry.is_service]
+        for way in cycles((source, target) for source, target, _ in sides if source != target):
+            entry = next(item for source, target, item in sides
+                         if (source, target) == (way[-2], way[-1]))
+            assert entry.target
+            self.problems.error('these gates are a circle', entry.target.span,
+                                ' -> '.join(way), 'messages would go round for ever')
+
+    def types(self, unusable: Collection[str]) -> None:
+        """Refuse two types of one topic."""
+        types: dict[str, tuple[str, str]] = {}
+        for owner, topic, kind, place in self._typed_topics():
+            if kind in unusable:
+                continue
+            known, first = types.setdefault(absolute(topic), (kind, owner))
+            if known != kind:
+                suffix = EVENT_SUFFIX if kind.endswith(EVENT_SUFFIX) else ''
+                self.problems.error(
+                    f'{shown(topic)} has two types', place.span,
+                    f'{first} has {known}, {owner} has {kind}',
+                    'choose another topic' if place.value == topic
+                    else f'type: {known.removesuffix(suffix)}')
+
+    def _typed_topics(self) -> Iterator[tuple[str, str, str, Text]]:
+        """Yield what uses a topic, the topic, its type, and the place for the error."""
+        for item in self.bundle.inputs:
+            if item.topic and item.type:
+                yield f"the input '{item.name}'", item.topic.value, item.type.value, item.topic
+        for gate in self.bundle.gates:
+            owner = f"the gate '{gate.name}'"
+            if gate.type and gate.is_service and gate.source:
+                yield (owner, events_of(gate.source.value), gate.type.value + EVENT_SUFFIX,
+                       gate.type)
+            for topic in (gate.source, gate.target):
+                if gate.type and not gate.is_service and topic:
+                    yield owner, topic.value, gate.type.value, gate.type
+        for action, target in self._published(ActionKind.LOCK, ActionKind.PUBLISH):
+            owner = f"the action '{action.name}'"
+            if action.kind is ActionKind.LOCK:
+                yield owner, target.value, LOCK_TYPE, target
+            elif action.type:
+                yield owner, target.value, action.type.value, action.type
+
+    def locks(self) -> None:
+        """Refuse two publishers of one lock, which would contradict each other."""
+        first: dict[str, ActionEntry] = {}
+        for lock, topic in self._published(ActionKind.LOCK):
+            other = first.setdefault(absolute(topic.value), lock)
+            if other is not lock:
+                self.problems.error(
+                    f'two locks on {shown(topic.value)}', topic.span,
+                    'one would say false while the other says true',
+                    f'use the lock {shown(other.name.value)} for the requirements of both')
+        for _, topic in self._published(ActionKind.PUBLISH):
+            if other_lock := first.get(absolute(topic.value)):
+                self.problems.error(
+                    f'{shown(topic.value)} is the topic of the lock '
+                    f'{shown(other_lock.name.value)}', topic.span,
+                    'a message here would lock or free it whatever is violated',
+                    'publish on another topic, or let the lock alone lock')
+
+    def judges(self) -> None:
+        """Refuse a lock of requirements that different nodes judge."""
+        gate_of = {name.value: entry for entry in self.bundle.gates for name in entry.keep}
+        for lock, _ in self._published(ActionKind.LOCK):
+            users = [item for item in self.bundle.requirements
+                     if any(name.value == lock.name.value for name in item.on_violation)]
+            for item in users:
+                if gate_of.get(item.id.value) is not gate_of.get(users[0].id.value):
+                    self.problems.error(
+                        f'the lock {shown(lock.name.value)} has two publishers', lock.name.span,
+                        f'{_judge(users[0], gate_of)}, {_judge(item, gate_of)}',
+                        'give the requirements of each gate a lock on a topic of its own')
+                    break
+
+    def own_topics(self) -> None:
+        """Refuse to publish on the topics that the node itself publishes on."""
+        published = [(entry.target, entry.type) for entry in self.bundle.gates
+                     if entry.target and not entry.is_service]
+        published += [(topic, entry.type) for entry, topic in
+                      self._published(ActionKind.LOCK, ActionKind.PUBLISH)]
+        for target, type_ in published:
+            is_diagnosis = absolute(target.value) == DIAGNOSTICS_TOPIC and \
+                type_ is not None and type_.value == _DIAGNOSTICS_TYPE
+            if is_own_topic(target.value) and not is_diagnosis:
+                self.problems.error(
+                    f'the node publishes on {shown(target.value)} itself', target.span,
+                    'its subscribers take each message for one of the node',
+                    'choose another topic')
+
+
+def _judge(item: Requirement, gate_of: dict[str, GateEntry]) -> str:
+    gate = gate_of.get(item.id.value)
+    return f'{item.id} is judged by ' + (
+        f'the gate {shown(gate.name.value)}' if gate else 'the monitor')
