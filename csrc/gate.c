@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "deadlines.h"
+#include "steps.h"
 #include "tables.h"
 
 struct fm_gate
@@ -212,6 +213,21 @@ static bool are_read(const struct fm_gate * gate, const struct fm_field * fields
   return are_all_read;
 }
 
+// Take a step on what was stored. Under FM_TIMED this includes the groups that do not read `from`
+// and are due at this instant, since no later message can take effect at it.
+static uint32_t step(struct fm_gate * gate, int64_t stamp, struct fm_violation * out)
+{
+  struct fm_evaluator * evaluator = gate->options.evaluator;
+  const uint32_t n = fm_evaluator_message(evaluator, gate->options.from, stamp, out);
+  struct fm_findings report = {out, stamp, n};
+  if (fm_evaluator_is_timed(evaluator) && evaluator->instance.time->has_begun &&
+    fm_evaluator_deadline(evaluator) <= stamp)
+  {
+    fm_evaluate_due_groups(evaluator, stamp, &report);
+  }
+  return report.n;
+}
+
 static uint32_t step_on_message(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   struct fm_violation * out)
@@ -219,7 +235,7 @@ static uint32_t step_on_message(
   for (uint32_t k = 0; k < n_fields(gate); ++k) {
     fm_evaluator_store(gate->options.evaluator, input_of(gate, k), fields[k].value, now);
   }
-  return fm_evaluator_message(gate->options.evaluator, gate->options.from, stamp, out);
+  return step(gate, stamp, out);
 }
 
 // A replacement was not received.
@@ -234,7 +250,7 @@ static uint32_t step_on_replacement(
       fm_evaluator_put(evaluator, input_of(gate, k), fields[k].value, now);
     }
   }
-  const uint32_t n = fm_evaluator_message(evaluator, from, stamp, out);
+  const uint32_t n = step(gate, stamp, out);
   if (from < gate->options.n_topics) {
     evaluator->topics[from].counts.messages -= 1;
   }

@@ -675,3 +675,50 @@ def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(
     engine.message(beat, cdr('<?', False), last + second + 1)
     engine.reset()
     assert engine.judge(b'', last + second + 2) is UNREADABLE
+
+
+def test_under_timed_a_message_at_the_instant_of_a_deadline_does_not_pass_before_it(
+        tmp_path: Path) -> None:
+    path = tmp_path / 'g.yaml'
+    more = '  - {id: B, ptltl: "O[0, 1 s] beat"}\ngates:'
+    path.write_text(TIMED.replace('gates:', more).replace('[R]', '[R, B]').replace(
+        '{substitute: {data: 0.0}, rate: 10}', '{hold: 5}'), encoding='utf-8')
+    compiled = start(path, part=Part('g'))
+    settings = compiled.manifest.gate
+    assert settings is not None and settings.topic is not None
+    evaluator, other = Evaluator(compiled.monitor, reports_recoveries=True), 1 - settings.topic
+    gate = Gate(evaluator, settings)
+    saved = evaluator.save()
+    engine = Engine(evaluator)
+    engine.guard(gate)
+    engine.advance(0)
+
+    def beat(now: int) -> None:
+        engine.message(other, cdr('<?', True), now)
+        engine.message(other, cdr('<?', False), now + 1)
+
+    def judged(now: int) -> Judgement:
+        return engine.judge(cdr('<f', 0.0), now)
+
+    beat(10)
+    first = 10 + SECOND + 1  # B, which does not read `speed`, does not hold any more
+    assert [judged(10 + 5), judged(first - 1)] == [PASSED, PASSED]
+    before = evaluator.save()
+    assert judged(first) is VIOLATES
+    assert [(item.requirement, item.is_withheld) for item in engine.take(0)] == [(1, True)]
+    beat(first)  # it was withheld, so that B can still be satisfied then
+    assert judged(first + 2) is PASSED
+    assert [(item.requirement, item.is_recovery) for item in engine.take(0)] == []
+    second = first + SECOND + 1
+    assert judged(second) is VIOLATES
+    engine.advance(second)
+    found = [(item.requirement, item.stamp, item.is_withheld) for item in engine.take(0)]
+    assert found == [(1, second, True), (1, second, False)]
+    assert judged(second + 1) is VIOLATES
+    beat(second + 2)
+    assert judged(second + 3) is PASSED
+    assert engine.gate_counts().violates == 3
+    evaluator.restore(before)
+    assert not gate.replace([0.0], first)[0]
+    evaluator.restore(saved)  # without a time there are no deadlines
+    assert gate.judge([0.0], 7)[0] is CLOSED
