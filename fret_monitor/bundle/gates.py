@@ -24,7 +24,7 @@ from fret_monitor.bundle.actions import (
 )
 from fret_monitor.bundle.bundle import GateEntry
 from fret_monitor.bundle.yaml_shape import mapping_of, report_fault, SECONDS, Shape
-from fret_monitor.bundle.yaml_tree import YamlMapping, YamlScalar
+from fret_monitor.bundle.yaml_tree import Node, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
 from fret_monitor.model.manifest import EVENT_SUFFIX, events_of
 from fret_monitor.model.names import acting_name_fault, service_type_fault, shown
@@ -70,25 +70,9 @@ def _gate(name: YamlScalar, mapping: YamlMapping, types: Mapping[str, str],
           problems: Problems) -> GateEntry:
     shape = Shape(mapping, 'a gate', GATE_KEYS, problems, _SLIPS)
     is_service = _is_service(name, shape, problems)
-    source = 'service' if is_service else 'from'
-    kind = 'service' if is_service else 'topic'
-    latches = shape.truth('latch')
-    open_after = shape.number('open_after', SECONDS, _SHORTEST_S, _LONGEST_S)
-    if (key := shape.key('open_after')) and not latches:
-        problems.error("'open_after' needs 'latch: true'", key.span,
-                       'without a latch the gate opens with the next good message',
-                       'latch: true')
-    timeout = shape.number('timeout', SECONDS, _SHORTEST_S, _LONGEST_S)
-    if (key := shape.key('timeout')) and not is_service:
-        problems.error("'timeout' belongs to a gate on a service", key.span,
-                       'how long a request waits for its answer',
-                       "an input of 'from' has a 'timeout' of its own; remove this one")
+    kind, source = ('service', 'service') if is_service else ('topic', 'from')
     stale = shape.key('stale')
-    usual = 'std_srvs/srv/SetBool' if is_service else 'geometry_msgs/msg/Twist'
-    topic = shape.node(source)
-    if isinstance(topic, YamlScalar):
-        judged = events_of(topic.value) if is_service else topic.value
-        usual = types.get(judged, usual).removesuffix(EVENT_SUFFIX)
+    latches, open_after = _latch(shape, problems)
     entry = GateEntry(
         name=name.text, is_service=is_service,
         source=required(shape, source, name_of_resource(kind, source), problems,
@@ -97,14 +81,43 @@ def _gate(name: YamlScalar, mapping: YamlMapping, types: Mapping[str, str],
         target=required(shape, 'to', name_of_resource(kind, 'to'), problems,
                         '/arm/enable_raw' if is_service else 'cmd_vel'),
         type=required(shape, 'type', service_type_fault if is_service else message_type_fault,
-                      problems, usual),
+                      problems, _likely_type(shape.node(source), is_service, types)),
         keep=_keep(name, shape, problems),
         otherwise=None, otherwise_place=name.span,
         is_open_when_stale=shape.choice('stale', WhenStale) is WhenStale.OPEN,
         stale_place=stale.span if stale else None,
         latches=latches, open_after=open_after,
-        timeout=(timeout or _ANSWERED_S) if is_service else None)
+        timeout=_timeout(shape, is_service, problems))
     return _with_otherwise(entry, shape, problems)
+
+
+def _latch(shape: Shape, problems: Problems) -> tuple[bool, Fraction | None]:
+    """Return whether a violation latches the gate, and for how long at least."""
+    latches = shape.truth('latch')
+    open_after = shape.number('open_after', SECONDS, _SHORTEST_S, _LONGEST_S)
+    if (key := shape.key('open_after')) and not latches:
+        problems.error("'open_after' needs 'latch: true'", key.span,
+                       'without a latch the gate opens with the next good message',
+                       'latch: true')
+    return latches, open_after
+
+
+def _timeout(shape: Shape, is_service: bool, problems: Problems) -> Fraction | None:
+    timeout = shape.number('timeout', SECONDS, _SHORTEST_S, _LONGEST_S)
+    if (key := shape.key('timeout')) and not is_service:
+        problems.error("'timeout' belongs to a gate on a service", key.span,
+                       'how long a request waits for its answer',
+                       "an input of 'from' has a 'timeout' of its own; remove this one")
+    return (timeout or _ANSWERED_S) if is_service else None
+
+
+def _likely_type(source: Node | None, is_service: bool, types: Mapping[str, str]) -> str:
+    """Return the type of the inputs on what a gate reads, or else an example."""
+    example = 'std_srvs/srv/SetBool' if is_service else 'geometry_msgs/msg/Twist'
+    if not isinstance(source, YamlScalar):
+        return example
+    judged = events_of(source.value) if is_service else source.value
+    return types.get(judged, example).removesuffix(EVENT_SUFFIX)
 
 
 def _is_service(name: YamlScalar, shape: Shape, problems: Problems) -> bool:

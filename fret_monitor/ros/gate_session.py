@@ -12,24 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A gate while it runs, on a topic or a service; its state for the log and diagnostics."""
+"""A gate while it runs, on a topic or a service."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate, ManifestTopic
-from fret_monitor.model.policies import ActionKind, Otherwise
+from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.feed import Topic
 from fret_monitor.ros.hot_path import Middleware
 from fret_monitor.ros.parameters import Refusal
-from fret_monitor.ros.reasons import missing_inputs
+from fret_monitor.ros.reasons import latch_end, why_closed
 from fret_monitor.ros.relay import Relay
 from fret_monitor.ros.service_gate import ServiceGate
+from fret_monitor.ros.shared_names import ends_of
 from fret_monitor.ros.throttle import Throttle
-from fret_monitor.runtime import Engine, Evaluator, Gate, GateCounts
+from fret_monitor.runtime import Engine, Evaluator, Gate
 
 from rclpy.node import Node
 
@@ -44,63 +44,6 @@ def gate_of(evaluator: Evaluator, settings: ManifestGate) -> Gate:
         raise Refusal(
             f"the gate '{settings.name}' needs a step for each message: "
             f'it cannot run with the policy {evaluator.policy.value}') from None
-
-
-def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
-    """
-    Refuse gates in a circle, and what else publishes on the topic of a gate or of a lock.
-
-    Compares names after remapping, of everything that the node runs; a gate on a service must be
-    its only server, too.
-
-    Raises
-    ------
-    Refusal
-        with the first problem.
-    """
-    gates = [item.gate for item in manifests if item.gate is not None]
-    for is_service in (False, True):
-        ends = [ends_of(node, gate) for gate in gates if gate.is_service is is_service]
-        for way in cycles(ends):
-            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
-                          'different ones')
-    used = [item for manifest in manifests for item in _used_names(node, manifest)]
-    owners: dict[tuple[str, str], _Use] = {}
-    for use in sorted(used, key=lambda item: not item.is_alone):
-        owner = owners.setdefault((use.verb, use.name), use)
-        if owner is not use and owner.is_alone:
-            first, second = (f"{item.what} of '{item.origin}'" if owner.what == use.what
-                             else item.what for item in (owner, use))
-            raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
-                          'write different names, or remap them')
-
-
-class _Use(NamedTuple):
-    """What publishes on a topic or offers a service; `is_alone`: it must be the only one."""
-
-    what: str
-    origin: str
-    verb: str
-    name: str
-    is_alone: bool
-
-
-def _used_names(node: Node, manifest: Manifest) -> Iterator[_Use]:
-    if (gate := manifest.gate) is not None:
-        source, target = ends_of(node, gate)
-        yield _Use(f"the gate '{gate.name}'", manifest.name,
-                   *(('offer', source) if gate.is_service else ('publish on', target)), True)
-    for action in manifest.actions:
-        if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
-            is_lock = action.kind is ActionKind.LOCK
-            yield _Use(f"the {'lock' if is_lock else 'action'} '{action.name}'", manifest.name,
-                       'publish on', node.resolve_topic_name(action.target), is_lock)
-
-
-def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
-    """Return the full names of what a gate reads and of what it publishes, or calls."""
-    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
-    return resolve(gate.source), resolve(gate.target)
 
 
 def describe_gate(node: Node, manifest: Manifest) -> str:
@@ -129,18 +72,7 @@ def _otherwise(gate: ManifestGate) -> str:
 
 
 def _latch(gate: ManifestGate) -> str:
-    return f'; after a violation closed until {_latch_end(gate)}' if gate.latches else ''
-
-
-def _latch_end(gate: ManifestGate) -> str:
-    return f'{gate.open_after / 1e9:g} s without a violation' if gate.open_after else '~/reset'
-
-
-def is_withheld_from_start(engine: Engine, index: int) -> bool:
-    """Return whether a gate has withheld each message so far on which a requirement was judged."""
-    counts = engine.requirement_counts(index)
-    return engine.monitor.manifest.gate is not None and counts.holds and \
-        counts.steps == counts.violations > 0
+    return f'; after a violation closed until {latch_end(gate)}' if gate.latches else ''
 
 
 class RunningGate:
@@ -207,7 +139,7 @@ class RunningGate:
                            'the substitute itself violates it, or nothing on this topic '
                            'satisfies it now')
         self._before = counts
-        state = self.why_closed(counts)
+        state = why_closed(self._engine, counts)
         if state != self._state:
             logger.info(f"gate '{name}' is {f'closed: {state}' if state else 'open'}")
             self._state = state
@@ -223,14 +155,10 @@ class RunningGate:
     def _failed(self) -> int:
         return 0 if self._relay is None else self._relay.unpublished
 
-    def why_closed(self, counts: GateCounts) -> str:
-        """Return why the gate is closed; an empty text if it is open."""
-        return '; '.join(_reasons(self._engine, self._settings, counts))
-
     def status(self) -> tuple[bytes, str, dict[str, object]]:
         """Return level, message and values for diagnostics."""
         counts = self._engine.gate_counts()
-        closed = self.why_closed(counts)
+        closed = why_closed(self._engine, counts)
         level, message = DiagnosticStatus.OK, 'open'
         if closed:
             level, message = DiagnosticStatus.WARN, f'closed: {closed}'
@@ -244,23 +172,3 @@ class RunningGate:
         if self._service is None:
             return level, message, {**found, 'not published': self._failed()}
         return level, message, {**found, 'not answered': self._service.unanswered}
-
-
-def _reasons(engine: Engine, gate: ManifestGate, counts: GateCounts) -> Iterator[str]:
-    manifest = engine.monitor.manifest
-    own = () if gate.topic is None else manifest.topics[gate.topic].inputs
-    other = [index for index in range(len(manifest.inputs)) if index not in own]
-    missing = list(missing_inputs(engine, other, with_silent=not gate.is_open_when_stale))
-    yield from missing
-    if not counts.is_known and not missing:
-        yield 'this node stood still: whether an input is silent is not known yet'
-    if counts.is_latched:
-        yield f'latched by a violation, until {_latch_end(gate)}'
-    ids = [item.id for index, item in enumerate(manifest.requirements)
-           if not engine.requirement_counts(index).holds]
-    if ids:
-        yield f'violated: {", ".join(ids)}'
-    ids = [item.id for index, item in enumerate(manifest.requirements)
-           if is_withheld_from_start(engine, index)]
-    if ids:
-        yield f'violated since the first message: {", ".join(ids)}'

@@ -32,9 +32,10 @@ from fret_monitor.ros.actions import Actions
 from fret_monitor.ros.blackbox import BlackBox, BlackBoxCounts
 from fret_monitor.ros.details import LEVELS
 from fret_monitor.ros.feed import PublisherStatus
-from fret_monitor.ros.gate_session import is_withheld_from_start, RunningGate
+from fret_monitor.ros.gate_session import RunningGate
 from fret_monitor.ros.look_ups import LIMIT_S, LookUpLog
 from fret_monitor.ros.node_time import are_worth_reading
+from fret_monitor.ros.reasons import is_withheld_from_start
 from fret_monitor.ros.silences import SilenceLog, some
 from fret_monitor.runtime import Engine, OrderCounts, Silence
 

@@ -23,11 +23,11 @@ from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
-from fret_monitor.ros.gate_session import refuse_shared_names
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import (
     Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
 )
+from fret_monitor.ros.shared_names import refuse_shared_names
 from fret_monitor.ros.sign_of_life import SignOfLife
 from fret_monitor.ros.signals import uninterrupted
 

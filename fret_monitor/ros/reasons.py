@@ -16,7 +16,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from fret_monitor.runtime import Engine, RequirementState, State
+from fret_monitor.model.manifest import ManifestGate
+from fret_monitor.runtime import Engine, GateCounts, RequirementState, State
 
 
 def why_locked(engine: Engine, states: Sequence[RequirementState],
@@ -50,3 +51,42 @@ def missing_inputs(engine: Engine, inputs: Sequence[int], *,
         yield f'no value yet of {", ".join(names[index] for index in unknown)}'
     if silent:
         yield f'nothing comes of {", ".join(names[index] for index in silent)}'
+
+
+def why_closed(engine: Engine, counts: GateCounts) -> str:
+    """Return why the gate of an engine is closed; an empty text if it is open."""
+    return '; '.join(_reasons(engine, counts))
+
+
+def _reasons(engine: Engine, counts: GateCounts) -> Iterator[str]:
+    manifest = engine.monitor.manifest
+    gate = manifest.gate
+    assert gate is not None
+    own = () if gate.topic is None else manifest.topics[gate.topic].inputs
+    other = [index for index in range(len(manifest.inputs)) if index not in own]
+    missing = list(missing_inputs(engine, other, with_silent=not gate.is_open_when_stale))
+    yield from missing
+    if not counts.is_known and not missing:
+        yield 'this node stood still: whether an input is silent is not known yet'
+    if counts.is_latched:
+        yield f'latched by a violation, until {latch_end(gate)}'
+    ids = [item.id for index, item in enumerate(manifest.requirements)
+           if not engine.requirement_counts(index).holds]
+    if ids:
+        yield f'violated: {", ".join(ids)}'
+    ids = [item.id for index, item in enumerate(manifest.requirements)
+           if is_withheld_from_start(engine, index)]
+    if ids:
+        yield f'violated since the first message: {", ".join(ids)}'
+
+
+def latch_end(gate: ManifestGate) -> str:
+    """Return what opens a gate that is latched."""
+    return f'{gate.open_after / 1e9:g} s without a violation' if gate.open_after else '~/reset'
+
+
+def is_withheld_from_start(engine: Engine, index: int) -> bool:
+    """Return whether a gate has withheld each message so far on which a requirement was judged."""
+    counts = engine.requirement_counts(index)
+    return engine.monitor.manifest.gate is not None and counts.holds and \
+        counts.steps == counts.violations > 0

@@ -32,6 +32,7 @@ from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
+    violation,
 )
 from fret_monitor.runtime.gate import Gate, gate_counts, GateCounts, Judgement
 from fret_monitor.runtime.message_ring import MessageRing
@@ -394,7 +395,7 @@ class Engine:
         """
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
         count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
-        return [_violation(item) for item in batch[0:count]]
+        return [violation(item) for item in batch[0:count]]
 
     def want_details(self, are_wanted: bool, most_per_s: int = MOST_DETAILS_PER_S) -> None:
         """Queue details from now on; or queue none, and drop those in the queue."""
@@ -408,7 +409,7 @@ class Engine:
         values = self._detail + ffi.sizeof('struct fm_detail')
         flags = ffi.buffer(values + self._inputs_bytes, len(self._types))[:]
         return ViolationDetail(
-            _violation(detail.violation), detail.suppressed,
+            violation(detail.violation), detail.suppressed,
             tuple(self._value_at(index, values) if flag & 1 else None
                   for index, flag in enumerate(flags)),
             frozenset(index for index, flag in enumerate(flags) if flag & 2))
@@ -481,12 +482,6 @@ class Engine:
         """Return the counters of a topic."""
         found = self._library.fm_engine_topic_counts(self.pointer, index)
         return TopicCounts(found.messages, found.undecodable)
-
-
-def _violation(item: Any) -> Violation:
-    """Return a `struct fm_violation`."""
-    return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
-                     bool(item.is_withheld))
 
 
 def _destroy(library: Any, pointer: Any) -> None:

@@ -59,6 +59,12 @@ class Violation(NamedTuple):
     is_withheld: bool = False
 
 
+def violation(item: Any) -> Violation:
+    """Return a `struct fm_violation`."""
+    return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
+                     bool(item.is_withheld))
+
+
 @dataclass(frozen=True)
 class RequirementCounts:
     """
@@ -287,8 +293,7 @@ class Evaluator:
         return int(self._library.fm_evaluator_deadline(self.pointer))
 
     def _found(self, count: int) -> list[Violation]:
-        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery))
-                for item in self._violations[0:count]]
+        return [violation(item) for item in self._violations[0:count]]
 
     def rows(
         self, columns: Sequence['array[Any] | None'], times: 'array[int]',

@@ -28,7 +28,7 @@ from fret_monitor.model.policies import Otherwise
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
-from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, Violation
+from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, Violation, violation
 
 _OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
               Otherwise.SUBSTITUTE: 'FM_SUBSTITUTE', Otherwise.RESPOND: 'FM_DROP'}
@@ -186,9 +186,7 @@ class Gate:
         return self._fields
 
     def _violations(self) -> list[Violation]:
-        return [Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
-                          bool(item.is_withheld))
-                for item in self._found[0:self._count[0]]]
+        return [violation(item) for item in self._found[0:self._count[0]]]
 
 
 def gate_counts(found: Any) -> GateCounts:

@@ -34,10 +34,10 @@ import fret_monitor
 from fret_monitor.model.parts import Part
 from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.gate_node import GateNode
-from fret_monitor.ros.gate_session import _reasons
 from fret_monitor.ros.health import describe_missing
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.reasons import why_closed
 from fret_monitor.runtime import Engine, Evaluator, Gate
 from fret_monitor.start import start
 from geometry_msgs.msg import TwistStamped
@@ -428,14 +428,11 @@ def test_a_requirement_that_is_false_at_its_first_step_is_named(tmp_path: Path) 
     engine = Engine(evaluator)
     engine.guard(Gate(evaluator, settings))
 
-    def reasons() -> list[str]:
-        return list(_reasons(engine, settings, engine.gate_counts()))
-
-    assert reasons() == []
+    assert why_closed(engine, engine.gate_counts()) == ''
     for step in range(4):
         engine.judge(b'\0\1\0\0' + struct.pack('<f', 9.0), step)
     assert engine.gate_counts().violates == 4
-    assert reasons() == ['violated since the first message: A']
+    assert why_closed(engine, engine.gate_counts()) == 'violated since the first message: A'
     assert describe_missing(engine, [PublisherStatus(1)], str) is None
 
 

@@ -1,0 +1,82 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Names of topics and services that only one part of a node may use, after remapping."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from fret_monitor.model.graph import cycles
+from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.policies import ActionKind
+from fret_monitor.ros.parameters import Refusal
+
+from rclpy.node import Node
+
+
+def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
+    """
+    Refuse gates in a circle, and what else publishes on the topic of a gate or of a lock.
+
+    Compares names after remapping, of everything that the node runs; a gate on a service must be
+    its only server, too.
+
+    Raises
+    ------
+    Refusal
+        with the first problem.
+    """
+    gates = [item.gate for item in manifests if item.gate is not None]
+    for is_service in (False, True):
+        ends = [ends_of(node, gate) for gate in gates if gate.is_service is is_service]
+        for way in cycles(ends):
+            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
+                          'different ones')
+    used = [item for manifest in manifests for item in _used_names(node, manifest)]
+    owners: dict[tuple[str, str], _Use] = {}
+    for use in sorted(used, key=lambda item: not item.is_alone):
+        owner = owners.setdefault((use.verb, use.name), use)
+        if owner is not use and owner.is_alone:
+            first, second = (f"{item.what} of '{item.origin}'" if owner.what == use.what
+                             else item.what for item in (owner, use))
+            raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
+                          'write different names, or remap them')
+
+
+class _Use(NamedTuple):
+    """What publishes on a topic or offers a service; `is_alone`: it must be the only one."""
+
+    what: str
+    origin: str
+    verb: str
+    name: str
+    is_alone: bool
+
+
+def _used_names(node: Node, manifest: Manifest) -> Iterator[_Use]:
+    if (gate := manifest.gate) is not None:
+        source, target = ends_of(node, gate)
+        yield _Use(f"the gate '{gate.name}'", manifest.name,
+                   *(('offer', source) if gate.is_service else ('publish on', target)), True)
+    for action in manifest.actions:
+        if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
+            is_lock = action.kind is ActionKind.LOCK
+            yield _Use(f"the {'lock' if is_lock else 'action'} '{action.name}'", manifest.name,
+                       'publish on', node.resolve_topic_name(action.target), is_lock)
+
+
+def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
+    """Return the full names of what a gate reads and of what it publishes, or calls."""
+    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
+    return resolve(gate.source), resolve(gate.target)
