@@ -15,6 +15,7 @@
 """Run a node as a process: from the command line to the exit status."""
 
 from collections.abc import Callable, Iterator
+import inspect
 from itertools import pairwise
 import logging
 from pathlib import Path
@@ -141,7 +142,20 @@ def _print_usage(name: str, argument: str) -> int:
     return 1
 
 
+def index_modules() -> None:
+    """
+    Enter the loaded modules into the index of `inspect`, in which rclpy looks up who logs.
+
+    At the first log line inspect would make that index itself, from paths without links, which
+    takes a tenth of a node's start.
+    """
+    for module in list(sys.modules.values()):
+        if file := getattr(module, '__file__', None):
+            inspect.modulesbyfile.setdefault(file, module.__name__)
+
+
 def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
+    index_modules()
     with stop.interruptible():
         node = make_node()
     executor = SingleThreadedExecutor()

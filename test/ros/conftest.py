@@ -65,6 +65,13 @@ def hot_path(request: pytest.FixtureRequest) -> Iterator[str]:
     harness.HOT_PATH = None
 
 
+@pytest.fixture
+def forking(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fork the nodes that are started by a command line; see `forked`."""
+    from ros import forked
+    monkeypatch.setattr('subprocess.Popen', forked.popen)
+
+
 def _joined(domain: int) -> Iterator['Partner']:
     from ros.harness import Partner
     made = Partner(domain)

@@ -22,10 +22,13 @@ have to differ between nodes.
 """
 
 import atexit
+from collections.abc import Mapping, Sequence
 import ctypes
 from functools import cache
 import gc
 from importlib import import_module
+from importlib.machinery import SourceFileLoader
+from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
@@ -35,6 +38,7 @@ import socket
 import subprocess
 import sys
 from time import monotonic, sleep
+from types import CodeType
 from typing import Any
 
 import fret_monitor
@@ -62,14 +66,16 @@ def environment() -> dict[str, str]:
     return {**os.environ, 'PYTHONPATH': os.pathsep.join(paths)}
 
 
-class ForkedNode:
+class ForkedProcess:
     """A process as `subprocess.Popen` would return it, as far as the tests need that."""
 
-    def __init__(self, name: str, arguments: tuple[str, ...], output: int) -> None:
-        """Start a node that writes to the file descriptor `output`."""
-        request = json.dumps((name, arguments, dict(os.environ), str(Path.cwd())))
+    def __init__(self, module: str, arguments: Sequence[str], files: Mapping[int, int],
+                 environment: Mapping[str, str] | None = None) -> None:
+        """Run `main` of a module; `files` has file descriptors of the caller by their new ones."""
+        request = json.dumps((module, arguments, list(files), dict(environment or os.environ),
+                              str(Path.cwd())))
         server = _server()
-        socket.send_fds(server, [request.encode()], [output])
+        socket.send_fds(server, [request.encode()], list(files.values()))
         self.pid = int(server.recv(20))
         self.returncode: int | None = None
 
@@ -99,6 +105,45 @@ class ForkedNode:
         self.send_signal(signal.SIGKILL)
 
 
+class ForkedNode(ForkedProcess):
+    """A node, as the executable of this name would start it."""
+
+    def __init__(self, name: str, arguments: Sequence[str], output: int,
+                 environment: Mapping[str, str] | None = None) -> None:
+        """Start it with these ROS arguments; it writes to the file descriptor `output`."""
+        super().__init__(f'fret_monitor.ros.{name}', [name, '--ros-args', *arguments],
+                         {1: output, 2: output}, environment)
+
+
+class ForkedScript(ForkedProcess):
+    """A script of this folder that is driven by lines on standard input."""
+
+    def __init__(self, name: str, *arguments: str,
+                 environment: Mapping[str, str] | None = None) -> None:
+        """Start it with these arguments."""
+        reading, standard_input = os.pipe()
+        standard_output, writing = os.pipe()
+        self.stdin = os.fdopen(standard_input, 'w', encoding='utf-8')
+        self.stdout = os.fdopen(standard_output, encoding='utf-8')
+        super().__init__(name, [name, *arguments], {0: reading, 1: writing}, environment)
+        os.close(reading)
+        os.close(writing)
+
+
+_Popen = subprocess.Popen
+
+
+def popen(command: Sequence[str], *, stdout: Any = None,
+          env: Mapping[str, str] | None = None, **options: Any) -> Any:
+    """Fork if the command starts a node of this package, otherwise call `subprocess.Popen`."""
+    match = re.search(r'(?:fret_monitor/|fret_monitor\.ros\.)(monitor|gate|logger)\b',
+                      ' '.join(command))
+    if match is None or '--ros-args' not in command:
+        return _Popen(command, stdout=stdout, env=env, **options)
+    arguments = command[command.index('--ros-args') + 1:]
+    return ForkedNode(match[1], arguments, stdout.fileno(), env)
+
+
 @cache
 def _server() -> socket.socket:
     """Start the server of this process; return the connection to it."""
@@ -122,17 +167,35 @@ def _server() -> socket.socket:
     return ours
 
 
+def _keep_code() -> None:
+    """Read the code of modules that only a node can import, since they load the middleware."""
+    kept = {}
+    for package in ('fret_monitor.ros', 'rclpy'):
+        spec = find_spec(package)
+        assert spec is not None and spec.submodule_search_locations
+        for path in map(str, Path(spec.submodule_search_locations[0]).rglob('*.py')):
+            kept[path] = SourceFileLoader('', path).get_code('')
+    read = SourceFileLoader.get_code
+
+    def get_code(self: SourceFileLoader, name: str) -> CodeType | None:
+        return kept.get(self.path) or read(self, name)
+
+    SourceFileLoader.get_code = get_code  # type: ignore[assignment,method-assign]
+
+
 def _serve(connection: socket.socket) -> None:
     """Fork for each request, until the connection is closed; run the node in the child."""
+    sys.path.append(str(Path(__file__).parents[1]))  # of the scripts
     for name in _MODULES:
         import_module(name)
+    _keep_code()
     import_module('fret_monitor.start')._package()  # each start of a node needs this hash
     assert not _MIDDLEWARE.search(Path('/proc/self/maps').read_text(encoding='utf-8'))
     # A collection in a node would visit all these objects, which copies the pages they are on.
     gc.collect()
     gc.freeze()
     while True:
-        request, files, _, _ = socket.recv_fds(connection, _MOST_BYTES, 1)
+        request, files, _, _ = socket.recv_fds(connection, _MOST_BYTES, 2)
         if not request:
             return
         reading, writing = os.pipe()
@@ -141,7 +204,7 @@ def _serve(connection: socket.socket) -> None:
             node = os.fork()
             if node == 0:
                 connection.close()
-                sys.exit(_run(files[0], *json.loads(request)))
+                sys.exit(_run(files, *json.loads(request)))
             os.write(writing, str(node).encode())
             os._exit(0)
         os.waitpid(between, 0)
@@ -150,15 +213,17 @@ def _serve(connection: socket.socket) -> None:
             os.close(descriptor)
 
 
-def _run(output: int, name: str, arguments: list[str], environment: dict[str, str],
-         folder: str) -> int:
-    os.dup2(output, 1)
-    os.dup2(output, 2)
+def _run(files: Sequence[int], module: str, arguments: list[str], targets: Sequence[int],
+         environment: dict[str, str], folder: str) -> int:
+    for source, target in zip(files, targets, strict=True):
+        os.dup2(source, target)
+    for source in {*files}:
+        os.close(source)
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
-    sys.argv = [name, '--ros-args', *arguments]
-    status: int = import_module(f'fret_monitor.ros.{name}').main()
+    sys.argv = arguments
+    status: int = import_module(module).main()
     return status
 
 

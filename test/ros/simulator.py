@@ -21,9 +21,6 @@ negative), with PAUSE seconds of real time between; it then prints the simulated
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-import os
-from pathlib import Path
-import subprocess
 import sys
 from time import sleep
 
@@ -31,6 +28,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
+from ros.forked import ForkedScript
 from rosgraph_msgs.msg import Clock
 
 
@@ -39,9 +37,7 @@ class Simulator:
 
     def __init__(self) -> None:
         """Start the process; the caller sets ROS_DOMAIN_ID."""
-        self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).resolve())], env=dict(os.environ), text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = ForkedScript('ros.simulator')
 
     def go(self, seconds: float, stride: float = 0.02, speed: float = 2.0) -> float:
         """Let simulated time run for so many seconds at a speed; return the time."""
@@ -52,14 +48,12 @@ class Simulator:
         return self._tell(seconds, 1, 0.0)
 
     def _tell(self, stride: float, count: int, pause: float) -> float:
-        assert self.process.stdin and self.process.stdout
         self.process.stdin.write(f'{stride} {count} {pause}\n')
         self.process.stdin.flush()
         return float(self.process.stdout.readline())
 
     def end(self) -> None:
         """End the process."""
-        assert self.process.stdin and self.process.stdout
         self.process.stdin.close()
         self.process.stdout.close()
         assert self.process.wait(30) == 0
@@ -93,7 +87,3 @@ def main() -> None:
         print(now / 1e9, flush=True)
     node.destroy_node()
     rclpy.shutdown()
-
-
-if __name__ == '__main__':
-    main()

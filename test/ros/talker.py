@@ -25,12 +25,12 @@ from contextlib import contextmanager
 import os
 from pathlib import Path
 from select import select
-import subprocess
 import sys
 
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from ros.forked import ForkedScript
 import std_msgs.msg
 
 # Fast DDS keeps a participant that died for 20 s; a participant may ask for a shorter lease. One
@@ -56,9 +56,8 @@ class Talker:
         if profile is not None:
             profile.write_text(_SHORT_LEASE, encoding='utf-8')
             environment['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
-        self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).resolve()), topic, message, str(depth)],
-            env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.process = ForkedScript('ros.talker', topic, message, str(depth),
+                                    environment=environment)
 
     def greet(self, wait: Callable[[], None]) -> None:
         """Publish -1 until `wait` returns: the subscription then receives all that follows."""
@@ -87,18 +86,15 @@ class Talker:
 
     def close(self) -> None:
         """End the process; it leaves the graph in order."""
-        assert self.process.stdin and self.process.stdout
         self.process.stdin.close()
         self.process.wait(30)
         self.process.stdout.close()
 
     def _tell(self, line: str) -> None:
-        assert self.process.stdin
         self.process.stdin.write(f'{line}\n')
         self.process.stdin.flush()
 
     def _answer(self) -> int:
-        assert self.process.stdout
         for line in self.process.stdout:
             if line.strip().isdecimal():  # Fast DDS writes its errors there too
                 return int(line)
@@ -147,7 +143,3 @@ def main() -> None:
             print(said, flush=True)
     node.destroy_node()
     rclpy.shutdown()
-
-
-if __name__ == '__main__':
-    main()

@@ -39,11 +39,14 @@ def prepared() -> Iterator[bench.Bench]:
 
 
 @pytest.fixture
-def short(prepared: bench.Bench, domain: int) -> bench.Bench:
+def short(prepared: bench.Bench, domain: int, monkeypatch: pytest.MonkeyPatch) -> bench.Bench:
     """Return a short benchmark in a domain of its own; its programs are built once."""
+    monkeypatch.setattr(bench, 'IDLE', 0.1)
+    monkeypatch.setattr(bench, 'DRAIN', 0.2)
     return prepared
 
 
+@pytest.mark.usefixtures('forking')
 def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> None:
     rows = list(bench.violations(short))
     assert {row.note for row in rows} <= {'', 'in C', 'in Python'}
@@ -57,6 +60,7 @@ def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> N
     assert all(0.0 < p50[name] <= p99[name] for name in p50)
 
 
+@pytest.mark.usefixtures('forking')
 def test_a_large_message_is_counted_by_every_subject_that_takes(short: bench.Bench) -> None:
     rows = list(bench.cloud(replace(short, seconds=0.4)))
     # On a busy machine a few may be missing; their number stands in the note.
@@ -66,6 +70,7 @@ def test_a_large_message_is_counted_by_every_subject_that_takes(short: bench.Ben
     assert bench.sample(short.load, work, short.unread(work)).counted == 0
 
 
+@pytest.mark.usefixtures('forking')
 def test_a_flood_is_never_counted_as_more_messages_than_were_sent(short: bench.Bench) -> None:
     rows = list(bench.flood(short))
     assert len(rows) >= 3

@@ -77,12 +77,14 @@ def test_the_test_of_the_page_fails_on_a_violation_only(folder: Path, domain: in
     assert path.name.endswith('_FULL.mcap')
 
 
+@pytest.mark.usefixtures('forking')
 def test_a_test_in_which_nothing_was_published_fails(folder: Path, domain: int) -> None:
     words = '^FULL was never evaluated: no value yet of level$'
     with pytest.raises(AssertionError, match=words), watching('tank.yaml') as monitor:
         assert monitor.violations == []
 
 
+@pytest.mark.usefixtures('forking')
 def test_an_error_in_the_block_is_not_replaced_and_has_the_violations_as_a_note(
         folder: Path, partner: Partner) -> None:
     publisher = partner.publisher(Float64, 'level')
@@ -114,6 +116,7 @@ requirements:
 """
 
 
+@pytest.mark.usefixtures('forking')
 def test_what_happens_after_the_end_of_the_block_does_not_count(
         folder: Path, partner: Partner) -> None:
     (folder / 'silent.yaml').write_text(SILENT, encoding='utf-8')
@@ -157,6 +160,7 @@ requirements:
 """
 
 
+@pytest.mark.usefixtures('forking')
 def test_messages_that_were_not_received_fail_the_test_and_every_bundle_is_waited_for(
         folder: Path, partner: Partner) -> None:
     (folder / 'other.yaml').write_text(OTHER, encoding='utf-8')
@@ -241,12 +245,14 @@ def test_a_test_that_watches_nothing_fails(folder: Path) -> None:
     assert '1 failed, 2 passed, 1 skipped, 2 errors' in done.stdout
 
 
+@pytest.mark.usefixtures('forking')
 def test_a_parameter_that_is_ignored_fails_the_test(folder: Path, domain: int) -> None:
     words = "^ignored parameter 'polcy': did you mean 'policy'"
     with pytest.raises(AssertionError, match=words), watching('tank.yaml', '-p', 'polcy:=timed'):
         pytest.fail('it begins')
 
 
+@pytest.mark.usefixtures('forking')
 def test_a_monitor_that_cannot_start_fails_the_test(folder: Path, domain: int) -> None:
     replace(folder / 'tank.yaml', 'level < 0.9', 'level <')
     words = r'(?s)does not start:.*tank\.yaml:6'
@@ -254,6 +260,7 @@ def test_a_monitor_that_cannot_start_fails_the_test(folder: Path, domain: int) -
         pass
 
 
+@pytest.mark.usefixtures('forking')
 def test_a_monitor_that_dies_fails_the_test(folder: Path, domain: int) -> None:
     words = '^the monitor was killed by SIGKILL:'
     with pytest.raises(AssertionError, match=words), watching('tank.yaml') as monitor:

@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The nodes' help on the command line."""
+"""The nodes as commands: their help, exit status and first log line."""
 
+import inspect
 import os
 from pathlib import Path
 import subprocess
@@ -21,7 +22,9 @@ import sys
 
 import fret_monitor
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS
+from fret_monitor.ros.process import index_modules
 import pytest
+from rclpy.logging import get_logger
 
 SCRIPT = 'import sys; from fret_monitor.ros.{name} import main; sys.exit(main())'
 
@@ -83,3 +86,20 @@ def test_a_node_that_fails_after_its_start_has_another_exit_status_than_a_refusa
                           timeout=60, check=False)
     assert done.returncode == 2
     assert 'RuntimeError: no paper in the printer' in done.stderr
+
+
+def test_the_first_log_line_resolves_the_paths_of_no_other_modules(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inspect, 'modulesbyfile', {})
+    monkeypatch.setattr(inspect, '_filesbymodname', {})
+    resolved: list[str] = []
+    resolve = os.path.realpath
+
+    def counted(path: str) -> str:
+        resolved.append(path)
+        return resolve(path)
+
+    index_modules()
+    monkeypatch.setattr(os.path, 'realpath', counted)
+    get_logger('test').info('a line')
+    assert 0 < len(resolved) < 10
