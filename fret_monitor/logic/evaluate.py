@@ -21,7 +21,7 @@ tested against it, so it shares no code with `program` and `codegen`. Nodes with
 their meaning from `pointwise`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
@@ -64,14 +64,37 @@ def evaluate_all(formulas: Sequence[Formula], trace: Trace,
                  feedback: Equations = ()) -> list[list[Value]]:
     """Evaluate several formulas over one trace, common subterms once; otherwise as `evaluate`."""
     steps = _steps(trace)
-    nodes = postorder([*formulas, *(equation for _, equation in feedback)])
-    columns: _Columns = {node: [] for node in nodes}
     equations = dict(feedback)
-    rules = [(columns[node].append, _rule(node, columns, trace, equations)) for node in nodes]
+    nodes = postorder([*formulas, *equations.values()])
+    columns: _Columns = {node: [] for node in nodes}
+    stepwise = _dependent_on_feedback(nodes)
+    for node in nodes:
+        if node not in stepwise:
+            columns[node].extend(_column(node, columns, trace, steps))
+    rules = [(columns[node].append, _rule(node, columns, trace, equations)) for node in stepwise]
     for t in range(steps):
         for append, value_at in rules:
             append(value_at(t))
     return [columns[formula] for formula in formulas]
+
+
+def _dependent_on_feedback(nodes: Sequence[Formula]) -> dict[Formula, None]:
+    """Return the nodes, in order, whose next value may depend on values of later nodes."""
+    found: dict[Formula, None] = {}
+    if any(isinstance(node, Feedback) for node in nodes):
+        for node in nodes:
+            if isinstance(node, Feedback) or not found.keys().isdisjoint(operands(node)):
+                found[node] = None
+    return found
+
+
+def _column(node: Formula, columns: _Columns, trace: Trace, steps: int) -> Iterable[Value]:
+    """Return the values of a node at all steps from those of its operands: `_rule`, but faster."""
+    match node:
+        case Conversion() | Unary() | Binary() | Choice():
+            return map(operation(node), *(columns[item] for item in operands(node)))
+        case _:
+            return map(_rule(node, columns, trace, {}), range(steps))
 
 
 def _steps(trace: Trace) -> int:

@@ -24,9 +24,10 @@ Types of terms: an input has its declared type; every other node is BOOL, INT64,
 or FLOAT64.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
+from operator import attrgetter
 import struct
 from threading import Lock
 from typing import Any, dataclass_transform, TypeAlias
@@ -333,19 +334,20 @@ FALSE = Constant(False, ValueType.BOOL)
 FTP = WeakYesterday(FALSE)
 
 
+# A table and not `match`, which compares with one class after the other: this is called often.
+_OPERANDS: dict[type[Any], Callable[[Any], tuple[Formula, ...]]] = {
+    **dict.fromkeys((Constant, Variable, Feedback), lambda node: ()),
+    **dict.fromkeys((Conversion, Unary, Yesterday, WeakYesterday, Once, Historically),
+                    lambda node: (node.argument,)),
+    **dict.fromkeys((Binary, Since, Triggered), attrgetter('left', 'right')),
+    Choice: attrgetter('condition', 'yes', 'no'),
+    Previous: attrgetter('initial', 'argument'),
+}
+
+
 def operands(node: Formula) -> tuple[Formula, ...]:
     """Return the direct operands of a node, left to right."""
-    match node:
-        case Constant() | Variable() | Feedback():
-            return ()
-        case Conversion() | Unary() | Yesterday() | WeakYesterday() | Once() | Historically():
-            return (node.argument,)
-        case Binary() | Since() | Triggered():
-            return (node.left, node.right)
-        case Choice():
-            return (node.condition, node.yes, node.no)
-        case Previous():
-            return (node.initial, node.argument)
+    return _OPERANDS[type(node)](node)
 
 
 def rebuilt(node: Formula, found: Mapping[Formula, Formula]) -> Formula:
