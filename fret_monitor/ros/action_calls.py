@@ -27,6 +27,7 @@ from typing import Any
 
 from fret_monitor.model.manifest import ManifestAction
 from fret_monitor.model.policies import ActionKind
+from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.fields import message_class
 
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -56,9 +57,11 @@ class Service:
     """Calls a service, and waits for the answer."""
 
     def __init__(self, node: Node, kind: Any, name: str) -> None:
-        """Create the client."""
+        """Create the client; raises `Refusal` if the process uses the service otherwise."""
         self._node = node
-        self._client: Client = node.create_client(kind, name)
+        interface = f'{kind.__module__.partition(".")[0]}/srv/{kind.__name__}'
+        with one_type(node, 'call', name, interface, is_service=True):
+            self._client: Client = node.create_client(kind, name)
         self._name = node.resolve_service_name(name)
 
     def call(self, request: Any, timeout: float, is_over: Event) -> Any:
@@ -109,6 +112,8 @@ class Call:
         ------
         MessageTypeError
             if the type of the service is not installed.
+        Refusal
+            as `Service`.
         """
         self._action = action
         self._timeout = action.timeout / 1e9

@@ -31,6 +31,7 @@ from fret_monitor.model.manifest import Manifest, ManifestAction
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.action_calls import Call, CallError
+from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.feed import ErrorKeeper
 from fret_monitor.ros.fields import message_class
 from fret_monitor.ros.hot_path import Lock
@@ -81,6 +82,8 @@ class Actions:
         ------
         MessageTypeError
             if a type is not installed.
+        Refusal
+            if the process uses a topic or service with another type.
         """
         self._node = node
         self._manifest = manifest
@@ -102,8 +105,9 @@ class Actions:
             self._owned.callback(call.close)
             self._runners[index] = _Calling(node, action, call)
             return
-        publisher = node.create_publisher(
-            message_class(action.interface), action.target, QoSProfile(depth=_DEPTH))
+        kind = message_class(action.interface)
+        with one_type(node, 'publish on', action.target, action.interface):
+            publisher = node.create_publisher(kind, action.target, QoSProfile(depth=_DEPTH))
         self._owned.callback(node.destroy_publisher, publisher)
         if action.kind is ActionKind.LOCK:
             users = tuple(number for number, item in enumerate(self._manifest.requirements)

@@ -34,7 +34,7 @@ from time import monotonic, time_ns
 from typing import Any, NamedTuple, Protocol
 
 from fret_monitor.ros import native_lifetimes, qos
-from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.ros.throttle import Throttle
 
@@ -193,24 +193,13 @@ class Feed:
         Refusal
             if the middleware refuses: for example a second type of a topic in one process.
         """
-        try:
+        with one_type(self._node, 'subscribe to', name, message_type):
             (self._added if self._thread.is_alive() else self._topics).append(
                 _Subscribed(self._node, name, message_type, message_class, topic, fixed))
-        except _rclpy.RCLError as error:
-            raise Refusal(self._why_refused(name, message_type, error)) from None
 
     def unsubscribe(self, name: str) -> None:
         """End the subscription to a topic, at the next review; for nodes without an engine."""
         self._removed.append(name)
-
-    def _why_refused(self, name: str, message_type: str, error: Exception) -> str:
-        full_name = self._node.resolve_topic_name(name)
-        reason = f'cannot subscribe to {full_name} as {message_type}: '
-        known = dict(self._node.get_topic_names_and_types())
-        types = [item for item in known.get(full_name, ()) if item != message_type]
-        return reason + (
-            f'this process uses the topic with the type {", ".join(types)}, and can use it with '
-            'one type only' if types else str(error))
 
     def start(self) -> None:
         """Start delivering."""

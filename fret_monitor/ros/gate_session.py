@@ -21,6 +21,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor.model.manifest import Manifest, ManifestGate, ManifestTopic
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.errors import LibraryError
+from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.feed import Topic
 from fret_monitor.ros.hot_path import Middleware
 from fret_monitor.ros.parameters import Refusal
@@ -80,7 +81,7 @@ class RunningGate:
 
     def __init__(self, node: Node, engine: Engine, settings: ManifestGate,
                  middleware: Middleware, classes: Mapping[str, Any]) -> None:
-        """Advertise the target and start to judge; raises `Unavailable`."""
+        """Advertise the target and start to judge; raises `Unavailable` or `Refusal`."""
         self._node = node
         self._engine = engine
         self._settings = settings
@@ -89,7 +90,9 @@ class RunningGate:
         if settings.is_service:
             self._service = ServiceGate(node, engine, settings)
         else:
-            self._relay = Relay(node, engine, settings, middleware, classes[settings.interface])
+            with one_type(node, 'publish on', settings.target, settings.interface):
+                self._relay = Relay(
+                    node, engine, settings, middleware, classes[settings.interface])
         self._throttles = {what: Throttle(_LOGGED_S) for what in (
             'others', 'unpublished', 'violating')}
         self._before = engine.gate_counts()

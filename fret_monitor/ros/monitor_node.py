@@ -23,6 +23,7 @@ from fret_monitor.ros.announcement import announcement, count
 from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
+from fret_monitor.ros.endpoint_types import refuse_two_types
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import (
     Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
@@ -142,9 +143,10 @@ class MonitorNode(LifecycleNode):
     def _configure(self) -> None:
         settings = read_settings(self._declared.values())
         opened = self._open(settings)
-        self._refuse_two_types(opened)
-        refuse_shared_names(self, [item.monitor.manifest for item in opened])
-        self._declared.show_constants(item.monitor.manifest for item in opened)
+        manifests = [item.monitor.manifest for item in opened]
+        refuse_shared_names(self, manifests)
+        refuse_two_types(self, manifests, self._names(opened))
+        self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)
             for item, name in zip(opened, self._names(opened)):
@@ -165,22 +167,6 @@ class MonitorNode(LifecycleNode):
     def _names(self, opened: Sequence[Opened]) -> list[str]:
         """Return distinct names for the bundles; an empty name if there is only one bundle."""
         return distinct_names([item.monitor.manifest.name for item in opened])
-
-    def _refuse_two_types(self, opened: Sequence[Opened]) -> None:
-        """Refuse two types for one topic: the middleware allows only one per process."""
-        types: dict[str, tuple[str, str]] = {}
-        problems = []
-        for item, bundle in zip(opened, self._names(opened)):
-            for topic in item.monitor.manifest.topics:
-                name = self.resolve_topic_name(topic.name)
-                kind, first = types.setdefault(name, (topic.message_type, bundle))
-                if kind != topic.message_type and first != bundle:
-                    problems.append(
-                        f"the topic {name} has the type {kind} in the bundle '{first}' and "
-                        f"{topic.message_type} in '{bundle}': a process can use a topic with one "
-                        'type only; correct the type, or start a monitor for each bundle')
-        if problems:
-            raise Refusal(*problems)
 
     def _warn(self, warnings: Iterable[str]) -> None:
         for warning in warnings:

@@ -19,11 +19,13 @@ A request is judged as the message of the service's events that an input may rea
 (`SERVICE/_service_event`, with the fields `request[0].FIELD`). The executor runs this, in Python.
 """
 
+from contextlib import ExitStack
 from math import inf
 from time import monotonic, time_ns
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
+from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.fields import message_class
 from fret_monitor.runtime import Engine, Judgement
 
@@ -42,7 +44,7 @@ class ServiceGate:
     """
 
     def __init__(self, node: Node, engine: Engine, gate: ManifestGate) -> None:
-        """Offer the service; `engine` has the gate."""
+        """Offer the service; `engine` has the gate. Raises `Refusal` as `one_type`."""
         self._node = node
         self._engine = engine
         self._kind: Any = message_class(gate.interface)
@@ -52,9 +54,15 @@ class ServiceGate:
         self._pending: dict[Future, float] = {}  # each with the end of its time
         # Others may call while a request waits for the server.
         group = ReentrantCallbackGroup()
-        self._client: Any = node.create_client(self._kind, gate.target, callback_group=group)
-        self._service: Any = node.create_service(
-            self._kind, gate.source, self._serve, callback_group=group)
+        with ExitStack() as undo:
+            with one_type(node, 'call', gate.target, gate.interface, is_service=True):
+                self._client: Any = node.create_client(
+                    self._kind, gate.target, callback_group=group)
+            undo.callback(node.destroy_client, self._client)
+            with one_type(node, 'offer', gate.source, gate.interface, is_service=True):
+                self._service: Any = node.create_service(
+                    self._kind, gate.source, self._serve, callback_group=group)
+            undo.pop_all()
         self.unanswered = 0
         """Requests that passed, and that no server answered."""
 

@@ -20,6 +20,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.ros import monitor_node, MonitorNode, Refusal
+from fret_monitor.ros.gate_node import GateNode
 import pytest
 from rclpy.parameter import Parameter
 from ros.harness import Partner, started, wait_until
@@ -202,6 +203,57 @@ def test_one_topic_with_two_types_is_refused_with_both_bundles(
         "error: the topic /x has the type std_msgs/msg/Float32 in the bundle 'first' and "
         "std_msgs/msg/Float64 in 'second': a process can use a topic with one type only; correct "
         'the type, or start a monitor for each bundle')
+
+
+ACTING = """
+format: 1
+inputs:
+  w: {topic: w, type: std_msgs/msg/Float32}
+actions:
+  one: {ONE}
+  two: {TWO}
+requirements:
+  - {id: R-4, ptltl: "w < 0.5", on_violation: [one, two]}
+"""
+SHOW = 'publish: {topic: TOPIC, type: std_msgs/msg/Bool}'
+CALL = 'call: {service: NAME, type: std_srvs/srv/KIND}'
+
+
+@pytest.mark.parametrize(('one', 'two', 'reason'), [
+    (SHOW.replace('TOPIC', 'x'), 'lock: {topic: stop}',
+     "the topic /x has the type std_msgs/msg/Float32 in the bundle 'first' and std_msgs/msg/Bool "
+     "in 'acting': a process can use a topic with one type only; correct the type, or start a "
+     'monitor for each bundle'),
+    (CALL.replace('NAME', 'stop').replace('KIND', 'Trigger'),
+     CALL.replace('NAME', '/stop').replace('KIND', 'Empty'),
+     'the service /stop has the types std_srvs/srv/Trigger and std_srvs/srv/Empty: a process can '
+     'use a service with one type only; correct the type, or write different names'),
+    (SHOW.replace('TOPIC', '/rosout'), 'lock: {topic: stop}',
+     'cannot publish on /rosout as std_msgs/msg/Bool: this process uses the topic with the type '
+     'rcl_interfaces/msg/Log, and can use it with one type only'),
+    (CALL.replace('NAME', '/fret_monitor/reset').replace('KIND', 'Empty'), 'lock: {topic: stop}',
+     'cannot call /fret_monitor/reset as std_srvs/srv/Empty: this process uses the service with '
+     'the type std_srvs/srv/Trigger, and can use it with one type only')])
+def test_an_action_with_a_second_type_is_refused_with_both_types(
+    partner: Partner, tmp_path: Path, one: str, two: str, reason: str,
+) -> None:
+    first = write(tmp_path, 'first', FIRST)
+    acting = write(tmp_path, 'acting', ACTING.replace('ONE', one).replace('TWO', two))
+    assert refusal(partner, spec=[str(first), str(acting)]) == f'error: {reason}'
+
+
+def test_gates_with_two_types_of_one_topic_are_refused_with_both(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    gate = 'format: 1\ninputs: {{a: {{topic: {0}, type: std_msgs/msg/{3}}}}}\n' \
+        'requirements: [{{id: {2}, ptltl: a < 1.0}}]\n' \
+        'gates: {{{2}: {{from: {0}, to: {1}, type: std_msgs/msg/{3}, keep: [{2}], ' \
+        'otherwise: drop}}}}\n'
+    paths = [str(write(tmp_path, name, gate.format(*ends, name, kind))) for *ends, name, kind in (
+        ('x', 'u', 'g', 'Float32'), ('u', 'w', 'h', 'Float64'))]
+    with pytest.raises(Refusal, match="/u has the type std_msgs/msg/Float32 in the gate 'g' and "
+                                      "std_msgs/msg/Float64 in 'h'"):
+        GateNode(context=partner.context, parameter_overrides=[Parameter('spec', value=paths)])
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
