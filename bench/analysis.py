@@ -31,7 +31,6 @@ import time
 
 from fret_monitor.analysis.answers import Question
 from fret_monitor.analysis.checks import analyze
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.replay import CompiledReplay
 from fret_monitor.build import read
 from fret_monitor.explain.report import meanings
@@ -39,6 +38,7 @@ from fret_monitor.importing import import_bundles, write_bundles
 from fret_monitor.model.policies import Policy
 from fret_monitor.testgen.recorded import history
 from fret_monitor.testgen.suite import Answer, make_suite
+from fret_monitor.traces.deadline import Deadline
 from testgen.mutants import mutants
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -30,7 +30,6 @@ from fret_monitor.analysis.component import (
     build_component, by_inputs, by_outputs, Component, output_names, Part, unrelated_assumptions,
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
-from fret_monitor.analysis.deadline import Deadline, OutOfTime
 from fret_monitor.analysis.diagrams import MemoryErrors
 from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
@@ -55,6 +54,7 @@ from fret_monitor.smt import solver
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.transition import NoTicks
+from fret_monitor.traces.deadline import Deadline, OutOfTime
 
 _MOST_CONFLICTS = 10
 _TIMED_S = 5.0  # for a question about time, since most end soon or never

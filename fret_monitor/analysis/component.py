@@ -22,7 +22,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import gcd
 
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.diagrams import Diagrams
 from fret_monitor.analysis.games import Games
 from fret_monitor.analysis.letters import BEFORE, blocks
@@ -33,6 +32,7 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.propositions import triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.graph import sharing
 from fret_monitor.model.policies import InputRole, Policy
 from fret_monitor.program.lower import lower_together
 from fret_monitor.program.monitor_program import StepGroup
@@ -40,6 +40,7 @@ from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import bit_system, BitSystem, boolean_system
 from fret_monitor.smt.terms import Term
+from fret_monitor.traces.deadline import Deadline
 from fret_monitor.traces.sampled import grid_of, sampled
 
 
@@ -63,23 +64,7 @@ class Part:
 def parts(properties: Sequence[Property], names: Callable[[Property], Iterable[str]]
           ) -> list[Part]:
     """Return the requirements in groups that share names, in the order of the first of each."""
-    parent: dict[str, str] = {}
-
-    def root(name: str) -> str:
-        while parent.setdefault(name, name) != name:
-            parent[name] = parent[parent[name]]
-            name = parent[name]
-        return name
-
-    own = {}
-    for number, item in enumerate(properties):
-        own[item.id] = f'{number} '  # no name of an input
-        for name in names(item):
-            parent[root(name)] = root(own[item.id])
-    groups: dict[str, list[Property]] = {}
-    for item in properties:
-        groups.setdefault(root(own[item.id]), []).append(item)
-    return [Part(tuple(found)) for found in groups.values()]
+    return [Part(tuple(found)) for found in sharing(properties, names)]
 
 
 def by_inputs(specification: Specification) -> list[Part]:

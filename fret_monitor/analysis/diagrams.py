@@ -23,11 +23,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Block
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import BooleanSystem
 from fret_monitor.smt.terms import Term
+from fret_monitor.traces.deadline import Deadline
 
 try:
     from dd.cudd import BDD

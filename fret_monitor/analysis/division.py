@@ -26,11 +26,11 @@ from enum import Enum
 
 from fret_monitor.analysis.answers import Question
 from fret_monitor.analysis.component import build_component, by_outputs, Part, united
-from fret_monitor.analysis.deadline import Deadline, OutOfTime
 from fret_monitor.analysis.diagrams import MemoryErrors
 from fret_monitor.logic.specification import Specification
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.transition import NoTicks
+from fret_monitor.traces.deadline import Deadline, OutOfTime
 
 _SMALL = 8  # requirements that are not divided
 

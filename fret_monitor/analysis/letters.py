@@ -25,7 +25,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fret_monitor.analysis.deadline import Deadline
+from fret_monitor.model.graph import sharing
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import BooleanSystem, variables
 from fret_monitor.smt.concrete import function_of, NoValue
@@ -33,6 +33,7 @@ from fret_monitor.smt.linear import NotLinear
 from fret_monitor.smt.reals import has_product, is_rounded, RealTranslation, value_of
 from fret_monitor.smt.solver import new_solver, Translation, value_in
 from fret_monitor.smt.terms import Term
+from fret_monitor.traces.deadline import Deadline
 import z3
 
 _MOST_LETTERS = 1024
@@ -113,7 +114,7 @@ def blocks(system: BooleanSystem, outputs: Iterable[Term], domains: Mapping[Term
     terms = [*system.inputs, *system.atoms]
     tracked = {atom: bit for bit, atom in system.tracked.items() if variables(atom) <= before}
     found = []
-    for group in _connected([*terms, *tracked]):
+    for group in sharing(list(dict.fromkeys([*terms, *tracked])), variables):
         given = [item for item in group if item in tracked]
         own = [item for item in group if item not in tracked]
         if not own:
@@ -126,26 +127,6 @@ def blocks(system: BooleanSystem, outputs: Iterable[Term], domains: Mapping[Term
         found.append(_Enumeration(environment, others, given, chosen, before, domains,
                                   deadline).block())
     return found
-
-
-def _connected(terms: Sequence[Term]) -> Iterator[list[Term]]:
-    """Yield the terms in groups that share variables."""
-    parent: dict[Term, Term] = {}
-
-    def root(item: Term) -> Term:
-        while parent.setdefault(item, item) is not item:
-            parent[item] = parent[parent[item]]
-            item = parent[item]
-        return item
-
-    used = {item: sorted(variables(item), key=lambda each: each.number) for item in terms}
-    for names in used.values():
-        for name in names[1:]:
-            parent[root(name)] = root(names[0])
-    groups: dict[Term, list[Term]] = {}
-    for item, names in used.items():
-        groups.setdefault(root(names[0]), []).append(item)
-    yield from groups.values()
 
 
 class _Enumeration:

@@ -24,7 +24,6 @@ from dataclasses import replace
 import math
 
 from fret_monitor.analysis.component import build_component, Part
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Values
 from fret_monitor.analysis.part_runs import PartRuns
 from fret_monitor.analysis.runs import run_to
@@ -35,6 +34,7 @@ from fret_monitor.model.policies import InputRole
 from fret_monitor.model.values import ValueType
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
+from fret_monitor.traces.deadline import Deadline
 
 
 class NanRuns:

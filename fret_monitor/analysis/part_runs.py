@@ -18,13 +18,13 @@ from collections.abc import Sequence
 
 from fret_monitor.analysis.answers import Example
 from fret_monitor.analysis.component import Component
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Values
 from fret_monitor.analysis.replay import Replay, rows_of
 from fret_monitor.analysis.unrolling import find_run, Found, Steps, Wanted
 from fret_monitor.logic.specification import Specification
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
+from fret_monitor.traces.deadline import Deadline
 from fret_monitor.traces.trace import Row
 
 

@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fret_monitor.analysis.component import build_component, Component, Part
-from fret_monitor.analysis.deadline import Deadline, OutOfTime
 from fret_monitor.analysis.diagrams import Diagrams, Node
 from fret_monitor.analysis.letters import ROUNDED
 from fret_monitor.analysis.replay import row_of
@@ -36,6 +35,7 @@ from fret_monitor.model.policies import InputRole, InputSource, Policy
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import NoTicks
+from fret_monitor.traces.deadline import Deadline, OutOfTime
 from fret_monitor.traces.gated import Repair
 from fret_monitor.traces.trace import Value
 

@@ -27,8 +27,7 @@ from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
 from fret_monitor.traces.simulate import for_trace
-from fret_monitor.traces.trace import Row, Value
-
+from fret_monitor.traces.trace import Row
 
 Replay = Callable[[Sequence[Row], int], list[list[bool]]]
 """Takes the rows of a run and the nanoseconds between them; returns verdicts in their order."""
@@ -74,13 +73,5 @@ def rows_of(rows: Sequence[Mapping[Term, Any]], signals: Sequence[Signal]) -> tu
 def row_of(values: Mapping[Term, Any], signals: Sequence[Signal],
            inputs: Sequence[Term]) -> Row:
     """Return the values of all inputs of a bundle, 0 for those that have none."""
-    return tuple(_value(values.get(item, 0), signal)
+    return tuple(numbers.input_value(values.get(item, 0), signal.type)
                  for item, signal in zip(inputs, signals, strict=True))
-
-
-def _value(value: Any, signal: Signal) -> Value:
-    if signal.type.is_float:
-        return float(value)
-    if signal.type.is_integer:
-        return t.signed(value, signal.type.bits) if signal.type.is_signed else int(value)
-    return bool(value)

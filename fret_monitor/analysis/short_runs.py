@@ -28,7 +28,6 @@ from typing import Any
 
 from fret_monitor.analysis.answers import Answer, Question
 from fret_monitor.analysis.component import Component
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Values
 from fret_monitor.analysis.part_runs import PartRuns
 from fret_monitor.analysis.unrolling import Steps, Unrolling, Wanted
@@ -37,6 +36,7 @@ from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import NoValue
 from fret_monitor.smt.linear import NotLinear
 from fret_monitor.smt.terms import Term
+from fret_monitor.traces.deadline import Deadline
 import z3
 
 _MOST_STEPS = 8

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 import time
 from typing import Any
 
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.letters import Values
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of, NoValue
@@ -34,6 +33,7 @@ from fret_monitor.smt.reals import RealTranslation, value_of
 from fret_monitor.smt.solver import new_solver
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import StateVariable
+from fret_monitor.traces.deadline import Deadline
 import z3
 
 _MOST_STEPS = 40

@@ -38,8 +38,8 @@ from fret_monitor.model.policies import InputRole
 
 if TYPE_CHECKING:
     from fret_monitor.analysis.answers import Analysis, Question
-    from fret_monitor.analysis.deadline import Deadline
     from fret_monitor.analysis.replay import Replay
+    from fret_monitor.traces.deadline import Deadline
 
 _QUICK_S = 2.0
 _NEEDED = {'dd': 'dd', 'z3': 'z3-solver'}
@@ -65,9 +65,9 @@ def run(options: Namespace) -> int:
     """Analyse a bundle; return 1 unless all is consistent, realizable, and needed."""
     _refuse_missing()
     # Imported here: loading the solver is slow, and the other verbs do not need it.
-    from fret_monitor.analysis.deadline import Deadline
     from fret_monitor.analysis.replay import CompiledReplay
     from fret_monitor.analysis.report import as_dict, shown
+    from fret_monitor.traces.deadline import Deadline
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants))
     asked, warnings = _asked(reading, options.only)
     if not options.json:
@@ -90,9 +90,9 @@ def run(options: Namespace) -> int:
 def quick_warnings(reading: Reading) -> list[Diagnostic]:
     """Return warnings about what is found in two seconds, for `check --analyze`."""
     _refuse_missing()
-    from fret_monitor.analysis.deadline import Deadline
     from fret_monitor.analysis.replay import CompiledReplay
     from fret_monitor.analysis.report import warnings
+    from fret_monitor.traces.deadline import Deadline
     asked, _ = _asked(reading, None)
     found = _analysis(reading, CompiledReplay(reading), asked, Deadline(_QUICK_S))
     return list(warnings(found, reading.specification))

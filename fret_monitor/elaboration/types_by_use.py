@@ -29,6 +29,7 @@ from fret_monitor.language.expression import (
     Boolean, Call, children, Conditional, Duration, Expression, Infix, Name, Number, postorder,
     Prefix,
 )
+from fret_monitor.model.graph import DisjointSets
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.values import ValueType
 
@@ -43,15 +44,12 @@ class TypesByUse:
     """Collects uses of names, and infers BOOL, INT64 (if a use requires an integer) or FLOAT64."""
 
     def __init__(self) -> None:
-        self._indices: dict[Expression | str, int] = {}
-        self._parents: list[int] = []
-        self._sizes: list[int] = []
-        self._types: list[ValueType | None] = []
+        self._classes: DisjointSets[Expression | str] = DisjointSets()
+        self._types: dict[Expression | str, ValueType | None] = {}  # by the root of a class
 
     def type_of(self, name: str) -> ValueType | None:
         """Return the type of a name, or None if its uses do not determine it."""
-        index = self._indices.get(fret_name(name))
-        return None if index is None else self._types[self._root(index)]
+        return self._types.get(self._classes.root(fret_name(name)))
 
     def declare(self, name: str, known: ValueType) -> None:
         """Add a declared type; a number type only adds that the name is a number."""
@@ -125,38 +123,19 @@ class TypesByUse:
 
     def _expect(self, needed: ValueType, members: Iterable[Expression | str]) -> None:
         for member in members:
-            root = self._root(self._index(member))
-            self._types[root] = _common(self._types[root], needed) or self._types[root]
+            root = self._classes.root(member)
+            self._types[root] = _common(self._types.get(root), needed) or self._types.get(root)
 
     def _unify(self, members: Iterable[Expression | str]) -> None:
-        first, *others = map(self._index, members)
+        first, *others = members
         for other in others:
-            self._join(self._root(first), self._root(other))
+            self._join(self._classes.root(first), self._classes.root(other))
 
-    def _join(self, root: int, other: int) -> None:
-        common = _common(self._types[root], self._types[other])
-        is_contradiction = common is None and self._types[root] is not None
-        if root == other or is_contradiction:
-            return
-        if self._sizes[root] < self._sizes[other]:
-            root, other = other, root
-        self._parents[other] = root
-        self._sizes[root] += self._sizes[other]
-        self._types[root] = common
-
-    def _index(self, member: Expression | str) -> int:
-        index = self._indices.setdefault(member, len(self._parents))
-        if index == len(self._parents):
-            self._parents.append(index)
-            self._sizes.append(1)
-            self._types.append(None)
-        return index
-
-    def _root(self, index: int) -> int:
-        while (parent := self._parents[index]) != index:
-            self._parents[index] = self._parents[parent]
-            index = parent
-        return index
+    def _join(self, root: Expression | str, other: Expression | str) -> None:
+        common = _common(self._types.get(root), self._types.get(other))
+        is_contradiction = common is None and self._types.get(root) is not None
+        if root != other and not is_contradiction:
+            self._types[self._classes.join(root, other)] = common
 
 
 def _common(one: ValueType | None, other: ValueType | None) -> ValueType | None:

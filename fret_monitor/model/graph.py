@@ -11,9 +11,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """Graphs of names that depend on other names: dependency order and cycles."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 
 
 def components(graph: Mapping[str, Sequence[str]]) -> list[list[str]]:
@@ -89,3 +90,47 @@ def cycles(edges: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
     for component in components(graph):
         if is_cyclic(component, graph):
             yield cycle(component, graph)
+
+
+class DisjointSets[T: Hashable]:
+    """Sets that are joined two by two; each item is in a set of its own at first (union-find)."""
+
+    def __init__(self) -> None:
+        self._parents: dict[T, T] = {}
+        self._sizes: dict[T, int] = {}
+
+    def root(self, item: T) -> T:
+        """Return the item that stands for the set of an item."""
+        parents = self._parents
+        if item not in parents:
+            parents[item], self._sizes[item] = item, 1
+        while (parent := parents[item]) != item:
+            parents[item] = parents[parent]
+            item = parent
+        return item
+
+    def join(self, one: T, other: T) -> T:
+        """Join the sets of two items; return the item that stands for both."""
+        root, joined = self.root(one), self.root(other)
+        if root != joined:
+            if self._sizes[root] < self._sizes[joined]:
+                root, joined = joined, root
+            self._parents[joined] = root
+            self._sizes[root] += self._sizes[joined]
+        return root
+
+
+def sharing[T](items: Sequence[T], keys: Callable[[T], Iterable[Hashable]]) -> list[list[T]]:
+    """
+    Return the items in groups: those that share keys, directly or through others.
+
+    Groups come in the order of their first items.
+    """
+    sets: DisjointSets[tuple[str, Hashable]] = DisjointSets()
+    for place, item in enumerate(items):
+        for key in keys(item):
+            sets.join(('item', place), ('key', key))
+    groups: dict[Hashable, list[T]] = {}
+    for place, item in enumerate(items):
+        groups.setdefault(sets.root(('item', place)), []).append(item)
+    return list(groups.values())

@@ -254,10 +254,5 @@ def to_csv(subject: ProofSubject, example: Counterexample) -> str:
     signals = subject.program.signals
     if not signals:
         return 'nothing\n' + '0\n' * len(example.rows)
-    return trace_text(signals, ([_value(value, signal) for value, signal
+    return trace_text(signals, ([numbers.input_value(value, signal.type) for value, signal
                                  in zip(row, signals, strict=True)] for row in example.rows))
-
-
-def _value(value: Any, signal: Signal) -> Any:
-    """Convert the value of a term, in which words are unsigned, to that of an input."""
-    return t.signed(value, signal.type.bits) if signal.type.is_signed else value

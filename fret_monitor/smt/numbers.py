@@ -18,6 +18,8 @@ Arithmetic and relations of formulas as terms, as docs/numbers.md defines them.
 It shares no code with the code generator, so that a proof compares two implementations.
 """
 
+from typing import Any
+
 from fret_monitor.logic.formula import BinaryOperator, UnaryOperator
 from fret_monitor.model.values import ValueType
 from fret_monitor.smt import terms as t
@@ -32,6 +34,15 @@ def sort_of(kind: ValueType) -> Sort:
     if kind is ValueType.BOOL:
         return t.BOOL
     return t.real(kind.bits) if kind.is_float else t.word(kind.bits)
+
+
+def input_value(value: Any, kind: ValueType) -> bool | int | float:
+    """Return the value of an input from that of its term, in which words are unsigned."""
+    if kind.is_float:
+        return float(value)
+    if kind.is_integer:
+        return t.signed(value, kind.bits) if kind.is_signed else int(value)
+    return bool(value)
 
 
 def constant(value: bool | int | float, kind: ValueType) -> Term:

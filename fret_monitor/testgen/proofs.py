@@ -34,8 +34,8 @@ from fret_monitor.smt import terms as t
 from fret_monitor.smt.solver import Answer, prove
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import transition_system
-from fret_monitor.testgen.search import Deadline
-from fret_monitor.traces.trace import Row, Value
+from fret_monitor.traces.deadline import Deadline
+from fret_monitor.traces.trace import Row
 
 _MOST_STEPS = 12
 _QUERY_S = 2.0
@@ -124,7 +124,7 @@ class _Unrolled:
         return tuple(self._row(found.values, step) for step in range(steps))
 
     def _row(self, values: Mapping[Term, Any], step: int) -> Row:
-        return tuple(_value(values.get(self._input(number, step), 0), signal)
+        return tuple(numbers.input_value(values.get(self._input(number, step), 0), signal.type)
                      for number, signal in enumerate(self._signals))
 
     def is_inductive(self, steps: int) -> bool:
@@ -133,12 +133,3 @@ class _Unrolled:
         before, self._steps = list(self._steps), [*self._steps, goal]
         given = [*self._given(steps), *self._system.invariants, *map(t.negation, before)]
         return prove([t.negation(goal)], given, seconds=_QUERY_S).answer is Answer.PROVED
-
-
-def _value(value: Any, signal: Signal) -> Value:
-    """Return the value of an input from that of its term, in which words are unsigned."""
-    if signal.type.is_float:
-        return float(value)
-    if signal.type.is_integer:
-        return t.signed(value, signal.type.bits) if signal.type.is_signed else int(value)
-    return bool(value)

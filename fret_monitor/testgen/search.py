@@ -24,7 +24,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from random import Random
-from time import monotonic
 
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Formula
@@ -33,6 +32,7 @@ from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.testgen.obligations import both, Obligation, PRIME
 from fret_monitor.testgen.recorded import first_met, is_met, moved, Recorded, recorded
 from fret_monitor.traces.alphabet import Alphabet, alphabet
+from fret_monitor.traces.deadline import Deadline
 from fret_monitor.traces.explore import reach
 from fret_monitor.traces.random_traces import random_traces
 from fret_monitor.traces.search import Budget
@@ -49,27 +49,6 @@ _MOST_PLACES = 24  # steps of a trace that are varied
 _MOST_VARIED = 3000  # traces with one step varied
 _LONGEST_BASE = 4000  # steps
 _FEWER_TRIED = 10
-
-
-class OutOfTime(Exception):
-    """The time given for all of it is over."""
-
-
-@dataclass(frozen=True)
-class Deadline:
-    """An instant of the monotonic clock in seconds."""
-
-    at: float
-
-    def check(self) -> None:
-        """Raise `OutOfTime` after it."""
-        if monotonic() > self.at:
-            raise OutOfTime
-
-    @property
-    def left(self) -> float:
-        """The seconds until it."""
-        return self.at - monotonic()
 
 
 @dataclass

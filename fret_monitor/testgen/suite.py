@@ -24,7 +24,6 @@ from enum import Enum
 from importlib.util import find_spec
 from itertools import batched
 from random import Random
-from time import monotonic
 
 from fret_monitor.build import Reading
 from fret_monitor.bundle.bundle import Bundle
@@ -37,9 +36,10 @@ from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.testgen.obligations import Kind, mapped, Obligation, obligations
 from fret_monitor.testgen.recorded import history, Recorded
 from fret_monitor.testgen.search import (
-    alone, Deadline, exactly, explore_alone, explore_together, OutOfTime, Task, together,
+    alone, exactly, explore_alone, explore_together, Task, together,
 )
 from fret_monitor.testgen.variants import Variants, variants
+from fret_monitor.traces.deadline import Deadline, OutOfTime
 from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
 from fret_monitor.traces.search import Budget
 from fret_monitor.traces.subject import Observation, observed, read_by
@@ -158,7 +158,7 @@ def make_suite(reading: Reading, seconds: float, progress: Progress = no_progres
     NativeError
         if there is no C compiler, or it fails.
     """
-    deadline = Deadline(monotonic() + seconds)
+    deadline = Deadline(seconds)
     tasks = _tasks(reading)
     search = _Search(reading.specification, tasks, deadline, progress)
     is_partial = False

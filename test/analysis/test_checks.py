@@ -27,7 +27,6 @@ from fret_monitor.analysis import checks, diagrams, division, letters
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
-from fret_monitor.analysis.deadline import Deadline
 from fret_monitor.analysis.games import Descent, Games
 from fret_monitor.analysis.replay import CompiledReplay
 from fret_monitor.analysis.runs import Runner
@@ -38,6 +37,7 @@ from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Source
 from fret_monitor.smt import solver
+from fret_monitor.traces.deadline import Deadline
 from fret_monitor.traces.sampled import sampled
 from fret_monitor.traces.trace import Row
 import pytest

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The end of an analysis: by its time limit, or by the user."""
+"""The end of a search: by its time limit, or by the user."""
 
 import math
 import time
@@ -25,7 +25,7 @@ class OutOfTime(Exception):
 
 
 class Deadline:
-    """An instant at which an analysis ends."""
+    """An instant at which a search ends."""
 
     def __init__(self, seconds: float | None) -> None:
         """Set the time limit; None: no limit."""
