@@ -30,12 +30,13 @@ from typing import TypeAlias
 from fret_monitor.build import build_specification
 from fret_monitor.elaboration.restrict import judged_formula, restrict
 from fret_monitor.logic.formula import (
-    Binary, Choice, Constant, Conversion, postorder, Unary, Variable,
+    Binary, Choice, Constant, Conversion, Feedback, postorder, Previous, Unary, Variable,
 )
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
 from fret_monitor.model.parts import Part
 from fret_monitor.model.policies import InputSource, Otherwise, Report, Stale
+from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime import Evaluator
 from fret_monitor.runtime.fields import read_fields
@@ -152,8 +153,7 @@ class _Search:
         gate, repair = self._gate, tried.repair
         place = gate.keep_places[gate.keep.index(item.id)]
         if not tried.opens or repair is not None and repair.is_first:
-            has_past = not all(isinstance(node, _PLAIN) for node in
-                               postorder([judged_formula(item)]))
+            has_past = _has_past(item)
             yield Diagnostic(
                 f'{item.id} is false at its first step, whatever passes' if has_past else
                 f'no message satisfies {item.id}', place, f"the gate '{gate.name}' never opens",
@@ -162,9 +162,7 @@ class _Search:
         elif repair is not None and repair.example is not None:
             yield Diagnostic(
                 f"{item.id} can be violated whatever passes the gate '{gate.name}'", place,
-                _after(repair.example),
-                'until that changes nothing passes, and no substitute satisfies it',
-                Level.WARNING)
+                _after(repair.example), self._remedy(item), Level.WARNING)
         elif tried.substituted >= _FEWEST_STATES and tried.violated == tried.substituted:
             yield Diagnostic(
                 f"the substitute of the gate '{gate.name}' violates {item.id}",
@@ -175,6 +173,14 @@ class _Search:
                 f"the substitute of the gate '{gate.name}' can violate {item.id}",
                 gate.otherwise_place, _after(tried.violating),
                 'it is sent nevertheless: choose values that satisfy it', Level.WARNING)
+
+    def _remedy(self, item: Property) -> str:
+        judged = () if self._judged is None else self._topics[self._judged]
+        own = {self._part.signals[index].name for index in judged}
+        if self._gate.settings.otherwise is Otherwise.SUBSTITUTE or not own >= {*item.inputs}:
+            return 'until that changes nothing passes, and no substitute satisfies it'
+        return ('what is withheld never happens, so that nothing passes any more: write '
+                'otherwise: {substitute: ...}, or what the message itself has to be (p, not Y p)')
 
     def _run(self) -> None:
         """Deliver random messages, each of the gate's topic only if it passes."""
@@ -239,16 +245,17 @@ class _Search:
             for index, tried in self._tried.items():
                 tried.substituted += 1
                 tried.violated += index in violated
+        doubtful = {index for index, tried in self._tried.items() if tried.repair is None and (
+            not self._holds(index) or _has_past_truth(self._part.properties[index]))}
         open_ = [index for index, tried in self._tried.items()
-                 if tried.repair is None and not self._holds(index)
-                 or tried.violating is None and index in violated]
+                 if index in doubtful or tried.violating is None and index in violated]
         unrepaired = self._unrepaired(open_)
         for index in open_:
             tried = self._tried[index]
             if index not in unrepaired:
                 if index in violated:
                     tried.violating = tried.violating or self._inputs(index, values)
-            elif tried.repair is None and not self._holds(index):
+            elif index in doubtful:
                 tried.repair = Repair(self._inputs(index, values))
 
     def _inputs(self, requirement: int,
@@ -288,6 +295,17 @@ class _Search:
         if prod(map(len, pools)) <= _MOST_MESSAGES:
             return product(*pools)
         return (tuple(self._rng.choice(pool) for pool in pools) for _ in range(_MOST_MESSAGES))
+
+
+def _has_past(item: Property) -> bool:
+    return not all(isinstance(node, _PLAIN) for node in postorder([judged_formula(item)]))
+
+
+def _has_past_truth(item: Property) -> bool:
+    """Whether it depends on the past, but not on past numbers: of these too few are tried."""
+    return _has_past(item) and not any(
+        isinstance(node, Feedback | Previous) and node.type is not ValueType.BOOL
+        for node in postorder(item.roots))
 
 
 def _pool(signal: Signal, part: Specification) -> list[Value]:

@@ -89,3 +89,22 @@ def test_what_is_decided_elsewhere_is_not_searched(tmp_path: Path) -> None:
     assert [item.title for item in warnings] == [
         "MOVE can be violated whatever passes the gate 'drive'"]
     assert warnings[0].label == 'for example after front = 0.25'
+
+
+@pytest.mark.parametrize('policy', ['relevant_message', 'timed'])
+def test_a_message_after_which_nothing_passes_any_more_is_found(
+        tmp_path: Path, policy: str) -> None:
+    path = tmp_path / 'bundle.yaml'
+    text = BUNDLE.replace('POLICY', policy).replace('Y (speed < 1)', 'FTP | Y (speed < 1)')
+    withheld = text.replace('{substitute: {linear: {x: 0.0}}, rate: 20}', 'drop')
+    # Of RISE too few numbers are tried.
+    withheld = withheld.replace('true -> abs(speed - pre speed) < 10.0',
+                                'true -> speed > pre speed + 0.1').replace('CHANGE', 'RISE')
+    path.write_text(withheld.replace('KEPT', 'LATE, RISE'), encoding='utf-8')
+    [warning] = doubtful_gates(read(path).specification)
+    assert warning.title == "LATE can be violated whatever passes the gate 'drive'"
+    assert warning.label.startswith('for example after speed = ')
+    assert warning.help.startswith('what is withheld never happens, so that nothing passes')
+    path.write_text(text.replace('KEPT', 'LATE'), encoding='utf-8')
+    [warning] = doubtful_gates(read(path).specification)
+    assert warning.help == 'until that changes nothing passes, and no substitute satisfies it'
