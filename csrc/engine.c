@@ -18,7 +18,7 @@
 
 #define _POSIX_C_SOURCE 200809L
 
-#include "engine_time.h"
+#include "engine_parts.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -27,9 +27,7 @@
 #include "thread.h"
 
 #define MILLISECOND_NS 1000000
-#define SECOND_NS 1000000000
 #define FEWEST_AHEAD_NS (100 * (int64_t)MILLISECOND_NS)
-#define HANG_NS (500 * (int64_t)MILLISECOND_NS)
 
 uint32_t fm_engine_abi(void) {return FM_ENGINE_ABI;}
 
@@ -198,8 +196,7 @@ static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
   }
 }
 
-// Wake those who follow the states of the requirements, if one has changed.
-static void update_states_locked(struct fm_engine * engine)
+void fm_engine_update_states_locked(struct fm_engine * engine)
 {
   if (!engine->has_states) {
     return;
@@ -213,7 +210,7 @@ static void update_states_locked(struct fm_engine * engine)
   }
 }
 
-static void queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
+void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   const uint32_t n_details = engine->outbox.n_details;
   for (uint32_t k = 0; k < n; ++k) {
@@ -229,31 +226,25 @@ static void queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
   }
 }
 
-static void note_gate_locked(struct fm_engine * engine, uint32_t n)
-{
-  if (fm_gate_note(engine->gate, engine->found, n, fm_engine_steady_time()) &&
-    engine->on_due != NULL)
-  {
-    engine->on_due(engine->on_due_argument);
-  }
-}
-
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
-  queue_locked(engine, n, later);
-  update_states_locked(engine);
-  if (engine->gate != NULL) {
-    note_gate_locked(engine, n);
-  }
+  fm_engine_queue_locked(engine, n, later);
+  fm_engine_update_states_locked(engine);
+  fm_engine_note_gate_locked(engine, n);
 }
 
-// The gate is closed while a thread hangs without which the values of its inputs grow old.
-static void look_for_hang_locked(struct fm_engine * engine)
+void fm_engine_reset(struct fm_engine * engine)
 {
+  fm_engine_lock(engine);
+  fm_engine_take_due_now_locked(engine);
+  fm_evaluator_reset(engine->options.evaluator);
   if (engine->gate != NULL) {
-    fm_gate_outdate(engine->gate, fm_engine_hangs_locked(engine, HANG_NS));
-    note_gate_locked(engine, 0);
+    fm_gate_reset(engine->gate);
   }
+  memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
+  fm_engine_update_states_locked(engine);
+  fm_engine_take_due_now_locked(engine);
+  fm_engine_unlock(engine);
 }
 
 // ---- taking ------------------------------------------------------------------------------------
@@ -263,7 +254,7 @@ uint32_t fm_engine_take(
 {
   fm_engine_lock(engine);
   fm_engine_wait_for_violation_locked(engine, milliseconds);
-  look_for_hang_locked(engine);
+  fm_engine_look_for_hang_locked(engine);
   const uint32_t n = fm_outbox_take(&engine->outbox, out, room);
   engine->taken_changes = engine->states.changes;
   fm_engine_unlock(engine);
@@ -406,11 +397,25 @@ bool fm_engine_keeps_messages(const struct fm_engine * engine)
   return engine->blackbox != NULL;
 }
 
-// A stamp of 0: there is no time.
-static void keep_message_locked(
+static bool all_are_read(const struct fm_field * fields, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (fields[k].outcome != FM_FIELD_READ) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void fm_engine_keep_message_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
   int64_t sent)
 {
+  if (reading->is_decoded &&
+    !all_are_read(reading->fields, engine->options.topics[topic].n_inputs))
+  {
+    keep_evidence(&engine->topics[topic], reading->message, reading->size);
+  }
   if (engine->blackbox != NULL) {
     const struct fm_kept kept =
     {reading->size, fm_engine_steady_time(), stamp, sent, topic, 0};
@@ -431,16 +436,6 @@ bool fm_engine_read(
   *stamp = 0;
   return reader->read(message, size, fields) &&
          (!engine->options.uses_header_stamps || reader->stamp(message, size, stamp));
-}
-
-static bool all_are_read(const struct fm_field * fields, uint32_t n)
-{
-  for (uint32_t k = 0; k < n; ++k) {
-    if (fields[k].outcome != FM_FIELD_READ) {
-      return false;
-    }
-  }
-  return true;
 }
 
 const struct fm_field * fm_engine_prepare_locked(
@@ -491,9 +486,7 @@ static int64_t put_locked(
   return now;
 }
 
-// What ends with a message, such as its reception, is due a nanosecond later. If that has passed
-// by the steady clock, it is taken here: otherwise each message would wake the thread that waits.
-static void take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now)
+void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now)
 {
   const int64_t next = fm_later(instant, 1);
   if (engine->source == FM_STEADY && next <= now &&
@@ -580,7 +573,8 @@ static void deliver_timed_locked(
   if (engine->has_rounds) {
     wait_locked(engine, topic, fields, instant, now);
   } else {
-    take_due_after_locked(engine, put_locked(engine, topic, fields, instant), now);
+    fm_engine_take_due_after_locked(
+      engine, put_locked(engine, topic, fields, instant), now);
   }
 }
 
@@ -605,7 +599,7 @@ static void deliver_fields_locked(
   const int64_t stamp = has_time && engine->source == FM_CLOCK ?
     fm_later(now, engine->options.reorder) : received;
   const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
-  keep_message_locked(
+  fm_engine_keep_message_locked(
     engine, topic, reading, has_time || engine->source != FM_CLOCK ? stamp : 0, origin->sent);
   if (!has_time || !engine->has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
@@ -635,12 +629,9 @@ uint32_t fm_engine_deliver_locked(
   fm_arrivals_note(&cell->arrivals, origin);
   if (!reading->is_decoded) {
     fm_evaluator_undecodable(engine->options.evaluator, topic);
-    keep_message_locked(
+    fm_engine_keep_message_locked(
       engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin->sent);
     return FM_UNDECODABLE;
-  }
-  if (!all_are_read(reading->fields, engine->options.topics[topic].n_inputs)) {
-    keep_evidence(cell, reading->message, reading->size);
   }
   deliver_fields_locked(engine, topic, reading, origin);
   fm_engine_end_wait_if_earlier_locked(engine);
@@ -668,233 +659,6 @@ uint32_t fm_engine_message(
   const uint32_t receipt = fm_engine_message_locked(engine, topic, message, size, origin);
   fm_engine_unlock(engine);
   return receipt;
-}
-
-// ---- the gate ----------------------------------------------------------------------------------
-
-void fm_engine_guard(
-  struct fm_engine * engine, struct fm_gate * gate, const struct fm_gate_options * options)
-{
-  fm_engine_lock(engine);
-  engine->gate = gate;
-  engine->gated = options->from;
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_on_due(struct fm_engine * engine, void (* on_due)(void * argument), void * argument)
-{
-  fm_engine_lock(engine);
-  engine->on_due = on_due;
-  engine->on_due_argument = argument;
-  fm_engine_unlock(engine);
-}
-
-// The fields of a message of the gate's topic, which may feed no input; NULL if they cannot be
-// read.
-static const struct fm_field * read_gated_locked(
-  struct fm_engine * engine, const uint8_t * message, size_t size, int64_t stamp)
-{
-  int64_t unused;
-  if (engine->gated == engine->options.n_topics) {
-    return engine->fields;
-  }
-  if (!fm_engine_read(engine, engine->gated, message, size, engine->fields, &unused)) {
-    return NULL;
-  }
-  return fm_engine_prepare_locked(engine, engine->gated, engine->fields, stamp);
-}
-
-// A step of the gate, at a time of the evaluator, with the stamp of its violations.
-struct gated_step
-{
-  int64_t now;
-  int64_t stamp;
-  int64_t source;     // the time of the source; INT64_MIN: it has none
-};
-
-// Take what is due before a message of the gate's topic, which is never left to a round: it is to
-// be sent at once. Under FM_TIMED it takes effect now, and not when it was received: it may have
-// waited in the middleware's queue while an input became silent.
-static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t received)
-{
-  struct fm_evaluator * evaluator = engine->options.evaluator;
-  struct gated_step step = {0, received, INT64_MIN};
-  int64_t now;
-  if (!fm_engine_read_now_locked(engine, received, &now) || !engine->has_begun) {
-    step.now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
-  } else {
-    step.source = now;
-    step.stamp = engine->source == FM_CLOCK ? now : received;
-    step.now = now;
-    if (fm_evaluator_is_timed(evaluator)) {
-      fm_engine_note_restart_locked(engine, now);
-      fm_engine_release_locked(engine, now);
-      step.now = fm_evaluator_arrival(evaluator, now);
-    }
-    fm_engine_take_due_before_locked(engine, step.now);
-  }
-  return step;
-}
-
-static int64_t stamp_of_step(const struct fm_engine * engine, const struct gated_step * step)
-{
-  return fm_evaluator_is_timed(engine->options.evaluator) ? step->now : step->stamp;
-}
-
-static void end_gated_locked(struct fm_engine * engine, const struct gated_step * step, uint32_t n)
-{
-  const bool is_timed = fm_evaluator_is_timed(engine->options.evaluator);
-  queue_locked(engine, n, n > 0 && is_timed ? fm_engine_stamps_ahead_locked(engine) : 0);
-  fm_gate_finish(engine->gate);
-  update_states_locked(engine);  // a message that is withheld never happened
-  int64_t now;
-  if (is_timed && step->source != INT64_MIN && fm_engine_read_now_locked(engine, 0, &now)) {
-    take_due_after_locked(engine, step->now, now);
-  }
-  if (step->source != INT64_MIN) {  // a round that is under way must not end before that
-    const int64_t last = fm_evaluator_now(engine->options.evaluator);
-    engine->round = last < step->now ? step->now : last;
-  }
-  fm_engine_end_wait_if_earlier_locked(engine);
-}
-
-static void keep_gated_locked(
-  struct fm_engine * engine, const uint8_t * message, size_t size,
-  const struct fm_origin * origin, const struct gated_step * step, bool is_read)
-{
-  const struct fm_reading reading = {engine->fields, message, size, 0, is_read};
-  if (engine->gated < engine->options.n_topics) {
-    const bool has_time = step->source != INT64_MIN || engine->source != FM_CLOCK;
-    keep_message_locked(engine, engine->gated, &reading, has_time ? step->stamp : 0, origin->sent);
-    if (is_read &&
-      !all_are_read(engine->fields, engine->options.topics[engine->gated].n_inputs))
-    {
-      keep_evidence(&engine->topics[engine->gated], message, size);
-    }
-  }
-}
-
-static uint32_t judge_locked(
-  struct fm_engine * engine, const uint8_t * message, size_t size,
-  const struct fm_origin * origin)
-{
-  struct fm_arrivals * arrivals = &engine->topics[engine->gated].arrivals;
-  if (engine->is_closed || engine->gate == NULL) {
-    return FM_CLOSED;
-  }
-  if (fm_arrivals_is_repeated(arrivals, origin)) {
-    return FM_DUPLICATE;
-  }
-  fm_arrivals_note(arrivals, origin);
-  look_for_hang_locked(engine);
-  const struct gated_step step = begin_gated_locked(engine, origin->received);
-  const struct fm_field * fields = read_gated_locked(engine, message, size, step.stamp);
-  keep_gated_locked(engine, message, size, origin, &step, fields != NULL);
-  uint32_t n = 0;
-  const uint32_t judgement = fm_gate_judge(
-    engine->gate, fields, step.now, stamp_of_step(engine, &step), fm_engine_steady_time(),
-    engine->found, &n);
-  end_gated_locked(engine, &step, n);
-  return judgement;
-}
-
-uint32_t fm_engine_judge(
-  struct fm_engine * engine, const uint8_t * message, size_t size,
-  const struct fm_origin * origin, int64_t * due)
-{
-  fm_engine_lock(engine);
-  const uint32_t judgement = judge_locked(engine, message, size, origin);
-  *due = engine->gate == NULL ? FM_NEVER : fm_gate_due(engine->gate);
-  fm_engine_unlock(engine);
-  return judgement;
-}
-
-// Write a builtin_interfaces/msg/Time, in the byte order of the message.
-static void write_stamp(uint8_t * message, size_t size, int64_t stamp_at, int64_t time)
-{
-  const int64_t positive = time < 0 ? 0 : time;
-  const uint32_t words[2] = {
-    (uint32_t)(positive / SECOND_NS), (uint32_t)(positive % SECOND_NS)};
-  if (stamp_at < 4 || size < 12 || (size_t)stamp_at > size - 8) {
-    return;
-  }
-  const bool is_little = (message[1] & 1u) != 0;
-  for (size_t k = 0; k < 8; ++k) {
-    const size_t byte = is_little ? k % 4 : 3 - k % 4;
-    message[(size_t)stamp_at + k] = (uint8_t)(words[k / 4] >> (8 * byte));
-  }
-}
-
-static bool replace_locked(
-  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at)
-{
-  uint32_t n = 0;
-  if (engine->is_closed || engine->gate == NULL) {
-    return false;
-  }
-  const int64_t system = fm_engine_system_time();
-  struct gated_step step = begin_gated_locked(
-    engine, engine->source == FM_TOLD ? fm_evaluator_now(engine->options.evaluator) : system);
-  write_stamp(message, size, stamp_at, step.stamp);
-  const struct fm_field * fields = read_gated_locked(engine, message, size, step.stamp);
-  if (fields == NULL) {
-    memset(engine->fields, 0, most_inputs(&engine->options) * sizeof(*engine->fields));
-    for (uint32_t k = 0; k < most_inputs(&engine->options); ++k) {
-      engine->fields[k].outcome = FM_FIELD_EMPTY;
-    }
-    fields = engine->fields;
-  }
-  const bool is_sent = fm_gate_replace(
-    engine->gate, fields, step.now, stamp_of_step(engine, &step), fm_engine_steady_time(),
-    engine->found, &n);
-  end_gated_locked(engine, &step, n);
-  return is_sent;
-}
-
-bool fm_engine_replace(
-  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at, int64_t * due)
-{
-  fm_engine_lock(engine);
-  const bool is_sent = replace_locked(engine, message, size, stamp_at);
-  *due = engine->gate == NULL || engine->is_closed ? FM_NEVER : fm_gate_due(engine->gate);
-  fm_engine_unlock(engine);
-  return is_sent;
-}
-
-int64_t fm_engine_replacement_due(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  const int64_t due =
-    engine->gate == NULL || engine->is_closed ? FM_NEVER : fm_gate_due(engine->gate);
-  fm_engine_unlock(engine);
-  return due;
-}
-
-struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine)
-{
-  struct fm_gate_counts counts = {0, 0, 0, 0, 0, 0, 0, false, false, true};
-  fm_engine_lock(engine);
-  fm_engine_take_due_now_locked(engine);
-  look_for_hang_locked(engine);
-  if (engine->gate != NULL) {
-    counts = fm_gate_counts(engine->gate, fm_engine_steady_time());
-  }
-  fm_engine_unlock(engine);
-  return counts;
-}
-
-void fm_engine_reset(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  fm_engine_take_due_now_locked(engine);
-  fm_evaluator_reset(engine->options.evaluator);
-  if (engine->gate != NULL) {
-    fm_gate_reset(engine->gate);
-  }
-  memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
-  update_states_locked(engine);
-  fm_engine_take_due_now_locked(engine);
-  fm_engine_unlock(engine);
 }
 
 // ---- answers -----------------------------------------------------------------------------------

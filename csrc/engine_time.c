@@ -16,7 +16,7 @@
 
 #define _POSIX_C_SOURCE 200809L
 
-#include "engine_time.h"
+#include "engine_parts.h"
 
 #include <time.h>
 

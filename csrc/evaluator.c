@@ -139,7 +139,7 @@ static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now
   }
 }
 
-static void note_arrival(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+void fm_evaluator_arrive(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
 {
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
   const int64_t timeout = evaluator->inputs[i].timeout;
@@ -158,7 +158,7 @@ static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t no
 {
   note_value(evaluator, i);
   evaluator->inputs[i].counts.received += 1;
-  note_arrival(evaluator, i, now);
+  fm_evaluator_arrive(evaluator, i, now);
   if (evaluator->policy == FM_ALL_INPUTS) {
     renew(evaluator, i);
   }
@@ -190,11 +190,6 @@ void fm_evaluator_put(
   fm_end_receptions(evaluator, now);
   fm_instance_write(&evaluator->instance, input, value);
   note_value(evaluator, input);
-}
-
-void fm_evaluator_arrive(struct fm_evaluator * evaluator, uint32_t input, int64_t now)
-{
-  note_arrival(evaluator, input, now);
 }
 
 void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)

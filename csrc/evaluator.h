@@ -202,10 +202,10 @@ FM_EXPORT void fm_evaluator_initial(
 FM_EXPORT void fm_evaluator_initial_from(
   struct fm_evaluator * evaluator, uint32_t input, const void * value);
 
-/// For a gate, with an index in range. Put a value of a message that was sent in place of another:
-/// as fm_evaluator_store, but it does not count as received, and neither ends a silence nor begins
-/// a timeout anew. Note that a message arrived and nothing of it was stored: only these two, for
-/// an input. O(groups that read it).
+/// The two halves of fm_evaluator_store, for a gate; the index is in range. `put` stores a value
+/// that was sent and not received: it does not count as received, and ends no silence. `arrive`
+/// ends the silence of an input, and begins its timeout anew, when a message of it was withheld.
+/// O(groups that read it).
 FM_INTERNAL void fm_evaluator_put(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now);
 FM_INTERNAL void fm_evaluator_arrive(

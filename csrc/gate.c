@@ -39,7 +39,7 @@ struct fm_gate
   bool held_before;             // all requirements, after the last step
   bool was_known;               // when something else was evaluated last
   bool has_tried;               // a step that does not stay
-  bool is_outdated;             // what is known of the other inputs
+  bool hangs;                   // a thread that takes the other inputs
 };
 
 // ---- making ------------------------------------------------------------------------------------
@@ -122,14 +122,13 @@ struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_options * opti
 static bool is_known(const struct fm_gate * gate)
 {
   const struct fm_instance * instance = &gate->options.evaluator->instance;
-  if (gate->is_outdated && !gate->options.passes_silent) {
+  if (gate->hangs && !gate->options.passes_silent) {
     return false;
   }
   for (uint32_t i = 0; i < gate->options.monitor->n_inputs; ++i) {
     const struct fm_instance_input * input = &instance->inputs[i];
-    const bool is_silent = input->is_silent || input->is_put_off;
     if (!gate->is_from[i] &&
-      (!input->has_value || (is_silent && !gate->options.passes_silent)))
+      (!input->has_value || (fm_may_be_silent(input) && !gate->options.passes_silent)))
     {
       return false;
     }
@@ -257,7 +256,7 @@ static uint32_t step_on_replacement(
   return n;
 }
 
-// Otherwise each message that is withheld would wake the thread that waits for the deadline.
+// If this is left to the thread that waits for the deadline, each withheld message wakes it.
 static void find_deadline(struct fm_gate * gate)
 {
   (void)fm_evaluator_deadline(gate->options.evaluator);
@@ -483,9 +482,9 @@ bool fm_gate_note(
   return gate->due != FM_NEVER;
 }
 
-void fm_gate_outdate(struct fm_gate * gate, bool is_outdated)
+void fm_gate_note_hang(struct fm_gate * gate, bool hangs)
 {
-  gate->is_outdated = is_outdated;
+  gate->hangs = hangs;
 }
 
 void fm_gate_reset(struct fm_gate * gate)

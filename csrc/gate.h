@@ -18,20 +18,19 @@
 /// A gate belongs to an evaluator, whose requirements it keeps. Its topic is `from`. It judges a
 /// message by a step on it: if every requirement holds afterwards, and the gate is open, the step
 /// stays and the message passes. Otherwise the instance is restored: for the requirements, a
-/// message that is withheld never happened, values included. Only counters count on, and the
-/// inputs of `from` are not silent: a silence is about messages that arrive, whatever they say.
+/// message that is withheld never happened, values included. Only counters count on, and it ends
+/// the silence of the inputs of `from`: a silence is that no message arrives.
 ///
 /// A requirement holds while the verdict is true that fm_monitor.occurrences names: of `H p` that
 /// is p, since `H p` would stay false for ever.
 ///
-/// The gate is known when each input of the other topics has a value, none of them is silent (a
-/// timeout that was put off counts; unless `passes_silent`), what is known of them is not outdated
-/// (the same), and each group has stepped. A gate that is not known is closed.
+/// The gate is known when each input of the other topics has a value and each group has stepped,
+/// and, unless `passes_silent`, none of these inputs may be silent (fm_may_be_silent) and no
+/// thread hangs (fm_gate_note_hang). A gate that is not known is closed.
 ///
 /// A message that is withheld may be replaced: by a substitute, or by the last message that
-/// passed. What is sent happened: it is a step that stays; but it was not received, and ends no
-/// silence. The gate says when a replacement is
-/// due; the caller has its bytes and sends it.
+/// passed. A replacement that is sent is a step that stays, but it was not received: it ends no
+/// silence. The gate says when a replacement is due; the caller has its bytes and sends it.
 ///
 /// All times are in nanoseconds. `now` and `stamp` are those of the evaluator; `steady` is the
 /// time of a clock that nobody sets and that never stands still, from 0: rate, hold and latch
@@ -97,8 +96,8 @@ struct fm_gate_counts
   uint64_t latched;
   uint64_t unreadable;
   uint64_t replaced;     // substitutes, or held messages, that were sent
-  uint64_t violating;    // of these, substitutes after which a requirement did not hold, and
-                         // not since nothing arrives on `from`
+  uint64_t violating;    // of these, substitutes after which a requirement did not hold; not while
+                         // an input of `from` is stale, since no substitute satisfies that
   bool is_known;         // but for the groups that have not stepped yet
   bool is_latched;
   bool holds;            // all requirements, after the last step
@@ -136,11 +135,10 @@ FM_EXPORT uint32_t fm_gate_judge(
   int64_t steady, struct fm_violation * out, uint32_t * n_out);
 FM_EXPORT void fm_gate_finish(struct fm_gate * gate);
 
-/// Something else was evaluated: a message of another topic, or what was due. If some requirement
-/// does not hold then, or the gate is not known, a substitute may be due: without a period when
-/// that begins. Call it each time;
-/// `found` are the violations of that step. Returns whether fm_gate_due is earlier now.
-/// O(inputs + requirements).
+/// Something else was evaluated: a message of another topic, or what was due. Call it each time;
+/// `found` are the violations of that step. If some requirement does not hold then, or the gate is
+/// not known, a substitute may be due: with a period at once, without one only when that begins.
+/// Returns whether fm_gate_due is earlier now. O(inputs + requirements).
 FM_EXPORT bool fm_gate_note(
   struct fm_gate * gate, const struct fm_violation * found, uint32_t n, int64_t steady);
 
@@ -155,9 +153,9 @@ FM_EXPORT bool fm_gate_replace(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   int64_t steady, struct fm_violation * out, uint32_t * n_out);
 
-/// Whether what is known of the other inputs is outdated from now on: a thread hangs that takes
-/// their messages, or moves the clock. fm_gate_note then says whether a replacement is due.
-FM_EXPORT void fm_gate_outdate(struct fm_gate * gate, bool is_outdated);
+/// Whether a thread hangs that takes the messages of the other topics, or moves the clock: their
+/// values are not known then. Call fm_gate_note afterwards.
+FM_INTERNAL void fm_gate_note_hang(struct fm_gate * gate, bool hangs);
 
 /// Open a gate that a violation closed; the caller also resets the evaluator.
 FM_EXPORT void fm_gate_reset(struct fm_gate * gate);

@@ -68,6 +68,11 @@ uint64_t fm_instance_verdicts(const struct fm_monitor * monitor)
   return (uint64_t)monitor->n_requirements + monitor->n_more_verdicts;
 }
 
+bool fm_may_be_silent(const struct fm_instance_input * input)
+{
+  return input->is_silent || input->is_put_off;
+}
+
 uint64_t fm_instance_bytes(const struct fm_monitor * monitor)
 {
   const struct fm_instance_layout layout = lay_out_instance(monitor);

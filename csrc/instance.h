@@ -51,6 +51,9 @@ struct fm_instance_input
   bool is_put_off;       // its timeout was put off in this silence
 };
 
+/// Whether an input is silent, or may be: its timeout was put off. O(1).
+FM_INTERNAL bool fm_may_be_silent(const struct fm_instance_input * input);
+
 struct fm_instance_group
 {
   uint64_t steps;        // since start or reset

@@ -16,7 +16,7 @@
 
 #include "records.h"
 
-#include "engine_time.h"
+#include "engine_parts.h"
 #include "instance.h"
 
 static bool is_full(const struct fm_engine * engine, uint32_t most)

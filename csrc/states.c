@@ -45,8 +45,7 @@ static bool is_known(
   const struct fm_group * read = &monitor->groups[group];
   bool is_silent = false;
   for (uint32_t k = 0; k < read->n_inputs; ++k) {
-    const struct fm_instance_input * input = &evaluator->instance.inputs[read->inputs[k]];
-    is_silent = is_silent || input->is_silent || input->is_put_off;
+    is_silent = is_silent || fm_may_be_silent(&evaluator->instance.inputs[read->inputs[k]]);
   }
   return !is_silent && evaluator->instance.groups[group].steps > 0;
 }

@@ -18,7 +18,7 @@
 
 #include <math.h>
 
-#include "engine_time.h"
+#include "engine_parts.h"
 #include "instance.h"
 
 static double as_double(union fm_value value, uint8_t type)

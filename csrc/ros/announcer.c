@@ -97,8 +97,8 @@ static void publish_locks(struct fm_announcer * announcer)
   for (uint32_t k = 0; k < announcer->n_locks; ++k) {
     struct lock * lock = &announcer->locks[k];
     const bool state = is_locked(&lock->settings, announcer->states);  // as std_msgs/msg/Bool
-    const int64_t patience = LOCK_PERIODS * lock->settings.period;
-    if (!state && fm_engine_hangs(announcer->engine, patience > HANG_NS ? patience : HANG_NS)) {
+    const int64_t periods = LOCK_PERIODS * lock->settings.period;
+    if (!state && fm_engine_hangs(announcer->engine, periods > HANG_NS ? periods : HANG_NS)) {
       lock->due = now + lock->settings.period;  // silent: what would lock it is not noticed
     } else if (state != lock->is_locked || lock->due <= now) {
       publish(announcer, lock->settings.publisher, &state);

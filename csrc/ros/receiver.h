@@ -52,8 +52,7 @@ struct fm_record
 /// takes) as those of a topic. If the receiver listens, messages that are already queued are
 /// delivered first, at most 1000 before this returns. The engine, the middleware and the
 /// subscription outlive the receiver. `taking`: enum fm_taking. False if the middleware has no
-/// new-message callback, or memory is short. `*receiver` as of
-/// fm_announcer_start.
+/// new-message callback, or memory is short. `*receiver` as of fm_announcer_start.
 ///
 /// The functions of this header may be called from any thread, but not from within the
 /// middleware's callback. For one receiver, only fm_receiver_retire may run at the same time as

@@ -55,9 +55,9 @@ from fret_monitor.native.monitor import is_cut_short, Library
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
     'instance.c', 'tables.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c', 'handover.c',
-    'outbox.c', 'reorder.c', 'blackbox.c', 'states.c', 'thread.c', 'engine_time.c', 'engine.c',
-    'records.c', 'thinning.c', 'ros/serialized.c', 'ros/receiver.c', 'ros/in_place.c',
-    'ros/announcer.c', 'ros/relay.c',
+    'outbox.c', 'reorder.c', 'blackbox.c', 'states.c', 'thread.c', 'engine_time.c',
+    'engine_gate.c', 'engine.c', 'records.c', 'thinning.c', 'ros/serialized.c',
+    'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c', 'ros/relay.c',
 )
 
 _SEAL = 'seal.json'

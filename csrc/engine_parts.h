@@ -12,13 +12,13 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// engine_time.h: an engine, and the functions with which it knows the time. For engine.c and
-/// engine_time.c only.
+/// engine_parts.h: the struct of an engine, and the functions that its files share. For engine.c,
+/// engine_time.c, engine_gate.c, and those that read the struct: records.c and thinning.c.
 ///
 /// One mutex guards the whole struct. Functions whose names end in _locked need it held.
 
-#ifndef ENGINE_TIME_H_
-#define ENGINE_TIME_H_
+#ifndef ENGINE_PARTS_H_
+#define ENGINE_PARTS_H_
 
 #include <pthread.h>
 
@@ -83,6 +83,8 @@ struct fm_engine
   bool is_closed;
 };
 
+// ---- engine_time.c -----------------------------------------------------------------------------
+
 /// As fm_engine_hangs.
 bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds);
 
@@ -133,22 +135,48 @@ int64_t fm_engine_steady_time(void);
 /// System time.
 int64_t fm_engine_system_time(void);
 
-/// Queue the violations of engine->found, whose stamps are `later` than found, and note the step
-/// with the gate. In engine.c.
+// ---- engine.c ----------------------------------------------------------------------------------
+
+/// Queue the violations of engine->found, whose stamps are `later` than found.
+void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);
+
+/// Wake those who follow the states of the requirements, if one has changed.
+void fm_engine_update_states_locked(struct fm_engine * engine);
+
+/// Do both, and note the step with the gate.
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
 
 /// The fields of a message that was received at a ROS time, with the inputs that are no fields;
-/// they are valid until the next message. In engine.c.
+/// they are valid until the next message.
 const struct fm_field * fm_engine_prepare_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
 
-/// As fm_engine_message. `topic` must be in range. In engine.c.
+/// As fm_engine_message. `topic` must be in range.
 uint32_t fm_engine_message_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
 /// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
-/// later, but not after `now`. In engine.c.
+/// later, but not after `now`.
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now);
 
-#endif  // ENGINE_TIME_H_
+/// Take what a message at an instant has made due a nanosecond later, such as the end of its
+/// reception, if that has passed by the steady clock. Otherwise each message would wake the thread
+/// that waits.
+void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now);
+
+/// Keep a message for the black box, and as evidence if a field cannot be used. A stamp of 0:
+/// there is no time.
+void fm_engine_keep_message_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
+  int64_t sent);
+
+// ---- engine_gate.c -----------------------------------------------------------------------------
+
+/// Note a step with the gate, if there is one: a replacement may be due.
+void fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n);
+
+/// Close the gate while a thread hangs without which the values of its inputs grow old.
+void fm_engine_look_for_hang_locked(struct fm_engine * engine);
+
+#endif  // ENGINE_PARTS_H_
