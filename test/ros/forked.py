@@ -70,10 +70,11 @@ class ForkedProcess:
     """A process as `subprocess.Popen` would return it, as far as the tests need that."""
 
     def __init__(self, module: str, arguments: Sequence[str], files: Mapping[int, int],
-                 environment: Mapping[str, str] | None = None) -> None:
+                 environment: Mapping[str, str] | None = None,
+                 folder: Path | None = None) -> None:
         """Run `main` of a module; `files` has file descriptors of the caller by their new ones."""
         request = json.dumps((module, arguments, list(files), dict(environment or os.environ),
-                              str(Path.cwd())))
+                              str(folder or Path.cwd())))
         server = _server()
         socket.send_fds(server, [request.encode()], list(files.values()))
         self.pid = int(server.recv(20))
@@ -109,10 +110,11 @@ class ForkedNode(ForkedProcess):
     """A node, as the executable of this name would start it."""
 
     def __init__(self, name: str, arguments: Sequence[str], output: int,
-                 environment: Mapping[str, str] | None = None) -> None:
+                 environment: Mapping[str, str] | None = None,
+                 folder: Path | None = None) -> None:
         """Start it with these ROS arguments; it writes to the file descriptor `output`."""
         super().__init__(f'fret_monitor.ros.{name}', [name, '--ros-args', *arguments],
-                         {1: output, 2: output}, environment)
+                         {1: output, 2: output}, environment, folder)
 
 
 class ForkedScript(ForkedProcess):

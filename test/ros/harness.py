@@ -77,16 +77,17 @@ class NodeProcess:
         """
         Start it with these ROS arguments; the caller sets ROS_DOMAIN_ID and the like.
 
-        It is forked from a process that has imported much of what nodes import. With a folder or
-        variables of its own it is started anew, and so it is in tests of the start.
+        It is forked from a process that has imported much of what nodes import, unless it is to
+        be started anew, as in tests of the start.
         """
         self.name = name
         if name == 'monitor' and HOT_PATH is not None and 'hot_path' not in ' '.join(arguments):
             arguments = (*arguments, '-p', f'hot_path:={HOT_PATH}')
         self._file = TemporaryFile()  # noqa: SIM115  closed by `kill`
         self.process: subprocess.Popen[bytes] | forked.ForkedNode
-        if not (is_anew or environment or folder or 'COVERAGE_PROCESS_START' in os.environ):
-            self.process = forked.ForkedNode(name, arguments, self._file.fileno())
+        if not (is_anew or 'COVERAGE_PROCESS_START' in os.environ):
+            self.process = forked.ForkedNode(name, arguments, self._file.fileno(),
+                                             {**os.environ, **(environment or {})}, folder)
             return
         self.process = subprocess.Popen(
             [sys.executable, '-c', START.format(name), '--ros-args', *arguments],
