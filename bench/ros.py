@@ -62,6 +62,7 @@ REQUIREMENTS = 100
 IDLE = 1.0  # s before the load, to measure the processor time of an idle process
 DRAIN = 0.5  # s after the load, for the subject to process the queued messages
 PATIENCE = 60.0
+OPTIMIZATION = '-O2'  # of what is compiled
 
 TOPICS = ('motor/current', 'windspeed')  # of config/quadrotor.yaml
 UNREAD = 'never taken'
@@ -115,7 +116,7 @@ def rmw_library() -> str:
 def build(name: str, folder: Path) -> Path:
     """Compile a program of `bench/ros` into a folder, and return it."""
     return compiled(folder / name, [
-        '-std=c99', '-D_POSIX_C_SOURCE=200809L', '-O2', *searched(),
+        '-std=c99', '-D_POSIX_C_SOURCE=200809L', OPTIMIZATION, *searched(),
         str(HERE / 'ros' / f'{name}.c'), str(HERE / 'ros' / 'no_python.c'),
         *linked(['rcl', 'rcutils', 'rmw', 'rosidl_runtime_c'], PACKAGES)])
 
@@ -141,7 +142,7 @@ def exported(bundle: Path, folder: Path) -> Path:
         # What is the same for every bundle is compiled once.
         made = (folder if source.name in own else folder.parent) / f'{source.stem}.o'
         if not made.exists():
-            compiled(made, ['-std=c99', '-O2', '-ffp-contract=off', *searched(), '-c',
+            compiled(made, ['-std=c99', OPTIMIZATION, '-ffp-contract=off', *searched(), '-c',
                             str(source)])
         objects.append(str(made))
     return compiled(folder / 'monitor', [

@@ -15,7 +15,9 @@
 """Fixtures of the tests with ROS 2; without rclpy these tests are not collected."""
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import pytest
@@ -70,6 +72,19 @@ def forking(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork the nodes that are started by a command line; see `forked`."""
     from ros import forked
     monkeypatch.setattr('subprocess.Popen', forked.popen)
+
+
+@pytest.fixture(scope='session')
+def short_bench() -> Iterator[None]:
+    """Build the programs of `bench.ros` once, without optimization, and shorten its waits."""
+    from bench import ros as bench
+    with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bench, 'OPTIMIZATION', '-O0')
+        patch.setattr(bench, 'IDLE', 0.1)
+        patch.setattr(bench, 'DRAIN', 0.2)
+        build = cache(bench.build)
+        patch.setattr(bench, 'build', lambda name, _: build(name, Path(folder)))
+        yield
 
 
 def _joined(domain: int) -> Iterator['Partner']:

@@ -31,7 +31,7 @@ SAMPLE = bench.Sample(sent=100, counted=100, answers=100, cpu=10.0, p50=1.0, p99
 
 
 @pytest.fixture(scope='module')
-def prepared() -> Iterator[bench.Bench]:
+def prepared(short_bench: None) -> Iterator[bench.Bench]:
     built_engine = engine.entry()
     with bench.prepared(rounds=1, rate=200.0, seconds=0.5, flood=2000) as made:
         engine.put(built_engine)
@@ -39,10 +39,8 @@ def prepared() -> Iterator[bench.Bench]:
 
 
 @pytest.fixture
-def short(prepared: bench.Bench, domain: int, monkeypatch: pytest.MonkeyPatch) -> bench.Bench:
+def short(prepared: bench.Bench, domain: int) -> bench.Bench:
     """Return a short benchmark in a domain of its own; its programs are built once."""
-    monkeypatch.setattr(bench, 'IDLE', 0.1)
-    monkeypatch.setattr(bench, 'DRAIN', 0.2)
     return prepared
 
 

@@ -37,6 +37,7 @@ from ros.operators import Operator
 from ros.reference import expected, Message
 from ros.talker import talking
 from std_msgs.msg import Float32, Float64, Int32, String
+from strategies import EXAMPLES
 
 both_ways = pytest.mark.parametrize('hot_path', ['on', 'off'], indirect=True)
 
@@ -238,8 +239,12 @@ def many(topics: int) -> str:
         f'  - {{id: R{index}, ptltl: "x{index} < 0.5"}}\n' for index in range(topics))
 
 
-@pytest.mark.parametrize(('hot_path', 'topics'), [('on', 500), ('off', 100)],
-                         indirect=['hot_path'])
+# KiB; twice what was measured
+MOST_KIB = {100: 190 * 1024, 250: 260 * 1024, 500: 400 * 1024}
+
+
+@pytest.mark.parametrize(('hot_path', 'topics'), [
+    ('on', 250 if EXAMPLES <= 50 else 500), ('off', 100)], indirect=['hot_path'])
 def test_many_topics_are_all_received_in_bounded_time_and_memory(
     hot_path: str, topics: int, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
@@ -270,7 +275,7 @@ def test_many_topics_are_all_received_in_bounded_time_and_memory(
         partner.expect({'R0': 1, f'R{topics - 1}': 1})
         status = Path(f'/proc/{node.process.pid}/status').read_text(encoding='utf-8')
         peak = next(int(line.split()[1]) for line in status.splitlines() if 'VmHWM' in line)
-        assert peak < 400 * 1024  # KiB; twice what was measured
+        assert peak < MOST_KIB[topics]
         assert node.end(patience=10.0) == 0
 
 

@@ -27,6 +27,7 @@ import pytest
 from ros.test_ci import folder
 
 __all__ = ['folder']  # a fixture
+pytestmark = pytest.mark.usefixtures('forking')
 NODE = [sys.executable, 'valve_node.py']
 TIMED = """\
 format: 1

@@ -29,7 +29,7 @@ if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or
 
 
 @pytest.fixture(scope='module')
-def built() -> Iterator[bench.Bench]:
+def built(short_bench: None) -> Iterator[bench.Bench]:
     built_engine = engine.entry()
     with bench.prepared(1) as made:
         engine.put(built_engine)
@@ -37,7 +37,7 @@ def built() -> Iterator[bench.Bench]:
 
 
 @pytest.fixture
-def prepared(built: bench.Bench, domain: int) -> bench.Bench:
+def prepared(built: bench.Bench, domain: int, forking: None) -> bench.Bench:
     """Return the programs, which are built once, with a domain of its own."""
     return built
 
