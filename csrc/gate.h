@@ -120,8 +120,8 @@ FM_EXPORT struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_opti
 /// what is due before `now` was taken, and under FM_TIMED `now` is what fm_evaluator_arrival
 /// returned. `stamp` is that of its violations; under FM_TIMED it is `now`. `fields` are in the
 /// order of the topic's inputs; NULL: the message cannot be decoded. A message of a topic that
-/// feeds no input is no step, and is judged by the last ones. Under FM_TIMED it is judged after what
-/// is due at `now`, too: if it passes, no other message can take effect at that instant.
+/// feeds no input is no step, and is judged by the last ones. Under FM_TIMED it is judged after
+/// what is due at `now`, too: if it passes, no other message can take effect at that instant.
 ///
 /// Writes violations to `out`, which has room for n_requirements, and their number to `n_out`. A
 /// message that is withheld is a violation of each requirement that it would have violated, as
