@@ -27,6 +27,7 @@ from contextlib import AbstractContextManager, contextmanager, ExitStack, suppre
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import count
+import math
 import os
 from pathlib import Path
 import re
@@ -35,7 +36,8 @@ import subprocess
 import sys
 from tempfile import TemporaryFile
 from time import monotonic, sleep, time
-from typing import Any, TYPE_CHECKING
+from typing import Any, IO, TYPE_CHECKING
+import warnings
 
 import pytest
 
@@ -67,8 +69,14 @@ _PAUSE_S = 0.1  # after each row, for the answer of a node
 _TRIES = 3  # of a trace on which a requirement was not evaluated
 _EXAMPLES = 200
 _PROCESS_EXAMPLES = 10
+_TIMEOUT_S = 60.0  # of `check_node`
+_OUTPUT_LINES = 20  # of a node, in an error
 _ENDING_S = 5.0  # after SIGINT, until SIGKILL
 _HAS_PASSED = pytest.StashKey[bool]()
+
+
+class _DoesNotStart(AssertionError):
+    """A node, or the monitor, does not start: no trace can be played."""
 
 
 class Watched:
@@ -316,24 +324,31 @@ def _trace_rows(path: Path, manifest: 'Manifest') -> tuple[list[int], list[tuple
 
 
 def _play(bundle: Path, manifest: 'Manifest', played: _Played, node: Sequence[str] | None,
-          arguments: Sequence[str], seconds: float, announced: Sequence[str]) -> None:
-    """Play rows; raise `AssertionError` if other requirements are announced."""
-    # A busy machine may lose what a node publishes before it has found the monitor.
+          arguments: Sequence[str], seconds: float, announced: Sequence[str],
+          end: float = math.inf) -> dict[str, str]:
+    """
+    Play rows; raise `AssertionError` if other requirements are announced.
+
+    Returns the requirements that were never evaluated, each with the reason. Those are played
+    again, until a time of the steady clock: a busy machine may lose what a node publishes before
+    it has found the monitor.
+    """
+    missing: dict[str, str] = {}
     for _ in range(_TRIES if node is not None else 1):
-        found, lines, is_evaluated = _played_once(bundle, manifest, played, node, arguments,
-                                                  seconds)
+        found, lines, missing = _played_once(bundle, manifest, played, node, arguments, seconds)
         if found != list(announced):
             raise AssertionError('\n'.join([
                 f'violated: {", ".join(found) or "nothing"}',
                 f'expected: {", ".join(announced) or "nothing"}', *lines]))
-        if is_evaluated:
-            return
+        if not missing or monotonic() > end:
+            break
+    return missing
 
 
 def _played_once(bundle: Path, manifest: 'Manifest', played: _Played,
                  node: Sequence[str] | None, arguments: Sequence[str],
-                 seconds: float) -> tuple[list[str], list[str], bool]:
-    """Return which requirements were announced, the lines, and whether all were evaluated."""
+                 seconds: float) -> tuple[list[str], list[str], dict[str, str]]:
+    """Return the requirements that were announced, the lines, and those not evaluated."""
     from fret_monitor.ros.player import Player
     with ExitStack() as stack:
         pause = played.pause if played.pause is not None else _PAUSE_S if node else 0.0
@@ -342,14 +357,20 @@ def _played_once(bundle: Path, manifest: 'Manifest', played: _Played,
         process = None if node is None else stack.enter_context(_running(node, seconds))
         watched = Watched(bundle, (*arguments, *simulated), seconds)
         stack.callback(watched.end)
-        watched.wait()
-        player.wait(1 if node is None else 2, seconds)
+        try:
+            watched.wait()
+            player.wait(1 if process is None else 2, seconds)
+        except AssertionError as error:
+            ended = [] if process is None else process.ending()
+            raise _DoesNotStart('\n'.join([str(error), *ended])) from None
         player.play(played.times, played.rows, played.end)
-        if process is not None and process.poll() is not None:
-            raise AssertionError(f'the node has ended with exit status {process.poll()}')
+        if process is not None and process.has_ended:
+            raise AssertionError('\n'.join(process.ending()))
         requirements = watched.requirements()
-        return (sorted(item.id for item in requirements if item.announced), watched.violations,
-                all(item.steps or item.announced for item in requirements))
+        return (sorted(item.id for item in requirements if item.announced),
+                [*watched.violations, *(process.output() if process else ())],
+                {item.id: item.message for item in requirements
+                 if not item.steps and not item.announced})
 
 
 def traces(bundle: str | os.PathLike[str], *, max_steps: int = 20,
@@ -372,7 +393,8 @@ def traces(bundle: str | os.PathLike[str], *, max_steps: int = 20,
 def check_node(bundle: str | os.PathLike[str], node: 'Callable[[], Step] | Sequence[str]', *,
                tries: int | None = None, max_steps: int = 20,
                constants: Mapping[str, str] | None = None, make: 'Make | None' = None,
-               seconds: float = 30.0, pause: float | None = None) -> None:
+               seconds: float = 30.0, pause: float | None = None,
+               timeout: float = _TIMEOUT_S) -> None:
     """
     Look for a trace on which a node violates a requirement.
 
@@ -388,19 +410,22 @@ def check_node(bundle: str | os.PathLike[str], node: 'Callable[[], Step] | Seque
         how many traces are tried; default 200, and 10 with a command.
     max_steps
         how many steps (under `timed`, rows) a trace has at most.
+    timeout
+        seconds after which no other trace is tried. A warning says so if the node has violated
+        nothing, and a note if a shorter trace may exist.
 
     Raises
     ------
     AssertionError
-        with the shortest trace that was found on which the node violates a requirement.
+        with the shortest trace that was found on which the node violates a requirement. Or if a
+        requirement was evaluated on no trace, or the node does not start.
     CompileError
         if the bundle cannot be used, or Hypothesis is not installed.
     """
     subject = _tested(bundle, constants, max_steps)
     strategy = _strategy(subject, max_steps)
-    from hypothesis import given, HealthCheck, settings
+    from hypothesis import given, HealthCheck, Phase, settings, Verbosity
     from hypothesis.errors import Flaky
-    failures: list[tuple[InputTrace, AssertionError]] = []  # of processes
     count = tries or (_EXAMPLES if callable(node) else _PROCESS_EXAMPLES)
 
     # Inputs that the node sets are in no message: any value will do.
@@ -409,29 +434,109 @@ def check_node(bundle: str | os.PathLike[str], node: 'Callable[[], Step] | Seque
     names = {signal.name for signal in subject.fed}
     arguments = _overrides(constants or {})
 
-    @settings(max_examples=count, deadline=None, database=None, derandomize=True,
-              print_blob=False, suppress_health_check=list(HealthCheck))
-    @given(strategy)
-    def holds(trace: 'InputTrace') -> None:
+    def play(trace: 'InputTrace') -> Mapping[str, str]:
         if callable(node):
             _check_function(subject, node, trace)
-        else:
-            rows = [subject.row({**usual, **row}) for row in trace.rows]
-            played = _Played(names, trace.times, rows, trace.end, make, pause)
-            try:
-                _play(Path(bundle), subject.monitor.manifest, played, node, arguments, seconds, ())
-            except AssertionError as error:
-                failures.append((trace, AssertionError(f'on this trace:\n{trace}\n{error}')))
-                raise failures[-1][1] from None
+            return {}
+        rows = [subject.row({**usual, **row}) for row in trace.rows]
+        played = _Played(names, trace.times, rows, trace.end, make, pause)
+        try:
+            return _play(Path(bundle), subject.monitor.manifest, played, node, arguments, seconds,
+                         (), trials.end)
+        except _DoesNotStart:
+            raise
+        except AssertionError as error:
+            raise AssertionError(f'on this trace:\n{trace}\n{error}') from None
+
+    trials = _Trials(play, timeout)
+
+    @settings(max_examples=count, deadline=None, database=None, derandomize=True,
+              print_blob=False, suppress_health_check=list(HealthCheck),
+              phases=(Phase.generate, Phase.shrink), verbosity=Verbosity.quiet)
+    @given(strategy)
+    def holds(trace: 'InputTrace') -> None:
+        failure = trials.failure(trace)
+        if failure:  # raised here alone: Hypothesis distinguishes errors by their lines
+            raise AssertionError(failure)
 
     try:
         holds()
     except Flaky:
-        if not failures:
-            raise
-        _, failure = min(failures, key=lambda each: (len(each[0].rows), each[0].end))
-        failure.add_note('the node has not violated it each time that it was fed this trace')
-        raise failure from None
+        raise trials.unsteady_failure() from None
+    except AssertionError as error:
+        raise trials.noted(error) from None
+    trials.judge_evaluations()
+    if trials.is_cut:
+        warnings.warn(f'{trials.limit} of {count}: allow more with `timeout`', stacklevel=2)
+
+
+class _Trials:
+    """The traces that were tried on a node, until the time is over."""
+
+    def __init__(self, play: 'Callable[[InputTrace], Mapping[str, str]]', timeout: float) -> None:
+        """
+        Begin the time, in seconds.
+
+        `play` returns the requirements that were not evaluated, each with the reason. It raises
+        AssertionError if the node violates some, and _DoesNotStart if none can be played.
+        """
+        self.end = monotonic() + timeout
+        self.is_cut = False
+        self._play, self._timeout = play, timeout
+        self._held: list[InputTrace] = []
+        self._failures: list[tuple[InputTrace, str]] = []
+        self._never: dict[str, str] | None = None  # evaluated, on all traces so far
+        self._obstacle = ''  # why none can be played
+
+    def failure(self, trace: 'InputTrace') -> str:
+        """Return how the node fails on a trace; an empty text if it does not, or is not tried."""
+        if self._obstacle or trace in self._held:
+            return self._obstacle
+        if monotonic() > self.end:
+            self.is_cut = True
+            return next((text for other, text in self._failures if other == trace), '')
+        try:
+            missing = self._play(trace)
+        except _DoesNotStart as error:
+            self._obstacle = str(error)
+        except AssertionError as error:
+            self._failures.append((trace, str(error)))
+            return str(error)
+        else:
+            self._held.append(trace)
+            self._never = {name: reason for name, reason in missing.items()
+                           if self._never is None or name in self._never}
+        return self._obstacle
+
+    @property
+    def limit(self) -> str:
+        """Say how many traces were tried when the time was over."""
+        from fret_monitor.model.diagnostics import counted
+        tried = len(self._held) + len(self._failures)
+        return f'the time was over after {self._timeout:g} s and {counted(tried, "trace")}'
+
+    def unsteady_failure(self) -> AssertionError:
+        """Return the error of a node that did not fail each time, with its shortest trace."""
+        _, text = min(self._failures, key=lambda each: (len(each[0].rows), each[0].end))
+        error = AssertionError(text)
+        error.add_note('the node has not violated it each time that it was fed this trace')
+        return self.noted(error)
+
+    def noted(self, error: AssertionError) -> AssertionError:
+        """Add to an error that a shorter trace may exist, if the time was over."""
+        if self.is_cut:
+            error.add_note(f'{self.limit}: a shorter one may exist')
+        return error
+
+    def judge_evaluations(self) -> None:
+        """Raise AssertionError if a requirement was evaluated on no trace."""
+        from fret_monitor.model.diagnostics import counted
+        if self._never:
+            raise AssertionError('\n'.join([
+                *(f'{name} was evaluated on no trace: {reason}'
+                  for name, reason in self._never.items()),
+                f'the last of {counted(len(self._held), "trace")}:', str(self._held[-1]),
+                'if the node needs more time for an answer, allow more with `pause`']))
 
 
 def _tested(bundle: str | os.PathLike[str], constants: Mapping[str, str] | None,
@@ -476,19 +581,56 @@ def _check_function(subject: 'Tested', node: 'Callable[[], Step]', trace: 'Input
         raise AssertionError(f'the node violates {", ".join(violated)} on this trace:\n{seen}')
 
 
+class _NodeUnderTest:
+    """A process, and what it has written."""
+
+    def __init__(self, command: Sequence[str], file: IO[bytes]) -> None:
+        """Start it, with a file for its output."""
+        self._file = file
+        self.process = subprocess.Popen(
+            list(command), stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT,
+            start_new_session=True)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it has ended by itself."""
+        return self.process.poll() is not None
+
+    def ending(self) -> list[str]:
+        """Return how it has ended, if it has, and what it has written."""
+        ending = f'the node has ended with exit status {self.process.poll()}'
+        return [*([ending] if self.has_ended else ()), *self.output()]
+
+    def output(self) -> list[str]:
+        """Return the last lines that it has written."""
+        size = os.fstat(self._file.fileno()).st_size
+        lines = os.pread(self._file.fileno(), size, 0).decode(errors='replace').splitlines()
+        return ['the node has written:', *lines[-_OUTPUT_LINES:]] if lines else []
+
+
 @contextmanager
-def _running(command: Sequence[str], seconds: float) -> 'Iterator[subprocess.Popen[bytes]]':
-    """Run a process during a block; what it started ends with it."""
-    process = subprocess.Popen(list(command), stdin=subprocess.DEVNULL, start_new_session=True)
-    try:
-        yield process
-    finally:
-        for number in (signal.SIGINT, signal.SIGKILL):
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, number)
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(seconds if number is signal.SIGKILL else _ENDING_S)
-                break
+def _running(command: Sequence[str], seconds: float) -> Iterator[_NodeUnderTest]:
+    """
+    Run a node during a block; what it started ends with it.
+
+    Its output is kept for errors: at its end, a node in Python writes a traceback.
+    """
+    with TemporaryFile() as file:
+        node = _NodeUnderTest(command, file)
+        try:
+            yield node
+        finally:
+            _end(node.process, seconds)
+
+
+def _end(process: 'subprocess.Popen[bytes]', seconds: float) -> None:
+    """End a process and what it has started."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(seconds if number is signal.SIGKILL else _ENDING_S)
+            break
 
 
 @contextmanager

@@ -113,14 +113,17 @@ class Player:
             - set(self._topics)
         end = monotonic() + seconds
         while True:
-            missing = [topic for topic, publisher in self._publishers.items()
+            listener = 'the monitor' if listeners == 1 else 'the node'
+            missing = [f'{listener} does not subscribe to {topic}'
+                       for topic, publisher in self._publishers.items()
                        if publisher.get_subscription_count() < listeners]
-            missing += [topic for topic in others if not self.node.count_publishers(topic)]
+            missing += [f'nobody publishes {topic}' for topic in sorted(others)
+                        if not self.node.count_publishers(topic)]
             if not missing:
                 sleep(_MATCH_S if not others else _NODE_MATCH_S)
                 return
             if monotonic() > end:
-                raise AssertionError(f'nobody is at the other end of {", ".join(missing)}')
+                raise AssertionError(f'after {seconds:g} s {", ".join(missing)}')
             sleep(0.02)
 
     def play(self, times: Sequence[int], rows: Sequence[Sequence[Any]], end: int) -> None:

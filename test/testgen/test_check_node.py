@@ -16,6 +16,8 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+import sys
+import time
 from typing import Any
 
 from fret_monitor import testing
@@ -109,13 +111,73 @@ def test_a_violation_that_does_not_come_again_is_shown_all_the_same(
         bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
 
-    def play(*arguments: object) -> None:
+    def play(*arguments: object) -> dict[str, str]:
         calls.append(0)
         if len(calls) == 3:
             raise AssertionError('violated: OPENS')
+        return {}
 
     monkeypatch.setattr(testing, '_play', play)
     with pytest.raises(AssertionError, match=r'trace:\n.*(\n.*)+violated: OPENS') as caught:
         check_node(bundle, ['node'])
     assert caught.value.__notes__ == [
         'the node has not violated it each time that it was fed this trace']
+
+
+class SlowNode:
+    """Takes the place of `_play`, and of the clock: each trace takes 20 s."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, missing: dict[str, str] | None = None,
+                 error: AssertionError | None = None) -> None:
+        """Answer each trace with an error, or with the requirements that were not evaluated."""
+        self.calls = 0
+        self._missing, self._error = missing or {}, error
+        monkeypatch.setattr(testing, '_play', self._play)
+        monkeypatch.setattr(testing, 'monotonic', lambda: 20.0 * self.calls)
+
+    def _play(self, *arguments: object) -> dict[str, str]:
+        self.calls += 1
+        if self._error is not None:
+            raise self._error
+        return self._missing
+
+
+def test_no_trace_is_begun_after_the_time(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = SlowNode(monkeypatch)
+    with pytest.warns(UserWarning, match=r'^the time was over after 60 s and 4 traces of 10: '):
+        check_node(bundle, ['node'])
+    assert slow.calls == 4
+    slow = SlowNode(monkeypatch, error=AssertionError('violated: OPENS'))
+    with pytest.raises(AssertionError, match=r'trace:\n.*(\n.*)+violated: OPENS') as caught:
+        check_node(bundle, ['node'], timeout=30)
+    assert caught.value.__notes__ == [
+        'the time was over after 30 s and 2 traces: a shorter one may exist']
+
+
+def test_a_requirement_that_is_evaluated_on_no_trace_is_an_error(
+        bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    SlowNode(monkeypatch, {'OPENS': 'no value yet of open', 'SAFE': 'no value yet of open'})
+    with pytest.raises(AssertionError) as caught:
+        check_node(bundle, ['node'], tries=2)
+    first, _, third, heading, *_, last = str(caught.value).splitlines()
+    assert first == 'OPENS was evaluated on no trace: no value yet of open'
+    assert (third, heading.split()) == ('the last of 2 traces:', ['step', 'pressure', 'mode'])
+    assert last == 'if the node needs more time for an answer, allow more with `pause`'
+
+
+def test_a_node_that_does_not_start_is_started_once(
+        bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = SlowNode(monkeypatch, error=testing._DoesNotStart('nobody publishes open'))
+    with pytest.raises(AssertionError, match=r'^nobody publishes open$'):
+        check_node(bundle, ['node'])
+    assert slow.calls == 1
+
+
+def test_what_a_node_writes_when_it_is_ended_is_not_shown(
+        capfd: pytest.CaptureFixture[str]) -> None:
+    script = 'import sys, time; print("begun"); sys.stdout.flush(); time.sleep(60)'
+    with testing._running([sys.executable, '-c', script], 10.0) as node:
+        while not node.output():
+            time.sleep(0.01)
+        assert node.ending() == ['the node has written:', 'begun']
+    assert (node.has_ended, capfd.readouterr()) == (True, ('', ''))
