@@ -37,7 +37,7 @@ from fret_monitor.explain.report import meanings
 from fret_monitor.importing import import_bundles, write_bundles
 from fret_monitor.model.policies import Policy
 from fret_monitor.testgen.recorded import history
-from fret_monitor.testgen.suite import Answer, make_suite
+from fret_monitor.testgen.suite import CoverageAnswer, make_suite
 from fret_monitor.traces.deadline import Deadline
 from testgen.mutants import mutants
 
@@ -86,8 +86,8 @@ def tested(path: Path) -> None:
     found = make_suite(read(path), LIMIT_S)
     names = [item.name for item in found.specification.signals]
     answers = [item.answer for item in found.covered]
-    covered = answers.count(Answer.COVERED)
-    possible = len(answers) - answers.count(Answer.UNREACHABLE)
+    covered = answers.count(CoverageAnswer.COVERED)
+    possible = len(answers) - answers.count(CoverageAnswer.UNREACHABLE)
     results = []
     for item in found.specification.properties:
         traces = [case.trace for case in found.cases if case.requirement.id == item.id]

@@ -42,16 +42,16 @@ from fret_monitor.proving.monitor import (
     ALL, GroupProofs, ProofSubject, prove_contract, prove_group, wrong_types,
 )
 from fret_monitor.proving.obligations import Proof
-from fret_monitor.proving.refutation import Counterexample, find_counterexample, Runner, zero
+from fret_monitor.proving.refutation import (
+    Counterexample, find_counterexample, ProgramRunner, zero,
+)
 from fret_monitor.proving.verification import GroupResult, verify_group
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import line_related, WIDTH
 from fret_monitor.smt.concrete import function_of, NoValue
-from fret_monitor.smt.solver import Answer, prove
+from fret_monitor.smt.solver import ProofAnswer, prove
 from fret_monitor.smt.terms import Term
-from fret_monitor.smt.transition import (
-    counter_model, StateVariable, transition_system,
-)
+from fret_monitor.smt.transition import counter_model, StateVariable, transition_system
 
 _QUICK_S = 0.3  # for a search before the bodies of the cells are executed
 _SEARCH_S = 10.0
@@ -93,7 +93,7 @@ def verify_edited(subject: ProofSubject, group: int, seconds: float) -> GroupRes
     explored = explore(subject, group, seconds)
     if explored is not None and explored.counterexample is None:
         name = f'group {group}: all {explored.states} states that can be reached'
-        return GroupResult(group, (Proof(name, Answer.PROVED, 0.0),), None)
+        return GroupResult(group, (Proof(name, ProofAnswer.PROVED, 0.0),), None)
     found = explored.counterexample if explored else find_counterexample(
         subject, group, [*opened.values, *by_contract.values], seconds)
     return GroupResult(group, tuple(opened.proofs), found)
@@ -163,7 +163,7 @@ def explore(subject: ProofSubject, group: int, seconds: float) -> Explored | Non
 class _Explorer:
 
     def __init__(self, subject: ProofSubject, group: int, until: float) -> None:
-        self._runner = runner = Runner(subject, group)
+        self._runner = runner = ProgramRunner(subject, group)
         self._until = until
         if any(item.op not in ('constant', 'filled') for item in runner.starts):
             raise _Infinite  # the reset does not overwrite the whole state
@@ -196,7 +196,7 @@ class _Explorer:
         roots = [*after, *runner.results]
         goals = [t.same(one, other) for one, other in zip(roots, t.substituted(roots, coarse))]
         seconds = max(0.1, (self._until - time.monotonic()) / 2)
-        is_so = prove(goals, seconds=seconds).answer is Answer.PROVED
+        is_so = prove(goals, seconds=seconds).answer is ProofAnswer.PROVED
         return limits if is_so else {}
 
     def _possible(
@@ -209,9 +209,9 @@ class _Explorer:
         compute = function_of(self._atoms, inputs)
         for _ in range(_MOST_ROWS):
             result = prove([t.FALSE], given, seconds=max(0.1, self._until - time.monotonic()))
-            if result.answer is Answer.PROVED:
+            if result.answer is ProofAnswer.PROVED:
                 return
-            if result.answer is Answer.UNKNOWN:
+            if result.answer is ProofAnswer.UNKNOWN:
                 raise _Infinite
             row = tuple(result.values.get(item, zero(item.sort)) for item in inputs)
             truth = tuple(compute(*row))

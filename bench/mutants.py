@@ -39,7 +39,7 @@ from fret_monitor.proving.contracts import prove_function
 from fret_monitor.proving.monitor import ALL, ProofSubject
 from fret_monitor.proving.verification import GroupResult, read_subject
 from fret_monitor.smt.cells import COUNTERS
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
 
@@ -326,8 +326,8 @@ def judged_cell(code: CProgram, mutant: Mutant, seconds: float = _SECONDS) -> st
     """Return the result for a mutant of a cell: equivalent if all its callers are proved."""
     for name in _standing_on(code, mutant.function):
         proof = prove_function(mutant.code, name, seconds)
-        if proof is not None and proof.answer is not Answer.PROVED:
-            return 'refuted' if proof.answer is Answer.REFUTED else 'undecided'
+        if proof is not None and proof.answer is not ProofAnswer.PROVED:
+            return 'refuted' if proof.answer is ProofAnswer.REFUTED else 'undecided'
     return 'equivalent'
 
 

@@ -46,7 +46,7 @@ from fret_monitor.model.diagnostics import (
     by_place, CompileError, Diagnostic, Level, Problems, Text,
 )
 from fret_monitor.model.manifest import FORMAT, Manifest
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
 from fret_monitor.native.folder import check_writable, write_folder
@@ -98,7 +98,7 @@ class GeneratedMonitor:
 
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
          constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
-         find_message: FindMessage | None = None, part: Part | None = None) -> Reading:
+         find_message: FindMessage | None = None, part: NodePart | None = None) -> Reading:
     """
     Read a bundle and elaborate it.
 

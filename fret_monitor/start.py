@@ -34,7 +34,7 @@ from typing import Any, TYPE_CHECKING
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span, Text
 from fret_monitor.model.manifest import Manifest, ManifestError
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
     cache_directory, csrc_directory, forget, is_kept, is_ours, note_use,
@@ -52,7 +52,7 @@ _MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 def start(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
           constants: Mapping[str, Text] | None = None,
-          part: Part | None = None) -> CompiledMonitor:
+          part: NodePart | None = None) -> CompiledMonitor:
     """
     Return a compiled bundle, or a part of one.
 
@@ -73,7 +73,7 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
 
 def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
                 constants: Mapping[str, Text] | None = None,
-                part: Part | None = None) -> Manifest:
+                part: NodePart | None = None) -> Manifest:
     """
     Return the manifest of a bundle or a part of one, as `start` would; needs no compiler.
 
@@ -99,7 +99,7 @@ class _Overrides:
     policy: Policy | None
     period: Fraction | None
     constants: Mapping[str, Text]
-    part: Part | None
+    part: NodePart | None
 
     def read(self, path: Path) -> 'Reading':
         from fret_monitor.build import read

@@ -34,7 +34,7 @@ from fret_monitor.native import cache, CompilerError, NativeError
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
+from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
 import pytest
 
 PACKAGE = Path(fret_monitor.__file__).resolve().parent
@@ -144,7 +144,7 @@ def test_a_folder_reads_messages(pump: Path, tmp_path: Path) -> None:
     assert (tmp_path / 'out' / 'src' / 'fret_cdr.h').is_file()
     monitor = load(found.library, found.manifest)
     message = b'\0\1\0\0' + struct.pack('<I4sIff', 4, b'abc', 2, 0.25, 0.75)
-    assert read_fields(monitor, 0, message) == (FieldReading(Outcome.READ, 0.75),)
+    assert read_fields(monitor, 0, message) == (FieldReading(ReadOutcome.READ, 0.75),)
     source = tmp_path / 'out' / 'src' / 'pump_fields.c'
     compiler = shutil.which('cc') or shutil.which('gcc')
     if compiler:

@@ -141,6 +141,15 @@ def test_every_entry_point_exists() -> None:
         assert function in names, f'{path} has no {function}'
 
 
+def test_no_two_classes_of_the_package_have_one_name() -> None:
+    places: dict[str, list[str]] = {}
+    for path in sorted((ROOT / NAME).rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(f'{path.relative_to(ROOT)}:{node.lineno}')
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
 def test_every_file_of_code_starts_with_the_licence() -> None:
     wrong = []
     for path in committed():

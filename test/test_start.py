@@ -31,7 +31,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import cache_directory, evaluator_library
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
+from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
 from fret_monitor.start import start
 
 import pytest
@@ -234,14 +234,14 @@ def test_a_change_of_an_earlier_field_causes_a_new_build(
     (folder / 'Head.msg').write_text('string name\n')
     message = b'\0\1\0\0' + struct.pack('<I4sf', 4, b'abc', 1.5)
     first = start(bundle)
-    assert read_fields(first.monitor, 0, message) == (FieldReading(Outcome.READ, 1.5),)
+    assert read_fields(first.monitor, 0, message) == (FieldReading(ReadOutcome.READ, 1.5),)
     assert start(bundle).manifest == first.manifest
     (folder / 'Head.msg').write_text('uint8[4] name\nuint8[4] more  # of it\n')
     second = start(bundle)
-    assert read_fields(second.monitor, 0, message) == (FieldReading(Outcome.READ, 1.5),)
+    assert read_fields(second.monitor, 0, message) == (FieldReading(ReadOutcome.READ, 1.5),)
     (folder / 'Head.msg').write_text('uint8[4] name\n')
     third = start(bundle)
-    assert read_fields(third.monitor, 0, message) != (FieldReading(Outcome.READ, 1.5),)
+    assert read_fields(third.monitor, 0, message) != (FieldReading(ReadOutcome.READ, 1.5),)
     assert len({item.manifest.bundle_hash for item in (first, second, third)}) == 3
     assert len({item.manifest.source_hash for item in (first, second, third)}) == 3
     assert len(built) == 3

@@ -451,7 +451,7 @@ class _PartAnalysis:
     # -- answers ----------------------------------------------------------------------------
 
     def _yes(self, blank: Answer, component: Component, found: Descent,
-             check: Callable[[SecondCheck], solver.Answer]) -> Answer:
+             check: Callable[[SecondCheck], solver.ProofAnswer]) -> Answer:
         if component.doubts:
             return self._repeating(blank, component)
         steps = len(found.layers)
@@ -502,7 +502,7 @@ class _PartAnalysis:
         return no
 
     def _checked(self, component: Component,
-                 check: Callable[[SecondCheck], solver.Answer]) -> str:
+                 check: Callable[[SecondCheck], solver.ProofAnswer]) -> str:
         """Return the result of a second check; raise _Refuted if it refutes."""
         try:
             if self._second is None:
@@ -510,14 +510,14 @@ class _PartAnalysis:
             found = check(self._second)
         except (NoTicks, NotComparable):
             return 'checked once'
-        if found is solver.Answer.REFUTED:
+        if found is solver.ProofAnswer.REFUTED:
             raise _Refuted
-        if found is solver.Answer.UNKNOWN:
+        if found is solver.ProofAnswer.UNKNOWN:
             return 'checked once, z3 did not decide it'
         return 'confirmed by z3' + (', but for `eventually`' if component.games.pending else '')
 
     def _certain(self, blank: Answer, component: Component, method: str,
-                 check: Callable[[SecondCheck], solver.Answer],
+                 check: Callable[[SecondCheck], solver.ProofAnswer],
                  place: int | None = None) -> Answer:
         """
         Return that nothing was reached, which holds for fewer runs, too.

@@ -30,7 +30,7 @@ from fret_monitor.program.layout import FieldKind
 from fret_monitor.program.monitor_program import StepGroup
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import WIDTH
-from fret_monitor.smt.solver import Answer, prove
+from fret_monitor.smt.solver import ProofAnswer, prove
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import transition_system
 
@@ -86,7 +86,7 @@ class SecondCheck:
 
     # -- claims -----------------------------------------------------------------------------
 
-    def wins(self, states: Node, requirements: Sequence[int], is_game: bool) -> Answer:
+    def wins(self, states: Node, requirements: Sequence[int], is_game: bool) -> ProofAnswer:
         """
         Return whether the system, or with `is_game` False all together, can stay in some states.
 
@@ -113,7 +113,7 @@ class SecondCheck:
         answers = [self._proved(states, goals, given)]
         return _worst([*answers, *self._environment_fails()] if is_game else answers)
 
-    def _environment_fails(self) -> Iterator[Answer]:
+    def _environment_fails(self) -> Iterator[ProofAnswer]:
         """Check that no choice of the system keeps an assumption where it is excused."""
         games = self._games
         possible, assumed = self._steps(self._d.possible), self._verdicts((), {})
@@ -124,7 +124,7 @@ class SecondCheck:
                          [possible, assumed, self._steps(games.doomed)])
 
     def is_closed(self, states: Node, requirements: Sequence[int], kept: int | None = None,
-                  inside: Node | None = None) -> Answer:
+                  inside: Node | None = None) -> ProofAnswer:
         """
         Return whether safe steps stay in a set, and another requirement holds at each.
 
@@ -141,10 +141,10 @@ class SecondCheck:
             given.append(self._set(inside, after))
         return self._proved(states, goals, given)
 
-    def _proved(self, states: Node, goals: Sequence[Term], given: Sequence[Term]) -> Answer:
+    def _proved(self, states: Node, goals: Sequence[Term], given: Sequence[Term]) -> ProofAnswer:
         """Return whether the states contain the start, and goals follow."""
         found, = t.substituted([self._set(states, self._now)], dict(self._start))
-        return _valid(goals, given) if found is t.TRUE else Answer.REFUTED
+        return _valid(goals, given) if found is t.TRUE else ProofAnswer.REFUTED
 
     # -- translation ------------------------------------------------------------------------
 
@@ -211,11 +211,11 @@ class SecondCheck:
         return known[int(root)]
 
 
-def _valid(goals: Sequence[Term], given: Sequence[Term]) -> Answer:
+def _valid(goals: Sequence[Term], given: Sequence[Term]) -> ProofAnswer:
     return prove(goals, given, seconds=_SECONDS).answer
 
 
-def _worst(answers: Sequence[Answer]) -> Answer:
+def _worst(answers: Sequence[ProofAnswer]) -> ProofAnswer:
     """Return PROVED if all are so, REFUTED if one is."""
-    return next((item for item in (Answer.REFUTED, Answer.UNKNOWN) if item in answers),
-                Answer.PROVED)
+    return next((item for item in (ProofAnswer.REFUTED, ProofAnswer.UNKNOWN) if item in answers),
+                ProofAnswer.PROVED)

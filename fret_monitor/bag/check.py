@@ -36,9 +36,7 @@ from fret_monitor.build import compile_monitor, generate_monitor, read, Reading
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.messages.layout import MessageLayout
-from fret_monitor.model.diagnostics import (
-    CompileError, counted, did_you_mean, refuse, Text,
-)
+from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
@@ -108,7 +106,7 @@ class Findings:
 
 
 @dataclass(frozen=True)
-class Result:
+class RecordingResult:
     """
     What was found in one recording.
 
@@ -167,7 +165,7 @@ Watch = Callable[[Engine, AnyBatch], None]
 def check_recording(
     bundle: Path, path: Path, selection: Selection, *, changes: Sequence[Changes] = (),
     progress: Progress = no_progress,
-) -> Result:
+) -> RecordingResult:
     """
     Run a bundle over a recording.
 
@@ -201,7 +199,7 @@ def opened(path: Path) -> Iterator[tuple[AnyRecording, FindMessage]]:
 
 def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
         changes: Sequence[Changes] = (), watch: Watch | None = None,
-        progress: Progress = no_progress) -> Result:
+        progress: Progress = no_progress) -> RecordingResult:
     """Run a monitor over a recording; raises `CompileError` if they do not fit."""
     return _Run(monitor, recording, selection, changes, watch, progress).result()
 
@@ -276,7 +274,7 @@ class _Run:
         self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
 
-    def result(self) -> Result:
+    def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection
         if recording.end > _LAST_TIME:
             refuse(f"'{recording.path}' ends at {recording.end} ns: nanoseconds since 1970 must "
@@ -308,9 +306,10 @@ class _Run:
         read = dict(zip(self._names, self._read))
         if not is_limited:
             self._compare(read)
-        return Result(recording.path, manifest, self._recorded, read, tuple(self._findings),
-                      tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
-                      recording.is_trace)
+        return RecordingResult(
+            recording.path, manifest, self._recorded, read, tuple(self._findings),
+            tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
+            recording.is_trace)
 
     def _check_part(self, begin: int, last: int) -> None:
         selection, recording = self._selection, self._recording

@@ -25,7 +25,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fret_monitor.bag.check import (
-    AnyBatch, AnyRecording, compiled, Findings, Result, run, Selection,
+    AnyBatch, AnyRecording, compiled, Findings, RecordingResult, run, Selection,
 )
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.moments import Anchor, Moment
@@ -45,7 +45,7 @@ from fret_monitor.model.policies import Policy, Report, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import Engine, ViolationDetail
 from fret_monitor.runtime.evaluator import Violation
-from fret_monitor.runtime.thinning import Part, Thinning, Window
+from fret_monitor.runtime.thinning import Thinning, TimeWindow, WindowPart
 
 _LABEL = 90
 _MOST_LANES = 10
@@ -63,7 +63,7 @@ class Plot:
 
     input: int
     before: float | None
-    parts: tuple[Part, ...]
+    parts: tuple[WindowPart, ...]
     thresholds: tuple[float, ...]
 
 
@@ -116,7 +116,7 @@ class _Shown:
 
 def evidence(
     reading: Reading, meanings: Mapping[str, Meaning], recording: AnyRecording,
-    selection: Selection, result: Result, starts: Sequence[Sequence[Start]],
+    selection: Selection, result: RecordingResult, starts: Sequence[Sequence[Start]],
 ) -> list[list[Occurrence]]:
     """Return, for each requirement, what is to be shown of its first occurrences."""
     specification = reading.specification
@@ -150,7 +150,7 @@ def _shown_count(shown: Sequence[Sequence[_Shown]]) -> int:
     return count
 
 
-def _shown(item: Property, findings: Findings, starts: Sequence[Start], result: Result,
+def _shown(item: Property, findings: Findings, starts: Sequence[Start], result: RecordingResult,
            specification: Specification, meaning: Meaning) -> Iterable[_Shown]:
     formulas = _formulas(item, specification, meaning)
     signals = specification.signals
@@ -164,7 +164,7 @@ def _shown(item: Property, findings: Findings, starts: Sequence[Start], result: 
         yield _Shown(item, findings, start, end, window, formulas, inputs, plots)
 
 
-def _lead(item: Property, result: Result, specification: Specification) -> int:
+def _lead(item: Property, result: RecordingResult, specification: Specification) -> int:
     """Return how much time before an occurrence is shown: what the bounds reach back, and more."""
     topics = {signal.topic for signal in specification.signals if signal.name in item.inputs}
     is_for_all = specification.policy is Policy.EVERY_MESSAGE
@@ -225,7 +225,7 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
                 replace(item, stale=Stale.WARN) for item in specification.signals)))).monitor
     except CompileError:
         return None  # more state than allowed; the other parts of the report are worth having
-    thinning = Thinning(monitor, [Window(index, *each.window, parts)
+    thinning = Thinning(monitor, [TimeWindow(index, *each.window, parts)
                                   for each in shown for index in each.inputs])
 
     def watch(engine: Engine, batch: AnyBatch) -> None:

@@ -34,7 +34,7 @@ import re
 from typing import Any
 
 from fret_monitor import __version__
-from fret_monitor.bag.check import check_recording, Result, Selection
+from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import json_line
 from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
@@ -57,7 +57,7 @@ class Outcome:
 
     path: Path
     line: str
-    result: Result | None
+    result: RecordingResult | None
     error: str = ''
 
 
@@ -70,7 +70,7 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str =
     contains them and the SHA-256 of the recording, which is null if the recording changed
     meanwhile, and that of the report.
     """
-    check: Callable[[], Result]
+    check: Callable[[], RecordingResult]
     page = None
     if reports is None:
         check = partial(check_recording, bundle, path, selection, progress=progress)
@@ -81,7 +81,7 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str =
     return outcome_of(path, check, settings, page)
 
 
-def outcome_of(path: Path, check: Callable[[], Result], settings: str = '',
+def outcome_of(path: Path, check: Callable[[], RecordingResult], settings: str = '',
                page: Path | None = None) -> Outcome:
     """Call a function that checks a recording and writes its page; see `check_one`."""
     before = digest(path) if settings else None

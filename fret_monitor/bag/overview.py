@@ -24,7 +24,7 @@ from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.detail_text import show
 from fret_monitor.runtime.engine import Engine, ViolationDetail
 from fret_monitor.runtime.evaluator import Violation
-from fret_monitor.runtime.thinning import Thinning, Window
+from fret_monitor.runtime.thinning import Thinning, TimeWindow
 
 MOST_SHOWN = 5
 """Occurrences of a requirement that are drawn; of fewer if a report would become too large."""
@@ -68,7 +68,7 @@ class Overview:
         parts = max(_FEWEST_PARTS, min(_MOST_PARTS, _PARTS // max(1, count)))
         self.parts = parts
         self.thinning = Thinning(
-            self._monitor, [Window(index, begin, end, parts) for index in range(count)])
+            self._monitor, [TimeWindow(index, begin, end, parts) for index in range(count)])
         self.lanes = [Lane(begin, end, _LANE_PARTS) for _ in manifest.requirements]
         self._state: list[int | None] = [None] * len(self.lanes)  # None: no change yet
         self._since = [begin] * len(self.lanes)

@@ -23,7 +23,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.bag.check import Changes, compiled, opened, read_bundle, Result, run, Selection
+from fret_monitor.bag.check import (
+    Changes, compiled, opened, read_bundle, RecordingResult, run, Selection,
+)
 from fret_monitor.bag.evidence import evidence, Occurrence, Plot
 from fret_monitor.bag.overview import Overview
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
@@ -39,7 +41,7 @@ from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import iso_time
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.detail_text import short_seconds
-from fret_monitor.runtime.thinning import Part
+from fret_monitor.runtime.thinning import WindowPart
 
 _MOST_LISTED = 50  # times of occurrences that are not drawn
 _DIGITS = 7  # of numbers in plots
@@ -49,7 +51,7 @@ _FOXGLOVE = 'https://app.foxglove.dev/~/view?time='
 
 def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path, *,
                      changes: Sequence[Changes] = (),
-                     progress: Progress = no_progress) -> Result:
+                     progress: Progress = no_progress) -> RecordingResult:
     """
     Run a bundle over a recording and write a report; errors as of `check_recording`.
 
@@ -76,8 +78,9 @@ def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path,
 class _Report:
     """The page of one recording."""
 
-    def __init__(self, bundle: Path, reading: Reading, found: dict[str, Meaning], result: Result,
-                 overview: Overview, occurrences: Sequence[Sequence[Occurrence]]) -> None:
+    def __init__(self, bundle: Path, reading: Reading, found: dict[str, Meaning],
+                 result: RecordingResult, overview: Overview,
+                 occurrences: Sequence[Sequence[Occurrence]]) -> None:
         self._bundle = bundle
         self._reading = reading
         self._meanings = found
@@ -274,7 +277,7 @@ def _number(value: float | None, item: ManifestInput) -> float | int | str | Non
     return int(short) if short.is_integer() and abs(short) < 1e15 else short
 
 
-def _values(parts: Iterable[Part], item: ManifestInput) -> list[list[Any]]:
+def _values(parts: Iterable[WindowPart], item: ManifestInput) -> list[list[Any]]:
     """Return the parts as the page's script reads them, without those that change nothing."""
     if item.source is InputSource.RECEIVED:  # true for an instant each time
         return [[part.place, 0, 1, 0] for part in parts]

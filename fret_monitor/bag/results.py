@@ -20,7 +20,7 @@ import json
 from typing import TextIO
 from xml.etree import ElementTree
 
-from fret_monitor.bag.check import Findings, Result
+from fret_monitor.bag.check import Findings, RecordingResult
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.runtime.detail_text import seconds, short_seconds
@@ -30,7 +30,7 @@ from fret_monitor.runtime.evaluator import Violation
 _CONTROLS = {chr(k): '?' for k in range(32) if chr(k) not in '\t\n\r'}
 
 
-def json_line(result: Result) -> str:
+def json_line(result: RecordingResult) -> str:
     """Return the result as a line of JSON (docs/recordings.md)."""
     return json.dumps({
         'bag': str(result.path),
@@ -59,7 +59,7 @@ def verdict_of(item: Findings) -> str:
     return verdict_text(item.verdict, is_open=item.is_open)
 
 
-def table(result: Result) -> str:
+def table(result: RecordingResult) -> str:
     """Return the result for a terminal; times count from the begin of the recording."""
     rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
     rows += [(item.id, verdict_of(item), f'{item.occurrences:,}',

@@ -191,7 +191,7 @@ def _line_end(text: str, start: int) -> int:
     return len(text) if end < 0 else end
 
 
-class Repair:
+class YamlRepair:
     """
     Continues reading after values that YAML cannot read.
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 import re
 from typing import Protocol, TypeAlias
 
-from fret_monitor.bundle.yaml_repair import Repair, report_misread
+from fret_monitor.bundle.yaml_repair import report_misread, YamlRepair
 from fret_monitor.bundle.yaml_text import scalar_text
 from fret_monitor.model.diagnostics import Problems, Source, Span, Text
 from fret_monitor.model.names import shown
@@ -102,7 +102,7 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
     """
     if _refuse_unprintable(source, problems):
         return None
-    repair = Repair(source, problems)
+    repair = YamlRepair(source, problems)
     while True:
         builder = _TreeBuilder(source, repair.unread, repair.swallowing)
         try:

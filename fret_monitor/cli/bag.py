@@ -28,15 +28,13 @@ from typing import TYPE_CHECKING
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import (
-    CompileError, counted, pip_install, Problems, refuse,
-)
+from fret_monitor.model.diagnostics import CompileError, counted, pip_install, Problems, refuse
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
 from fret_monitor.native.errors import NativeError
 
 if TYPE_CHECKING:
-    from fret_monitor.bag.check import Result, Selection
+    from fret_monitor.bag.check import RecordingResult, Selection
     from fret_monitor.bag.fleet import Outcome
     from fret_monitor.bag.results_file import ResultsFile
 
@@ -289,7 +287,7 @@ def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection:
 
 
 def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
-                  page: Path | None) -> 'Result':
+                  page: Path | None) -> 'RecordingResult':
     """Check a recording, and write what happens in it to `page` and as the options say."""
     from fret_monitor.bag.check import Changes, check_recording
     from fret_monitor.bag.report import check_and_report

@@ -23,7 +23,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.native.stack import worst_stack
 from fret_monitor.program.cost import step_cost
 
@@ -45,7 +45,7 @@ def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
     generated = generate_monitor(
         read(existing_bundle(options.bundle), constants=dict(options.constants),
-             part=Part(options.gate)))
+             part=NodePart(options.gate)))
     print_diagnostics(generated.warnings)
     write(generated, options.output)
     manifest = generated.manifest

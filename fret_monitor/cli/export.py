@@ -25,7 +25,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.export.content import HandlerArguments, Options, unacted
 from fret_monitor.export.folder import assemble, check_output, is_name, renamed, write_export
-from fret_monitor.export.sizes import measured_sizes, Sizes
+from fret_monitor.export.sizes import measured_sizes, PartSizes
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, pip_install, refuse
@@ -137,7 +137,7 @@ def _proof_line(options: Namespace, *, is_proved: bool) -> str:
     return f'not proved: {" and ".join(_missing())} missing; {pip_install(*_missing())}'
 
 
-def _size_line(sizes: Sizes) -> str:
+def _size_line(sizes: PartSizes) -> str:
     if sizes.problem:
         return f'size unknown for {sizes.compiler}: {sizes.problem}'
     held = [f'{what} {counted(size, "byte")}' for what, size in sizes.held.items()]

@@ -21,11 +21,11 @@ from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.messages.installed import listed
 from fret_monitor.model.diagnostics import did_you_mean, refuse
 from fret_monitor.model.names import shown
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Report
 
 
-def restrict(specification: Specification, part: Part) -> Specification:
+def restrict(specification: Specification, part: NodePart) -> Specification:
     """
     Return a part of a specification.
 

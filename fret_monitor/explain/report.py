@@ -94,7 +94,7 @@ class Meaning:
 
 
 @dataclass(frozen=True)
-class _Context:
+class _ReportContext:
     """The data that all requirements of a bundle share."""
 
     sentences: dict[str, Sentence]
@@ -156,7 +156,7 @@ def meanings(reading: Reading, find_message: FindMessage | None = None) -> dict[
                              _denial(item, context)) for item in specification.properties}
 
 
-def _denial(item: Property, context: _Context) -> Formula | None:
+def _denial(item: Property, context: _ReportContext) -> Formula | None:
     found = context.goals.get(item.id, [])
     sentence = item.sentence
     if not found or sentence is None or not (sentence.scope or sentence.condition):
@@ -165,7 +165,7 @@ def _denial(item: Property, context: _Context) -> Formula | None:
 
 
 def _on_grid(chosen: Sequence[Property],
-             context: _Context) -> tuple[list[Property], _Context]:
+             context: _ReportContext) -> tuple[list[Property], _ReportContext]:
     """Return timed requirements with steps on a grid, of which examples can be found."""
     grids = {item.id: grid_of(item) for item in chosen}
     goals = {}
@@ -197,7 +197,7 @@ def _chosen(specification: Specification, ids: Collection[str]) -> Sequence[Prop
 
 
 def _context(reading: Reading, chosen: set[str],
-             find_message: FindMessage | None = None) -> _Context:
+             find_message: FindMessage | None = None) -> _ReportContext:
     specification = reading.specification
     bundle = survey_bundle(reading.files[0][0], Problems())
     if bundle is not None:
@@ -207,7 +207,7 @@ def _context(reading: Reading, chosen: set[str],
     sentences = {} if bundle is None else {
         item.id.value: parse_fretish(_on_one_line(item.text)) for item in bundle.requirements
         if item.language is Language.FRETISH and item.id.value in chosen}
-    return _Context(
+    return _ReportContext(
         sentences, goals(bundle, sentences, find_message) if bundle else {},
         {signal.name: signal.values for signal in specification.signals if signal.values},
         {formula: name for name, formula in specification.definitions
@@ -221,7 +221,7 @@ def _on_one_line(text: Text) -> Text:
 
 
 def _explanation(item: Property, subject: Subject, examples: Examples,
-                 context: _Context) -> Explanation:
+                 context: _ReportContext) -> Explanation:
     if context.is_timed:
         examples = confirmed(item, subject, examples, context.grids[item.id])
     fields, meaning = _meaning(item, context)
@@ -231,7 +231,7 @@ def _explanation(item: Property, subject: Subject, examples: Examples,
         tuple(_timelines(item, subject, examples, context)))
 
 
-def _meaning(item: Property, context: _Context) -> tuple[
+def _meaning(item: Property, context: _ReportContext) -> tuple[
         tuple[tuple[str, str], ...], tuple[tuple[str, str], ...]]:
     """Return the fields of a FRETish sentence, and what a requirement means."""
     definitions = _definitions(item, context)
@@ -243,7 +243,7 @@ def _meaning(item: Property, context: _Context) -> tuple[
     return (), (('in words', words), *definitions)
 
 
-def _formula(item: Property, context: _Context) -> str:
+def _formula(item: Property, context: _ReportContext) -> str:
     return to_smv(item.formula, _FORMULA, context.values, is_timed=context.is_timed)
 
 
@@ -251,7 +251,7 @@ def _cut(text: str) -> str:
     return text if len(text) <= _WORDS else text[:_WORDS].rstrip() + ' ...'
 
 
-def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]:
+def _definitions(item: Property, context: _ReportContext) -> Iterator[tuple[str, str]]:
     """Yield the meaning of each definition that occurs in the formula."""
     inside = set(postorder(item.roots))
     for formula, name in context.names.items():
@@ -260,7 +260,7 @@ def _definitions(item: Property, context: _Context) -> Iterator[tuple[str, str]]
             yield name, in_words(formula, _WORDS, context.values, inner, context.is_timed)
 
 
-def _outlook(examples: Examples, context: _Context) -> str:
+def _outlook(examples: Examples, context: _ReportContext) -> str:
     explored = _explored(examples, context)
     match examples.recovery:
         case Recovery.FINAL_BY_FORM:
@@ -277,12 +277,12 @@ def _outlook(examples: Examples, context: _Context) -> str:
                     'exists')
 
 
-def _explored(examples: Examples, context: _Context) -> str:
+def _explored(examples: Examples, context: _ReportContext) -> str:
     where = ' on the grid' if context.is_timed else ''
     return f'all states explored{where}: {examples.states:,}'
 
 
-def _remarks(subject: Subject, examples: Examples, context: _Context) -> Iterator[str]:
+def _remarks(subject: Subject, examples: Examples, context: _ReportContext) -> Iterator[str]:
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates')):
         if trace is None and examples.is_proved:
             yield f'No trace {kind} it ({_explored(examples, context)}).'
@@ -312,7 +312,7 @@ def _is_triggered(subject: Subject, trace: Trace) -> bool:
 
 
 def _timelines(item: Property, subject: Subject, examples: Examples,
-               context: _Context) -> Iterator[Timeline]:
+               context: _ReportContext) -> Iterator[Timeline]:
     for trace, kind in ((examples.satisfying, 'satisfies'), (examples.violating, 'violates'),
                         (examples.recovering, 'is false and recovers')):
         if trace is None:
@@ -322,7 +322,7 @@ def _timelines(item: Property, subject: Subject, examples: Examples,
         yield _drawing(item, subject, trace, title, context)
 
 
-def _extent(trace: Trace, id: str, context: _Context) -> str:
+def _extent(trace: Trace, id: str, context: _ReportContext) -> str:
     if not context.is_timed:
         return counted(length(trace), 'step')
     spacing = context.grids[id]
@@ -330,7 +330,7 @@ def _extent(trace: Trace, id: str, context: _Context) -> str:
 
 
 def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
-             context: _Context) -> Timeline:
+             context: _ReportContext) -> Timeline:
     bits, = subject.trials.run([trace])
     verdicts = [bool(word & 1) for word in bits]
     shown = subject.propositions[:_MAX_BANDS] if length(trace) <= _LONGEST_SHOWN else ()

@@ -26,8 +26,8 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
 from fret_monitor.export import flight
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, EVALUATOR, export_name, fill, hand_written,
-    HandlerArguments, Options, Part, structs,
+    common_values, Content, csrc_files, EVALUATOR, export_name, ExportPart, fill, hand_written,
+    HandlerArguments, Options, structs,
 )
 from fret_monitor.export.examples import example
 from fret_monitor.model.diagnostics import refuse
@@ -87,21 +87,21 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
         parts=tuple(_parts(generated)))
 
 
-def _parts(generated: GeneratedMonitor) -> Iterator[Part]:
+def _parts(generated: GeneratedMonitor) -> Iterator[ExportPart]:
     name = export_name(generated)
 
     def sources(files: Iterable[str]) -> tuple[str, ...]:
         return tuple(f'src/{file}' for file in files if file.endswith('.c'))
 
     monitors = sources(file for file in generated.module.files if file != f'{name}_fields.c')
-    yield Part('monitors alone', monitors, 'src', f'{name}_monitor.h',
-               structs(f'{name}_state', f'{name}_inputs'))
+    yield ExportPart('monitors alone', monitors, 'src', f'{name}_monitor.h',
+                     structs(f'{name}_state', f'{name}_inputs'))
     if generated.manifest.inputs:
         size = f'{name.upper()}_EVALUATOR_BYTES'
-        yield Part('monitors with evaluator', monitors + sources(EVALUATOR), 'src',
-                   f'{name}_size.h', {size: size})
+        yield ExportPart('monitors with evaluator', monitors + sources(EVALUATOR), 'src',
+                         f'{name}_size.h', {size: size})
     if generated.module.readers:
-        yield Part('readers of messages', sources([f'{name}_fields.c']), 'src')
+        yield ExportPart('readers of messages', sources([f'{name}_fields.c']), 'src')
 
 
 def _with_prefix(library: Mapping[str, str], prefix: str) -> dict[str, str]:

@@ -62,7 +62,7 @@ def cfs(generated: GeneratedMonitor, options: Options) -> Content:
     """
     problems = Problems()
     flight.check(generated, options, 'messages of cFS', problems)
-    writer = _Writer(generated)
+    writer = _CfsWriter(generated)
     entry = f'{writer.upper}_Main'
     if len(entry) > _LONGEST_NAME:
         problems.warning(
@@ -84,7 +84,7 @@ def cfs(generated: GeneratedMonitor, options: Options) -> Content:
 
 
 @dataclass(frozen=True)
-class _Writer:
+class _CfsWriter:
     """Writes the generated files."""
 
     generated: GeneratedMonitor
@@ -99,7 +99,7 @@ class _Writer:
         return f'{self.name.upper()}_APP'
 
     @property
-    def topics(self) -> tuple[flight.Topic, ...]:
+    def topics(self) -> tuple[flight.FlightTopic, ...]:
         return flight.topics_of(self.generated.manifest)
 
     def check_sizes(self, problems: Problems) -> None:
@@ -178,7 +178,7 @@ class _Writer:
                 f'#include "{self.name}_app_topicids.h"')),
             *map(self._message, self.topics))
 
-    def _message(self, topic: flight.Topic) -> Iterator[str]:
+    def _message(self, topic: flight.FlightTopic) -> Iterator[str]:
         manifest, spelled = self.generated.manifest, flight.members(self.generated)
         kind = f' ({topic.message_type})' if topic.message_type else ''
         yield ''
@@ -208,10 +208,10 @@ class _Writer:
         for index in payload:
             yield f'#define {self._access(index)}(message) ((message)->Payload.{spelled[index]})'
 
-    def _mid(self, topic: flight.Topic) -> str:
+    def _mid(self, topic: flight.FlightTopic) -> str:
         return f'{self.upper}_TOPIC_{topic.word.upper()}_MID'
 
-    def _struct(self, topic: flight.Topic) -> str:
+    def _struct(self, topic: flight.FlightTopic) -> str:
         return f'{self.upper}_Topic_{topic.word}_t'
 
     def _access(self, index: int) -> str:
@@ -273,7 +273,7 @@ class _Writer:
         yield '    default: break;'
         yield from ('  }', '}')
 
-    def _store_topic(self, topic: flight.Topic) -> Iterator[str]:
+    def _store_topic(self, topic: flight.FlightTopic) -> Iterator[str]:
         struct = self._struct(topic)
         inputs = self.generated.manifest.inputs
         if any(inputs[index].source is InputSource.FIELD for index in topic.inputs):

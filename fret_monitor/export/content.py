@@ -52,7 +52,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Part:
+class ExportPart:
     """
     C of an export of which the size is of interest.
 
@@ -80,7 +80,7 @@ class Content:
     generated: Mapping[str, str]
     templates: Mapping[str, str]
     values: Mapping[str, str]
-    parts: tuple[Part, ...]
+    parts: tuple[ExportPart, ...]
     warnings: tuple[Diagnostic, ...] = ()
 
 
@@ -121,7 +121,7 @@ def csrc_files(*names: str) -> dict[str, str]:
 
 
 def structs(*names: str) -> dict[str, str]:
-    """Return the memory of structs, as in `Part.held`."""
+    """Return the memory of structs, as in `ExportPart.held`."""
     return {f'struct {name}': f'sizeof(struct {name})' for name in names}
 
 

@@ -29,8 +29,8 @@ from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.inputs import number_text, origin
 from fret_monitor.codegen.names import is_of_module, Names
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, Options,
-    Part,
+    common_values, Content, csrc_files, export_name, ExportPart, hand_written, HandlerArguments,
+    Options,
 )
 from fret_monitor.export.external_names import check_name, constant_names, input_names
 from fret_monitor.model.diagnostics import Problems
@@ -62,7 +62,7 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
     _check_initial_values(generated, inputs, problems)
     constants = constant_names(generated, options.prefix, inputs, defined, problems)
     problems.raise_errors()
-    writer = _Writer(generated, options, inputs, constants)
+    writer = _CopilotWriter(generated, options, inputs, constants)
     hand = hand_written('copilot')
     module = generated.module.files
     monitors = {**csrc_files('fret_monitor.h', 'fret_cells.h'), **module,
@@ -77,7 +77,8 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
                    **{f'{_MONITORS}/{name}': text for name, text in monitors.items()}},
         templates={'README.md': hand['README.md']},
         values={**common_values(generated, options), **writer.values(), 'NAME': file},
-        parts=(Part(f'{file}.c with all its state', (f'{file}.c',)),), warnings=problems.warnings)
+        parts=(ExportPart(f'{file}.c with all its state', (f'{file}.c',)),),
+        warnings=problems.warnings)
 
 
 def _file_name(generated: GeneratedMonitor) -> str:
@@ -168,7 +169,7 @@ def _arguments(item: ManifestRequirement, options: Options) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Writer:
+class _CopilotWriter:
     """Writes the files; `inputs` and `constants` are names in C, see `external_names`."""
 
     generated: GeneratedMonitor

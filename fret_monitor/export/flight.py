@@ -30,8 +30,8 @@ from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.names import Names
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, EVALUATOR, export_name, hand_written, HandlerArguments,
-    Options, Part, structs,
+    common_values, Content, csrc_files, EVALUATOR, export_name, ExportPart, hand_written,
+    HandlerArguments, Options, structs,
 )
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems
@@ -53,7 +53,7 @@ _LONGEST_LABEL = 60
 
 
 @dataclass(frozen=True)
-class Topic:
+class FlightTopic:
     """
     A message: the topic's name, the word for it in C, and its inputs as indices.
 
@@ -66,13 +66,13 @@ class Topic:
     message_type: str = ''
 
 
-def topics_of(manifest: Manifest) -> tuple[Topic, ...]:
+def topics_of(manifest: Manifest) -> tuple[FlightTopic, ...]:
     """Return the topics of a bundle, also those without a type of ROS, and `inputs`."""
     types = {item.name: item.message_type for item in manifest.topics}
     fed: dict[str, list[int]] = {item.name: [] for item in manifest.topics}
     for index, item in enumerate(manifest.inputs):
         fed.setdefault(item.topic or _WITHOUT_TOPIC, []).append(index)
-    return tuple(Topic(name, word, tuple(fed[name]), types.get(name, ''))
+    return tuple(FlightTopic(name, word, tuple(fed[name]), types.get(name, ''))
                  for name, word in zip(fed, words(fed), strict=True))
 
 
@@ -151,9 +151,9 @@ def content(generated: GeneratedMonitor, options: Options, texts: Mapping[str, I
                    **_runner_files(generated, monitors)},
         templates={**templates, **_runner_templates(generated, monitors)},
         values={**common_values(generated, options), **runner_values(generated), **values},
-        parts=(Part('monitors with evaluator, without the application or component',
-                    (f'{monitors}/{name}_runner.c',), monitors, f'{name}_runner.h',
-                    structs(f'{name}_runner')),),
+        parts=(ExportPart('monitors with evaluator, without the application or component',
+                          (f'{monitors}/{name}_runner.c',), monitors, f'{name}_runner.h',
+                          structs(f'{name}_runner')),),
         warnings=warnings)
 
 

@@ -61,7 +61,7 @@ def fprime(generated: GeneratedMonitor, options: Options) -> Content:
         problems.error(f"'{signal.name}' is the age of a message, and ports have no stamps",
                        signal.place, help='send the age in an input of type float64')
     problems.raise_errors()
-    writer = _Writer(generated)
+    writer = _FprimeWriter(generated)
     texts = {f'{writer.component}.fpp': writer.model(),
              f'{writer.component}Ports.cpp': writer.ports()}
     hand = {path.replace('COMPONENT', writer.component): text
@@ -70,7 +70,7 @@ def fprime(generated: GeneratedMonitor, options: Options) -> Content:
 
 
 @dataclass(frozen=True)
-class _Writer:
+class _FprimeWriter:
     """Writes the generated files."""
 
     generated: GeneratedMonitor
@@ -88,13 +88,13 @@ class _Writer:
         return self.generated.manifest
 
     @property
-    def _topics(self) -> tuple[flight.Topic, ...]:
+    def _topics(self) -> tuple[flight.FlightTopic, ...]:
         return flight.topics_of(self._manifest)
 
-    def _port_type(self, topic: flight.Topic) -> str:
+    def _port_type(self, topic: flight.FlightTopic) -> str:
         return f'{self.component}_{topic.word}'
 
-    def _arguments(self, topic: flight.Topic) -> list[tuple[int, str, str]]:
+    def _arguments(self, topic: flight.FlightTopic) -> list[tuple[int, str, str]]:
         """Return index, name and type of each input that is an argument of a topic's port."""
         spelled = self._argument_names()
         return [(index, spelled[index],
@@ -147,7 +147,7 @@ class _Writer:
         yield from self._channels()
         yield from ('', '  }', '', '}')
 
-    def _port(self, topic: flight.Topic) -> Iterator[str]:
+    def _port(self, topic: flight.FlightTopic) -> Iterator[str]:
         yield f'  @ {safe(topic.name)}'
         yield f'  port {self._port_type(topic)}('
         for index, name, kind in self._arguments(topic):
@@ -204,11 +204,11 @@ class _Writer:
             yield f'  this->tlmWrite_violations_{word}(this->violations({number}u));'
         yield from ('}', '', '}  // namespace Fret')
 
-    def _signature(self, topic: flight.Topic) -> str:
+    def _signature(self, topic: flight.FlightTopic) -> str:
         arguments = ''.join(f', {kind} {name}' for _, name, kind in self._arguments(topic))
         return f'topic_{topic.word}_handler(FwIndexType portNum{arguments})'
 
-    def _handler(self, number: int, topic: flight.Topic) -> Iterator[str]:
+    def _handler(self, number: int, topic: flight.FlightTopic) -> Iterator[str]:
         yield f'void {self.component}::{self._signature(topic)}'
         yield '{'
         yield '  union fm_value fm_stored;'

@@ -23,8 +23,8 @@ import re
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, hand_written, HandlerArguments, markdown,
-    Options, Part,
+    common_values, Content, csrc_files, export_name, ExportPart, hand_written, HandlerArguments,
+    markdown, Options,
 )
 from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
@@ -72,7 +72,7 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     }
     return Content(
         generated=sources, templates=hand_written('ros2'), values=values,
-        parts=(Part('monitors with readers of messages, without the node', tuple(
+        parts=(ExportPart('monitors with readers of messages, without the node', tuple(
             f'src/{name}' for name in generated.module.files if name.endswith('.c')), 'src'),))
 
 

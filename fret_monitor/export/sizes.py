@@ -23,7 +23,7 @@ import struct
 import subprocess
 import tempfile
 
-from fret_monitor.export.content import Part
+from fret_monitor.export.content import ExportPart
 from fret_monitor.native.compiler import find_compiler, TIMEOUT
 from fret_monitor.native.errors import CompilerError
 
@@ -41,12 +41,13 @@ _SECTIONS = {1: ('I', 8, 20), 2: ('Q', 8, 32)}
 
 
 @dataclass(frozen=True)
-class Sizes:
+class PartSizes:
     """
     The bytes that a part of an export takes in memory.
 
     `code` counts instructions and constants, `data` counts variables, and `held` is the memory
-    that the program provides, as in `Part`. `problem` is why they are not known, '' if they are.
+    that the program provides, as in `ExportPart`. `problem` is why they are not known, '' if they
+    are.
     """
 
     compiler: str
@@ -57,7 +58,7 @@ class Sizes:
     problem: str = ''
 
 
-def measured_sizes(files: Mapping[str, str], parts: Sequence[Part]) -> Iterator[Sizes]:
+def measured_sizes(files: Mapping[str, str], parts: Sequence[ExportPart]) -> Iterator[PartSizes]:
     """
     Yield the sizes of parts for the compiler of this machine, and for a Cortex-M4 if there is one.
 
@@ -66,7 +67,7 @@ def measured_sizes(files: Mapping[str, str], parts: Sequence[Part]) -> Iterator[
     try:
         command = find_compiler().command
     except CompilerError as error:
-        yield Sizes('this machine', problem=str(error))
+        yield PartSizes('this machine', problem=str(error))
     else:
         yield from _sizes(' '.join((Path(command[0]).name, *command[1:], '-Os')), command, files,
                           parts)
@@ -76,7 +77,7 @@ def measured_sizes(files: Mapping[str, str], parts: Sequence[Part]) -> Iterator[
 
 
 def _sizes(name: str, command: Sequence[str], files: Mapping[str, str],
-           parts: Sequence[Part]) -> list[Sizes]:
+           parts: Sequence[ExportPart]) -> list[PartSizes]:
     with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
         for file, text in files.items():
             path = Path(folder, file)
@@ -87,11 +88,11 @@ def _sizes(name: str, command: Sequence[str], files: Mapping[str, str],
             return [_size(name, part, compiled, Path(folder, f'{_PROBE}{number}'))
                     for number, part in enumerate(parts)]
         except CompilerError as error:
-            return [Sizes(name, problem=str(error))]
+            return [PartSizes(name, problem=str(error))]
 
 
-def _size(name: str, part: Part, compiled: Callable[[str, str], tuple[int, int]],
-          probe: Path) -> Sizes:
+def _size(name: str, part: ExportPart, compiled: Callable[[str, str], tuple[int, int]],
+          probe: Path) -> PartSizes:
     pairs = [compiled(source, part.include) for source in part.sources]
     held: dict[str, int] = {}
     for what, size in part.held.items():
@@ -100,8 +101,8 @@ def _size(name: str, part: Part, compiled: Callable[[str, str], tuple[int, int]]
         source.write_text(f'#include "{part.header}"\nchar held[{size}] = {{0}};\n',
                           encoding='utf-8')
         held[what] = compiled(source.name, part.include)[1]
-    return Sizes(name, part.name, sum(code for code, _ in pairs), sum(data for _, data in pairs),
-                 held)
+    return PartSizes(name, part.name, sum(code for code, _ in pairs),
+                     sum(data for _, data in pairs), held)
 
 
 def _compiled(command: tuple[str, ...], folder: Path, source: str,

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.importing.compare import Difference, differences
-from fret_monitor.importing.component import Component
+from fret_monitor.importing.component import ImportedComponent
 from fret_monitor.importing.draft import Draft, draft
 from fret_monitor.importing.emit import emit
 from fret_monitor.importing.files import choose, read_files
@@ -70,7 +70,7 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
     targets = _targets(chosen, output) if is_folder else [output]
     problems.extend(_not_chosen(files.components, chosen))
     found: list[Imported] = []
-    failed: list[tuple[Component, CompileError]] = []
+    failed: list[tuple[ImportedComponent, CompileError]] = []
     for item, target in zip(chosen, targets, strict=True):
         own = Problems()
         try:
@@ -87,8 +87,8 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
     return [replace(found[0], warnings=warnings), *found[1:]]
 
 
-def _not_chosen(components: Iterable[Component],
-                chosen: Sequence[Component]) -> Iterator[Diagnostic]:
+def _not_chosen(components: Iterable[ImportedComponent],
+                chosen: Sequence[ImportedComponent]) -> Iterator[Diagnostic]:
     """Report the components in the files that were not chosen."""
     others = [item for item in components if item not in chosen]
     named = [f'{item.full_name} ({counted(len(item.requirements), "requirement")})'
@@ -99,7 +99,7 @@ def _not_chosen(components: Iterable[Component],
     yield from (_unnamed(item) for item in others if not item.name)
 
 
-def _not_made(component: Component, error: CompileError) -> Iterator[Diagnostic]:
+def _not_made(component: ImportedComponent, error: CompileError) -> Iterator[Diagnostic]:
     """Report the errors because of which a component has no bundle."""
     yield from (replace(item, level=Level.WARNING) for item in error.diagnostics)
     yield _unnamed(component) if not component.name else Diagnostic(
@@ -125,16 +125,16 @@ def _unknown(connections: Mapping[str, Connection],
                          f'{", ".join(unread[:_MOST_LISTED])}{more}', level=Level.WARNING)
 
 
-def _unnamed(component: Component) -> Diagnostic:
+def _unnamed(component: ImportedComponent) -> Diagnostic:
     return Diagnostic(f'in no bundle, because they have no component: {_ids(component)}',
                       help="a sentence names its component before 'shall'", level=Level.WARNING)
 
 
-def _ids(component: Component) -> str:
+def _ids(component: ImportedComponent) -> str:
     return ', '.join(item.id for item in component.requirements)
 
 
-def _targets(components: Sequence[Component], folder: Path) -> list[Path]:
+def _targets(components: Sequence[ImportedComponent], folder: Path) -> list[Path]:
     """Return a path for each component; includes the project if components share a name."""
     names = [_file_name(item.name) for item in components]
     found: dict[str, None] = {}

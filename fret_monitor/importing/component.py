@@ -15,9 +15,9 @@
 """
 A component of FRET or Ogma, independent of the file format: variables and requirements.
 
-The parsers of files create a `Component` and do not check its contents: formulas and types are
-texts in the syntax of the other tool. A requirement can have several wordings: a sentence and
-formulas.
+The parsers of files create an `ImportedComponent` and do not check its contents: formulas and
+types are texts in the syntax of the other tool. A requirement can have several wordings: a
+sentence and formulas.
 """
 
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ class ComponentRequirement:
 
 
 @dataclass(frozen=True)
-class Component:
+class ImportedComponent:
     """
     A component; `project` is '' if the file does not name one.
 

@@ -34,7 +34,7 @@ from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.signals import input_declaration
 from fret_monitor.elaboration.types_by_use import TypesByUse
 from fret_monitor.importing.component import (
-    bare, Component, ComponentRequirement, ComponentVariable, VariableRole,
+    bare, ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole,
 )
 from fret_monitor.importing.parsed_wording import (
     add_uses, names_in, parse_wording, ParsedWording, rename, used_names,
@@ -132,7 +132,7 @@ class Times:
     evaluation: str
 
 
-def draft(component: Component, connections: Mapping[str, Connection],
+def draft(component: ImportedComponent, connections: Mapping[str, Connection],
           problems: Problems) -> Draft:
     """
     Return the draft of a component's bundle; add warnings to `problems`.
@@ -152,7 +152,7 @@ _Usable: TypeAlias = tuple[ParsedWording, Property]
 class _Drafter:
     """Sorts one component into the parts of a bundle."""
 
-    def __init__(self, component: Component, connections: Mapping[str, Connection],
+    def __init__(self, component: ImportedComponent, connections: Mapping[str, Connection],
                  problems: Problems) -> None:
         self._component = component
         self._connections = connections

@@ -29,7 +29,7 @@ from pathlib import Path
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.importing.component import (
-    Component, ComponentRequirement, ComponentVariable, VariableRole,
+    ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole,
 )
 from fret_monitor.importing.fret import (
     is_project, is_specification, read_project, read_specification,
@@ -52,7 +52,7 @@ _LONGEST_ID = 100
 class Files:
     """The components in the files, and the connections by the `fret_name` of their inputs."""
 
-    components: tuple[Component, ...]
+    components: tuple[ImportedComponent, ...]
     connections: dict[str, Connection]
 
 
@@ -65,7 +65,7 @@ def read_files(paths: Sequence[Path], problems: Problems) -> Files:
     CompileError
         if a file cannot be read or is of an unknown kind, or no file has a requirement.
     """
-    components: list[Component] = []
+    components: list[ImportedComponent] = []
     connections: dict[str, Connection] = {}
     for path in paths:
         found, links = _read(path, problems)
@@ -79,7 +79,7 @@ def read_files(paths: Sequence[Path], problems: Problems) -> Files:
     return Files(tuple(item for item in merged if item.requirements), connections)
 
 
-def _read(path: Path, problems: Problems) -> tuple[list[Component], list[Connection]]:
+def _read(path: Path, problems: Problems) -> tuple[list[ImportedComponent], list[Connection]]:
     source = read_source(path, MAX_BYTES)
     content = source.text.lstrip()
     if content[:1] in ('{', '['):
@@ -94,7 +94,7 @@ def _read(path: Path, problems: Problems) -> tuple[list[Component], list[Connect
 
 
 def _read_json(source: Source, path: Path,
-               problems: Problems) -> tuple[list[Component], list[Connection]]:
+               problems: Problems) -> tuple[list[ImportedComponent], list[Connection]]:
     value = read_json(source)
     if is_database(value):
         return [], read_database(value, path.name, problems)
@@ -127,9 +127,9 @@ def _connect(item: Connection, connections: dict[str, Connection], file: str,
 
 # Merging descriptions of one component.
 
-def _merged(components: Iterable[Component]) -> list[Component]:
+def _merged(components: Iterable[ImportedComponent]) -> list[ImportedComponent]:
     """Merge components with the same name, if at most one project has such a component."""
-    found: dict[tuple[str, str], Component] = {}
+    found: dict[tuple[str, str], ImportedComponent] = {}
     for item in sorted(components, key=lambda item: not item.project):
         same = [key for key in found if key[1] == item.name]
         key = (item.project, item.name)
@@ -139,7 +139,7 @@ def _merged(components: Iterable[Component]) -> list[Component]:
     return list(found.values())
 
 
-def _with_owners(components: Sequence[Component]) -> Iterator[Component]:
+def _with_owners(components: Sequence[ImportedComponent]) -> Iterator[ImportedComponent]:
     """Add requirements without a component to the only component of their project, if any."""
     owners = list(components)
     for item in components:
@@ -151,13 +151,13 @@ def _with_owners(components: Sequence[Component]) -> Iterator[Component]:
     yield from owners
 
 
-def _joined(first: Component, second: Component) -> Component:
+def _joined(first: ImportedComponent, second: ImportedComponent) -> ImportedComponent:
     return replace(first, variables=first.variables + second.variables,
                    requirements=first.requirements + second.requirements,
                    files=tuple(dict.fromkeys(first.files + second.files)))
 
 
-def _with_unique_ids(component: Component, problems: Problems) -> Component:
+def _with_unique_ids(component: ImportedComponent, problems: Problems) -> ImportedComponent:
     """Merge entries for the same requirement or variable; make the ids of others unique."""
     requirements: list[ComponentRequirement] = []
     places: dict[str, list[int]] = {}
@@ -247,7 +247,7 @@ def _role(known: ComponentVariable, item: ComponentVariable) -> VariableRole:
 
 # Choosing a component.
 
-def choose(components: Sequence[Component], name: str | None) -> Component:
+def choose(components: Sequence[ImportedComponent], name: str | None) -> ImportedComponent:
     """
     Return the component with the given name, or the only one that has a name.
 

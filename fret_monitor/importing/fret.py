@@ -26,7 +26,7 @@ import re
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import (
-    Component, ComponentRequirement, ComponentVariable, VariableRole, Wording,
+    ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole, Wording,
 )
 from fret_monitor.importing.json_text import items, mapping, names, text
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
@@ -71,7 +71,7 @@ def is_specification(value: object) -> bool:
     return any(_specifications(value, ''))
 
 
-def read_project(value: object, source: Source, file: str) -> list[Component]:
+def read_project(value: object, source: Source, file: str) -> list[ImportedComponent]:
     """
     Return the components of a project, in the order of their first requirements.
 
@@ -91,8 +91,8 @@ def read_project(value: object, source: Source, file: str) -> list[Component]:
             key = (text(item, 'project'), text(item, 'component_name'))
             variables.setdefault(key, []).append(_variable(item, file))
     return [
-        Component(name, project, tuple(variables.get((project, name), ())),
-                  tuple(_requirement(item, source, file) for item in owned), (file,))
+        ImportedComponent(name, project, tuple(variables.get((project, name), ())),
+                          tuple(_requirement(item, source, file) for item in owned), (file,))
         for (project, name), owned in found.items()
     ]
 
@@ -176,14 +176,14 @@ def _is_specified(content: dict[str, object]) -> bool:
 
 
 def read_specification(value: object, file: str, stem: str,
-                       problems: Problems) -> list[Component]:
+                       problems: Problems) -> list[ImportedComponent]:
     """Return the components of a file; add warnings about ignored parts to `problems`."""
     return [_component(name, content, file, problems)
             for name, content in _specifications(value, stem)]
 
 
 def _component(name: str, content: dict[str, object], file: str,
-               problems: Problems) -> Component:
+               problems: Problems) -> ImportedComponent:
     requirements = tuple(_specified(item, file, number, problems)
                          for number, item in enumerate(_all(content, _REQUIREMENTS), 1))
     variables = [_internal(item, file) for item in _all(content, _INTERNAL)]
@@ -193,8 +193,8 @@ def _component(name: str, content: dict[str, object], file: str,
         for item in _all(content, keys)]
     variables += [ComponentVariable(text(item, 'name', 'id'), VariableRole.FUNCTION)
                   for item in _all(content, _FUNCTIONS)]
-    return Component(component_name(name, requirements), '',
-                     tuple(item for item in variables if item.name), requirements, (file,))
+    return ImportedComponent(component_name(name, requirements), '',
+                             tuple(item for item in variables if item.name), requirements, (file,))
 
 
 def _all(content: dict[str, object], keys: tuple[str, ...]) -> list[dict[str, object]]:

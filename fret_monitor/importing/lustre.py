@@ -29,7 +29,7 @@ from typing import NoReturn
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import (
-    Component, ComponentRequirement, ComponentVariable, VariableRole, Wording,
+    ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole, Wording,
 )
 from fret_monitor.importing.fret import component_name
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
@@ -67,7 +67,7 @@ class _Contract:
     requirements: list[ComponentRequirement] = field(default_factory=list)
 
 
-def read_lustre(source: Source, file: str, problems: Problems) -> list[Component]:
+def read_lustre(source: Source, file: str, problems: Problems) -> list[ImportedComponent]:
     """
     Return a component for each contract of a file.
 
@@ -81,8 +81,8 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[Component
     if not found:
         refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirements',
                'FRET writes one: (*@contract NAME (...) returns (...); let guarantee ... tel *)')
-    return [Component(component_name(item.name, tuple(item.requirements)), '',
-                      tuple(item.variables), tuple(item.requirements), (file,))
+    return [ImportedComponent(component_name(item.name, tuple(item.requirements)), '',
+                              tuple(item.variables), tuple(item.requirements), (file,))
             for item in found]
 
 

@@ -48,7 +48,7 @@ def serialize(layout: MessageLayout, values: Mapping[str, Value]) -> bytes:
     The values fit the fields: whole numbers are within the range of their type, fixed arrays have
     their length. The messages within it are installed.
     """
-    writer = _Writer()
+    writer = _CdrWriter()
     writer.message(layout, values)
     return _ENCAPSULATION + bytes(writer.data)
 
@@ -58,7 +58,7 @@ def has_stamp(layout: MessageLayout) -> bool:
     return bool(layout.fields) and str(layout.fields[0].type) == HEADER_TYPE
 
 
-class _Writer:
+class _CdrWriter:
     """Appends values, each aligned to its size."""
 
     def __init__(self) -> None:

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Part:
+class NodePart:
     """The requirements that a gate keeps, by its name; None: those that no gate keeps."""
 
     gate: str | None
 
 
-UNGATED = Part(None)
+UNGATED = NodePart(None)

@@ -29,7 +29,7 @@ from fret_monitor.program.monitor_program import (
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.queues import PROVED_CAPACITY
 from fret_monitor.proving.verification import GroupResult, proved_files, Verification
-from fret_monitor.smt.solver import Answer, solver_version
+from fret_monitor.smt.solver import ProofAnswer, solver_version
 
 ASSUMED = (
     'the C compiler, its flags and the machine do what C99 and IEEE 754 say: an int of 32 bits, '
@@ -114,7 +114,7 @@ def _trusted_cells(program: MonitorProgram) -> Iterator[str]:
         yield _QUEUE
 
 
-def _count(proofs: tuple[Proof, ...], answer: Answer = Answer.PROVED) -> int:
+def _count(proofs: tuple[Proof, ...], answer: ProofAnswer = ProofAnswer.PROVED) -> int:
     return sum(proof.answer is answer for proof in proofs)
 
 
@@ -135,7 +135,7 @@ def as_dict(certificate: Certificate) -> dict[str, Any]:
         'cells': [_proof(proof) for proof in found.cells],
         'obligations': {'total': len(found.proofs), 'proved': _count(found.proofs)},
         'not_proved': [_proof(proof) for item in found.groups for proof in item.proofs
-                       if proof.answer is not Answer.PROVED],
+                       if proof.answer is not ProofAnswer.PROVED],
         'seconds': round(found.seconds, 3),
         'solver': solver_version(),
         'assumed': list(certificate.assumed),
@@ -146,7 +146,7 @@ def _is_proved(found: Verification, group: int) -> bool:
     """Whether a group, the functions for all groups and the cells are all proved."""
     needed = [item for item in found.groups if item.group in (group, -1)]
     return bool(needed) and all(item.is_proved for item in needed) \
-        and all(proof.answer is Answer.PROVED for proof in found.cells)
+        and all(proof.answer is ProofAnswer.PROVED for proof in found.cells)
 
 
 def _proof(proof: Proof) -> dict[str, Any]:
@@ -194,7 +194,7 @@ def _counts(certificate: Certificate) -> Iterator[str]:
 
 def _failures(found: Verification) -> Iterator[str]:
     for proof in found.cells:
-        if proof.answer is not Answer.PROVED:
+        if proof.answer is not ProofAnswer.PROVED:
             yield f'{proof.answer.value}: {proof.name}'
             yield from _detail(proof)
     for item in found.groups:
@@ -202,7 +202,7 @@ def _failures(found: Verification) -> Iterator[str]:
 
 
 def _group_failures(item: GroupResult) -> Iterator[str]:
-    failed = [proof for proof in item.proofs if proof.answer is not Answer.PROVED]
+    failed = [proof for proof in item.proofs if proof.answer is not ProofAnswer.PROVED]
     for proof in failed[:_SHOWN]:
         yield f'not proved: {proof.name}'
         yield from _detail(proof)
@@ -214,7 +214,7 @@ def _group_failures(item: GroupResult) -> Iterator[str]:
 
 def _detail(proof: Proof) -> Iterator[str]:
     if proof.detail:
-        what = 'at' if proof.answer is Answer.REFUTED else 'because'
+        what = 'at' if proof.answer is ProofAnswer.REFUTED else 'because'
         yield f'  {what}: {proof.detail[:1000]}'
-    elif proof.answer is Answer.UNKNOWN:
+    elif proof.answer is ProofAnswer.UNKNOWN:
         yield '  the obligation ran out of time: allow more with --timeout'

@@ -41,7 +41,7 @@ from fret_monitor.smt.cells import (
     ring_step, WIDTH,
 )
 from fret_monitor.smt.operators import check, claims
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 from fret_monitor.smt.terms import Term
 
 _Attempt = Callable[[CProgram, float], 'Proof']
@@ -209,7 +209,7 @@ def _guarded(name: str, attempt: _Attempt, program: CProgram, seconds: float) ->
     try:
         return attempt(program, seconds)
     except Unreadable as error:
-        return Proof(name, Answer.UNKNOWN, time.perf_counter() - before, str(error))
+        return Proof(name, ProofAnswer.UNKNOWN, time.perf_counter() - before, str(error))
 
 
 def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Proof:
@@ -223,7 +223,7 @@ def _prove_pure(name: str, item: _Pure, program: CProgram, seconds: float) -> Pr
               for value in special]
     given = [t.negation(t.relation('equal', divisor, value)) for value in special]
     proofs.append(_prove_call(program, name, item, arguments, given, seconds))
-    worst = next((each for each in proofs if each.answer is not Answer.PROVED), proofs[-1])
+    worst = next((each for each in proofs if each.answer is not ProofAnswer.PROVED), proofs[-1])
     return replace(worst, seconds=sum(each.seconds for each in proofs))
 
 

@@ -41,7 +41,7 @@ from fret_monitor.proving.group_contract import group_contract, GroupContract, s
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.timed_cells import AskedTicks
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer, prove, PROVED, shown_values
+from fret_monitor.smt.solver import ProofAnswer, prove, PROVED, shown_values
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import earlier, NEVER, TransitionSystem
 
@@ -66,12 +66,12 @@ class GroupProofs:
     @property
     def is_proved(self) -> bool:
         """Whether all obligations are proved."""
-        return all(proof.answer is Answer.PROVED for proof in self.proofs)
+        return all(proof.answer is ProofAnswer.PROVED for proof in self.proofs)
 
     @property
     def has_behaviour_unproved(self) -> bool:
         """Whether an obligation is unproved that a trace could refute."""
-        return any(proof.answer is not Answer.PROVED and not proof.name.startswith(_STATIC)
+        return any(proof.answer is not ProofAnswer.PROVED and not proof.name.startswith(_STATIC)
                    for proof in self.proofs)
 
 
@@ -159,7 +159,7 @@ def wrong_types(subject: ProofSubject, group: int) -> list[Proof]:
     if group != ALL:
         found += [f'group {group}: type of inputs.{text}' for text in
                   wrong_types_of_inputs(subject.code, subject.program, subject.prefix)]
-    return [Proof(text, Answer.UNKNOWN, 0.0, _TYPES) for text in found]
+    return [Proof(text, ProofAnswer.UNKNOWN, 0.0, _TYPES) for text in found]
 
 
 def prove_group(subject: ProofSubject, group: int, seconds: float) -> GroupProofs:
@@ -182,7 +182,7 @@ def prove_contract(subject: ProofSubject, group: int, seconds: float,
         goals = list(_goals(subject, group, wanted, functions))
     except (Unreadable, KeyError) as error:
         what = f'no {error.args[0]} in C' if isinstance(error, KeyError) else str(error)
-        outcome.proofs.append(Proof(f'group {group}: read', Answer.UNKNOWN,
+        outcome.proofs.append(Proof(f'group {group}: read', ProofAnswer.UNKNOWN,
                                     time.perf_counter() - before, what))
         return outcome
     for name, goal in goals:
@@ -194,7 +194,7 @@ def _settle(outcome: GroupProofs, name: str, goal: Term, given: Sequence[Term],
             seconds: float) -> None:
     result = PROVED if goal in given else prove([goal], given, seconds=seconds)
     detail = shown_values(result.values)
-    if result.answer is Answer.REFUTED:
+    if result.answer is ProofAnswer.REFUTED:
         outcome.values.append(result.values)
     outcome.proofs.append(Proof(name, result.answer, result.seconds, detail))
 
@@ -268,7 +268,7 @@ def prove_whole(subject: ProofSubject, seconds: float) -> GroupProofs:
         for name, goal in _whole_goals(subject):
             _settle(outcome, name, goal, _positions(subject), seconds)
     except (Unreadable, KeyError) as error:
-        outcome.proofs.append(Proof('all groups: read', Answer.UNKNOWN,
+        outcome.proofs.append(Proof('all groups: read', ProofAnswer.UNKNOWN,
                                     time.perf_counter() - before, str(error)))
     return outcome
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from fret_monitor.proving.c_source import ArithmeticType, Unreadable
 from fret_monitor.proving.execution import Machine, Reference, Value
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer, prove, prove_linear, shown_values
+from fret_monitor.smt.solver import ProofAnswer, prove, prove_linear, shown_values
 from fret_monitor.smt.terms import Term
 
 
@@ -29,14 +29,14 @@ class Proof:
     """A proof obligation and its answer; `detail` explains a failure."""
 
     name: str
-    answer: Answer
+    answer: ProofAnswer
     seconds: float
     detail: str = ''
 
     @property
     def is_proved(self) -> bool:
         """Whether it is proved."""
-        return self.answer is Answer.PROVED
+        return self.answer is ProofAnswer.PROVED
 
     def after(self, other: 'Proof') -> 'Proof':
         """Return this proof with the time of another one added."""
@@ -55,9 +55,9 @@ def settled(name: str, goals: Sequence[Term], given: Sequence[Term], machine: Ma
         result = prove_linear(goal, given, seconds=seconds) if is_linear else \
             prove([goal], given, seconds=seconds)
         spent += result.seconds
-        if result.answer is not Answer.PROVED:
+        if result.answer is not ProofAnswer.PROVED:
             return Proof(name, result.answer, spent, shown_values(result.values))
-    return Proof(name, Answer.PROVED, spent)
+    return Proof(name, ProofAnswer.PROVED, spent)
 
 
 def anything(name: str, kind: ArithmeticType) -> Value:

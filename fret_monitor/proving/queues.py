@@ -36,7 +36,7 @@ from fret_monitor.proving.contracts import ARITHMETIC
 from fret_monitor.proving.execution import Contract, Machine, Memory, Reference, Value
 from fret_monitor.proving.obligations import called, Proof, settled
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import is_tick, NEVER
 
@@ -144,13 +144,13 @@ def prove_queue(program: CProgram, seconds: float,
     try:
         proof = _first_failure(program, seconds, most)
     except Unreadable as error:
-        proof = Proof('', Answer.UNKNOWN, 0.0, str(error))
+        proof = Proof('', ProofAnswer.UNKNOWN, 0.0, str(error))
     return replace(proof, name=f'fm_since_between_at, at most {counted(most, "interval")}',
                    seconds=time.perf_counter() - before)
 
 
 def _first_failure(program: CProgram, seconds: float, most: int) -> Proof:
-    proof = Proof('', Answer.PROVED, 0.0)
+    proof = Proof('', ProofAnswer.PROVED, 0.0)
     for capacity in range(1, most + 1):
         for head, count in product(range(capacity), range(capacity + 1)):
             for operands in product(_TRUTHS, _TRUTHS):
@@ -170,7 +170,7 @@ def _prove_case(functions: Mapping[str, Contract], program: CProgram, seconds: f
                ('queue', 2): _ZERO}
     given = [_less(_ZERO, _LOW), _most(_LOW, _HIGH), _most(_HIGH, _MAX), is_tick(_TICK),
              _all_fits(capacity)]
-    proof = Proof(name, Answer.PROVED, 0.0)
+    proof = Proof(name, ProofAnswer.PROVED, 0.0)
     for p0, q0 in product(_TRUTHS, _TRUTHS):
         queue = _Queue(_intervals(memory, capacity, head, count), p0, q0, _TICK)
         is_valid = queue.is_valid()

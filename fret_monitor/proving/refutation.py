@@ -69,7 +69,7 @@ class Counterexample:
     undefined: tuple[str, ...]
 
 
-class Runner:
+class ProgramRunner:
     """Executes the C of a group, or of all groups, and the transition system side by side."""
 
     def __init__(self, subject: ProofSubject, group: int) -> None:
@@ -180,7 +180,7 @@ def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]
           seconds: float) -> Counterexample | None:
     until = time.monotonic() + seconds
     try:
-        runner = Runner(subject, group)
+        runner = ProgramRunner(subject, group)
     except (NoTicks, Unreadable, KeyError):
         return None
     pools = _pools(subject, values)
@@ -197,7 +197,7 @@ def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]
     return None
 
 
-def _shrunk(runner: Runner, trace: Trace, pools: Pools) -> Counterexample:
+def _shrunk(runner: ProgramRunner, trace: Trace, pools: Pools) -> Counterexample:
     """Return a simpler trace that has an error at its last step and none before."""
     def judge(batch: Sequence[Trace]) -> list[bool]:
         return [runner.first_difference(rows_of(each), math.inf) is not None for each in batch]

@@ -32,7 +32,7 @@ from fret_monitor.proving.monitor import ALL, ProofSubject, prove_group, prove_w
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.queues import prove_queue
 from fret_monitor.proving.refutation import Counterexample, find_counterexample
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 
 _SEARCH_S = 10.0
 _FIELDS = '_fields.c'
@@ -50,7 +50,7 @@ class GroupResult:
     @property
     def is_proved(self) -> bool:
         """Whether all obligations are proved."""
-        return all(proof.answer is Answer.PROVED for proof in self.proofs)
+        return all(proof.answer is ProofAnswer.PROVED for proof in self.proofs)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Verification:
     def is_proved(self) -> bool:
         """Whether all obligations are proved."""
         return not self.unreadable and all(item.is_proved for item in self.groups) \
-            and all(proof.answer is Answer.PROVED for proof in self.cells)
+            and all(proof.answer is ProofAnswer.PROVED for proof in self.cells)
 
     @property
     def counterexample(self) -> Counterexample | None:

@@ -101,7 +101,7 @@ class Service:
         self._node.destroy_client(self._client)
 
 
-class Call:
+class ActionCall:
     """The call of an action: `call` or `transition`."""
 
     def __init__(self, node: Node, action: ManifestAction) -> None:

@@ -30,7 +30,7 @@ from time import monotonic
 from fret_monitor.model.manifest import Manifest, ManifestAction
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros import native_lifetimes
-from fret_monitor.ros.action_calls import Call, CallError
+from fret_monitor.ros.action_calls import ActionCall, CallError
 from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.feed import ErrorKeeper
 from fret_monitor.ros.fields import message_class
@@ -90,7 +90,7 @@ class Actions:
         self._owned = ExitStack()
         self.locks: list[Lock] = []
         self._reviewed: dict[str, LockState] = {}
-        self._running: _Running | None = None
+        self._running: _ActionThread | None = None
         self._runners: dict[int, _Publishing | _Calling] = {}
         with ExitStack() as undo:
             undo.callback(self.close)
@@ -101,7 +101,7 @@ class Actions:
     def _create(self, index: int, action: ManifestAction) -> None:
         node = self._node
         if action.kind in (ActionKind.CALL, ActionKind.TRANSITION):
-            call = Call(node, action)
+            call = ActionCall(node, action)
             self._owned.callback(call.close)
             self._runners[index] = _Calling(node, action, call)
             return
@@ -125,7 +125,7 @@ class Actions:
     def start(self, engine: Engine) -> None:
         """Follow an engine, in a thread; after `prepare`."""
         if self._runners:
-            self._running = _Running(engine, self._manifest, self._runners)
+            self._running = _ActionThread(engine, self._manifest, self._runners)
 
     def stop(self) -> None:
         """Close the engine, and wait until no action runs; idempotent."""
@@ -269,7 +269,7 @@ class _Publishing:
 class _Calling:
     """Calls the service of an action in a thread, one call at a time."""
 
-    def __init__(self, node: Node, action: ManifestAction, call: Call) -> None:
+    def __init__(self, node: Node, action: ManifestAction, call: ActionCall) -> None:
         self.action = action
         self._counts = ActionCounts()
         self._node = node
@@ -334,7 +334,7 @@ class _Watched:
     scheduled: list[tuple[float, int]] = field(default_factory=list)  # when, and which action
 
 
-class _Running:
+class _ActionThread:
     """The thread that starts actions while an engine runs."""
 
     def __init__(self, engine: Engine, manifest: Manifest,

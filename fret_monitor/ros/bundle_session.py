@@ -47,7 +47,7 @@ from fret_monitor.ros.silences import SilenceLog
 from fret_monitor.ros.violation_lines import ViolationLines
 from fret_monitor.ros.violation_log import ViolationLog
 from fret_monitor.runtime import Engine, Evaluator, OrderCounts
-from fret_monitor.runtime.fields import Outcome, read_fields
+from fret_monitor.runtime.fields import read_fields, ReadOutcome
 
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
@@ -368,9 +368,9 @@ class BundleSession:
         """Log the fields of a message that cannot be used, once for each input."""
         readings = read_fields(self.opened.monitor, topic, message)
         for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
-            if reading.outcome is Outcome.ABSENT:
+            if reading.outcome is ReadOutcome.ABSENT:
                 self._look_up_log.note_absent(index)
-            elif reading.outcome is not Outcome.READ:
+            elif reading.outcome is not ReadOutcome.READ:
                 self._log_unusable(index, topic, message)
 
     def _log_missing(self) -> None:

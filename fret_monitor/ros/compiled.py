@@ -30,7 +30,7 @@ from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import exact, fret_name
-from fret_monitor.model.parts import Part, UNGATED
+from fret_monitor.model.parts import NodePart, UNGATED
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
@@ -98,7 +98,7 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
 
 
 def _open_gates(settings: Settings, origin: Origin, names: Sequence[str]) -> list[Opened]:
-    return [_open(settings, origin, Part(name)) for name in _gate_names(origin)
+    return [_open(settings, origin, NodePart(name)) for name in _gate_names(origin)
             if not names or name in names]
 
 
@@ -197,7 +197,7 @@ def _place(origin: Origin, requirement: ManifestRequirement) -> str:
     return str(origin)
 
 
-def _open(settings: Settings, origin: Origin, part: Part) -> Opened:
+def _open(settings: Settings, origin: Origin, part: NodePart) -> Opened:
     if origin.library is not None:
         return _open_library(settings, origin, origin.library, part)
     assert origin.spec is not None
@@ -252,7 +252,7 @@ def _as_refusal(overrides: str) -> Iterator[None]:
         raise Refusal(str(error)) from None
 
 
-def _compile(settings: Settings, spec: Path, part: Part) -> Opened:
+def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
     from fret_monitor.start import start
     began, clock = time(), monotonic()
     compiled = start(spec, policy=settings.policy, period=settings.period,
@@ -274,7 +274,7 @@ def _kept_elsewhere(manifest: Manifest, origin: str) -> Iterator[str]:
                f'Run it: ros2 run fret_monitor gate --ros-args -p {origin}')
 
 
-def _open_library(settings: Settings, origin: Origin, directory: Path, part: Part) -> Opened:
+def _open_library(settings: Settings, origin: Origin, directory: Path, part: NodePart) -> Opened:
     folder = open_folder(directory)
     if part == UNGATED and folder.manifest.gate is not None:
         raise Refusal(

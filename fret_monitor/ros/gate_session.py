@@ -30,17 +30,17 @@ from fret_monitor.ros.relay import Relay
 from fret_monitor.ros.service_gate import ServiceGate
 from fret_monitor.ros.shared_names import ends_of
 from fret_monitor.ros.throttle import Throttle
-from fret_monitor.runtime import Engine, Evaluator, Gate
+from fret_monitor.runtime import Engine, Evaluator, MessageGate
 
 from rclpy.node import Node
 
 _LOGGED_S = 10.0  # between two log lines about one condition
 
 
-def gate_of(evaluator: Evaluator, settings: ManifestGate) -> Gate:
+def gate_of(evaluator: Evaluator, settings: ManifestGate) -> MessageGate:
     """Return the gate of an evaluator; raises `Refusal` if its policy has no step a message."""
     try:
-        return Gate(evaluator, settings)
+        return MessageGate(evaluator, settings)
     except LibraryError:
         raise Refusal(
             f"the gate '{settings.name}' needs a step for each message: "

@@ -40,7 +40,7 @@ from fret_monitor.ros.feed import ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
-from fret_monitor.ros.pairing import Pairing, ReceivedViolation, Recovery
+from fret_monitor.ros.pairing import Pairing, ReceivedViolation, ViolationEnd
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings, Refusal
 from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
@@ -279,9 +279,9 @@ class LoggerNode(Node):
             if item is not None:
                 self._log(item)
 
-    def _log(self, item: ReceivedViolation | Recovery) -> None:
+    def _log(self, item: ReceivedViolation | ViolationEnd) -> None:
         lines, detail = self._lines[item.requirement], item.detail
-        if isinstance(item, Recovery):
+        if isinstance(item, ViolationEnd):
             lines.satisfied(detail)
         else:
             lines.violated(item.received / 1e9 if detail is None else detail.stamp, detail)

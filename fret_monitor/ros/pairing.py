@@ -47,7 +47,7 @@ class ReceivedViolation:
 
 
 @dataclass(frozen=True)
-class Recovery:
+class ViolationEnd:
     """The end of a violation of a requirement (its id)."""
 
     requirement: str
@@ -71,7 +71,7 @@ class _Stream:
     suppressed: int | None = None  # as in the last detail
     passed: int = 0  # violations without a detail since the last pair
     held: int = 0  # violations not yet returned
-    recoveries: deque[Recovery] = field(default_factory=lambda: deque(maxlen=_MOST_DETAILS))
+    recoveries: deque[ViolationEnd] = field(default_factory=lambda: deque(maxlen=_MOST_DETAILS))
 
 
 class Pairing:
@@ -112,9 +112,9 @@ class Pairing:
     def add_recovery(self, requirement: str, detail: Detail, now: float) -> None:
         """Add the end of a violation; `now` is on the monotonic clock."""
         stream = self._streams.setdefault(requirement, _Stream())
-        stream.recoveries.append(Recovery(requirement, now + WAIT_S, detail))
+        stream.recoveries.append(ViolationEnd(requirement, now + WAIT_S, detail))
 
-    def take(self, now: float) -> ReceivedViolation | Recovery | None:
+    def take(self, now: float) -> ReceivedViolation | ViolationEnd | None:
         """Return the next violation or recovery that need not wait any longer."""
         for stream in self._streams.values():
             if stream.recoveries and self._is_next(stream, now):

@@ -20,13 +20,13 @@ from fret_monitor.runtime.engine import (
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
 )
-from fret_monitor.runtime.gate import Gate, GateCounts, Judgement
+from fret_monitor.runtime.gate import GateCounts, Judgement, MessageGate
 from fret_monitor.runtime.message_ring import KeptCounts, KeptMessage, MessageRing, Occurrences
 
 __all__ = [
     'Engine',
     'Evaluator',
-    'Gate',
+    'MessageGate',
     'GateCounts',
     'InputCounts',
     'Judgement',

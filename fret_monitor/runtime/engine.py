@@ -34,7 +34,7 @@ from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
     violation,
 )
-from fret_monitor.runtime.gate import Gate, gate_counts, GateCounts, Judgement
+from fret_monitor.runtime.gate import gate_counts, GateCounts, Judgement, MessageGate
 from fret_monitor.runtime.message_ring import MessageRing
 
 MOST_DETAILS_PER_S = 100
@@ -154,7 +154,7 @@ class Engine:
         # Holds the library too: a reference to its function would not keep it open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
         self._ring: MessageRing | None = None  # outlives the engine
-        self._gate: Gate | None = None  # so does this
+        self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
         self._types = [item.value_type.c_name for item in self._monitor.manifest.inputs]
         self._values = [ffi.new(f'{name} *') for name in self._types]
@@ -205,7 +205,7 @@ class Engine:
         self._ring = ring
         self._library.fm_engine_keep_messages(self.pointer, ring.pointer)
 
-    def guard(self, gate: Gate) -> None:
+    def guard(self, gate: MessageGate) -> None:
         """Let a gate of the evaluator judge; call it before any message is delivered."""
         self._gate = gate
         self._library.fm_engine_guard(self.pointer, gate.pointer, gate.options)

@@ -28,7 +28,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, Monitor
 
 
-class Outcome(Enum):
+class ReadOutcome(Enum):
     """The result of reading a field; the values are those of `enum fm_outcome`."""
 
     READ = 0
@@ -49,7 +49,7 @@ class FieldReading:
     if it is not one of the input's `values`.
     """
 
-    outcome: Outcome
+    outcome: ReadOutcome
     value: bool | int | float | None
     length: int = 0
 
@@ -71,8 +71,8 @@ def read_fields(monitor: Monitor, topic: int, message: bytes) -> tuple[FieldRead
 
 
 def _reading(field: CData, item: ManifestInput) -> FieldReading:
-    outcome, kind = Outcome(field.outcome), item.value_type
-    if outcome is not Outcome.READ:
+    outcome, kind = ReadOutcome(field.outcome), item.value_type
+    if outcome is not ReadOutcome.READ:
         return FieldReading(outcome, None, int(field.length))
     if kind is ValueType.BOOL:
         return FieldReading(outcome, bool(field.value.i))

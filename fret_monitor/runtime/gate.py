@@ -76,7 +76,7 @@ class GateCounts:
         return self.violates + self.closed + self.latched + self.unreadable
 
 
-class Gate:
+class MessageGate:
     """
     Judges the messages of one topic of an evaluator.
 

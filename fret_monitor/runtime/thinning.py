@@ -26,7 +26,7 @@ from fret_monitor.runtime.engine import Engine
 
 
 @dataclass(frozen=True)
-class Window:
+class TimeWindow:
     """A stretch of time (ns, inclusive) of an input (index), in `parts` of equal length."""
 
     input: int
@@ -35,7 +35,7 @@ class Window:
     parts: int
 
 
-class Part(NamedTuple):
+class WindowPart(NamedTuple):
     """
     The values that came in a part of a window, `place` of them from 0 on.
 
@@ -52,7 +52,7 @@ class Part(NamedTuple):
 class Thinning:
     """The values of inputs in windows; the memory does not depend on the number of messages."""
 
-    def __init__(self, monitor: Monitor, windows: Sequence[Window]) -> None:
+    def __init__(self, monitor: Monitor, windows: Sequence[TimeWindow]) -> None:
         """Make empty windows."""
         self._windows = windows
         self._inputs = monitor.manifest.inputs
@@ -104,12 +104,12 @@ class Thinning:
             return self._windows[index].begin
         return int(native.first) if native.has_value else None
 
-    def parts(self, index: int) -> Iterator[Part]:
+    def parts(self, index: int) -> Iterator[WindowPart]:
         """Yield the parts of a window in which values came."""
         buckets = self._buckets[self._places[index]]
         for place in range(self._windows[index].parts):
             item = buckets[place]
             if item.n:
                 has_number = item.n > item.n_nan
-                yield Part(place, item.least if has_number else math.nan,
-                           item.most if has_number else math.nan, item.last, item.n_nan > 0)
+                yield WindowPart(place, item.least if has_number else math.nan,
+                                 item.most if has_number else math.nan, item.last, item.n_nan > 0)

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import time
 from typing import Any
 
-from fret_monitor.smt.solver import Answer, new_solver, Result
+from fret_monitor.smt.solver import new_solver, ProofAnswer, Result
 import z3
 
 _LIMIT = 1 << 63
@@ -51,8 +51,8 @@ def check(claim: Claim, seconds: float) -> Result:
     found = solver.check()
     spent = time.perf_counter() - before
     if found == z3.unsat:
-        return Result(Answer.PROVED, {}, spent)
-    return Result(Answer.REFUTED if found == z3.sat else Answer.UNKNOWN, {}, spent)
+        return Result(ProofAnswer.PROVED, {}, spent)
+    return Result(ProofAnswer.REFUTED if found == z3.sat else ProofAnswer.UNKNOWN, {}, spent)
 
 
 _p = z3.Function('p', z3.IntSort(), z3.BoolSort())

@@ -45,7 +45,7 @@ _TRIALS = 500
 _UNINTERPRETED = frozenset({*t.LIBRARY, 'cell', 'cell_next'})
 
 
-class Answer(Enum):
+class ProofAnswer(Enum):
     """The solver's answer to a proof obligation."""
 
     PROVED = 'proved'
@@ -57,12 +57,12 @@ class Answer(Enum):
 class Result:
     """An answer; if it is REFUTED, values of the variables for which the goal is false."""
 
-    answer: Answer
+    answer: ProofAnswer
     values: Mapping[Term, Any]
     seconds: float
 
 
-PROVED = Result(Answer.PROVED, {}, 0.0)
+PROVED = Result(ProofAnswer.PROVED, {}, 0.0)
 
 
 def new_solver(seconds: float) -> Any:
@@ -91,11 +91,11 @@ def prove(goals: Sequence[Term], given: Sequence[Term] = (), *, seconds: float =
     if goal is t.TRUE:
         return PROVED
     result = _ask(goal, given, Translation(True), seconds)
-    if result.answer is not Answer.PROVED and any(
+    if result.answer is not ProofAnswer.PROVED and any(
             item.op in _EXPENSIVE for item in t.postorder([goal, *given])):
         tried = _tried(goal, given)
         result = _ask(goal, given, Translation(False), seconds) if tried is None \
-            else Result(Answer.REFUTED, tried, 0.0)
+            else Result(ProofAnswer.REFUTED, tried, 0.0)
     return Result(result.answer, result.values, time.perf_counter() - before)
 
 
@@ -171,13 +171,13 @@ def _ask(goal: Term, given: Sequence[Term], translation: 'Translation | LinearTr
     found = solver.check()
     spent = time.perf_counter() - before
     if found == z3.unsat:
-        return Result(Answer.PROVED, {}, spent)
+        return Result(ProofAnswer.PROVED, {}, spent)
     if found == z3.unknown:
-        return Result(Answer.UNKNOWN, {}, spent)
+        return Result(ProofAnswer.UNKNOWN, {}, spent)
     model = solver.model()
     values = {item: value_in(model, shown, item.sort)
               for item, shown in translation.variables.items()}
-    return Result(Answer.REFUTED, values, spent)
+    return Result(ProofAnswer.REFUTED, values, spent)
 
 
 def value_in(model: Any, shown: Any, sort: Sort) -> Any:

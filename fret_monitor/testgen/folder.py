@@ -36,7 +36,7 @@ from fret_monitor.native.monitor import Monitor
 from fret_monitor.testgen.obligations import Kind
 from fret_monitor.testgen.played import announced, obstacle
 from fret_monitor.testgen.recorded import history, Recorded
-from fret_monitor.testgen.suite import Answer, Case, Covered, Suite
+from fret_monitor.testgen.suite import Case, CoverageAnswer, Covered, Suite
 from fret_monitor.traces.csv_trace import seconds_text, TIME, trace_text
 from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.trace import Row, Value
@@ -279,8 +279,8 @@ def lines(suite: Suite) -> Iterator[str]:
         cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width
                                             in zip(row[1:], widths[1:], strict=True))]
         yield '  '.join(cells)
-    for answer, heading_line in ((Answer.UNREACHABLE, 'no trace of any length:'),
-                                 (Answer.UNKNOWN, 'unknown:')):
+    for answer, heading_line in ((CoverageAnswer.UNREACHABLE, 'no trace of any length:'),
+                                 (CoverageAnswer.UNKNOWN, 'unknown:')):
         found = [each for each in suite.covered if each.answer is answer]
         if found:
             yield f'\n{heading_line}'
@@ -290,8 +290,8 @@ def lines(suite: Suite) -> Iterator[str]:
 def _share(covered: Sequence[Covered], kind: Kind) -> str:
     """Return how many obligations are covered, of those that are not proved unreachable."""
     own = [each for each in covered if each.kind is kind
-           and each.answer is not Answer.UNREACHABLE]
-    count = sum(each.answer is Answer.COVERED for each in own)
+           and each.answer is not CoverageAnswer.UNREACHABLE]
+    count = sum(each.answer is CoverageAnswer.COVERED for each in own)
     return f'{count}/{len(own)}' if own else '-'
 
 

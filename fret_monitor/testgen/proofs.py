@@ -31,7 +31,7 @@ from fret_monitor.program.lower import lower
 from fret_monitor.program.monitor_program import Delay, StepGroup
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer, prove
+from fret_monitor.smt.solver import ProofAnswer, prove
 from fret_monitor.smt.terms import Term
 from fret_monitor.smt.transition import transition_system
 from fret_monitor.traces.deadline import Deadline
@@ -45,7 +45,7 @@ _MOST_DELAY = 256  # steps
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ProofOutcome:
     """`rows` are a trace that meets the goal; if None, no trace of up to `steps` steps does."""
 
     is_proved: bool
@@ -54,7 +54,7 @@ class Outcome:
 
 
 def prove_never(specification: Specification, goal: Property, signals: Sequence[Signal],
-                deadline: Deadline) -> Outcome:
+                deadline: Deadline) -> ProofOutcome:
     """
     Prove that the formula of `goal`, over inputs of some signals, is false at each step.
 
@@ -66,21 +66,21 @@ def prove_never(specification: Specification, goal: Property, signals: Sequence[
     if len(group.equations) > _MOST_EQUATIONS or any(
             isinstance(each.operation, Delay) and each.operation.steps > _MOST_DELAY
             for each in group.equations):
-        return Outcome(False, 0)
+        return ProofOutcome(False, 0)
     unrolled = _Unrolled(group, signals)
     until = monotonic() + _GOAL_S
     for steps in range(1, _MOST_STEPS + 1):
         deadline.check()
         if monotonic() > until:
-            return Outcome(False, steps - 1)
+            return ProofOutcome(False, steps - 1)
         found = unrolled.base(steps)
         if found is None:
-            return Outcome(False, steps - 1)
+            return ProofOutcome(False, steps - 1)
         if found:
-            return Outcome(False, steps - 1, found)
+            return ProofOutcome(False, steps - 1, found)
         if unrolled.is_inductive(steps):
-            return Outcome(True, steps)
-    return Outcome(False, _MOST_STEPS)
+            return ProofOutcome(True, steps)
+    return ProofOutcome(False, _MOST_STEPS)
 
 
 class _Unrolled:
@@ -117,9 +117,9 @@ class _Unrolled:
         goal, self._state = self._after(self._state, steps - 1)
         found = prove([t.negation(goal)], self._given(steps), seconds=_QUERY_S)
         match found.answer:
-            case Answer.PROVED:
+            case ProofAnswer.PROVED:
                 return ()
-            case Answer.UNKNOWN:
+            case ProofAnswer.UNKNOWN:
                 return None
         return tuple(self._row(found.values, step) for step in range(steps))
 
@@ -132,4 +132,4 @@ class _Unrolled:
         goal, self._any = self._after(self._any, steps - 1)
         before, self._steps = list(self._steps), [*self._steps, goal]
         given = [*self._given(steps), *self._system.invariants, *map(t.negation, before)]
-        return prove([t.negation(goal)], given, seconds=_QUERY_S).answer is Answer.PROVED
+        return prove([t.negation(goal)], given, seconds=_QUERY_S).answer is ProofAnswer.PROVED

@@ -52,7 +52,7 @@ _FEWER_TRIED = 10
 
 
 @dataclass
-class Task:
+class SearchTask:
     """
     A requirement, its obligations, and what was found so far, by index of the obligation.
 
@@ -104,18 +104,18 @@ class Task:
         return found is not None
 
 
-def together(task: Task) -> list[Observation]:
+def together(task: SearchTask) -> list[Observation]:
     """Return observations of all goals about one trace but those of comparisons."""
     numbers = _together_numbers(task)
     return [_observation(task, chunk) for chunk in numbers]
 
 
-def _together_numbers(task: Task) -> list[list[int]]:
+def _together_numbers(task: SearchTask) -> list[list[int]]:
     numbers = [number for number, each in enumerate(task.searched) if each.proposition is None]
     return [numbers[start:start + _MOST_BITS] for start in range(0, len(numbers), _MOST_BITS)]
 
 
-def _observation(task: Task, numbers: Sequence[int]) -> Observation:
+def _observation(task: SearchTask, numbers: Sequence[int]) -> Observation:
     feedback = dict(pair for number in numbers for pair in task.searched[number].feedback)
     own = dict(task.stepped.feedback)
     return Observation(task.stepped, task.signals,
@@ -123,7 +123,7 @@ def _observation(task: Task, numbers: Sequence[int]) -> Observation:
                        tuple(pair for pair in feedback.items() if pair[0] not in own))
 
 
-def explore_together(task: Task, compiled: Sequence[Trials], budget: Budget,
+def explore_together(task: SearchTask, compiled: Sequence[Trials], budget: Budget,
                      deadline: Deadline) -> None:
     """Search for all goals of `together`, and vary the traces found."""
     for numbers, trials in zip(_together_numbers(task), compiled, strict=True):
@@ -135,24 +135,24 @@ def explore_together(task: Task, compiled: Sequence[Trials], budget: Budget,
         _Variation(task, compiled[0], deadline).run()
 
 
-def alone(task: Task) -> list[tuple[int, Observation]]:
+def alone(task: SearchTask) -> list[tuple[int, Observation]]:
     """Return an observation of each goal that is left, with its number."""
     return [(number, _alone(task, task.stepped, task.searched[number])) for number in task.left]
 
 
-def exactly(task: Task) -> list[tuple[int, Observation]]:
+def exactly(task: SearchTask) -> list[tuple[int, Observation]]:
     """Return what `alone` does, with ticks as steps under `timed`."""
     return [(number, _alone(task, task.item, task.obligations[number])) for number in task.left]
 
 
-def _alone(task: Task, item: Property, each: Obligation) -> Observation:
+def _alone(task: SearchTask, item: Property, each: Obligation) -> Observation:
     signals = task.signals
     if each.is_pair:
         signals += tuple(replace(signal, name=signal.name + PRIME) for signal in task.signals)
     return Observation(replace(item, formula=each.goal, feedback=each.feedback), signals, ())
 
 
-def explore_alone(task: Task, number: int, compiled: Trials, budget: Budget,
+def explore_alone(task: SearchTask, number: int, compiled: Trials, budget: Budget,
                   deadline: Deadline) -> None:
     """Search for one goal."""
     each = task.searched[number]
@@ -164,7 +164,7 @@ def explore_alone(task: Task, number: int, compiled: Trials, budget: Budget,
         hunt.run({0: number}, budget)
 
 
-def _letters(task: Task) -> Alphabet:
+def _letters(task: SearchTask) -> Alphabet:
     return alphabet(_subject(task.stepped, task.signals), task.rng)
 
 
@@ -174,7 +174,7 @@ def _subject(item: Property, signals: tuple[Signal, ...]) -> Subject:
     return Subject(item, signals, tuple(propositions(item)), (), nothing)
 
 
-def _combined(task: Task, numbers: Iterable[int]) -> Property:
+def _combined(task: SearchTask, numbers: Iterable[int]) -> Property:
     """Return a requirement with the propositions and bounds of some goals."""
     formula, feedback = task.stepped.formula, dict(task.stepped.feedback)
     for number in numbers:
@@ -186,8 +186,8 @@ def _combined(task: Task, numbers: Iterable[int]) -> Property:
 class _Hunt:
     """A search for goals: explores states, then tries random traces."""
 
-    def __init__(self, task: Task, item: Property, signals: tuple[Signal, ...], trials: Trials,
-                 deadline: Deadline) -> None:
+    def __init__(self, task: SearchTask, item: Property, signals: tuple[Signal, ...],
+                 trials: Trials, deadline: Deadline) -> None:
         self._task = task
         self._item = item
         self._signals = signals
@@ -324,7 +324,7 @@ class _Variation:
     the other truth, shows that comparison.
     """
 
-    def __init__(self, task: Task, trials: Trials, deadline: Deadline) -> None:
+    def __init__(self, task: SearchTask, trials: Trials, deadline: Deadline) -> None:
         self._task = task
         self._trials = trials
         self._deadline = deadline

@@ -36,7 +36,7 @@ from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.testgen.obligations import Kind, mapped, Obligation, obligations
 from fret_monitor.testgen.recorded import history, Recorded
 from fret_monitor.testgen.search import (
-    alone, exactly, explore_alone, explore_together, Task, together,
+    alone, exactly, explore_alone, explore_together, SearchTask, together,
 )
 from fret_monitor.testgen.variants import Variants, variants
 from fret_monitor.traces.deadline import Deadline, OutOfTime
@@ -49,7 +49,7 @@ from fret_monitor.traces.trials import Trials
 _TOGETHER = 50  # requirements, or goals, that are compiled to one library
 
 
-class Answer(Enum):
+class CoverageAnswer(Enum):
     """What is known of an obligation."""
 
     COVERED = 'covered'
@@ -84,7 +84,7 @@ class Covered:
     requirement: str
     kind: Kind
     what: str
-    answer: Answer
+    answer: CoverageAnswer
     detail: str = ''
     cases: tuple[int, ...] = ()
     ticks: tuple[int, ...] = ()
@@ -101,11 +101,11 @@ class Suite:
 
 
 @dataclass
-class _Search:
+class _SuiteSearch:
     """The tasks of a bundle, and what they share."""
 
     specification: Specification
-    tasks: Sequence[Task]
+    tasks: Sequence[SearchTask]
     deadline: Deadline
     report: Callable[[float, str], None]
     budget: Budget = field(default_factory=Budget)
@@ -160,7 +160,7 @@ def make_suite(reading: Reading, seconds: float, progress: Progress = no_progres
     """
     deadline = Deadline(seconds)
     tasks = _tasks(reading)
-    search = _Search(reading.specification, tasks, deadline, progress)
+    search = _SuiteSearch(reading.specification, tasks, deadline, progress)
     is_partial = False
     try:
         search.run()
@@ -176,7 +176,7 @@ def make_suite(reading: Reading, seconds: float, progress: Progress = no_progres
     return Suite(reading.specification, tuple(cases), tuple(covered), is_partial)
 
 
-def _tasks(reading: Reading) -> list[Task]:
+def _tasks(reading: Reading) -> list[SearchTask]:
     specification = reading.specification
     is_timed = specification.policy is Policy.TIMED
     grids = {item.id: grid_of(item) if is_timed else 1 for item in specification.properties}
@@ -188,20 +188,20 @@ def _tasks(reading: Reading) -> list[Task]:
 
 
 def _task(item: Property, specification: Specification, grid: int | None,
-          exact: Variants | None, coarse: Variants | None) -> Task:
+          exact: Variants | None, coarse: Variants | None) -> SearchTask:
     values = {signal.name: signal.values for signal in specification.signals if signal.values}
     signals = read_by(specification, item)
     wanted = obligations(item, exact, 1, grid or 1, values, is_timed=grid is not None)
     if grid is None:
-        return Task(item, wanted, item, wanted, signals, None, Random(0))
+        return SearchTask(item, wanted, item, wanted, signals, None, Random(0))
     searched = [mapped(each, lambda roots: sampled_formulas(roots, grid)) for each
                 in obligations(item, coarse, grid, grid, values, is_timed=True)]
     searched = [_on_grid(each, item, grid) for each in searched]
     by_name = {(each.kind, each.what): each for each in searched}
     pairs = [(each, by_name[each.kind, each.what]) for each in wanted
              if (each.kind, each.what) in by_name]
-    return Task(item, [each for each, _ in pairs], sampled(item, grid),
-                [each for _, each in pairs], signals, grid, Random(0))
+    return SearchTask(item, [each for each, _ in pairs], sampled(item, grid),
+                      [each for _, each in pairs], signals, grid, Random(0))
 
 
 def _on_grid(each: Obligation, item: Property, grid: int) -> Obligation:
@@ -223,7 +223,7 @@ def _bundle(reading: Reading) -> Bundle | None:
 
 # -- which traces to keep ----------------------------------------------------------------------
 
-def _reduced(task: Task, signals: Sequence[Signal],
+def _reduced(task: SearchTask, signals: Sequence[Signal],
              is_partial: bool) -> tuple[list[Case], list[Covered]]:
     """Return the traces of a requirement without those that others contain, and the answers."""
     kept = _kept(task)
@@ -235,22 +235,23 @@ def _reduced(task: Task, signals: Sequence[Signal],
             for place, _ in places:
                 shown.setdefault(place, []).append(each.what)
             answers.append(Covered(
-                task.item.id, each.kind, each.what, Answer.COVERED,
+                task.item.id, each.kind, each.what, CoverageAnswer.COVERED,
                 cases=tuple(place + 1 for place, _ in places),
                 ticks=tuple(tick for _, tick in places)))
         elif number in task.proofs:
-            answers.append(Covered(task.item.id, each.kind, each.what, Answer.UNREACHABLE,
+            answers.append(Covered(task.item.id, each.kind, each.what, CoverageAnswer.UNREACHABLE,
                                    task.proofs[number]))
         else:
             reason = task.doubts.get(number, '') or (
                 'out of time' if is_partial else 'none found')
-            answers.append(Covered(task.item.id, each.kind, each.what, Answer.UNKNOWN, reason))
+            answers.append(
+                Covered(task.item.id, each.kind, each.what, CoverageAnswer.UNKNOWN, reason))
     cases = [Case(task.item, place + 1, _widened(trace, task, signals), trace,
                   tuple(shown.get(place, ()))) for place, trace in enumerate(kept)]
     return cases, answers
 
 
-def _kept(task: Task) -> list[Recorded]:
+def _kept(task: SearchTask) -> list[Recorded]:
     """Return the traces that are needed, short ones first."""
     wanted = sorted(((trace, number) for number, traces in task.found.items()
                      for trace in traces), key=lambda each: -each[0].end)
@@ -262,14 +263,14 @@ def _kept(task: Task) -> list[Recorded]:
     return list(reversed(kept))
 
 
-def _place(trace: Recorded, task: Task, each: Obligation,
+def _place(trace: Recorded, task: SearchTask, each: Obligation,
            kept: Sequence[Recorded]) -> tuple[int, int]:
     found = _tick_in(trace, task, each, kept)
     assert found is not None
     return found
 
 
-def _tick_in(trace: Recorded, task: Task, each: Obligation,
+def _tick_in(trace: Recorded, task: SearchTask, each: Obligation,
              kept: Sequence[Recorded]) -> tuple[int, int] | None:
     """Return the place of a trace that shows what `trace` does, and the tick."""
     for place, other in enumerate(kept):
@@ -292,7 +293,7 @@ def _begins_with(trace: Recorded, start: Recorded) -> bool:
             and repr(trace.rows[:count]) == repr(start.rows))
 
 
-def _widened(trace: Recorded, task: Task, signals: Sequence[Signal]) -> Recorded:
+def _widened(trace: Recorded, task: SearchTask, signals: Sequence[Signal]) -> Recorded:
     """Return a trace of all inputs of a bundle."""
     places = {name: place for place, name in enumerate(task.names)}
     rows = tuple(_row(row, places, signals) for row in trace.rows)

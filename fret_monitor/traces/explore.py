@@ -45,20 +45,20 @@ class Exploration:
     steps: int
 
 
-class Wanted(NamedTuple):
+class WantedTrace(NamedTuple):
     """When to stop: number of true bits of a satisfying trace; whether a recovery is wanted."""
 
     met: int
     is_recovery: bool
 
 
-def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: Wanted) -> Exploration:
+def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: WantedTrace) -> Exploration:
     """
     Explore the states that can be reached with some rows, in at most `limit` steps.
 
     Stops early when everything wanted is found. O(limit) time and memory.
     """
-    return _Search(trials, rows).run(limit, wanted)
+    return _StateSearch(trials, rows).run(limit, wanted)
 
 
 class Path:
@@ -81,7 +81,7 @@ class Path:
         return tuple(Run(each, 1) for each in reversed(found))
 
 
-class _Search:
+class _StateSearch:
     """A node is a state and its verdict."""
 
     def __init__(self, trials: Trials, rows: Sequence[Row]) -> None:
@@ -94,7 +94,7 @@ class _Search:
         self._violating: tuple[int, int] | None = None
         self._recovering: tuple[int, int] | None = None
 
-    def run(self, limit: int, wanted: Wanted) -> Exploration:
+    def run(self, limit: int, wanted: WantedTrace) -> Exploration:
         number = 0
         while (number < len(self._nodes) and number * len(self._rows) < limit
                and not self._has(wanted)):
@@ -105,7 +105,7 @@ class _Search:
             self._path(self._violating), self._path(self._recovering),
             number == len(self._nodes), len(self._nodes), number * len(self._rows))
 
-    def _has(self, wanted: Wanted) -> bool:
+    def _has(self, wanted: WantedTrace) -> bool:
         return (self._violating is not None and self._satisfying is not None
                 and self._satisfying[0] == wanted.met
                 and not (wanted.is_recovery and self._recovering is None))

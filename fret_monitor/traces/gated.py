@@ -34,7 +34,7 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import InputSource, Otherwise, Report, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import Monitor
@@ -83,7 +83,7 @@ def doubtful_gates(specification: Specification,
         if there is no C compiler, or it fails.
     """
     for gate in specification.gates:
-        yield from _Search(specification, gate, decide(gate)).warnings()
+        yield from _GateSearch(specification, gate, decide(gate)).warnings()
 
 
 @dataclass
@@ -97,12 +97,12 @@ class _Tried:
     violating: tuple[tuple[str, Value], ...] | None = None
 
 
-class _Search:
+class _GateSearch:
     """Runs the monitor of a gate on random messages."""
 
     def __init__(self, specification: Specification, gate: Gate,
                  decided: Mapping[str, Repair]) -> None:
-        part = restrict(specification, Part(gate.name))
+        part = restrict(specification, NodePart(gate.name))
         # No input is silent, and of `H p` what counts is p, as for the gate.
         part = replace(
             part,

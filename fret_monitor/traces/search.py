@@ -29,7 +29,7 @@ from typing import TypeAlias
 from fret_monitor.logic.finality import is_final
 from fret_monitor.logic.propositions import bounds, horizon
 from fret_monitor.traces.alphabet import alphabet
-from fret_monitor.traces.explore import Exploration, explore, Wanted
+from fret_monitor.traces.explore import Exploration, explore, WantedTrace
 from fret_monitor.traces.random_traces import random_traces
 from fret_monitor.traces.shrink import Shrinker
 from fret_monitor.traces.subject import Subject
@@ -115,7 +115,7 @@ class _Finder:
 
     def run(self) -> Examples:
         is_final_form = is_final(self._subject.item.formula)
-        wanted = Wanted(1 + len(self._subject.triggers), not is_final_form)
+        wanted = WantedTrace(1 + len(self._subject.triggers), not is_final_form)
         found = self._explore(wanted)
         if not found.is_complete or not self._alphabet.is_exact:
             found = self._with_random(found, wanted)
@@ -154,7 +154,7 @@ class _Finder:
                 return candidate
         return None
 
-    def _explore(self, wanted: Wanted) -> Exploration:
+    def _explore(self, wanted: WantedTrace) -> Exploration:
         """Explore rows without NaN first, then all rows for the examples still missing."""
         plain, rows = self._alphabet.plain, self._alphabet.rows
         found = self._explored(plain, wanted)
@@ -165,7 +165,7 @@ class _Finder:
             found.satisfying or more.satisfying, found.violating or more.violating,
             found.recovering or more.recovering, more.is_complete, more.states, more.steps)
 
-    def _explored(self, rows: Sequence[Row], wanted: Wanted) -> Exploration:
+    def _explored(self, rows: Sequence[Row], wanted: WantedTrace) -> Exploration:
         found = explore(self._subject.trials, rows, self._budget.grant('explored'), wanted)
         self._budget.take('explored', found.steps)
         return found
@@ -174,7 +174,7 @@ class _Finder:
         bits, = self._subject.trials.run([trace])
         return bits[-1].bit_count()
 
-    def _with_random(self, found: Exploration, wanted: Wanted) -> Exploration:
+    def _with_random(self, found: Exploration, wanted: WantedTrace) -> Exploration:
         met = self._met(found.satisfying) if found.satisfying else 0
         best = _Best(found, met)
         item = self._subject.item
@@ -228,7 +228,7 @@ class _Best:
         self.recovering = found.recovering
         self._met = met
 
-    def has(self, wanted: Wanted) -> bool:
+    def has(self, wanted: WantedTrace) -> bool:
         return (self._met == wanted.met and self.violating is not None
                 and not (wanted.is_recovery and self.recovering is None))
 

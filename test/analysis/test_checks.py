@@ -287,7 +287,7 @@ def test_too_many_combinations_of_comparisons_give_no_no(
 
 def test_a_yes_that_the_second_check_refutes_is_an_internal_error(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SecondCheck, 'wins', lambda *_, **__: solver.Answer.REFUTED)
+    monkeypatch.setattr(SecondCheck, 'wins', lambda *_, **__: solver.ProofAnswer.REFUTED)
     found = analyzed(bundle('H (a -> x)'), Question.CONSISTENCY, Question.REALIZABILITY)
     assert {item.holds for item in found.answers} == {None}
     assert all('internal error' in item.reason and 'please report' in item.reason
@@ -613,7 +613,7 @@ def test_answers_are_those_of_an_explicit_search(seed: int) -> None:
     good = search.consistent(required)
     second = SecondCheck(component.group, component.inputs, games)
     everything = games.diagrams.bdd.true
-    if second.wins(everything, required, is_game=True) is solver.Answer.PROVED:
+    if second.wins(everything, required, is_game=True) is solver.ProofAnswer.PROVED:
         assert games.realizable(set(required) - games.pending).last == everything
     assert games.consistent(required).holds is (search.start in good)
     assert games.realizable(required, trusts_linked=True).holds is (

@@ -35,7 +35,7 @@ from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.runtime.thinning import Part, Thinning, Window
+from fret_monitor.runtime.thinning import Thinning, TimeWindow, WindowPart
 import pytest
 from rosbags.rosbag2 import Writer
 
@@ -223,7 +223,7 @@ requirements: [{id: LOW, ptltl: "level < flow"}]
             [rng.random(), -1e9, 1e9, math.nan, math.inf])) for _ in range(rng.randrange(300)))
         if seed % 2:  # as stamps may come
             rng.shuffle(messages)
-        windows = [Window(k % 2, begin, begin + rng.choice([0, 1, 100, 999]), rng.choice(
+        windows = [TimeWindow(k % 2, begin, begin + rng.choice([0, 1, 100, 999]), rng.choice(
             [1, 7, 1000])) for k, begin in enumerate(rng.choices(range(1000), k=6))]
         thinning = Thinning(monitor, windows)
         for part in (messages[:100], messages[100:]):
@@ -280,7 +280,7 @@ requirements:
     assert thresholds == [[[0, 'LOUD']], [[0.5, '0.5']], [[0.5, '0.5']], [[0, 'A']]]
 
 
-def check_window(thinning: Thinning, k: int, window: Window,
+def check_window(thinning: Thinning, k: int, window: TimeWindow,
                  values: list[tuple[int, float]]) -> None:
     before = [value for time, value in values if time < window.begin]
     initial = None if window.input else 7.0
@@ -301,9 +301,10 @@ def check_window(thinning: Thinning, k: int, window: Window,
 
 def test_no_value_is_hidden_by_another_in_its_part() -> None:
     item = ManifestInput('x', ValueType.FLOAT64, None, None, (), (), None)
-    assert _values([Part(0, 1.0, 1.0, 1.0, False), Part(1, 1.0, 1.0, 1.0, False),
-                    Part(2, 1.0, 1.0, 1.0, True), Part(3, -math.inf, 2.5, 1 / 3, False),
-                    Part(4, math.nan, math.nan, math.nan, True)], item) == [
+    assert _values([WindowPart(0, 1.0, 1.0, 1.0, False), WindowPart(1, 1.0, 1.0, 1.0, False),
+                    WindowPart(2, 1.0, 1.0, 1.0, True),
+                    WindowPart(3, -math.inf, 2.5, 1 / 3, False),
+                    WindowPart(4, math.nan, math.nan, math.nan, True)], item) == [
         [0, 1], [2, 'NaN', 1, 1, 1], [3, '-inf', 2.5, 0.3333333], [4, 'NaN', 'NaN']]
 
 

@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 
 from bag.outline import Outline
 from bag.recordings import Kept, write
-from fret_monitor.bag.check import check_recording, Result, run, Selection
+from fret_monitor.bag.check import check_recording, RecordingResult, run, Selection
 from fret_monitor.bag.moments import Moment
 from fret_monitor.bag.trace import Trace
 from fret_monitor.build import build_specification
@@ -70,7 +70,7 @@ def trace(folder: Path, text: str = ROWS) -> Path:
     return file
 
 
-def check(folder: Path, policy: str, text: str = ROWS, **options: object) -> Result:
+def check(folder: Path, policy: str, text: str = ROWS, **options: object) -> RecordingResult:
     selection = replace(Selection(), **options)  # type: ignore[arg-type]
     return check_recording(bundle(folder, policy), trace(folder, text), selection)
 

@@ -39,7 +39,7 @@ from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.manifest import ANGLES
 from fret_monitor.model.paths import LookUp, path_text, Sector, Slice
 from fret_monitor.model.values import ValueType
-from fret_monitor.runtime.fields import FieldReading, Outcome
+from fret_monitor.runtime.fields import FieldReading, ReadOutcome
 from hypothesis import strategies as st
 
 Tree = SimpleNamespace
@@ -212,32 +212,32 @@ def taken(message: Any, signal: Signal) -> FieldReading:
                 indices = [index + len(value) if index < 0 else index
                            for index in (step.start or 0, _stop(step, value))]
                 if not 0 <= indices[0] <= indices[1] <= len(value):
-                    return FieldReading(Outcome.OUTSIDE, None, len(value))
+                    return FieldReading(ReadOutcome.OUTSIDE, None, len(value))
                 value = [value[index] for index in range(*indices)]
                 continue
             case Sector():
                 value = [value[index] for index in in_sector(
                     beside.angle_min, beside.angle_increment, len(value), step)]
                 if not value:
-                    return FieldReading(Outcome.EMPTY, None)
+                    return FieldReading(ReadOutcome.EMPTY, None)
                 continue
             case LookUp():
                 index = _place_of(step, beside, value)
                 if index is None:
-                    return FieldReading(Outcome.ABSENT, None, len(value))
+                    return FieldReading(ReadOutcome.ABSENT, None, len(value))
             case int():
                 index = step
         if index >= len(value):
-            return FieldReading(Outcome.OUTSIDE, None, len(value))
+            return FieldReading(ReadOutcome.OUTSIDE, None, len(value))
         value = value[index]
     base = _base(signal)
     if signal.reduction:
         return _reduced(signal.reduction, value, base)
     if base in ('string', 'wstring'):
         words = [word for _, word in signal.values]
-        return FieldReading(Outcome.READ, words.index(value)) if value in words \
-            else FieldReading(Outcome.UNNAMED, None, _length(value, base))
-    return FieldReading(Outcome.READ, _plain(value))
+        return FieldReading(ReadOutcome.READ, words.index(value)) if value in words \
+            else FieldReading(ReadOutcome.UNNAMED, None, _length(value, base))
+    return FieldReading(ReadOutcome.READ, _plain(value))
 
 
 def _stop(step: Slice, value: Any) -> int:
@@ -299,13 +299,13 @@ def _length(value: Any, base: str) -> int:
 
 def _reduced(function: str, value: Any, base: str) -> FieldReading:
     if function == 'seconds':
-        return FieldReading(Outcome.READ, value.sec + value.nanosec * 1e-9)
+        return FieldReading(ReadOutcome.READ, value.sec + value.nanosec * 1e-9)
     if function == 'len':
-        return FieldReading(Outcome.READ, _length(value, base))
+        return FieldReading(ReadOutcome.READ, _length(value, base))
     elements = [_plain(element) for element in _elements(value)]
     if not elements and function in ('min', 'max', 'mean'):
-        return FieldReading(Outcome.EMPTY, None)
-    return FieldReading(Outcome.READ, REDUCE[function](elements, base))
+        return FieldReading(ReadOutcome.EMPTY, None)
+    return FieldReading(ReadOutcome.READ, REDUCE[function](elements, base))
 
 
 def _elements(value: Any) -> Iterable[Any]:

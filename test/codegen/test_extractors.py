@@ -43,7 +43,7 @@ from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
+from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
 from hypothesis import given, HealthCheck, settings, strategies as st
 import pytest
 from stages import parse_message
@@ -263,32 +263,32 @@ def test_any_byte_but_0_is_true() -> None:
     layout = parse_message('bool x\nbool[] y', 'a')
     for byte in range(256):
         assert read_one(layout, 'x', message_of(byte, size=1)) == FieldReading(
-            Outcome.READ, byte != 0)
+            ReadOutcome.READ, byte != 0)
     message = message_of(1, 0, 0, 0, 3, 0, 0, 0, 0, 7, 255, size=1)
-    assert read_one(layout, 'any(y)', message) == FieldReading(Outcome.READ, True)
-    assert read_one(layout, 'all(y)', message) == FieldReading(Outcome.READ, False)
-    assert read_one(layout, 'y[2]', message) == FieldReading(Outcome.READ, True)
+    assert read_one(layout, 'any(y)', message) == FieldReading(ReadOutcome.READ, True)
+    assert read_one(layout, 'all(y)', message) == FieldReading(ReadOutcome.READ, False)
+    assert read_one(layout, 'y[2]', message) == FieldReading(ReadOutcome.READ, True)
 
 
 def test_received_is_true_of_every_message_and_age_reads_the_stamp() -> None:
     layout = parse_message('uint32 n\nstring[] names\nuint64 z', 'a')
     message = message_of(5, 2 ** 32 - 1)
-    assert read_one(layout, 'received()', message) == FieldReading(Outcome.READ, True)
+    assert read_one(layout, 'received()', message) == FieldReading(ReadOutcome.READ, True)
     assert read_one(layout, 'received()', b'') is None
     stamped = parse_message('builtin_interfaces/Time stamp\nstring name', 'a')
     assert read_one(stamped, 'age(stamp)', message_of(3, 500_000_000)) == FieldReading(
-        Outcome.READ, 3.5)
+        ReadOutcome.READ, 3.5)
 
 
 def test_sums_of_integers_wrap() -> None:
     top = 2 ** 63 - 1
     message = message_of(3, top, top, 5, size=8)
     assert read_one(parse_message('uint64 n\nint64[3] x', 'a'), 'sum(x)', message) == \
-        FieldReading(Outcome.READ, (2 * top + 5) % 2 ** 64)
+        FieldReading(ReadOutcome.READ, (2 * top + 5) % 2 ** 64)
     assert read_one(parse_message('uint64 n\nint64[2] x', 'a'), 'sum(x)', message) == \
-        FieldReading(Outcome.READ, -2)
+        FieldReading(ReadOutcome.READ, -2)
     assert read_one(parse_message('uint64 n\nuint64[3] x', 'a'), 'sum(x)', message) == \
-        FieldReading(Outcome.READ, 3)
+        FieldReading(ReadOutcome.READ, 3)
 
 
 def test_nan_is_skipped_unless_all_elements_are_nan() -> None:
@@ -301,10 +301,11 @@ def test_nan_is_skipped_unless_all_elements_are_nan() -> None:
 
     one, two = struct.pack('<f', 1.0), struct.pack('<f', 2.0)
     for values in ((nan, one, two), (one, nan, two), (two, one, nan), (nan, nan, two, nan, one)):
-        assert both(*values) == [FieldReading(Outcome.READ, 1.0), FieldReading(Outcome.READ, 2.0)]
-    assert all(found and same(found, FieldReading(Outcome.READ, float('nan')))
+        assert both(*values) == [
+            FieldReading(ReadOutcome.READ, 1.0), FieldReading(ReadOutcome.READ, 2.0)]
+    assert all(found and same(found, FieldReading(ReadOutcome.READ, float('nan')))
                for found in both(nan, nan))
-    assert both() == [FieldReading(Outcome.EMPTY, None)] * 2
+    assert both() == [FieldReading(ReadOutcome.EMPTY, None)] * 2
 
 
 def test_an_empty_array_has_a_sum_but_no_mean() -> None:
@@ -317,12 +318,12 @@ def test_an_empty_array_has_a_sum_but_no_mean() -> None:
         read = read_fields(build_topics([topic]), 0, message)
     assert read is not None
     found = dict(zip(functions, read, strict=True))
-    empty = FieldReading(Outcome.EMPTY, None)
+    empty = FieldReading(ReadOutcome.EMPTY, None)
     assert found == {
-        'len(x)': FieldReading(Outcome.READ, 0), 'sum(x)': FieldReading(Outcome.READ, 0.0),
-        'norm(x)': FieldReading(Outcome.READ, 0.0), 'min(x)': empty, 'max(x)': empty,
-        'mean(x)': empty, 'any(y)': FieldReading(Outcome.READ, False),
-        'all(y)': FieldReading(Outcome.READ, True)}
+        'len(x)': FieldReading(ReadOutcome.READ, 0), 'sum(x)': FieldReading(ReadOutcome.READ, 0.0),
+        'norm(x)': FieldReading(ReadOutcome.READ, 0.0), 'min(x)': empty, 'max(x)': empty,
+        'mean(x)': empty, 'any(y)': FieldReading(ReadOutcome.READ, False),
+        'all(y)': FieldReading(ReadOutcome.READ, True)}
 
 
 # -- parts of arrays ------------------------------------------------------------------------------
@@ -455,12 +456,12 @@ def test_the_angles_of_a_quaternion_are_turns_about_z_then_y_then_x(prefix: Path
 def test_another_encoding_cannot_be_decoded(header: bytes) -> None:
     layout = parse_message('uint8 x', 'a')
     assert read_one(layout, 'x', header + b'\7\0\0\0' * (len(header) == 4)) is None
-    assert read_one(layout, 'x', b'\0\1\xff\xff\7') == FieldReading(Outcome.READ, 7)
+    assert read_one(layout, 'x', b'\0\1\xff\xff\7') == FieldReading(ReadOutcome.READ, 7)
 
 
 def test_a_sequence_above_its_bound_cannot_be_decoded() -> None:
     layout = parse_message('uint32[<=2] x\nstring[<=1] y', 'a')
-    assert read_one(layout, 'len(x)', message_of(2, 7, 8)) == FieldReading(Outcome.READ, 2)
+    assert read_one(layout, 'len(x)', message_of(2, 7, 8)) == FieldReading(ReadOutcome.READ, 2)
     assert read_one(layout, 'len(x)', message_of(3, 7, 8, 9)) is None
     assert read_one(layout, 'len(y)', message_of(0, 2, 0, 0)) is None
 
@@ -469,18 +470,19 @@ def test_a_string_without_its_zero_is_read_as_it_is() -> None:
     layout = parse_message('string x', 'a')
     for data in (b'idle\0', b'idle'):
         message = message_of(len(data)) + data
-        assert read_one(layout, 'x', message) == FieldReading(Outcome.READ, 1)
-    assert read_one(layout, 'x', message_of(0)) == FieldReading(Outcome.READ, 0)
+        assert read_one(layout, 'x', message) == FieldReading(ReadOutcome.READ, 1)
+    assert read_one(layout, 'x', message_of(0)) == FieldReading(ReadOutcome.READ, 0)
     assert read_one(layout, 'x', message_of(6) + b'idle\0\0') == FieldReading(
-        Outcome.UNNAMED, None, 5)
+        ReadOutcome.UNNAMED, None, 5)
 
 
 def test_bytes_after_the_last_field_are_not_read() -> None:
     layout = parse_message('uint32 x\nstring[] y\nuint32 z', 'a')
     whole = message_of(5, 2 ** 32 - 1)
-    assert read_one(layout, 'x', whole) == FieldReading(Outcome.READ, 5)
+    assert read_one(layout, 'x', whole) == FieldReading(ReadOutcome.READ, 5)
     assert read_one(layout, 'z', whole) is None
-    assert read_one(layout, 'y[0]', message_of(5, 9, 1) + b'\0') == FieldReading(Outcome.READ, 0)
+    assert read_one(layout, 'y[0]', message_of(5, 9, 1) + b'\0') == \
+        FieldReading(ReadOutcome.READ, 0)
     assert read_one(layout, 'len(y)', message_of(5, 9, 1) + b'\0') is None
 
 

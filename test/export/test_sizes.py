@@ -17,7 +17,7 @@
 from pathlib import Path
 import struct
 
-from fret_monitor.export.content import Part
+from fret_monitor.export.content import ExportPart
 from fret_monitor.export.sizes import ARM, measured_sizes, section_bytes
 import pytest
 
@@ -53,7 +53,7 @@ def test_a_compiler_that_fails_and_one_that_is_missing_are_reported(
     arm.chmod(0o755)
     monkeypatch.setenv('PATH', f'{tmp_path}:/bin')
     monkeypatch.setenv('CC', 'no-such-compiler')
-    host, cross = measured_sizes({'src/a.c': 'int a;\n'}, [Part('all', ('src/a.c',), 'src')])
+    host, cross = measured_sizes({'src/a.c': 'int a;\n'}, [ExportPart('all', ('src/a.c',), 'src')])
     assert 'no-such-compiler' in host.problem
     assert (cross.compiler, cross.problem) == (
         'arm-none-eabi-gcc -mcpu=cortex-m4 -Os', 'a.c:1:1: fatal error: math.h: none')
@@ -62,9 +62,9 @@ def test_a_compiler_that_fails_and_one_that_is_missing_are_reported(
 def test_a_part_has_its_own_sizes_and_those_of_the_memory_that_a_program_provides() -> None:
     files = {'src/a.h': 'struct a {int first[10];};\nenum {N = 7};\n',
              'src/a.c': 'int a[3] = {1};\n', 'src/b.c': '#include "a.h"\nstruct a b;\n'}
-    parts = [Part('a alone', ('src/a.c',), 'src', 'a.h', {'3': '3'}),
-             Part('a with b', ('src/a.c', 'src/b.c'), 'src', 'a.h',
-                  {'struct a': 'sizeof(struct a)', 'N': 'N'})]
+    parts = [ExportPart('a alone', ('src/a.c',), 'src', 'a.h', {'3': '3'}),
+             ExportPart('a with b', ('src/a.c', 'src/b.c'), 'src', 'a.h',
+                        {'struct a': 'sizeof(struct a)', 'N': 'N'})]
     first, second, *_ = measured_sizes(files, parts)
     assert (first.part, first.data, first.held) == ('a alone', 12, {'3': 3})
     assert (second.part, second.data, second.held) == ('a with b', 52, {'struct a': 40, 'N': 7})

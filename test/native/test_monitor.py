@@ -28,7 +28,7 @@ from fret_monitor.native import (
     build_library, evaluator_library, LibraryError, load, load_evaluator, Monitor,
 )
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.fields import FieldReading, Outcome, read_fields
+from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
 from native import toys
 import pytest
 
@@ -95,8 +95,8 @@ def test_a_monitor_exposes_its_extractors() -> None:
     monitor = load_readers(READERS)
     assert monitor.readers is not None
     assert monitor.readers.n_topics == 2
-    assert read_fields(monitor, 0, b'\1') == (FieldReading(Outcome.READ, True),)
-    assert read_fields(monitor, 0, b'\0') == (FieldReading(Outcome.READ, False),)
+    assert read_fields(monitor, 0, b'\1') == (FieldReading(ReadOutcome.READ, True),)
+    assert read_fields(monitor, 0, b'\0') == (FieldReading(ReadOutcome.READ, False),)
     assert read_fields(monitor, 0, b'') is None
 
 

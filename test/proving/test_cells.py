@@ -23,7 +23,7 @@ from fret_monitor.proving.queues import prove_queue
 from fret_monitor.proving.verification import cells_proved
 from fret_monitor.smt.cells import COUNTERS
 from fret_monitor.smt.operators import check, claims
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 import pytest
 import z3
 
@@ -42,7 +42,7 @@ def program(old: str = '', new: str = '') -> CProgram:
 
 def test_every_cell_computes_its_operator_for_every_bound_and_every_trace() -> None:
     proofs = cells_proved(HEADERS, 60.0)
-    assert [proof for proof in proofs if proof.answer is not Answer.PROVED] == []
+    assert [proof for proof in proofs if proof.answer is not ProofAnswer.PROVED] == []
     assert {proof.name for proof in proofs} >= {
         *CELLS, *(f'fm_{name}_at' for name in COUNTERS), 'fm_lower', 'fm_next_position',
         'fm_signed'}
@@ -55,7 +55,7 @@ def test_every_cell_computes_its_operator_for_every_bound_and_every_trace() -> N
 def test_no_claim_of_an_operator_rests_on_a_contradiction(number: int) -> None:
     claim = claims()[number]
     opposite = replace(claim, goal=z3.Not(claim.goal))
-    assert check(opposite, 2.0).answer is not Answer.PROVED
+    assert check(opposite, 2.0).answer is not ProofAnswer.PROVED
 
 
 @pytest.mark.parametrize(('function', 'old', 'new'), [
@@ -97,7 +97,7 @@ def test_no_claim_of_an_operator_rests_on_a_contradiction(number: int) -> None:
 def test_a_cell_that_is_wrong_is_not_proved(function: str, old: str, new: str) -> None:
     proof = prove_function(program(old, new), function, 20.0)
     assert proof is not None
-    assert proof.answer is Answer.REFUTED
+    assert proof.answer is ProofAnswer.REFUTED
     assert proof.detail
 
 
@@ -116,7 +116,7 @@ def test_a_cell_that_is_wrong_is_not_proved(function: str, old: str, new: str) -
     ('place < capacity ? place', 'place <= capacity ? place'),
 ])
 def test_a_queue_that_is_wrong_is_not_proved(old: str, new: str) -> None:
-    assert prove_queue(program(old, new), 20.0).answer is not Answer.PROVED
+    assert prove_queue(program(old, new), 20.0).answer is not ProofAnswer.PROVED
 
 
 def test_another_way_to_write_a_cell_is_proved_too() -> None:
@@ -125,4 +125,4 @@ def test_another_way_to_write_a_cell_is_proved_too() -> None:
     for function in ('fm_once_within_u8', 'fm_since_within_u16', 'fm_always_within_u32'):
         proof = prove_function(changed, function, 20.0)
         assert proof is not None
-        assert proof.answer is Answer.PROVED
+        assert proof.answer is ProofAnswer.PROVED

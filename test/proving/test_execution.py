@@ -26,7 +26,7 @@ from fret_monitor.proving.c_source import ArithmeticType, read_program, Struct, 
 from fret_monitor.proving.execution import Machine, Memory, Reference, sort_of, Value
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
-from fret_monitor.smt.solver import Answer, prove, Translation
+from fret_monitor.smt.solver import ProofAnswer, prove, Translation
 from fret_monitor.smt.terms import Sort
 import pytest
 import z3
@@ -152,7 +152,7 @@ def test_what_c_leaves_undefined_is_a_condition_that_fails(text: str, said: str)
     machine = Machine(program, memory)
     machine.call('f', arguments)
     failed = [item for item in machine.conditions
-              if prove([item.holds]).answer is Answer.REFUTED]
+              if prove([item.holds]).answer is ProofAnswer.REFUTED]
     assert any(said in item.what for item in failed), machine.conditions
 
 
@@ -212,6 +212,6 @@ def test_minus_zero_is_another_value_and_nan_is_itself() -> None:
     nan = struct.unpack('<d', struct.pack('<Q', 0x7ff0000000000001))[0]
     assert t.same(t.floating(nan, 64), t.floating(float('nan'), 64)) is t.TRUE
     x = t.variable('x', t.real(64))
-    assert prove([t.relation('feq', x, x)]).answer is Answer.REFUTED
+    assert prove([t.relation('feq', x, x)]).answer is ProofAnswer.REFUTED
     assert prove([t.same(t.operation('fadd', x, t.floating(0.0, 64)), x)]).answer \
-        is Answer.REFUTED
+        is ProofAnswer.REFUTED

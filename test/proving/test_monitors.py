@@ -32,7 +32,7 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.program import layout
 from fret_monitor.proving.monitor import ALL, ProofSubject
 from fret_monitor.proving.verification import GroupResult, read_subject, verify_group
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 from proving.workbench import exchanged
 import pytest
 from stages import elaborate, scope_of
@@ -61,7 +61,7 @@ def settled(
 
 def failures(found: list[GroupResult]) -> list[str]:
     return [f'{proof.name}: {proof.answer.value} {proof.detail}' for item in found
-            for proof in item.proofs if proof.answer is not Answer.PROVED]
+            for proof in item.proofs if proof.answer is not ProofAnswer.PROVED]
 
 
 @pytest.mark.parametrize('path', BUNDLES, ids=lambda path: path.stem)

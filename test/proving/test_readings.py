@@ -19,7 +19,7 @@ from pathlib import Path
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.proving.c_source import read_program, Unreadable
 from fret_monitor.proving.verification import read_subject, verify
-from fret_monitor.smt.solver import Answer
+from fret_monitor.smt.solver import ProofAnswer
 from proving.workbench import exchanged
 import pytest
 
@@ -76,7 +76,7 @@ def test_types_and_functions_that_the_proof_does_not_model_are_not_read(
 ])
 def test_fields_of_other_kinds_are_reported(old: str, new: str, said: str, tmp_path: Path) -> None:
     found = verify(exchanged(monitor(tmp_path), HEADER, old, new))
-    names = [proof.name for proof in found.proofs if proof.answer is not Answer.PROVED]
+    names = [proof.name for proof in found.proofs if proof.answer is not ProofAnswer.PROVED]
     assert any(name.startswith(said) for name in names), names
 
 
@@ -95,7 +95,7 @@ def test_a_variable_is_static_in_the_description_alone(
     old: str, new: str, said: str, tmp_path: Path,
 ) -> None:
     found = verify(exchanged(monitor(tmp_path), CODE, old, new))
-    failed = [proof.detail for proof in found.proofs if proof.answer is not Answer.PROVED]
+    failed = [proof.detail for proof in found.proofs if proof.answer is not ProofAnswer.PROVED]
     assert any(said in text for text in failed)
 
 

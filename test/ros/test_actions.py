@@ -293,7 +293,7 @@ def test_a_stream_sends_a_message_for_a_violation_that_is_over_already() -> None
 
 
 def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
-    running: Any = object.__new__(actions._Running)
+    running: Any = object.__new__(actions._ActionThread)
     calling: Any = SimpleNamespace(action=SimpleNamespace(cooldown=5 * 10**9),
                                    start=lambda now, is_over: now != 6.0)
     running._runners, running._last_start, running._is_over = {0: calling}, {}, Event()

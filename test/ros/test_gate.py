@@ -31,14 +31,14 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.ros.feed import PublisherStatus
 from fret_monitor.ros.gate_node import GateNode
 from fret_monitor.ros.health import describe_missing
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.reasons import why_closed
-from fret_monitor.runtime import Engine, Evaluator, Gate
+from fret_monitor.runtime import Engine, Evaluator, MessageGate
 from fret_monitor.start import start
 from geometry_msgs.msg import TwistStamped
 from lifecycle_msgs.msg import Transition
@@ -421,12 +421,12 @@ def test_another_publisher_of_a_node_of_the_same_name_is_reported(
 
 def test_a_requirement_that_is_false_at_its_first_step_is_named(tmp_path: Path) -> None:
     text = TWO.replace('a < 5.0', 'O[2, 2] (a > 1.0)')
-    monitor = start(write(tmp_path, text), part=Part('g')).monitor
+    monitor = start(write(tmp_path, text), part=NodePart('g')).monitor
     evaluator = Evaluator(monitor, reports_recoveries=True)
     settings = monitor.manifest.gate
     assert settings is not None
     engine = Engine(evaluator)
-    engine.guard(Gate(evaluator, settings))
+    engine.guard(MessageGate(evaluator, settings))
 
     assert why_closed(engine, engine.gate_counts()) == ''
     for step in range(4):

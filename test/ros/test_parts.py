@@ -19,7 +19,7 @@ from pathlib import Path
 from fret_monitor.build import generate_monitor, read, write
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.parts import Part, UNGATED
+from fret_monitor.model.parts import NodePart, UNGATED
 from fret_monitor.ros.compiled import open_gates, open_monitors
 from fret_monitor.ros.parameters import Origin, Refusal, Settings
 from fret_monitor.start import manifest_of, start
@@ -45,7 +45,7 @@ gates:
   arm: {service: /arm, to: /arm_raw, type: std_srvs/srv/SetBool, keep: [ARMED],
         otherwise: {respond: {message: withheld}}, latch: true, open_after: 0.5}
 """
-DRIVE, ARM = Part('drive'), Part('arm')
+DRIVE, ARM = NodePart('drive'), NodePart('arm')
 
 
 @pytest.fixture(scope='module')
@@ -55,7 +55,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def manifest(path: Path, part: Part | None) -> Manifest:
+def manifest(path: Path, part: NodePart | None) -> Manifest:
     return generate_monitor(read(path, part=part)).manifest
 
 
@@ -107,7 +107,7 @@ def test_each_part_is_recalled_from_the_cache_as_it_was_built(path: Path) -> Non
 
 def test_unknown_gates_and_empty_parts_are_refused(path: Path, tmp_path: Path) -> None:
     with pytest.raises(CompileError, match=r"has no gate 'driv'(.|\n)*did you mean 'drive'"):
-        read(path, part=Part('driv'))
+        read(path, part=NodePart('driv'))
     kept = tmp_path / 'kept.yaml'
     kept.write_text(BUNDLE.replace('  - {id: REST', '#').replace('keep: [SLOW]', 'keep: SLOW'),
                     encoding='utf-8')

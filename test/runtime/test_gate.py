@@ -27,11 +27,11 @@ from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.model.manifest import Manifest, ManifestGate
-from fret_monitor.model.parts import Part
+from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Otherwise, Policy, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library, LibraryError, load
-from fret_monitor.runtime import Engine, Evaluator, Gate, Judgement, NEVER, Violation
+from fret_monitor.runtime import Engine, Evaluator, Judgement, MessageGate, NEVER, Violation
 from fret_monitor.start import start
 from native import toys
 import pytest
@@ -59,7 +59,7 @@ class Relay:
         monitor = load(toy_library(), manifest or toys.manifest())
         self.evaluator = Evaluator(monitor, library=evaluator_library(), patience=patience,
                                    reports_recoveries=True)
-        self.gate = Gate(self.evaluator, rules(otherwise, **more))
+        self.gate = MessageGate(self.evaluator, rules(otherwise, **more))
         self.found: list[Violation] = []
         self.advance(0)
         if flag is not None:
@@ -382,10 +382,10 @@ def test_a_sensor_that_violated_always_once_does_not_close_it_for_ever(
         report: str, tmp_path: Path) -> None:
     path = tmp_path / 'bundle.yaml'
     path.write_text(JAMMED.replace('REPORT', report), encoding='utf-8')
-    monitor = start(path, part=Part('drive')).monitor
+    monitor = start(path, part=NodePart('drive')).monitor
     evaluator = Evaluator(monitor, reports_recoveries=True)
     assert monitor.manifest.gate is not None
-    gate = Gate(evaluator, monitor.manifest.gate)
+    gate = MessageGate(evaluator, monitor.manifest.gate)
     other, found = 1 - (gate.rules.topic or 0), []
     y = monitor.manifest.topics[other].inputs[0]
     for now, value in enumerate((9.0, 0.0, 9.0)):
@@ -409,9 +409,9 @@ def test_rules_that_do_not_fit_are_refused() -> None:
     for policy in (Policy.ALL_INPUTS, Policy.PERIODIC):
         evaluator = Evaluator(load(toy_library(), toys.manifest()), policy=policy, period=1.0)
         with pytest.raises(LibraryError, match='refuses the rules'):
-            Gate(evaluator, rules())
+            MessageGate(evaluator, rules())
     with pytest.raises(LibraryError):
-        Gate(Evaluator(load(toy_library(), toys.manifest())), rules(topic=3))
+        MessageGate(Evaluator(load(toy_library(), toys.manifest())), rules(topic=3))
 
 
 # ---- random formulas -----------------------------------------------------------------------
@@ -439,7 +439,7 @@ def random_specification(rng: Random) -> Specification:
     return replace(made, signals=tuple(map(on_two_topics, made.signals)))
 
 
-def run(evaluator: Evaluator, gate: Gate | None, topics: Sequence[int],
+def run(evaluator: Evaluator, gate: MessageGate | None, topics: Sequence[int],
         trace: dict[str, list[Any]]) -> Outcome:
     """Give a row to each topic in turn; without a gate, all of them happen."""
     manifest = evaluator.monitor.manifest
@@ -480,7 +480,7 @@ def test_what_passes_satisfies_the_requirements_and_what_does_not_never_happened
             trace = random_trace(rng, [Variable(item.name, item.type) for item in spec.signals],
                                  len(topics))
             evaluator, alone = Evaluator(monitor), Evaluator(monitor)
-            done = run(evaluator, Gate(evaluator, rules(topic=gated)), topics, trace)
+            done = run(evaluator, MessageGate(evaluator, rules(topic=gated)), topics, trace)
             whole = run(alone, None, topics, trace)
             assert_good(spec, done)
             n_passed += sum(done.has_passed)
@@ -567,13 +567,13 @@ class Guarded:
         """Follow the steady clock."""
         path = folder / 'bundle.yaml'
         path.write_text(text, encoding='utf-8')
-        monitor = start(path, part=Part('drive')).monitor
+        monitor = start(path, part=NodePart('drive')).monitor
         settings = monitor.manifest.gate
         assert settings is not None and settings.topic is not None
         self.raw, self.y = settings.topic, 1 - settings.topic
         evaluator = Evaluator(monitor, reports_recoveries=True)
         self.engine = Engine(evaluator)
-        self.engine.guard(Gate(evaluator, settings))
+        self.engine.guard(MessageGate(evaluator, settings))
         self.engine.follow_steady()
         self.engine.begin()
 
@@ -637,12 +637,12 @@ def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(
         tmp_path: Path) -> None:
     path = tmp_path / 'g.yaml'
     path.write_text(TIMED, encoding='utf-8')
-    compiled = start(path, part=Part('g'))
+    compiled = start(path, part=NodePart('g'))
     settings = compiled.manifest.gate
     assert settings is not None and settings.substitute == cdr('<f', 0.0)
     evaluator = Evaluator(compiled.monitor, reports_recoveries=True)
     engine = Engine(evaluator)
-    engine.guard(Gate(evaluator, settings))
+    engine.guard(MessageGate(evaluator, settings))
     raw, beat = (next(place for place, topic in enumerate(compiled.manifest.topics)
                       if topic.name == name) for name in ('raw', 'beat'))
     assert raw == settings.topic
@@ -683,11 +683,11 @@ def test_under_timed_a_message_at_the_instant_of_a_deadline_does_not_pass_before
     more = '  - {id: B, ptltl: "O[0, 1 s] beat"}\ngates:'
     path.write_text(TIMED.replace('gates:', more).replace('[R]', '[R, B]').replace(
         '{substitute: {data: 0.0}, rate: 10}', '{hold: 5}'), encoding='utf-8')
-    compiled = start(path, part=Part('g'))
+    compiled = start(path, part=NodePart('g'))
     settings = compiled.manifest.gate
     assert settings is not None and settings.topic is not None
     evaluator, other = Evaluator(compiled.monitor, reports_recoveries=True), 1 - settings.topic
-    gate = Gate(evaluator, settings)
+    gate = MessageGate(evaluator, settings)
     saved = evaluator.save()
     engine = Engine(evaluator)
     engine.guard(gate)

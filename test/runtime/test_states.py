@@ -22,8 +22,8 @@ from time import monotonic
 from fret_monitor import build
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.serialize import serialize
-from fret_monitor.model.parts import Part
-from fret_monitor.runtime import Engine, Evaluator, Gate, RequirementState, State
+from fret_monitor.model.parts import NodePart
+from fret_monitor.runtime import Engine, Evaluator, MessageGate, RequirementState, State
 from fret_monitor.start import start
 import pytest
 
@@ -136,11 +136,11 @@ gates:
 def test_a_message_that_a_gate_withholds_is_a_violation_until_one_passes(tmp_path: Path) -> None:
     path = tmp_path / 'bundle.yaml'
     path.write_text(GATED, encoding='utf-8')
-    monitor = start(path, part=Part('drive')).monitor
+    monitor = start(path, part=NodePart('drive')).monitor
     evaluator = Evaluator(monitor, reports_recoveries=True)
     engine = Engine(evaluator)
     assert monitor.manifest.gate is not None
-    engine.guard(Gate(evaluator, monitor.manifest.gate))
+    engine.guard(MessageGate(evaluator, monitor.manifest.gate))
     engine.follow_states()
     engine.advance(SECOND)
     found = []

@@ -17,7 +17,7 @@
 from random import Random
 
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer, prove_linear
+from fret_monitor.smt.solver import ProofAnswer, prove_linear
 import pytest
 
 EDGES = (0, 1, 127, 128, 129, 255)
@@ -36,20 +36,20 @@ def test_an_operation_is_that_of_words(op: str) -> None:
                  t.relation('equal', b, t.number(other, 8))]
         value = t.apply(op, item.sort, [one, other], [a.sort, b.sort])
         goal = t.same(item, t.constant(value, item.sort))
-        assert prove_linear(goal, given).answer is Answer.PROVED, (op, one, other)
-        assert prove_linear(t.negation(goal), given).answer is Answer.REFUTED
+        assert prove_linear(goal, given).answer is ProofAnswer.PROVED, (op, one, other)
+        assert prove_linear(t.negation(goal), given).answer is ProofAnswer.REFUTED
 
 
 def test_a_word_is_extended_with_its_sign_and_shown_without() -> None:
     a = t.variable('a', t.word(8))
     minus = t.relation('equal', a, t.number(-1, 8))
     wide = t.relation('equal', t.resized(a, 16, True), t.number(-1, 16))
-    assert prove_linear(wide, [minus]).answer is Answer.PROVED
+    assert prove_linear(wide, [minus]).answer is ProofAnswer.PROVED
     found = prove_linear(t.negation(minus))
-    assert (found.answer, dict(found.values)) == (Answer.REFUTED, {a: 255})
+    assert (found.answer, dict(found.values)) == (ProofAnswer.REFUTED, {a: 255})
 
 
 def test_other_operations_are_left_to_the_words() -> None:
     a = t.variable('a', t.word(8))
     both = t.operation('bitand', a, t.number(1, 8))
-    assert prove_linear(t.relation('ult', both, t.number(2, 8))).answer is Answer.PROVED
+    assert prove_linear(t.relation('ult', both, t.number(2, 8))).answer is ProofAnswer.PROVED

@@ -21,7 +21,7 @@ from threading import Timer
 
 from fret_monitor.smt import solver
 from fret_monitor.smt import terms as t
-from fret_monitor.smt.solver import Answer, prove
+from fret_monitor.smt.solver import ProofAnswer, prove
 from fret_monitor.smt.terms import Term
 import pytest
 
@@ -43,7 +43,7 @@ def hard() -> Term:
 
 def test_a_hard_claim_is_neither_proved_nor_refuted() -> None:
     result = prove([hard()], seconds=0.2)
-    assert result.answer is Answer.UNKNOWN
+    assert result.answer is ProofAnswer.UNKNOWN
     assert result.values == {}
 
 
@@ -70,7 +70,7 @@ def test_an_interrupt_while_an_object_is_freed_is_not_lost() -> None:
 def test_only_consequences_of_the_assumptions_are_proved() -> None:
     a, b = (t.variable(name, t.word(32)) for name in 'ab')
     less = t.relation('ult', a, b)
-    assert prove([t.negation(t.relation('equal', a, b))], [less]).answer is Answer.PROVED
+    assert prove([t.negation(t.relation('equal', a, b))], [less]).answer is ProofAnswer.PROVED
     result = prove([less], [t.negation(t.relation('equal', a, b))])
-    assert result.answer is Answer.REFUTED
+    assert result.answer is ProofAnswer.REFUTED
     assert result.values[a] > result.values[b]

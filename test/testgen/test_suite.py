@@ -24,7 +24,7 @@ from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.testgen import suite as suite_module
 from fret_monitor.testgen.obligations import Kind
 from fret_monitor.testgen.recorded import history, Recorded
-from fret_monitor.testgen.suite import Answer, Case, Covered, make_suite, Suite
+from fret_monitor.testgen.suite import Case, CoverageAnswer, Covered, make_suite, Suite
 from fret_monitor.traces import search
 from fret_monitor.traces.trace import Value
 import pytest
@@ -124,7 +124,7 @@ def test_each_obligation_of_the_timing_has_its_moment(pump: Suite) -> None:
         'satisfied at the first moment', 'satisfied later', 'satisfied at the last moment',
         'violated: one too late', 'violated without any response',
         'the condition counts only when it becomes true']
-    assert {each.answer for each in found.values()} == {Answer.COVERED}
+    assert {each.answer for each in found.values()} == {CoverageAnswer.COVERED}
     last, = shown(pump, found['satisfied at the last moment'])
     flows = stepped(last, pump.specification)['flow']
     starts = stepped(last, pump.specification)['start']
@@ -138,7 +138,7 @@ def test_each_obligation_of_the_timing_has_its_moment(pump: Suite) -> None:
 
 def test_two_traces_that_show_a_condition_differ_in_it_alone(pump: Suite) -> None:
     pairs = [each for each in pump.covered if each.kind is Kind.CONDITION
-             and each.answer is Answer.COVERED]
+             and each.answer is CoverageAnswer.COVERED]
     assert len(pairs) > 10
     for each in pairs:
         one, two = shown(pump, each)
@@ -154,10 +154,10 @@ def test_two_traces_that_show_a_condition_differ_in_it_alone(pump: Suite) -> Non
 
 def test_what_no_trace_shows_is_proved(stuck: Suite) -> None:
     never = answers(stuck, 'NEVER')
-    assert never['violated'].answer is Answer.UNREACHABLE
+    assert never['violated'].answer is CoverageAnswer.UNREACHABLE
     assert 'all states explored' in never['violated'].detail
     coupled = answers(stuck, 'COUPLED')['x > 3.0 alone changes the verdict']
-    assert coupled.answer is Answer.UNREACHABLE
+    assert coupled.answer is CoverageAnswer.UNREACHABLE
 
 
 def test_without_a_proof_nothing_is_called_unreachable(
@@ -168,7 +168,7 @@ def test_without_a_proof_nothing_is_called_unreachable(
     monkeypatch.setattr(search, '_TRIED', 20_000)
     lines = STUCK.splitlines(keepends=True)
     _, found = made(tmp_path_factory, ''.join([*lines[:3], lines[-1]]))
-    assert answers(found, 'ORDER')['violated'].answer is Answer.UNKNOWN
+    assert answers(found, 'ORDER')['violated'].answer is CoverageAnswer.UNKNOWN
     assert 'none found in' in answers(found, 'ORDER')['violated'].detail
 
 
@@ -176,12 +176,12 @@ def test_the_solver_proves_what_exploring_cannot(stuck: Suite) -> None:
     pytest.importorskip('z3')
     violated = answers(stuck, 'ORDER')['violated']
     assert (violated.answer, violated.detail) == (
-        Answer.UNREACHABLE, 'proved by induction over 1 steps')
+        CoverageAnswer.UNREACHABLE, 'proved by induction over 1 steps')
 
 
 def test_a_timed_response_comes_at_the_last_nanosecond(timed: Suite) -> None:
     found = answers(timed, 'STOP')
-    assert {each.answer for each in found.values()} == {Answer.COVERED}
+    assert {each.answer for each in found.values()} == {CoverageAnswer.COVERED}
     last, = shown(timed, found['satisfied at the last moment'])
     late, = shown(timed, found['violated: one too late'])
     assert (last.trace.ticks[-1], late.trace.ticks[-1]) == (500_000_000, 500_000_001)
@@ -233,4 +233,4 @@ def test_when_the_time_is_over_the_answers_are_marked(
     found = make_suite(read(tmp_path / 'bundle.yaml'), 1e-9)
     assert found.is_partial and found.cases == ()
     assert {(each.answer, each.detail) for each in found.covered} == {
-        (Answer.UNKNOWN, 'out of time')}
+        (CoverageAnswer.UNKNOWN, 'out of time')}
