@@ -75,7 +75,6 @@ TEST = [
     'flake8>=7,<8',
     'flake8-blind-except>=0.2,<1',
     'flake8-class-newline>=1.6,<2',
-    'flake8-deprecated>=2.2,<3',
     'flake8-import-order>=0.18,<1',
     'hypothesis>=6.100,<7',
     'jsonschema>=4.18',
