@@ -22,11 +22,12 @@ or from a message object of rclpy. Neither uses the generated C.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 import math
 from operator import attrgetter
 from pathlib import Path
+from random import Random
 import struct
 from types import SimpleNamespace
 from typing import Any
@@ -51,6 +52,7 @@ PARTS = ('[1:3]', '[-2:]', '[:-1]', '[2:]', '[-30 deg : 90 deg]', '[150 deg : -1
 _TIMES = ('builtin_interfaces/msg/Time', 'builtin_interfaces/msg/Duration')
 _DEEPEST = 6
 _LONGEST = 5
+_FLOATS = (-0.0, math.nan, math.inf, -math.inf, 2.0 ** 127, 2.0 ** -149, 0.1)
 # By identity, since hashing an input with its layout takes longer than reading its value.
 _bases: dict[int, tuple[Signal, str]] = {}
 
@@ -61,6 +63,11 @@ _bases: dict[int, tuple[Signal, str]] = {}
 def trees(layout: MessageLayout) -> st.SearchStrategy[Tree]:
     """Return a strategy for the values of a message."""
     return st.builds(Tree, **{item.name: _values(layout, item.type) for item in layout.fields})
+
+
+def random_tree(layout: MessageLayout, rng: Random) -> Tree:
+    """Return a value of a message; hypothesis takes fifty times as long to draw one."""
+    return Tree(**{item.name: _random_value(layout, item.type, rng) for item in layout.fields})
 
 
 def _nested(layout: MessageLayout, kind: FieldType) -> MessageLayout:
@@ -99,20 +106,74 @@ def _values(layout: MessageLayout, kind: FieldType) -> st.SearchStrategy[Any]:
 def _scalars(kind: FieldType) -> st.SearchStrategy[Any]:
     base = kind.base
     if base in ('string', 'wstring'):
-        limit = 8 if kind.text_limit is None else kind.text_limit
-        words = [word for _, word in WORDS if len(word.encode()) <= max(limit, 40)
-                 and (kind.text_limit is None or len(word.encode()) <= limit)]
         # rclpy drops a byte order mark. No surrogates: they cannot be encoded.
         character = st.characters(exclude_categories=['Cs'], exclude_characters='\0\ufeff')
-        return st.sampled_from(words) | st.text(character, max_size=limit // 4)
+        return st.sampled_from(_words(kind)) | st.text(character, max_size=_most(kind))
     if base == 'bool':
         return st.booleans()
     if base.startswith('float'):
         return st.floats(width=32 if base == 'float32' else 64)
+    return st.integers(*_ends(base))
+
+
+def _most(kind: FieldType) -> int:
+    """Return the most characters of a random string, of up to four bytes each."""
+    return (8 if kind.text_limit is None else kind.text_limit) // 4
+
+
+def _words(kind: FieldType) -> list[str]:
+    return [word for _, word in WORDS
+            if kind.text_limit is None or len(word.encode()) <= kind.text_limit]
+
+
+@cache
+def _ends(base: str) -> tuple[int, int]:
+    """Return the least and the greatest value of a type of integers."""
     bits = 8 * struct.calcsize(f'={FORMATS[base]}')
-    signed = base.startswith('int')
-    return st.integers(-2 ** (bits - 1), 2 ** (bits - 1) - 1) if signed \
-        else st.integers(0, 2 ** bits - 1)
+    return (-2 ** (bits - 1), 2 ** (bits - 1) - 1) if base.startswith('int') \
+        else (0, 2 ** bits - 1)
+
+
+def _random_value(layout: MessageLayout, kind: FieldType, rng: Random) -> Any:
+    draw = partial(random_tree, _nested(layout, kind), rng) if kind.is_message \
+        else partial(_random_scalar, kind, rng)
+    match kind.array:
+        case ArrayKind.NONE:
+            return draw()
+        case ArrayKind.FIXED:
+            length = kind.size or 0
+        case ArrayKind.BOUNDED:
+            length = rng.randint(0, min(kind.size or 0, _LONGEST))
+        case ArrayKind.UNBOUNDED:
+            length = rng.randint(0, _LONGEST)
+    return [draw() for _ in range(length)]
+
+
+def _random_scalar(kind: FieldType, rng: Random) -> Any:
+    """Return a value of any bits, or one of those at which mistakes are likelier."""
+    base = kind.base
+    if base in ('string', 'wstring'):
+        if rng.random() < 0.5:
+            return rng.choice(_words(kind))
+        return ''.join(_random_character(rng) for _ in range(rng.randint(0, _most(kind))))
+    if base == 'bool':
+        return rng.random() < 0.5
+    if base.startswith('float'):
+        code = FORMATS[base]
+        size = struct.calcsize(code)
+        data = rng.randbytes(size) if rng.random() < 0.3 else struct.pack(
+            code, rng.choice((*_FLOATS, rng.uniform(-10, 10), float(rng.randint(-9, 9)))))
+        return struct.unpack(code, data)[0]
+    least, most = _ends(base)
+    return rng.choice((least, most, 0, 1, rng.randint(max(least, -9), 9),
+                       rng.randint(least, most)))
+
+
+def _random_character(rng: Random) -> str:
+    while True:
+        found = chr(rng.randrange(1, rng.choice((0x80, 0x800, 0x10000, 0x110000))))
+        if not '\ud800' <= found <= '\udfff' and found != '\ufeff':
+            return found
 
 
 # -- CDR ------------------------------------------------------------------------------------------

@@ -23,12 +23,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 import os
 from pathlib import Path
+from random import Random
 import shutil
 import struct
 import subprocess
 
-from codegen.messages import serialize, Topic
-from codegen.test_extractors import examples, specification_for, topic_of, WRITTEN
+from codegen.messages import random_tree, serialize, Topic
+from codegen.test_extractors import specification_for, topic_of, WRITTEN
 from differential.compiled import c_module, CSRC, write_module
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Formula, Historically, Variable, Window,
@@ -99,9 +100,11 @@ def _relation(item: Variable) -> Formula:
 
 def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC, level: str = '-O1') -> Path:
     """Write the seed messages and build the program, with sanitizers if possible."""
+    rng = Random(7)
     (folder / 'seeds').write_bytes(b''.join(
         struct.pack('<II', number, len(message)) + message
-        for number, topic in enumerate(chosen) for tree in examples(topic.layout, 12)
+        for number, topic in enumerate(chosen)
+        for tree in [random_tree(topic.layout, rng) for _ in range(12)]
         for big in (False, True) for message in [serialize(topic.layout, tree, big=big)]))
     sources = write_module(c_module(specification(chosen)), folder)
     program = folder / 'messages'
