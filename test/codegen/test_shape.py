@@ -26,10 +26,9 @@ import sys
 
 from codegen.workbench import assert_clean_and_right, compile_with, inputs_of, specify
 from differential.compiled import (
-    c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module,
+    c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module, ZIG,
 )
 from differential.timed_monitor import TimedMonitor
-from differential.zig_clang import ZIG
 from fret_monitor.build import generate_monitor, read
 from fret_monitor.codegen import c
 from fret_monitor.codegen.module import CModule
@@ -267,7 +266,7 @@ def test_every_level_of_optimisation_gives_the_same_verdicts(
 def test_it_compiles_for_other_targets(module: CModule, target: str, tmp_path: Path) -> None:
     pytest.importorskip('ziglang')
     for source in write_module(module, tmp_path)[:1]:
-        compile_c([*ZIG, '-target', target, *TARGETS[target], '-std=c99', '-O1', *WARNINGS,
+        compile_c([ZIG, 'cc', '-target', target, *TARGETS[target], '-std=c99', '-O1', *WARNINGS,
                    f'-I{CSRC}', f'-I{tmp_path}', '-c', source, '-o', tmp_path / 'out.o'])
 
 
@@ -275,8 +274,9 @@ def test_a_target_with_excess_precision_is_refused(module: CModule, tmp_path: Pa
     pytest.importorskip('ziglang')
     source = write_module(module, tmp_path)[0]
     done = subprocess.run(
-        [*ZIG, '-target', 'x86-linux-musl', '-mcpu=i586', '-std=c99', f'-I{CSRC}', f'-I{tmp_path}',
-         '-c', source, '-o', tmp_path / 'out.o'], capture_output=True, text=True, check=False)
+        [ZIG, 'cc', '-target', 'x86-linux-musl', '-mcpu=i586', '-std=c99', f'-I{CSRC}',
+         f'-I{tmp_path}', '-c', source, '-o', tmp_path / 'out.o'],
+        capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert 'without excess precision' in done.stderr
 

@@ -21,8 +21,7 @@ import subprocess
 import sys
 
 from differential import compiled
-from differential.compiled import WARNINGS
-from differential.zig_clang import ZIG
+from differential.compiled import WARNINGS, ZIG
 import fret_monitor
 from fret_monitor.native import csrc_directory
 from fret_monitor.native.cache import EVALUATOR_SOURCES
@@ -253,6 +252,6 @@ def test_the_callbacks_of_a_type_support_are_those_of_fast_dds(tmp_path: Path) -
     source.write_text('\n'.join(lines) + '\n', encoding='utf-8')
     flags = include_flags()
     prefix = Path(flags[0].removeprefix('-isystem')).parent
-    done = run(*ZIG[:-1], 'c++', '-std=c++17', *INCLUDES, *flags,
+    done = run(ZIG, 'c++', '-std=c++17', *INCLUDES, *flags,
                f'-isystem{prefix}', '-w', '-c', source, '-o', tmp_path / 'same.o')
     assert (done.returncode, done.stdout) == (0, '')

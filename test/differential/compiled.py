@@ -23,14 +23,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import ctypes
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 import shutil
 import subprocess
-import sys
 import tempfile
 from typing import Any
 
-from differential.zig_clang import ZIG
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.specification import Property, Signal, Specification
@@ -51,6 +50,10 @@ WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswi
             '-Werror')
 # Of code that is not optimised: it compiles in a sixth of the time, and nothing is optimised away.
 SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g1', '-O0')
+
+_ZIGLANG = find_spec('ziglang')
+# The program itself: `python -m ziglang` would start an interpreter for each file.
+ZIG = str(Path(_ZIGLANG.origin).with_name('zig')) if _ZIGLANG and _ZIGLANG.origin else 'zig'
 
 _C_TYPES: dict[ValueType, Any] = {
     ValueType.BOOL: ctypes.c_bool,
@@ -80,7 +83,7 @@ def clang() -> tuple[str, ...] | None:
     found = shutil.which('clang')
     if found:
         return (found,)
-    return (sys.executable, str(HERE / 'zig_clang.py')) if shutil.which(ZIG[0]) else None
+    return ('sh', str(HERE / 'zig_clang.sh'), ZIG) if shutil.which(ZIG) else None
 
 
 @contextmanager
