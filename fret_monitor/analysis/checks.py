@@ -35,7 +35,7 @@ from fret_monitor.analysis.division import Task, tasks
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.grid_runs import GridRuns
 from fret_monitor.analysis.letters import Values
-from fret_monitor.analysis.nan_inputs import NanRuns
+from fret_monitor.analysis.nan_inputs import NanRuns, NanUndecided
 from fret_monitor.analysis.part_runs import PartRuns
 from fret_monitor.analysis.replay import Replay
 from fret_monitor.analysis.runs import (
@@ -145,7 +145,6 @@ class _PartAnalysis:
         self._component: Component | None = None
         self._descent: Descent | None = None
         self._second: SecondCheck | None = None
-        self._nan: NanRuns | None = None
         self._is_full = False
         self._shown: dict[tuple[Question, tuple[str, ...]], Answer] = {}
 
@@ -378,11 +377,11 @@ class _PartAnalysis:
                            or 'no run satisfies all requirements')
         anyhow = games.violation(place, d.possible, ())
         if not games.is_reached(anyhow):
-            if self._is_violated_by_nan(component, place, None):
-                return replace(blank, holds=False, method='NaN violates it')
-            reads_floats = self._reads_floats(place)
+            by_nan = self._is_violated_by_nan(component, place, None)
+            if by_nan is not False:
+                return _by_nan(blank, by_nan, 'NaN violates it')
             return self._certain(
-                blank, component, 'never violated by finite numbers' if reads_floats
+                blank, component, 'never violated by finite numbers' if self._reads_floats(place)
                 else 'never violated, whatever the inputs',
                 lambda second: second.is_closed(~anyhow[-1], [], place), place)
         trigger = component.triggers.get(place)
@@ -392,8 +391,14 @@ class _PartAnalysis:
         steps = games.safe(component.required) & d.before(found.last)
         layers = games.reach(steps, steps & ~d.outputs[trigger])
         if not games.is_reached(layers):
+            others = [item for item in component.required if item != place]
+            by_nan = self._is_violated_by_nan(component, place, others)
+            if by_nan is not False:
+                return _by_nan(blank, by_nan, 'its trigger can come with NaN')
+            finite = ' with finite numbers' if self._reads_floats() else ''
             return self._certain(
-                blank, component, 'its trigger never comes while all requirements hold',
+                blank, component,
+                f'its trigger never comes{finite} while all requirements hold',
                 lambda second: second.is_closed(
                     ~layers[-1], component.required, trigger, found.last))
         return self._possible(blank, component, 'its trigger can come', self._runs.everything(
@@ -409,8 +414,9 @@ class _PartAnalysis:
                            'the others exclude one another, and so imply anything')
         layers = games.violation(place, games.safe(others), [*others, *games.assumptions])
         if not games.is_reached(layers):
-            if self._is_violated_by_nan(component, place, others):
-                return replace(blank, holds=False, method='NaN violates it alone')
+            by_nan = self._is_violated_by_nan(component, place, others)
+            if by_nan is not False:
+                return _by_nan(blank, by_nan, 'NaN violates it alone')
             return self._certain(
                 blank, component,
                 'implied by the others' + self._equal(component, place, others),
@@ -421,23 +427,30 @@ class _PartAnalysis:
         return self._possible(blank, component, 'it can be violated alone', Wanted(
             held, t.conjunction(held, t.negation(verdicts[place]))))
 
-    def _reads_floats(self, place: int) -> bool:
+    def _reads_floats(self, place: int | None = None) -> bool:
+        """Whether a requirement reads a float input; None: any of the part."""
         floats = {item.name for item in self._context.specification.signals
                   if item.type.is_float}
-        return not floats.isdisjoint(self._part.properties[place].inputs)
+        return any(not floats.isdisjoint(item.inputs) for item in (
+            self._part.properties if place is None else [self._part.properties[place]]))
+
+    @cached_property
+    def _nan(self) -> NanRuns:
+        return NanRuns(self._context.specification, self._part, self._deadline, self._is_on_grid)
 
     def _is_violated_by_nan(self, component: Component, place: int,
-                            others: Sequence[int] | None) -> bool:
-        """Whether a run with NaN violates a requirement while others hold; None: all runs."""
-        if place in component.games.pending or not self._reads_floats(place):
+                            others: Sequence[int] | None) -> bool | None:
+        """
+        Whether a run with NaN violates a requirement while others hold; None: not known.
+
+        `others` None: whatever they do.
+        """
+        if place in component.games.pending or not self._reads_floats(
+                place if others is None else None):
             return False
-        try:
-            if self._nan is None:
-                self._nan = NanRuns(self._context.specification, self._part, self._deadline,
-                                    self._is_on_grid)
+        with suppress(NanUndecided, NoRun, NoTicks, TooLarge):
             return self._nan.violate(place, others, self._runs)
-        except (NoRun, NoTicks, TooLarge):
-            return False
+        return None
 
     def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
         """Name a requirement that always has the same verdict."""
@@ -445,8 +458,17 @@ class _PartAnalysis:
         for other in others:
             differs = d.possible & d.bdd.apply('xor', d.outputs[place], d.outputs[other])
             if differs == d.bdd.false or not games.is_reached(games.reach(d.possible, differs)):
-                return f'; equal to {self._part.ids[other]}'
+                return f'; equal to {self._part.ids[other]}' + self._for_finite(place, other)
         return ''
+
+    def _for_finite(self, place: int, other: int) -> str:
+        """Return an addition to "equal", if NaN may tell two requirements apart."""
+        if not self._reads_floats():
+            return ''
+        with suppress(NanUndecided, NoTicks, TooLarge):
+            if not self._nan.differ(place, other):
+                return ''
+        return ' for finite numbers'
 
     # -- answers ----------------------------------------------------------------------------
 
@@ -607,6 +629,13 @@ def _contradicted(blank: Answer, contradiction: Answer) -> Answer:
             return replace(found, holds=False, method=_CONTRADICTION)
     names = '; '.join(', '.join(each) for each in contradiction.conflicts)
     return replace(found, reason=f'{_CONTRADICTION}: {names}')
+
+
+def _by_nan(blank: Answer, is_so: bool | None, method: str) -> Answer:
+    """Return the answer about a requirement that only NaN may violate; None: not known."""
+    if is_so is None:
+        return replace(blank, reason='what NaN changes is not known')
+    return replace(blank, holds=False, method=method)
 
 
 def _preventable(trusted: Sequence[str], shared: Sequence[str]) -> str:

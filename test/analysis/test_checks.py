@@ -394,6 +394,21 @@ def test_what_nan_violates_is_needed() -> None:
     assert found.of(Question.VACUITY)[5].method.startswith('never violated by finite numbers (')
 
 
+@pytest.mark.parametrize(('formulas', 'kept'), [
+    (['!(v > 1.0)', 'H (!(v <= 1.0) -> x)'], ['R0', 'R1']),
+    (['O[1, 1] (v = v) | FTP', 'x'], ['R0', 'R1']),
+    (['Y (v = v) | FTP', 'min(v, w) <= w', 'max(w, v) >= w'], ['R2']),
+    (['min(w - w, 1.0) <= 1.0', 'max(v, 1.0) >= 1.0'], []),
+    (['v > 1.0 -> x', 'v <= 1.0 -> x', 'x'], ['R2'])])
+def test_what_nan_violates_beside_the_others_is_needed(
+    formulas: list[str], kept: list[str],
+) -> None:
+    found = analyzed(bundle(*formulas, inputs='{v: {type: float64}, w: {type: float64}, '
+                            'x: {type: bool}}'), Question.VACUITY, Question.REDUNDANCY)
+    ids = [f'R{number}' for number in range(len(formulas))]
+    assert [name for name in ids if name not in found.listed(Question.REDUNDANCY)] == kept
+
+
 def test_a_product_of_inputs_can_be_violated() -> None:
     found = analyzed(bundle('H (v * u >= 0.0)', inputs='v: {type: float64}\n'
                             '  u: {type: float64}'), Question.REALIZABILITY)
