@@ -25,20 +25,27 @@ import re
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import StateField
 
-_KEYWORDS = frozenset("""
+C_KEYWORDS = frozenset("""
     auto break case char const continue default do double else enum extern float for goto if inline
     int long register restrict return short signed sizeof static struct switch typedef union
-    unsigned void volatile while asm bool true false alignas alignof atomic complex generic
-    imaginary noreturn static_assert thread_local typeof nullptr constexpr
-    and and_eq bitand bitor catch class compl const_cast delete dynamic_cast explicit export friend
-    mutable namespace new not not_eq operator or or_eq private protected public reinterpret_cast
-    static_cast template this throw try typeid typename using virtual wchar_t xor xor_eq
-    linux unix i386 errno math_errhandling
+    unsigned void volatile while bool true false asm typeof nullptr constexpr static_assert
+    thread_local alignas alignof
+""".split())
+CPP_KEYWORDS = frozenset("""
+    and and_eq bitand bitor catch class compl concept const_cast consteval constinit co_await
+    co_return co_yield char8_t char16_t char32_t decltype delete dynamic_cast explicit export
+    friend mutable namespace new noexcept not not_eq operator or or_eq private protected public
+    reinterpret_cast requires static_cast template this throw try typeid typename using virtual
+    wchar_t xor xor_eq
+""".split())
+_MACROS = frozenset("""
+    atomic complex errno generic i386 imaginary linux math_errhandling noreturn unix
 """.split())
 _OURS = frozenset("""
     s in state inputs verdicts tick next unsettled memset fmod fmodf pow atan2
     sin cos tan asin acos atan sqrt exp log floor ceil round
 """.split())
+_TAKEN = C_KEYWORDS | CPP_KEYWORDS | _MACROS | _OURS
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(
     r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|overflows|reset|monitor|readers'
@@ -52,7 +59,7 @@ SUFFIXES = {kind: f'{kind.value[0]}{kind.bits}' for kind in ValueType if kind.is
 def identifier(name: str, prefix: str = 'fm') -> str:
     """Return a C identifier similar to `name` that is no keyword, macro or generated name."""
     word = re.sub(r'[^A-Za-z0-9_]', '_', name) or '_'
-    is_taken = word in _KEYWORDS or word in _OURS or word[0].isdigit()
+    is_taken = word in _TAKEN or word[0].isdigit()
     if is_taken or is_of_module(word, prefix) or _GENERATED.match(word):
         return 'v_' + word
     return word

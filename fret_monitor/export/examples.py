@@ -26,7 +26,7 @@ from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace, verdict_rows
 from fret_monitor.model.policies import Policy
 from fret_monitor.traces.boundary import both_sides
-from fret_monitor.traces.csv_trace import LONGEST_NS, seconds_text, TIME, trace_text
+from fret_monitor.traces.csv_trace import LAST_TICK, seconds_text, TIME, trace_text
 from fret_monitor.traces.random_traces import Pools, random_traces
 from fret_monitor.traces.trace import Row, Value
 
@@ -62,9 +62,9 @@ def _stepped(specification: Specification, pools: Pools, rng: Random) -> tuple[s
 def _timed(specification: Specification, pools: Pools, rng: Random) -> tuple[str, str]:
     bounds = {bound for item in specification.properties for bound in item.bounds}
     gaps = sorted({*_GAPS_NS, *(bound + offset for bound in bounds for offset in (-1, 0, 1)
-                                if 0 < bound <= LONGEST_NS // _ROWS_IN_TIME)} - {0})
+                                if 0 < bound <= LAST_TICK // _ROWS_IN_TIME)} - {0})
     times = list(accumulate([0, *(rng.choice(gaps) for _ in range(_ROWS_IN_TIME - 1))]))
-    times = [time for time in times if time <= LONGEST_NS]
+    times = [time for time in times if time <= LAST_TICK]
     rows = [tuple(rng.choice(pool) for pool in pools) for _ in times]
     trace = TimedTrace(times, _columns(specification.signals, rows), times[-1])
     histories = [evaluate_timed([item.formula], trace, item.feedback)[0]

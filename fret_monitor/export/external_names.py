@@ -23,25 +23,12 @@ from collections.abc import Mapping
 import re
 
 from fret_monitor.build import GeneratedMonitor
-from fret_monitor.codegen.names import is_of_module
+from fret_monitor.codegen.names import C_KEYWORDS, CPP_KEYWORDS, is_of_module
 from fret_monitor.export.content import export_name
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.names import fret_name
 
 _IDENTIFIER = re.compile('[A-Za-z_][A-Za-z0-9_]*')
-_C = frozenset("""
-    auto break case char const continue default do double else enum extern float for goto if inline
-    int long register restrict return short signed sizeof static struct switch typedef union
-    unsigned void volatile while bool true false asm typeof nullptr constexpr static_assert
-    thread_local alignas alignof
-""".split())
-_CPP = frozenset("""
-    and and_eq bitand bitor catch class compl concept const_cast consteval constinit co_await
-    co_return co_yield char8_t char16_t char32_t decltype delete dynamic_cast explicit export
-    friend mutable namespace new noexcept not not_eq operator or or_eq private protected public
-    reinterpret_cast requires static_cast template this throw try typeid typename using virtual
-    wchar_t xor xor_eq
-""".split())
 # What programs in C get from the C library, which no variable may replace (C99, 7.1.3).
 _FUNCTIONS = frozenset("""
     main
@@ -133,7 +120,7 @@ def fault(word: str, name: str) -> str:
     """Return why a word cannot be an external name beside the C of the bundle `name`, or ''."""
     if _IDENTIFIER.fullmatch(word) is None:
         return 'has characters that names in C do not have'
-    if word in _C:
+    if word in C_KEYWORDS:
         return 'is a keyword of C'
     if word in _FUNCTIONS or word in _FLOATS:
         return 'is a function of the C library' if word != 'main' else 'is where a program begins'
@@ -174,7 +161,7 @@ def input_names(generated: GeneratedMonitor, defined: Mapping[str, str],
         if reason:
             problems.error(f'the input {shown} cannot be a variable: it {reason}', signal.place,
                            help=f'rename it, there and in formulas: {_other(word)}')
-        elif word in _CPP:
+        elif word in CPP_KEYWORDS:
             problems.warning(f"'{word}' is a keyword of C++", signal.place,
                              'with this input the export can only be compiled as C')
         elif is_extension(word):

@@ -53,7 +53,7 @@ _NAMES_OF_TIME = frozenset({TIME, 't', 'times', 'timestamp', 'stamp', 'seconds',
 _SECONDS = re.compile(r'[+-]?([0-9]+)(?:\.([0-9]*))?')
 _DIGITS = 9  # behind the point of a number of seconds
 _LATEST_NS = 2 ** 62
-LONGEST_NS = 2 ** 62 - 3  # FM_LAST_TICK in csrc/fret_monitor.h
+LAST_TICK = 2 ** 62 - 3  # FM_LAST_TICK in csrc/fret_monitor.h
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 
 
@@ -361,7 +361,7 @@ class TraceReader:
                 self._refuse_at(row, place, f'{same} that of the row before',
                                 f'it was {seconds_text(self._last)} there; time increases from '
                                 'row to row')
-            if now - self.first > LONGEST_NS:
+            if now - self.first > LAST_TICK:
                 self._refuse_at(row, place, 'more than 146 years after the first row', '')
             self._last = now
             yield now

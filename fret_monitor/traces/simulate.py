@@ -38,7 +38,7 @@ from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces.csv_trace import (
-    LONGEST_NS, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
+    LAST_TICK, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
 )
 
 _MOST_LINES = 4096  # size of the cache of lines
@@ -146,7 +146,7 @@ def _verdicts(evaluator: Evaluator, trace: TraceReader,
         last = times[-1]
     if until is None or last is None:
         return
-    if until - trace.first > LONGEST_NS:
+    if until - trace.first > LAST_TICK:
         refuse(f'--until {seconds_text(until)} is more than 146 years after the first row')
     if until < last:
         refuse(f'--until {seconds_text(until)} is before the last row of the trace',

@@ -55,6 +55,19 @@ QUOTED = ['two words', 'Übergröße', '日本', 'a%s%n', '*/ int', '// x', '??/
           '\N{RIGHT-TO-LEFT MARK}x']
 
 
+# C++23, 5.11 and C23, 6.4.1, but for those that are names with two underscores in C.
+RESERVED = """
+alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t
+char32_t class compl concept const const_cast consteval constexpr constinit continue co_await
+co_return co_yield decltype default delete do double dynamic_cast else enum explicit export extern
+false float for friend goto if inline int long mutable namespace new noexcept not not_eq nullptr
+operator or or_eq private protected public register reinterpret_cast requires restrict return short
+signed sizeof static static_assert static_cast struct switch template this thread_local throw true
+try typedef typeid typename typeof union unsigned using virtual void volatile wchar_t while xor
+xor_eq
+""".split()
+
+
 def small(name: str, kind: ValueType = ValueType.BOOL) -> Variable:
     return Variable(name, kind)
 
@@ -82,6 +95,11 @@ def test_inputs_may_have_any_name(names: list[str]) -> None:
             whole = Binary(BinaryOperator.XOR, whole, item)
         formulas = [whole]
     assert_clean_and_right(specify(formulas), with_clang=is_all)
+
+
+def test_no_name_in_c_is_a_keyword_of_c_or_cpp() -> None:
+    # A header with the input `requires` could not be included by C++.
+    assert [word for word in RESERVED if identifier(word) == word] == []
 
 
 @pytest.mark.parametrize('kind', [ValueType.FLOAT32, ValueType.FLOAT64])
