@@ -34,7 +34,6 @@ from fret_monitor.model.values import ValueType
 
 _SPECIAL = {'nan': 'nan', '.nan': 'nan', 'inf': 'inf', '.inf': 'inf', '-inf': '-inf',
             '-.inf': '-inf'}
-_BYTES = ('byte', 'char')
 _TEXTS = ('string', 'wstring')
 _TRUTHS = {'true': True, 'false': False}
 _MOST_DIGITS = 30
@@ -165,8 +164,7 @@ class _MessageReader:
         return value
 
     def _whole(self, field: MessageField, node: YamlScalar) -> int | None:
-        base = field.type.base
-        low, high = (0, 255) if base in _BYTES else ValueType(base).limits
+        low, high = ValueType.of_field(field.type.base).limits
         fault = number_fault(node.value)
         if not is_integer(node.value) or len(node.value) > _MOST_DIGITS or \
                 not low <= int(node.value) <= high:

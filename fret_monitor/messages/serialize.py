@@ -24,6 +24,7 @@ import struct
 
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
+from fret_monitor.model.values import ValueType
 
 type Value = bool | int | float | str | Sequence[Value] | Mapping[str, Value]
 
@@ -32,11 +33,6 @@ STAMP_AT = 4
 """The offset of the stamp in a message that begins with a header: sec and nanosec."""
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
-_FORMATS = {
-    'bool': 'B', 'byte': 'B', 'char': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h',
-    'uint16': 'H', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f',
-    'float64': 'd',
-}
 _ELEMENT = re.compile(
     r'\s*("(?:\\.|[^"\\])*"' r"|'(?:\\.|[^'\\])*'|[^,]*?)\s*(?:,|$)")
 
@@ -99,9 +95,9 @@ class _CdrWriter:
             self._number(kind.base, value if isinstance(value, int | float) else 0)
 
     def _number(self, base: str, value: int | float) -> None:
-        code = f'<{_FORMATS[base]}'
-        self.data += bytes(-len(self.data) % struct.calcsize(code))
-        self.data += struct.pack(code, value)
+        kind = ValueType.of_field(base)
+        self.data += bytes(-len(self.data) % kind.size)
+        self.data += struct.pack(f'<{kind.typecode}', value)
 
 
 def default_of(field: MessageField) -> Value | None:
