@@ -27,6 +27,7 @@ from fret_monitor.logic.formula import (
     operands, postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables,
     WeakYesterday, Yesterday,
 )
+from fret_monitor.logic.pointwise import operation
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
@@ -47,18 +48,22 @@ def weaker_with_nan(specification: Specification) -> Iterator[Diagnostic]:
             if variable.name in floats:
                 for comparison in weakening(item.formula, variable):
                     found.setdefault(comparison, []).append(variable.name)
-        for comparison, names in found.items():
+        for node, names in found.items():
+            value = node.right if node.operator in _SELECTING else Constant(
+                node.operator is Op.NE, ValueType.BOOL)
             yield Diagnostic(
                 f'{item.id} requires less while {" or ".join(names)} is NaN', item.place,
-                f'{to_smv(comparison)} is {str(comparison.operator is Op.NE).lower()} then',
-                f'write {_strict(comparison)} instead of {to_smv(comparison)}', Level.WARNING)
+                f'{to_smv(node)} is {to_smv(value).lower()} then',
+                f'write {_strict(node)} instead of {to_smv(node)}', Level.WARNING)
 
 
 def _strict(comparison: Binary) -> str:
-    """Return what equals a weakening comparison for numbers, and is true or false as NaN needs."""
+    """Return what equals a weakening node for numbers, and is true, false or NaN as NaN needs."""
     def relation(operator: Op) -> str:
         return to_smv(Binary(operator, comparison.left, comparison.right))
 
+    if comparison.operator in _SELECTING:
+        return to_smv(Binary(comparison.operator, comparison.right, comparison.left))
     match comparison.operator:
         case Op.EQ:
             return f'!({relation(Op.LT)} | {relation(Op.GT)})'
@@ -71,8 +76,16 @@ def _strict(comparison: Binary) -> str:
 _OPPOSITE = {Op.LT: Op.GE, Op.LE: Op.GT, Op.GT: Op.LE, Op.GE: Op.LT}
 
 
+# Of NaN on the left, the result is the right operand.
+_SELECTING = frozenset({Op.MIN, Op.MAX})
+
+
 class _Weak(NamedTuple):
-    """A comparison that weakens a formula, which reads it `age` steps ago at the latest."""
+    """
+    A comparison that weakens a formula, which reads it `age` steps ago at the latest.
+
+    Or a `min` or `max` that gives a number for NaN, on which a comparison rests.
+    """
 
     comparison: Binary
     age: int
@@ -99,17 +112,21 @@ def weakening(formula: Formula, variable: Variable) -> list[Binary]:
     These are the comparisons of the input whose value then makes the formula hold more easily,
     such as `x < 1` left of an implication, unless other comparisons of the input make up for them,
     as in `x >= 0 & (x < 1 -> p)`. Of a comparison that is read at several steps, the latest
-    counts: the edge `!(x >= 1) & Y (x >= 1)` is true when NaN begins.
+    counts: the edge `!(x >= 1) & Y (x >= 1)` is true when NaN begins. A `min` or `max` is returned
+    where it makes a number of NaN, and a comparison of that number may make the formula hold.
     """
     undefined: set[Formula] = {variable}
+    replaced: dict[Formula, frozenset[Binary]] = {}
     table: dict[Formula, _Both] = {}
     order = postorder([formula])
     for node in order:
         if node.type is not ValueType.BOOL:
-            if _is_nan(node, undefined):
+            if _is_nan(node, undefined, table):
                 undefined.add(node)
+            elif found_in := _replaced(node, undefined, replaced):
+                replaced[node] = found_in
         else:
-            table[node] = _both(node, table, undefined)
+            table[node] = _both(node, table, undefined, replaced)
     found = table[formula].required
     if isinstance(found, bool):
         return []
@@ -140,23 +157,45 @@ def _distance(node: Formula, part: Formula) -> int:
             return 0
 
 
-def _is_nan(node: Formula, undefined: set[Formula]) -> bool:
+def _is_nan(node: Formula, undefined: set[Formula], table: Mapping[Formula, _Both]) -> bool:
+    """Return whether a number may be NaN."""
     match node:
         case Conversion() | Unary() | Previous():
             return node.argument in undefined
         case Binary(Op.MIN | Op.MAX, _, right):
-            return right in undefined  # of NaN on the left, the result is the right operand
+            return right in undefined
         case Binary(Op.POW, left, right):
             return left in undefined or right in undefined
         case Binary():
             return node.left in undefined or node.right in undefined
         case Choice():
-            return node.yes in undefined and node.no in undefined
+            condition = table[node.condition]
+            return node.yes in undefined and condition.required is not False or \
+                node.no in undefined and condition.denied is not True
         case _:
             return node in undefined
 
 
-def _both(node: Formula, table: Mapping[Formula, _Both], undefined: set[Formula]) -> _Both:
+def _replaced(node: Formula, undefined: set[Formula], replaced: Mapping[Formula, frozenset[Binary]]
+              ) -> frozenset[Binary]:
+    """Return the nodes that made a number of NaN, on which another number rests."""
+    if isinstance(node, Binary) and node.operator in _SELECTING and node.left in undefined:
+        return frozenset({node})
+    return frozenset().union(*(replaced.get(item, frozenset()) for item in operands(node)))
+
+
+def _of_numbers(node: Binary, weak: frozenset[_Weak]) -> _Both:
+    """Return what a comparison is of which an operand is a number in place of NaN."""
+    values = [item.right if isinstance(item, Binary) and item.operator in _SELECTING else item
+              for item in (node.left, node.right)]
+    if not all(isinstance(item, Constant) for item in values):
+        return _Both(weak, weak)  # true or false
+    is_true = operation(node)(*(item.value for item in values if isinstance(item, Constant)))
+    return _Both(weak, True) if is_true else _Both(False, weak)
+
+
+def _both(node: Formula, table: Mapping[Formula, _Both], undefined: set[Formula],
+          replaced: Mapping[Formula, frozenset[Binary]]) -> _Both:
     match node:
         case Constant():
             return _Both(bool(node.value), bool(node.value))
@@ -164,6 +203,10 @@ def _both(node: Formula, table: Mapping[Formula, _Both], undefined: set[Formula]
                 left in undefined or right in undefined):
             weak = frozenset({_Weak(node, 0)})
             return _Both(weak, True) if operator is Op.NE else _Both(False, weak)
+        case Binary(operator, left, right) if operator.is_relation and (
+                left in replaced or right in replaced):
+            return _of_numbers(node, frozenset(_Weak(item, 0) for side in (left, right)
+                                               for item in replaced.get(side, ())))
         case Unary(UnaryOperator.NOT, argument):
             found = table[argument]
             return _Both(_not(found.denied), _not(found.required))
@@ -183,8 +226,14 @@ def _both(node: Formula, table: Mapping[Formula, _Both], undefined: set[Formula]
         case Since() | Triggered():
             return _Both(*(_since(node, *found) for found in zip(
                 table[node.left], table[node.right])))
+        case Choice(condition, yes, no):
+            if table[condition].required is False:
+                return table[no]
+            if table[condition].denied is True:
+                return table[yes]
+            return _Both(*map(_either, table[yes], table[no]))
         case _:
-            # In `<->`, `xor` and choices a comparison strengthens one side and weakens the other.
+            # In `<->` and `xor` a comparison strengthens one side and weakens the other.
             return _Both(_OPAQUE, _OPAQUE)
 
 
@@ -200,6 +249,13 @@ def _and(one: _Found, other: _Found) -> _Found:
 
 def _or(one: _Found, other: _Found) -> _Found:
     return _not(_and(_not(one), _not(other)))
+
+
+def _either(one: _Found, other: _Found) -> _Found:
+    """Return what NaN makes of a choice whose condition it leaves alone."""
+    if one == other:
+        return one
+    return frozenset().union(*(item for item in (one, other) if not isinstance(item, bool)))
 
 
 def _earlier(found: _Found, age: int, keeps: bool) -> _Found:

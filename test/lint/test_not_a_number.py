@@ -54,6 +54,9 @@ def warnings(folder: Path, requirement: str) -> list[tuple[str, str]]:
     ('speed > 1.0 -> !(O[0,3] (x < 1.0))', 'x', '!(x >= 1.0)', 'x < 1.0'),
     ('(Y (x < 1.0)) -> speed <= 0.0', 'x', '!(x >= 1.0)', 'x < 1.0'),
     ('((b S (x > 1.0)) -> speed <= 0.0)', 'x', '!(x <= 1.0)', 'x > 1.0'),
+    ('!(min(x, 5.0) >= 1.0) -> speed <= 0.0', 'x', 'min(5.0, x)', 'min(x, 5.0)'),
+    ('!(max(x, y) >= 1.0) -> speed <= 0.0', 'x', 'max(y, x)', 'max(x, y)'),
+    ('min(5.0, x) < 1.0 -> speed <= 0.0', 'x', '!(min(5.0, x) >= 1.0)', 'min(5.0, x) < 1.0'),
 ])
 def test_a_comparison_that_nan_makes_weaker_is_warned_of(
         tmp_path: Path, formula: str, names: str, strict: str, loose: str) -> None:
@@ -71,6 +74,7 @@ def test_a_comparison_that_nan_makes_weaker_is_warned_of(
     'H (x >= 0.0 & (x < 1.0 -> speed <= 0.0))',
     '!(x >= 1.0) | x < 1.0 -> speed <= 0.0', 'O[0,3] (x > 1.0)', 'x >= 1.0 S b',
     '!(x >= 1.0) & Y (x >= 1.0) -> speed <= 0.0', '(x < 1.0 <-> b) & speed <= 1.0',
+    '!(min(5.0, x) >= 1.0) -> speed <= 0.0', 'min(x, 0.5) < 1.0 -> speed <= 0.0',
 ])
 def test_a_comparison_that_nan_makes_stronger_is_not(tmp_path: Path, formula: str) -> None:
     assert warnings(tmp_path, f'ptltl: "{formula}"') == []
@@ -87,3 +91,15 @@ def test_the_advice_holds_in_sentences(tmp_path: Path, timing: str, word: str) -
 
     assert 'x is' not in inputs('!(x >= 1.0)')
     assert 'x is' in inputs('x < 1.0')
+
+
+@pytest.mark.parametrize('formula, is_warned', [
+    ('(if b then x else 0.5) < 1.0 => speed <= 0.0', True),
+    ('(if b then x < 1.0 else false) => speed <= 0.0', True),
+    ('(if x = x then x else 0.5) < 1.0 => speed <= 0.0', False),
+    ('(if b then not (x >= 1.0) else true) => speed <= 0.0', False),
+    ('if x >= 1.0 then speed <= 1.0 else speed <= 0.0', False),
+    ('if b then x < 1.0 => speed <= 0.0 else speed <= 0.0', True)])
+def test_choices_in_lustre(tmp_path: Path, formula: str, is_warned: bool) -> None:
+    assert any('x is NaN' in title for title, _ in warnings(
+        tmp_path, f'cocospec: "{formula}"')) == is_warned
