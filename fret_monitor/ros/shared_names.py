@@ -19,7 +19,10 @@ from typing import NamedTuple
 
 from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.names import DIAGNOSTICS_TOPIC
 from fret_monitor.model.policies import ActionKind
+from fret_monitor.ros.details import DETAILS_TOPIC
+from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.parameters import Refusal
 
 from rclpy.node import Node
@@ -27,7 +30,7 @@ from rclpy.node import Node
 
 def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
     """
-    Refuse gates in a circle, and what else publishes on the topic of a gate or of a lock.
+    Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
 
     Compares names after remapping, of everything that the node runs; a gate on a service must be
     its only server, too.
@@ -43,7 +46,8 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
         for way in cycles(ends):
             raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
                           'different ones')
-    used = [item for manifest in manifests for item in _used_names(node, manifest)]
+    used = [*_own_names(node, manifests),
+            *(item for manifest in manifests for item in _used_names(node, manifest))]
     owners: dict[tuple[str, str], _Use] = {}
     for use in sorted(used, key=lambda item: not item.is_alone):
         owner = owners.setdefault((use.verb, use.name), use)
@@ -62,6 +66,14 @@ class _Use(NamedTuple):
     verb: str
     name: str
     is_alone: bool
+
+
+def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[_Use]:
+    """Yield what the node itself publishes; an action may publish on `/diagnostics` too."""
+    handlers = [handler_topic(item) for manifest in manifests for item in manifest.requirements]
+    for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
+        yield _Use('the node itself', '', 'publish on', node.resolve_topic_name(topic),
+                   topic != DIAGNOSTICS_TOPIC)
 
 
 def _used_names(node: Node, manifest: Manifest) -> Iterator[_Use]:

@@ -362,7 +362,9 @@ gates:
     (('d:=b',), "the gate 'g' and the gate 'h' both publish on /b"),
     (('braked:=b',), "the gate 'g' and the action 'brake' both publish on /b"),
     (('braked:=e_stop',), "the lock 'stop' and the action 'brake' both publish on /e_stop"),
-    (('e_stop:=d',), "the gate 'h' and the lock 'stop' both publish on /d")])
+    (('e_stop:=d',), "the gate 'h' and the lock 'stop' both publish on /d"),
+    (('d:=/diagnostics',), "the gate 'h' and the node itself both publish on /diagnostics"),
+    (('braked:=copilot/handlerpropC',), "the node itself and the action 'brake' both publish on")])
 def test_remappings_that_lead_gates_together_are_refused(
     partner: Partner, tmp_path: Path, remappings: tuple[str, ...], words: str,
 ) -> None:
