@@ -206,12 +206,13 @@ FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
 FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
 FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
 
-/// The thread that moves the clock that is followed is alive, though the clock may stand still.
+/// For the thread that moves the clock that is followed: note that it is alive, also while the
+/// clock stands still. O(1).
 FM_EXPORT void fm_engine_serve_clock(struct fm_engine * engine);
 
-/// Whether what is known of the requirements is old, since a thread hangs: messages are taken in
-/// rounds, and none has ended for so long, by CLOCK_MONOTONIC; or a clock is followed, and
-/// fm_engine_serve_clock was not called for so long.
+/// Whether a thread hangs, so that the states of the requirements are not up to date: for longer
+/// than `nanoseconds` of CLOCK_MONOTONIC, no round has ended (if messages are taken in rounds), or
+/// fm_engine_serve_clock was not called (if a clock is followed). O(1).
 FM_EXPORT bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds);
 
 /// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.

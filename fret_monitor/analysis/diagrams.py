@@ -46,7 +46,8 @@ class MemoryErrors:
     """
     Raises MemoryError where `dd` reports that CUDD has reached the limit of its memory.
 
-    A generator would keep the errors in a cycle, and so their diagrams for the garbage collector.
+    It is no generator (`contextlib`), since that would keep the error in a cycle, and with it the
+    diagrams until the garbage collector runs.
     """
 
     def __enter__(self) -> None:
@@ -218,7 +219,7 @@ class Diagrams:
     def before(self, states: Node) -> Node:
         """Return the steps that lead to some states."""
         self._work_on()
-        return self._replaced(states, self.after)
+        return self.at(states, self.after)
 
     def _work_on(self) -> None:
         """Check the time, and let variables move once there are many nodes."""
@@ -252,14 +253,11 @@ class Diagrams:
 
     def at(self, node: Node, values: Mapping[str, Any]) -> Node:
         """Return a diagram with values, or diagrams, for some of its variables."""
-        return self._replaced(node, values)
-
-    def _replaced(self, node: Node, parts: Mapping[str, Any]) -> Node:
-        found = {name: parts[name] for name in self.bdd.support(node) if name in parts}
+        found = {name: values[name] for name in self.bdd.support(node) if name in values}
         return self.bdd.let(found, node) if found else node
 
     def after_from(self, state: Mapping[str, bool]) -> dict[str, Node]:
-        """Return the bits after a step from a state, by the choices."""
+        """Return for each bit the choices that make it true after a step from a state."""
         return {name: self.at(node, state) for name, node in self.after.items()}
 
     def picked(self, node: Node, names: Sequence[str],

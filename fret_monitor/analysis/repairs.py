@@ -17,8 +17,8 @@ Gates that nothing can open: whether some message always satisfies what a gate k
 
 The inputs on the gate's topic are choices of the system, all others of the environment. A
 requirement is *unrepairable* in a state if it is false after the next message of the gate's topic
-for some values of the other inputs, whatever the message. Only states are looked at to which
-messages that pass, and messages of other topics, lead.
+for some values of the other inputs, whatever the message. Only the states count that messages that
+pass, and messages of other topics, lead to.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +46,7 @@ def repairs(specification: Specification, gate: Gate, seconds: float) -> dict[st
     """
     Return what the solver decides in time about the requirements of a gate, by id.
 
-    Others are left out: numbers that are related to those of earlier steps, bounds of time.
+    Those that relate numbers of different steps, or have bounds of time, are left out.
     """
     deadline = Deadline(seconds)
     kept = [_judged(item) for item in specification.properties if item.id in gate.keep]

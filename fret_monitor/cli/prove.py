@@ -22,9 +22,9 @@ import sys
 from typing import TYPE_CHECKING
 
 from fret_monitor.build import generate_monitor, read
-from fret_monitor.cli._limits import seconds
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
+from fret_monitor.cli.limits import seconds
 from fret_monitor.cli.terminal import painted, print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, pip_install, refuse

@@ -127,7 +127,7 @@ class Parser:
         LALR tables merge states and allow too many, so each kind is tried on the stack of states.
         """
         return frozenset(kind for kind in self._tables.states[self._states[-1]]
-                         if kind.lstrip('$').isupper() and self._is_shifted(kind))
+                         if kind.isupper() and self._is_shifted(kind))
 
     def _is_shifted(self, kind: str) -> bool:
         states, stack = self._tables.states, list(self._states)

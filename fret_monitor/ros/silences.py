@@ -68,7 +68,8 @@ class SilenceLog:
             first.startup or first.timeout, 'startup')
         readers = [item.id for item in self._manifest.requirements
                    if not set(indices).isdisjoint(item.inputs)]
-        line = (f'{"again " * is_again}no usable value on '
+        again = 'again ' if is_again else ''
+        line = (f'{again}no usable value on '
                 f'{self._node.resolve_topic_name(topic)} within the {of} of {limit:g} s '
                 f'for {self._named(indices)}')
         if readers and first.stale is Stale.VIOLATE:
