@@ -26,7 +26,6 @@
 #define FRET_CELLS_H_
 
 #include <float.h>
-#include <math.h>
 
 #include "fret_monitor.h"
 
@@ -337,6 +336,11 @@ static inline uint64_t fm_neg_u64(uint64_t a) {return 0u - a;}
 static inline uint64_t fm_abs_u64(uint64_t a) {return a;}
 static inline uint64_t fm_div_u64(uint64_t a, uint64_t b) {return b == 0u ? 0u : a / b;}
 static inline uint64_t fm_mod_u64(uint64_t a, uint64_t b) {return b == 0u ? 0u : a % b;}
+
+/// As in math.h, which takes a compiler longer to read than a small module: only a module that needs
+/// more of it includes it.
+float fmodf(float a, float b);
+double fmod(double a, double b);
 
 static inline float fm_mod_f32(float a, float b) {return fmodf(a, b);}
 static inline double fm_mod_f64(double a, double b) {return fmod(a, b);}

@@ -28,6 +28,9 @@ _MIXED = {BinaryOperator.LT: ('less', False, False), BinaryOperator.GE: ('less',
 _ARITHMETIC = {BinaryOperator.ADD: '+', BinaryOperator.SUB: '-', BinaryOperator.MUL: '*',
                BinaryOperator.DIV: '/'}
 _OF_LIBRARY = {BinaryOperator.POW: 'pow', BinaryOperator.ATAN2: 'atan2'}
+OF_MATH_H = frozenset({'NAN', 'INFINITY', *_OF_LIBRARY.values(), *(
+    operator.value for operator in UnaryOperator if operator.is_library)})
+"""What expressions may use of `math.h`."""
 _FUNCTIONS = {BinaryOperator.ADD: 'add', BinaryOperator.SUB: 'sub', BinaryOperator.MUL: 'mul',
               BinaryOperator.DIV: 'div', BinaryOperator.MOD: 'mod', BinaryOperator.MIN: 'min',
               BinaryOperator.MAX: 'max'}

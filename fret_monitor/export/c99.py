@@ -35,7 +35,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native.compiler import COMPILE_FLAGS
 
 _RUNTIME = ('fret_monitor.h', 'fret_cells.h')
-_EXTRACTORS = ('fret_cdr.h', 'fret_fields.h')
+_EXTRACTORS = ('fret_cdr.h', 'fret_fields.h', 'fret_reductions.h')
 _FIELDS_ROW = ('| `src/{}_fields.c`, `src/fret_fields.h` | reads the inputs from serialized '
                'messages (CDR) |\n')
 

@@ -225,11 +225,12 @@ def test_no_function_calls_itself(module: CModule) -> None:
             assert f'{name}(' not in body
 
 
-def test_only_our_headers_and_string_h_are_included(module: CModule) -> None:
-    for _, text in module.sources:
-        assert re.findall(r'#include (.*)', text) == [
-            f'"{module.header[0]}"', '<string.h>', '"fret_cells.h"']
-    assert re.findall(r'#include (.*)', module.header[1]) == ['"fret_monitor.h"']
+def test_only_our_headers_and_string_h_are_included_and_math_h_if_needed(module: CModule) -> None:
+    for made, math_h in ((module, ['<math.h>']), (c_module(specify([P])), [])):
+        for _, text in made.sources:
+            assert re.findall(r'#include (.*)', text) == [
+                f'"{made.header[0]}"', *math_h, '<string.h>', '"fret_cells.h"']
+        assert re.findall(r'#include (.*)', made.header[1]) == ['"fret_monitor.h"']
 
 
 def test_lines_have_no_trailing_spaces(module: CModule) -> None:

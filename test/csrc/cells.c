@@ -22,6 +22,7 @@
 
 #include "fret_cells.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -18,6 +18,7 @@
 
 #include "fret_cells.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "check.h"
