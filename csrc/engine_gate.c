@@ -161,13 +161,18 @@ static uint32_t judge_locked(
   return judgement;
 }
 
+static int64_t due_locked(const struct fm_engine * engine)
+{
+  return engine->gate == NULL || engine->is_closed ? FM_NEVER : fm_gate_due(engine->gate);
+}
+
 uint32_t fm_engine_judge(
   struct fm_engine * engine, const uint8_t * message, size_t size,
   const struct fm_origin * origin, int64_t * due)
 {
   fm_engine_lock(engine);
   const uint32_t judgement = judge_locked(engine, message, size, origin);
-  *due = engine->gate == NULL ? FM_NEVER : fm_gate_due(engine->gate);
+  *due = due_locked(engine);
   fm_engine_unlock(engine);
   return judgement;
 }
@@ -218,7 +223,7 @@ bool fm_engine_replace(
 {
   fm_engine_lock(engine);
   const bool is_sent = replace_locked(engine, message, size, stamp_at);
-  *due = engine->gate == NULL || engine->is_closed ? FM_NEVER : fm_gate_due(engine->gate);
+  *due = due_locked(engine);
   fm_engine_unlock(engine);
   return is_sent;
 }
@@ -226,8 +231,7 @@ bool fm_engine_replace(
 int64_t fm_engine_replacement_due(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
-  const int64_t due =
-    engine->gate == NULL || engine->is_closed ? FM_NEVER : fm_gate_due(engine->gate);
+  const int64_t due = due_locked(engine);
   fm_engine_unlock(engine);
   return due;
 }

@@ -31,8 +31,7 @@ _DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
 def check_topics(bundle: Bundle, unusable: Collection[str], problems: Problems) -> None:
     """Check the topics and services of all gates and actions; types in `unusable` are unknown."""
     checks = _Checks(bundle, problems)
-    checks.servers()
-    checks.targets()
+    checks.gates()
     checks.circles()
     checks.types(unusable)
     checks.locks()
@@ -51,32 +50,22 @@ class _Checks:
             if entry.kind in kinds and entry.target is not None:
                 yield entry, entry.target
 
-    def servers(self) -> None:
-        """Refuse two gates that offer one service."""
-        first: dict[str, GateEntry] = {}
+    def gates(self) -> None:
+        """Refuse a second server of what a gate offers, and a second publisher where it leads."""
+        first: dict[tuple[bool, str], GateEntry] = {}
         for entry in self.bundle.gates:
-            if entry.is_service and entry.source:
-                other = first.setdefault(absolute(entry.source.value), entry)
-                if other is not entry:
-                    self.problems.error(
-                        f'two gates offer {shown(entry.source.value)}', entry.source.span,
-                        f'{shown(other.name.value)} does already',
-                        'one gate keeps all requirements of a service')
-
-    def targets(self) -> None:
-        """Refuse a second publisher of what a gate lets through."""
-        first: dict[str, GateEntry] = {}
-        for entry in self.bundle.gates:
-            if entry.target is None or entry.is_service:
+            name = entry.source if entry.is_service else entry.target
+            if name is None:
                 continue
-            other = first.setdefault(absolute(entry.target.value), entry)
+            other = first.setdefault((entry.is_service, absolute(name.value)), entry)
             if other is not entry:
+                does, what = ('offer', 'service') if entry.is_service else ('lead to', 'topic')
                 self.problems.error(
-                    f'two gates lead to {shown(entry.target.value)}', entry.target.span,
+                    f'two gates {does} {shown(name.value)}', name.span,
                     f'{shown(other.name.value)} does already',
-                    'one gate keeps all requirements of a topic')
+                    f'one gate keeps all requirements of a {what}')
         for _, topic in self._published(ActionKind.LOCK, ActionKind.PUBLISH):
-            if gate := first.get(absolute(topic.value)):
+            if gate := first.get((False, absolute(topic.value))):
                 self.problems.error(
                     f'{shown(topic.value)} belongs to the gate {shown(gate.name.value)}',
                     topic.span, 'what is published here would not pass the gate',
