@@ -253,6 +253,14 @@ class Manifest:
     gate: ManifestGate | None = None
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
+    @property
+    def subscribed(self) -> tuple[ManifestTopic, ...]:
+        """What a node subscribes to: `topics`, then the source of a gate if no input reads it."""
+        gate = self.gate
+        if gate is None or gate.is_service or gate.topic is not None:
+            return self.topics
+        return (*self.topics, ManifestTopic(gate.source, gate.interface, (), ()))
+
     def to_json(self) -> str:
         """Return the JSON text; equal manifests give equal texts."""
         content = {'format': FORMAT, **asdict(self)}

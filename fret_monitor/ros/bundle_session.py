@@ -273,13 +273,11 @@ class BundleSession:
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
         self._running.callback(feed.close)
-        for index, topic in enumerate(self.manifest.topics):
-            if gate is None or not gate.takes(index):
+        for index, topic in enumerate(self.manifest.subscribed):
+            if index < len(self.manifest.topics) and (gate is None or not gate.takes(index)):
                 self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
-            elif gate.topic is not None:
+            elif gate is not None and gate.topic is not None:
                 self._subscribe(feed, topic, gate.topic)
-        if gate is not None and gate.topic is not None and gate.reads_unmapped is not None:
-            self._subscribe(feed, gate.reads_unmapped, gate.topic)
         feed.start()
         self._feed, self._gate = feed, gate
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made

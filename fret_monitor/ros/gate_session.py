@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fret_monitor.model.manifest import Manifest, ManifestGate, ManifestTopic
+from fret_monitor.model.manifest import Manifest, ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.endpoint_types import one_type
@@ -103,13 +103,6 @@ class RunningGate:
     def topic(self) -> Topic | None:
         """What the feed does with the messages of the source; None: no topic is read."""
         return None if self._relay is None else self._relay.topic
-
-    @property
-    def reads_unmapped(self) -> ManifestTopic | None:
-        """The source, if no input is mapped to it."""
-        gate = self._settings
-        return None if gate.topic is not None or gate.is_service else \
-            ManifestTopic(gate.source, gate.interface, (), ())
 
     def takes(self, topic: int) -> bool:
         """Return whether the gate itself takes the messages of a topic of the manifest."""

@@ -158,7 +158,7 @@ class MonitorNode(LifecycleNode):
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             self.resolve_topic_name(topic.name)
-            for session in self._sessions for topic in session.manifest.topics]))
+            for session in self._sessions for topic in session.manifest.subscribed]))
 
     def _open(self, settings: Settings) -> list[Opened]:
         """Compile and load what the node runs; raises `Refusal`."""
@@ -187,7 +187,7 @@ class MonitorNode(LifecycleNode):
             self.get_logger().info(line)
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(self, {
             self.resolve_topic_name(topic.name): dict(topic.qos)
-            for session in self._sessions for topic in session.manifest.topics})
+            for session in self._sessions for topic in session.manifest.subscribed})
 
     def _deactivate(self) -> None:
         self._end_sign_of_life()

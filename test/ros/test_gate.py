@@ -282,7 +282,9 @@ def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> No
     levels = Listener(partner, Float32, 'level')
     pictures = Listener(partner, Image, 'image')
     notes.publish(String(data='early'))
-    with running(write(tmp_path), '-p', 'gates:=[high, low, image, note]'):
+    override = 'qos_overrides./note_raw.subscription.depth'
+    with running(write(tmp_path), '-p', 'gates:=[high, low, image, note]',
+                 '-p', f'{override}:=20') as node:
         wait_until(lambda: all(item.get_subscription_count() > 0 for item in (
             level, images, notes, free)), 'the subscriptions of the gates')
         sleep(1.5)
@@ -336,6 +338,7 @@ def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> No
         notes.publish(String(data='last'))
         late.wait_for(2)
         assert [item.data for item in late.messages] == ['first', 'last']
+        assert 'ignored parameter' not in node.output
 
 
 TWO = """\
