@@ -337,8 +337,8 @@ static inline uint64_t fm_abs_u64(uint64_t a) {return a;}
 static inline uint64_t fm_div_u64(uint64_t a, uint64_t b) {return b == 0u ? 0u : a / b;}
 static inline uint64_t fm_mod_u64(uint64_t a, uint64_t b) {return b == 0u ? 0u : a % b;}
 
-/// As in math.h, which takes a compiler longer to read than a small module: only a module that needs
-/// more of it includes it.
+/// As in math.h, which takes a compiler longer to read than a small module: only a module that
+/// needs more of it includes it.
 float fmodf(float a, float b);
 double fmod(double a, double b);
 
