@@ -37,6 +37,7 @@ import signal
 import socket
 import subprocess
 import sys
+from tempfile import TemporaryFile
 from time import monotonic, sleep
 from types import CodeType
 from typing import Any
@@ -130,6 +131,21 @@ class ForkedScript(ForkedProcess):
         super().__init__(name, [name, *arguments], {0: reading, 1: writing}, environment)
         os.close(reading)
         os.close(writing)
+
+
+def run(program: str, *arguments: str,
+        timeout: float) -> 'subprocess.CompletedProcess[str]':
+    """Run a program as `python -c` does; return its exit status and what it has written."""
+    with TemporaryFile('w+') as out, TemporaryFile('w+') as err:
+        process = ForkedProcess('ros.program', [program, *arguments],
+                                {1: out.fileno(), 2: err.fileno()})
+        try:
+            status = process.wait(timeout)
+        finally:
+            process.kill()
+        for file in (out, err):
+            file.seek(0)
+        return subprocess.CompletedProcess((), status, out.read(), err.read())
 
 
 _Popen = subprocess.Popen

@@ -17,8 +17,6 @@
 import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
 from time import monotonic, sleep
 from typing import Any
 
@@ -26,6 +24,7 @@ from fret_monitor.ros import MonitorNode, native_lifetimes
 from fret_monitor.runtime import Engine
 import pytest
 from rclpy.parameter import Parameter
+from ros import forked
 from ros.harness import NodeProcess, Partner, PATIENCE, started
 
 BUNDLE = """
@@ -149,10 +148,8 @@ def test_an_interrupt_right_after_a_start_in_c_leaves_nothing_running(
 @pytest.mark.parametrize('thread', ['feed', 'details'])
 def test_an_interrupted_shutdown_does_not_crash(bundle: Path, thread: str) -> None:
     program = PROGRAM.format(bundle=str(bundle), thread=thread)
-    done = subprocess.run(
-        [sys.executable, '-c', program], text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, check=False, timeout=60)
-    assert done.returncode == 0, done.stdout
+    done = forked.run(program, timeout=60)
+    assert done.returncode == 0, f'{done.stdout}{done.stderr}'
     assert 'interrupted' in done.stdout
     assert 'still here' in done.stdout
 
@@ -182,11 +179,8 @@ sys.exit(run('{name}', make, stop))
 def test_a_signal_just_before_the_node_is_handed_over_ends_the_process(
     kind: str, name: str, parameters: tuple[str, ...], domain: int,
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, '-c', START.format(kind=kind, name=name), '--ros-args', '-p',
-         'spec:=quadrotor.yaml', *parameters],
-        text=True, capture_output=True, timeout=120, check=False,
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    done = forked.run(START.format(kind=kind, name=name), '--ros-args', '-p',
+                      'spec:=quadrotor.yaml', *parameters, timeout=120)
     assert 'made' in done.stdout, done.stderr
     assert done.returncode == 0, done.stderr
 
@@ -228,8 +222,6 @@ sys.exit(run('{name}', {kind}, stop))
 def test_a_signal_inside_the_start_of_a_thread_takes_effect_after_it(
     kind: str, name: str, thread: str, bundle: Path,
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, '-c', START_OF_A_THREAD.format(kind=kind, name=name, thread=thread),
-         '--ros-args', '-p', f'spec:={bundle}'],
-        text=True, capture_output=True, timeout=120, check=False)
+    done = forked.run(START_OF_A_THREAD.format(kind=kind, name=name, thread=thread),
+                      '--ros-args', '-p', f'spec:={bundle}', timeout=120)
     assert (done.returncode, done.stdout) == (0, 'started\n'), done.stderr

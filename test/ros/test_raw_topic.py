@@ -176,7 +176,7 @@ def test_the_messages_that_a_stopped_monitor_missed_are_reported(
         node.process.send_signal(signal.SIGCONT)
         operator.wait_for('topic /n', b'\1', 'lost since the last report')
         n.publish(Int32(data=0))
-        # On a busy machine the monitor may need more than a report to receive what it did not lose.
+        # On a busy machine it may need more than a report to receive what it did not lose.
         wait_until(lambda: sum(int(operator.status('topic /n')[2][key])
                                for key in ('received', 'lost')) == 2002, 'all messages')
         values = operator.wait_for('topic /n', b'\0', 'received')

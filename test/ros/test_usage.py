@@ -25,6 +25,7 @@ from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS
 from fret_monitor.ros.process import index_modules
 import pytest
 from rclpy.logging import get_logger
+from ros import forked
 
 SCRIPT = 'import sys; from fret_monitor.ros.{name} import main; sys.exit(main())'
 
@@ -82,8 +83,7 @@ sys.exit(run('monitor', make, StopRequest()))
 
 @pytest.mark.usefixtures('domain')
 def test_a_node_that_fails_after_its_start_has_another_exit_status_than_a_refusal() -> None:
-    done = subprocess.run([sys.executable, '-c', FAILING], capture_output=True, text=True,
-                          timeout=60, check=False)
+    done = forked.run(FAILING, timeout=60)
     assert done.returncode == 2
     assert 'RuntimeError: no paper in the printer' in done.stderr
 
