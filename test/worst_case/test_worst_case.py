@@ -18,15 +18,16 @@ The worst-case cost of a step against measurements: instructions by valgrind, st
 `count.c` beside this file steps a monitor over adverse and over lasting inputs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from random import Random
 import re
 import shutil
 import subprocess
-from typing import Any
+from typing import Any, TypeAlias
 
 from differential.compiled import compile_c, CSRC, gcc, write_module
 from differential.test_clean_c import every_window
@@ -130,27 +131,46 @@ def tool(name: str) -> str:
     return found
 
 
-def build(specification: Specification, folder: Path) -> tuple[Path, CModule, Cost]:
-    """Compile a specification as `native` does, with `count.c`."""
+Build: TypeAlias = Callable[[Specification], tuple[Path, CModule, Cost]]
+
+
+@pytest.fixture(scope='module')
+def build(tmp_path_factory: pytest.TempPathFactory) -> Build:
+    """
+    Return a function that compiles a specification as `native` does, with `count.c`.
+
+    Each specification is compiled once, and so is `count.c`.
+    """
     found = gcc()
     if found is None:
         pytest.skip('needs gcc')
     if 'x86_64' not in subprocess.run([*found, '-dumpmachine'], capture_output=True, text=True,
                                       check=True).stdout:
         pytest.skip('the costs are those of x86-64')
-    program = lower(specification)
-    layouts = tuple(lay_out(group) for group in program.groups)
-    module = generate(program, layouts)
-    sources = write_module(module, folder)
-    objects: list[Path] = []
-    for source in sources:
-        objects.append(source.with_suffix('.o'))
-        compile_c([*found, *COMPILE_FLAGS, f'-I{CSRC}', f'-I{folder}', '-c', source, '-o',
-                   objects[-1]])
-    # -z now: the loader's work at the first call of a function must not count.
-    compile_c([*found, '-O2', f'-DMONITOR={module.symbol}', f'-I{CSRC}', HERE / 'count.c',
-               *objects, '-lm', '-lpthread', '-Wl,-z,now', '-o', folder / 'count'])
-    return folder / 'count', module, step_cost(layouts)
+
+    def compile_object(source: Path, *flags: str) -> Path:
+        made = tmp_path_factory.mktemp('object') / 'made.o'
+        compile_c([*found, *flags, f'-I{CSRC}', f'-I{source.parent}', '-c', source, '-o', made])
+        return made
+
+    @cache
+    def counter(symbol: str) -> Path:
+        return compile_object(HERE / 'count.c', '-O2', f'-DMONITOR={symbol}')
+
+    @cache
+    def built(specification: Specification) -> tuple[Path, CModule, Cost]:
+        program = lower(specification)
+        layouts = tuple(lay_out(group) for group in program.groups)
+        module = generate(program, layouts)
+        folder = tmp_path_factory.mktemp('count')
+        objects = [compile_object(source, *COMPILE_FLAGS)
+                   for source in write_module(module, folder)]
+        # -z now: the loader's work at the first call of a function must not count.
+        compile_c([*found, counter(module.symbol), *objects, '-lm', '-lpthread', '-Wl,-z,now',
+                   '-o', folder / 'count'])
+        return folder / 'count', module, step_cost(layouts)
+
+    return built
 
 
 def instructions(program: Path) -> list[int]:
@@ -166,9 +186,9 @@ def instructions(program: Path) -> list[int]:
             and int(found[1])]
 
 
-def check(specification: Specification, folder: Path, slack: float | None = None) -> None:
+def check(build: Build, specification: Specification, slack: float | None = None) -> None:
     """Check the bound against the measurement; it must not be far above where `slack` is given."""
-    program, _, cost = build(specification, folder)
+    program, _, cost = build(specification)
     counted = instructions(program)
     assert len(counted) == STEPS
     most = max(counted) - 5  # counted_step itself: three loads, a jump, a return
@@ -179,48 +199,48 @@ def check(specification: Specification, folder: Path, slack: float | None = None
 
 @pytest.mark.parametrize('bundle', BUNDLES, ids=lambda path: path.stem)
 def test_the_bound_of_a_bundle_holds_and_is_close(
-    bundle: Path, tmp_path: Path,
+    bundle: Path, build: Build,
 ) -> None:
     if not bundle.is_file():
         pytest.skip('needs the source tree')
-    check(read(bundle).specification, tmp_path, SLACK)
+    check(build, read(bundle).specification, SLACK)
 
 
 @pytest.mark.parametrize('seed', range(EXAMPLES // 8))
 def test_random_requirements_stay_within_the_bound(
-    seed: int, tmp_path: Path,
+    seed: int, build: Build,
 ) -> None:
-    check(random_specification(seed), tmp_path)
+    check(build, random_specification(seed))
 
 
 def test_each_operator_with_each_window_stays_within_the_bound(
-    tmp_path: Path,
+    build: Build,
 ) -> None:
-    check(windows_apart(), tmp_path, SLACK)
+    check(build, windows_apart(), SLACK)
 
 
-def test_each_operator_stays_within_the_bound_at_ticks(tmp_path: Path) -> None:
-    check(windows_at_ticks(), tmp_path, SLACK)
+def test_each_operator_stays_within_the_bound_at_ticks(build: Build) -> None:
+    check(build, windows_at_ticks(), SLACK)
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_random_requirements_stay_within_the_bound_at_ticks(seed: int, tmp_path: Path) -> None:
+def test_random_requirements_stay_within_the_bound_at_ticks(seed: int, build: Build) -> None:
     rng = Random(2000 + seed)
-    check(at_ticks(specification_of([
+    check(build, at_ticks(specification_of([
         random_property(rng, f'R-{number}', random_inputs(rng), size=(6, 12, 25, 60)[seed],
-                        reach=300) for number in range((1, 4, 12)[seed % 3])])), tmp_path)
+                        reach=300) for number in range((1, 4, 12)[seed % 3])])))
 
 
 def test_a_group_of_several_functions_stays_within_the_bound(
-    tmp_path: Path,
+    build: Build,
 ) -> None:
-    check(many_of_a_group(), tmp_path, SLACK)
+    check(build, many_of_a_group(), SLACK)
 
 
 def test_remainders_and_powers_of_floats_stay_within_the_bound(
-    tmp_path: Path,
+    build: Build,
 ) -> None:
-    check(remainders(), tmp_path)
+    check(build, remainders())
 
 
 def test_the_bounds_of_windows_do_not_change_the_cost_of_a_step() -> None:
@@ -259,13 +279,14 @@ def bools(seed: int) -> Specification:
         for node in postorder([item.formula]))], INPUTS[:4])
 
 
-def graph_of(module: CModule, sources: Sequence[str]) -> Any:
+@cache
+def graph_of(module: CModule) -> Any:
     found = gcc()
     if found is None:
         pytest.skip('needs gcc')
     headers = {file.name: file.read_text() for file in CSRC.glob('*.h')}
-    graph = call_graph(Compiler(found, ''), {**headers, **dict([module.header, *module.sources])},
-                       sources)
+    graph = call_graph(Compiler(found, ''), {**headers, **module.files},
+                       [name for name, _ in module.sources])
     if graph is None:
         pytest.skip('needs a gcc that tells of its stack')
     return graph
@@ -275,10 +296,10 @@ def graph_of(module: CModule, sources: Sequence[str]) -> Any:
     bools(1), bools(2), windows_apart(), windows_at_ticks(), many_of_a_group()],
     ids=['random', 'random too', 'windows', 'at ticks', 'parts'])
 def test_steps_take_no_more_stack_than_the_compiler_reports(
-    specification: Specification, tmp_path: Path,
+    specification: Specification, build: Build,
 ) -> None:
-    program, module, _ = build(specification, tmp_path)
-    graph = graph_of(module, [name for name, _ in module.sources])
+    program, module, _ = build(specification)
+    graph = graph_of(module)
     assert graph.external <= {'memset'}, 'the C library has stack of its own'
     told = max(map(graph.depth, graph.frames))
     used = int(subprocess.run([program], capture_output=True, check=True).stdout)
@@ -291,7 +312,7 @@ def test_generated_c_has_no_recursion_and_no_calls_through_pointers(
     specification: Specification,
 ) -> None:
     module = generate(lower(specification), layouts_of(specification))
-    graph = graph_of(module, [name for name, _ in module.sources])
+    graph = graph_of(module)
     assert max(map(graph.depth, graph.frames)) > 0  # depth raises for a recursion and names it
     assert graph.external <= {'memset', 'fmodf', *LIBRARY}
     assert not any('__indirect_call' in called for called in graph.calls.values())
