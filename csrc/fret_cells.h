@@ -338,9 +338,13 @@ static inline uint64_t fm_div_u64(uint64_t a, uint64_t b) {return b == 0u ? 0u :
 static inline uint64_t fm_mod_u64(uint64_t a, uint64_t b) {return b == 0u ? 0u : a % b;}
 
 /// As in math.h, which takes a compiler longer to read than a small module: only a module that
-/// needs more of it includes it.
+/// needs more of it includes it. In C++ its declarations have more to them.
+#ifdef __cplusplus
+#include <math.h>
+#else
 float fmodf(float a, float b);
 double fmod(double a, double b);
+#endif
 
 static inline float fm_mod_f32(float a, float b) {return fmodf(a, b);}
 static inline double fm_mod_f64(double a, double b) {return fmod(a, b);}
