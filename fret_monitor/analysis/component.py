@@ -134,8 +134,9 @@ class Component:
     Outputs of the system are the verdicts, by place in the part, then those of the `triggers`: by
     place, what is violated once the requirement's trigger has come. `inputs` are the terms of the
     signals, `group` are the equations, `whole` is the system with its numbers, `domains` are the
-    numbers of values of string inputs. `doubts` say why a yes may not be final, `gaps` why a no
-    may not be. `grid` is the time of a step in nanoseconds, None unless the policy is timed.
+    numbers of values of string inputs, and None for floats that are never negative. `doubts` say
+    why a yes may not be final, `gaps` why a no may not be. `grid` is the time of a step in
+    nanoseconds, None unless the policy is timed.
     """
 
     part: Part
@@ -143,7 +144,7 @@ class Component:
     inputs: tuple[Term, ...]
     group: StepGroup
     whole: BitSystem
-    domains: Mapping[Term, int]
+    domains: Mapping[Term, int | None]
     games: Games
     triggers: Mapping[int, int]
     doubts: tuple[str, ...]
@@ -188,8 +189,9 @@ def build_component(specification: Specification, part: Part,
     whole = bit_system(group, dict(enumerate(inputs)))
     system = boolean_system(whole, inputs, range(len(wanted)))
     chosen = [item for item, signal in zip(inputs, signals) if signal.role is InputRole.OUTPUT]
-    domains = {item: len(signal.values) for item, signal in zip(inputs, signals)
-               if signal.is_string}
+    domains = {item: len(signal.values) if signal.is_string else None
+               for item, signal in zip(inputs, signals)
+               if signal.is_string or signal.is_never_negative}
     found = blocks(system, chosen, domains, deadline)
     diagrams = Diagrams(system, found, deadline)
     gaps = dict.fromkeys(gap for block in found for gap in block.gaps)

@@ -100,13 +100,13 @@ class Block:
         return (*self.environment, *self.others, *self.given)
 
 
-def blocks(system: BooleanSystem, outputs: Iterable[Term], domains: Mapping[Term, int],
+def blocks(system: BooleanSystem, outputs: Iterable[Term], domains: Mapping[Term, int | None],
            deadline: Deadline) -> list[Block]:
     """
     Return the blocks of a system.
 
-    `outputs` are the inputs that the system under analysis sets; `domains` has the number of
-    values of each string input.
+    `outputs` are the inputs that the system under analysis sets; `domains` are as
+    those of a `Component`.
     """
     chosen = set(outputs)
     inputs = set(system.inputs)
@@ -134,7 +134,7 @@ class _Enumeration:
 
     def __init__(self, environment: Sequence[Term], others: Sequence[Term],
                  given: Sequence[Term], chosen: set[Term], before: set[Term],
-                 domains: Mapping[Term, int], deadline: Deadline) -> None:
+                 domains: Mapping[Term, int | None], deadline: Deadline) -> None:
         self._environment, self._others, self._given = environment, others, given
         self._terms = [*environment, *others, *given]
         self._inputs = sorted({name for item in self._terms for name in variables(item)},
@@ -165,7 +165,8 @@ class _Enumeration:
     def _ranges(self, shown: Mapping[Term, Any]) -> Iterator[Any]:
         for item, found in shown.items():
             if item in self._domains:
-                yield z3.And(found >= 0, found < self._domains[item])
+                count = self._domains[item]
+                yield found >= 0 if count is None else z3.And(found >= 0, found < count)
             if not self._is_real and item.sort[0] == 'real':
                 yield z3.Not(z3.Or(z3.fpIsNaN(found), z3.fpIsInf(found)))
 

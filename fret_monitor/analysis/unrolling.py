@@ -44,12 +44,12 @@ class Steps:
     """
     The steps of a system as terms: its state, its inputs, and what they allow.
 
-    `domains` are the numbers of values of string inputs.
+    `domains` are as those of a `Component`.
     """
 
     state: tuple[StateVariable, ...]
     inputs: tuple[Term, ...]
-    domains: Mapping[Term, int]
+    domains: Mapping[Term, int | None]
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,10 @@ class Unrolling:
             self._add(t.same(name, value))
         for item, name in zip(steps.inputs, inputs):
             if item in steps.domains:
-                self._add(t.relation('ult', name, t.number(steps.domains[item], item.sort[1])))
+                size = steps.domains[item]
+                self._add(t.negation(t.relation('flt', name, t.floating(0.0, item.sort[1])))
+                          if size is None else
+                          t.relation('ult', name, t.number(size, item.sort[1])))
         self._states.append(named)
         if wanted.repeats:
             self._add(always)

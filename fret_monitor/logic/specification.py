@@ -71,6 +71,11 @@ class Signal:
         """Whether it is a string input, with indices into `values` as its values."""
         return any(isinstance(value, str) for _, value in self.values)
 
+    @property
+    def is_never_negative(self) -> bool:
+        """Whether it is a float that may be NaN, but not less than 0."""
+        return self.reduction == 'norm'
+
 
 @dataclass(frozen=True)
 class Property:

@@ -96,10 +96,13 @@ class _Unrolled:
         self._any = [item.now for item in self._system.state]
 
     def _given(self, steps: int) -> list[Term]:
-        """Return that string inputs have a value of theirs."""
+        """Return that string inputs have a value of theirs, and that norms are not negative."""
         return [t.relation('ult', self._input(number, step), t.number(
             len(signal.values), signal.type.bits)) for number, signal in enumerate(self._signals)
-            if signal.is_string for step in range(steps)]
+            if signal.is_string for step in range(steps)] + [
+            t.negation(t.relation('flt', self._input(number, step), t.floating(
+                0.0, signal.type.bits))) for number, signal in enumerate(self._signals)
+            if signal.is_never_negative for step in range(steps)]
 
     def _input(self, number: int, step: int) -> Term:
         return t.variable(f'input.{number}.{step}', self._inputs[number].sort)

@@ -121,10 +121,13 @@ def values_of(signal: Signal, propositions: Sequence[Formula]) -> tuple[list[Val
         if any(variable.name == signal.name for variable in variables(node)):
             numbers |= constants(islice(postorder([node]), _MAX_NODES))
             is_exact = is_exact and _is_threshold(node)
+    if signal.is_never_negative:
+        numbers = {0, *(number for number in numbers if number > 0)}
     near = sorted(numbers) if is_exact else sorted({*numbers, 0, 1})
     named = [value for _, value in signal.values if isinstance(value, int)]
     values, is_all = boundary_values(signal.type, near[:_MAX_CONSTANTS])
-    values = list(dict.fromkeys([*named[:_MAX_CONSTANTS], *values]))
+    values = [value for value in dict.fromkeys([*named[:_MAX_CONSTANTS], *values])
+              if not (signal.is_never_negative and value < 0)]
     return values, is_exact and is_all and len(near) <= _MAX_CONSTANTS
 
 

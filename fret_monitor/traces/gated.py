@@ -320,7 +320,8 @@ def _pool(signal: Signal, part: Specification) -> list[Value]:
             numbers |= constants(islice(postorder(item.roots), _MOST_NODES))
     named = [value for _, value in signal.values if isinstance(value, int)]
     values, _ = boundary_values(signal.type, sorted(numbers)[:_MOST_CONSTANTS])
-    return list(dict.fromkeys([*named, *(value for value in values if value == value)]))
+    return [value for value in dict.fromkeys([*named, *values])
+            if value == value and not (signal.is_never_negative and value < 0)]
 
 
 def _after(inputs: Sequence[tuple[str, Value]]) -> str:

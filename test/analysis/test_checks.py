@@ -111,6 +111,16 @@ def test_a_trigger_that_never_comes_and_a_verdict_that_never_falls_are_vacuous()
     assert 'trigger never comes' in reasons['R0'] and 'never violated' in reasons['R2']
 
 
+def test_a_norm_is_never_negative() -> None:
+    norm = '{topic: odom, type: nav_msgs/msg/Odometry, field: norm(twist.twist.linear)'
+    found = analyzed(bundle(
+        'H (a < 0.0 -> x)', 'H (a < 1.0 | x)', 'Y (a >= b - 1.0) | FTP',
+        inputs=f'a: {norm}}}\n  b: {norm}, role: output}}\n  x: {{type: bool}}'),
+        Question.CONSISTENCY, Question.VACUITY)
+    assert found.together(Question.CONSISTENCY) is True
+    assert found.listed(Question.VACUITY) == ['R0']
+
+
 def test_what_others_imply_is_redundant() -> None:
     specification = bundle('H (a -> x)', 'H x', 'H (b -> y)', 'H (!y -> !b)', 'H (a | y)')
     found = analyzed(specification, Question.REDUNDANCY)

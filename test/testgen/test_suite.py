@@ -65,6 +65,20 @@ requirements:
   - {id: STOP, fretish: "upon stop robot shall within 500 milliseconds satisfy speed < 0.1"}
   - {id: HOLD, ptltl: "H (O[0, 2 s] stop -> speed <= 1.0)"}
 """
+FIELDS = """\
+format: 1
+inputs:
+  speed: {topic: odom, type: nav_msgs/msg/Odometry, field: norm(twist.twist.linear)}
+  count: {topic: scan, type: sensor_msgs/msg/LaserScan, field: len(ranges)}
+  first: {topic: scan, type: sensor_msgs/msg/LaserScan, field: "ranges[0]"}
+  elbow: {topic: joints, type: sensor_msgs/msg/JointState, field: "position[name = elbow]"}
+requirements:
+  - {id: SPEED, ptltl: "speed > -5.0"}
+  - {id: ROOT, ptltl: "!(speed + 1.0 < 0.5)"}
+  - {id: COUNT, ptltl: "count >= 1"}
+  - {id: NEVER, ptltl: "!(count < 0)"}
+  - {id: FIRST, ptltl: "first > 0.5 | elbow < -1.5"}
+"""
 SECONDS = 300.0
 DONE: dict[str, tuple[Reading, Suite]] = {}
 
@@ -134,6 +148,22 @@ def test_each_obligation_of_the_timing_has_its_moment(pump: Suite) -> None:
     assert tick - begin == 3 and [flow > 0.5 for flow in flows[begin:tick + 1]] == [
         False, False, False, True]
     assert verdicts(last.requirement.formula, stepped(last, pump.specification))[tick]
+
+
+def test_fields_that_are_computed_have_values_that_a_message_can_give(
+        tmp_path_factory: pytest.TempPathFactory) -> None:
+    suite = made(tmp_path_factory, FIELDS)[1]
+    values = [dict(zip(('speed', 'count', 'first', 'elbow'), row))
+              for case in suite.cases for row in case.trace.rows]
+    assert not any(row['speed'] < 0 or row['count'] < 0 for row in values)
+    assert any(row['speed'] != row['speed'] for row in values)  # a norm can be NaN
+    assert min(row['elbow'] for row in values) < -1.5
+    violated = {item.id: answers(suite, item.id)['violated'].answer
+                for item in suite.specification.properties}
+    assert [name for name, answer in violated.items() if answer is CoverageAnswer.COVERED] \
+        == ['SPEED', 'COUNT', 'FIRST']
+    assert [name for name, answer in violated.items() if answer is CoverageAnswer.UNREACHABLE] \
+        == ['ROOT', 'NEVER']
 
 
 def test_two_traces_that_show_a_condition_differ_in_it_alone(pump: Suite) -> None:
