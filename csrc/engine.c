@@ -233,15 +233,23 @@ void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t la
   fm_engine_note_gate_locked(engine, n);
 }
 
+void fm_engine_forget_violations_locked(struct fm_engine * engine)
+{
+  memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
+  if (engine->gate != NULL) {
+    fm_gate_forget_violations(engine->gate);
+  }
+}
+
 void fm_engine_reset(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);
   fm_evaluator_reset(engine->options.evaluator);
+  fm_engine_forget_violations_locked(engine);
   if (engine->gate != NULL) {
     fm_gate_reset(engine->gate);
   }
-  memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
   fm_engine_update_states_locked(engine);
   fm_engine_take_due_now_locked(engine);
   fm_engine_unlock(engine);

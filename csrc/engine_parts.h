@@ -57,6 +57,7 @@ struct fm_engine
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
   bool * are_violated;            // requirements whose last violation has not ended
+  uint64_t n_restarts;            // of the evaluator's time, when `are_violated` was last cleared
   struct fm_states states;
   pthread_cond_t state_changed;
   uint64_t noted_changes;         // of the states, when those who follow them were last woken
@@ -139,6 +140,9 @@ int64_t fm_engine_system_time(void);
 
 /// Queue the violations of engine->found, whose stamps are `later` than found.
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);
+
+/// For an evaluator that has started afresh: no violation goes on.
+void fm_engine_forget_violations_locked(struct fm_engine * engine);
 
 /// Wake those who follow the states of the requirements, if one has changed.
 void fm_engine_update_states_locked(struct fm_engine * engine);

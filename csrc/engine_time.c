@@ -122,6 +122,12 @@ static void advance_locked(struct fm_engine * engine, int64_t now)
   struct fm_evaluator * evaluator = engine->options.evaluator;
   do {
     const uint32_t n = fm_evaluator_advance(evaluator, now, engine->found);
+    if (engine->n_restarts != fm_evaluator_time_counts(evaluator).restarts) {
+      engine->n_restarts = fm_evaluator_time_counts(evaluator).restarts;
+      if (fm_evaluator_is_timed(evaluator)) {  // all groups have started afresh
+        fm_engine_forget_violations_locked(engine);
+      }
+    }
     fm_engine_announce_locked(engine, n, n > 0 ? fm_engine_stamps_ahead_locked(engine) : 0);
   } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
 }

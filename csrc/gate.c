@@ -487,11 +487,16 @@ void fm_gate_note_hang(struct fm_gate * gate, bool hangs)
   gate->hangs = hangs;
 }
 
+void fm_gate_forget_violations(struct fm_gate * gate)
+{
+  gate->held_before = true;
+  memset(gate->was_withheld, 0, gate->options.monitor->n_requirements);
+}
+
 void fm_gate_reset(struct fm_gate * gate)
 {
   gate->counts.is_latched = false;
-  gate->held_before = true;
-  memset(gate->was_withheld, 0, gate->options.monitor->n_requirements);
+  fm_gate_forget_violations(gate);
 }
 
 struct fm_gate_counts fm_gate_counts(const struct fm_gate * gate, int64_t steady)

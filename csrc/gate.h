@@ -157,7 +157,11 @@ FM_EXPORT bool fm_gate_replace(
 /// values are not known then. Call fm_gate_note afterwards.
 FM_INTERNAL void fm_gate_note_hang(struct fm_gate * gate, bool hangs);
 
-/// Open a gate that a violation closed; the caller also resets the evaluator.
+/// For an evaluator that has started afresh: no violation goes on. A gate that a violation closed
+/// stays closed.
+FM_INTERNAL void fm_gate_forget_violations(struct fm_gate * gate);
+
+/// The same, and open a gate that a violation closed; the caller also resets the evaluator.
 FM_EXPORT void fm_gate_reset(struct fm_gate * gate);
 
 /// The counters, and the state by the steady time. O(inputs + requirements).

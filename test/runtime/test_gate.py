@@ -31,6 +31,7 @@ from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Otherwise, Policy, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library, LibraryError, load
+from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import Engine, Evaluator, Judgement, MessageGate, NEVER, Violation
 from fret_monitor.start import start
 from native import toys
@@ -617,6 +618,40 @@ def test_a_message_that_is_judged_during_a_round_moves_no_time_back(
             gated.sense(level)
         gated.engine.end_round()
     assert gated.send(1.0) is VIOLATES
+    assert gated.engine.time_counts().restarts == 0
+
+
+def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_path: Path) -> None:
+    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed')
+    gated = Guarded(tmp_path, text.replace('H (x < y)', 'H ((O[0,5 s] y < 1.0) -> x <= 0.0)'))
+    clock = [100 * SECOND]
+
+    @ffi.callback('int(void *, int64_t *)')  # type: ignore[untyped-decorator]
+    def read(_: object, now: Any) -> int:
+        now[0] = clock[0]
+        return 0
+
+    gated.engine.follow_clock(read, ffi.NULL)
+
+    def take(*levels: float) -> None:
+        gated.engine.serve_clock()
+        gated.engine.begin_round()
+        for level in levels:
+            gated.sense(level)
+        gated.engine.end_round()
+
+    take(9.0)
+    assert gated.send(0.0) is PASSED
+    take(0.5)
+    clock[0] += SECOND
+    take(9.0)
+    gated.engine.begin_round()
+    gated.sense(9.0)
+    assert gated.send(1.0) is VIOLATES  # a nanosecond after what was taken at this reading
+    gated.engine.end_round()
+    for value in (0.0, 1.0, 0.0, 1.0):
+        take(9.0)
+        assert gated.send(value) is (VIOLATES if value else PASSED)
     assert gated.engine.time_counts().restarts == 0
 
 

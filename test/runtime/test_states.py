@@ -106,6 +106,17 @@ def test_each_violation_is_one_occurrence_until_it_ends(followed: Followed) -> N
     assert followed.message(1, 2.0, 1.5) == ([UNKNOWN, VIOLATED], [0, 1])
 
 
+def test_no_violation_goes_on_when_the_time_goes_back(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE.replace('REPORT', 'occurrence').replace('relevant_message', 'timed')
+                    .replace(', timeout: 2, startup: 3', ''), encoding='utf-8')
+    followed = Followed(path)
+    assert followed.message(0, 9.0, 100.0) == ([VIOLATED, UNKNOWN], [1, 0])
+    followed.engine.advance(2 * SECOND)  # a simulation starts again, with the value from before
+    assert followed.states() == ([VIOLATED, UNKNOWN], [1, 0])
+    assert followed.message(0, 0.0, 3.0) == ([HOLDS, UNKNOWN], [0, 0])
+
+
 def test_a_wait_ends_at_once_when_a_state_changes_or_the_engine_is_closed(
         followed: Followed) -> None:
     for act in (lambda: followed.message(0, 5.0, 1.5), followed.engine.close):
