@@ -626,7 +626,7 @@ def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_pat
     gated = Guarded(tmp_path, text.replace('H (x < y)', 'H ((O[0,5 s] y < 1.0) -> x <= 0.0)'))
     clock = [100 * SECOND]
 
-    @ffi.callback('int(void *, int64_t *)')  # type: ignore[untyped-decorator]
+    @ffi.callback('int(void *, int64_t *)')
     def read(_: object, now: Any) -> int:
         now[0] = clock[0]
         return 0
