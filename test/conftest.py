@@ -51,6 +51,7 @@ _turns = 0
 
 def pytest_configure(config: pytest.Config) -> None:
     """Keep ROS's log and our build cache out of the user's home, and DDS on this machine."""
+    gc.disable()  # until all tests are collected: until then almost nothing becomes garbage
     if _WORKER in os.environ:
         return
     config.stash[_HOME] = tempfile.mkdtemp(prefix='fret_monitor-test-')
@@ -83,6 +84,7 @@ def pytest_collection() -> Iterator[None]:
 def pytest_collection_finish() -> None:
     """Let the garbage collector skip the thousands of tests, which stay until the end."""
     gc.freeze()
+    gc.enable()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
