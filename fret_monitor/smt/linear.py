@@ -78,19 +78,23 @@ class LinearTranslation:
                 raise NotLinear(item.op)
 
     def _variable(self, item: Term) -> Any:
-        kind, bits = item.sort
+        kind = item.sort[0]
         if kind not in ('bool', 'word'):
             raise NotLinear(item.op)
         found = z3.Bool(item.value) if kind == 'bool' else z3.Int(item.value)
         if kind == 'word':
-            half = 1 << (bits - 1)
-            self.ranges.append(z3.And(-half <= found, found < half))
+            self.ranges.append(self._range(item, found))
         self.variables[item] = found
         return found
+
+    def _range(self, item: Term, found: Any) -> Any:
+        half = 1 << (item.sort[1] - 1)
+        return z3.And(-half <= found, found < half)
 
 
 # Making an expression of z3 in Python takes as long as many a proof.
 _made: 'WeakKeyDictionary[Term, Any]' = WeakKeyDictionary()
+_ranges: 'WeakKeyDictionary[Term, Any]' = WeakKeyDictionary()
 
 
 class SharedTranslation(LinearTranslation):
@@ -104,6 +108,12 @@ class SharedTranslation(LinearTranslation):
                 found = _made[item] = self._translated(item)
             self._known[item] = found
         return self._known[root]
+
+    def _range(self, item: Term, found: Any) -> Any:
+        made = _ranges.get(item)
+        if made is None:
+            made = _ranges[item] = super()._range(item, found)
+        return made
 
 
 def _wrapped(found: Any, bits: int) -> Any:
