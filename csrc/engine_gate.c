@@ -85,7 +85,7 @@ struct gated_step
 static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t received)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
-  struct gated_step step = {0, received, INT64_MIN};
+  struct gated_step step = {0, engine->source == FM_CLOCK ? 0 : received, INT64_MIN};
   int64_t now;
   if (!fm_engine_read_now_locked(engine, received, &now) || !engine->has_begun) {
     step.now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));

@@ -655,6 +655,17 @@ def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_pat
     assert gated.engine.time_counts().restarts == 0
 
 
+def test_a_substitute_has_no_stamp_before_the_clock_has_a_time(tmp_path: Path) -> None:
+    gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'onset').rstrip('\n}')
+                    + ', otherwise: {substitute: {}, rate: 10}}')
+    message = cdr('<f', 7.0) + bytes(8)
+    stamped = gated.engine.replace(message, stamp_at=4)
+    assert stamped is not None and struct.unpack_from('<I', stamped, 4)[0] > 1e9
+    gated.engine.follow_clock(ffi.NULL, ffi.NULL, is_outdated=True)
+    stamped = gated.engine.replace(message, stamp_at=4)
+    assert stamped is not None and stamped[4:12] == bytes(8)
+
+
 def test_under_timed_a_message_that_waited_is_judged_when_it_is_sent(tmp_path: Path) -> None:
     text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed')
     gated = Guarded(tmp_path, text.replace('topic: y, ', 'topic: y, timeout: 0.2, '))
