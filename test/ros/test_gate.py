@@ -64,8 +64,8 @@ actions:
 inputs:
   speed: {topic: cmd_raw, type: geometry_msgs/msg/TwistStamped, field: twist.linear.x}
   distance: {topic: front, type: std_msgs/msg/Float32, timeout: 0.6}
-  high: {topic: level_raw, type: std_msgs/msg/Float32, qos: {depth: 2000}}
-  low: {topic: level_mid, type: std_msgs/msg/Float32, qos: {depth: 2000}}
+  high: {topic: level_raw, type: std_msgs/msg/Float32, qos: {depth: 3000}}
+  low: {topic: level_mid, type: std_msgs/msg/Float32, qos: {depth: 3000}}
   height: {topic: image_raw, type: sensor_msgs/msg/Image, field: height}
   free: {topic: free, type: std_msgs/msg/Bool}
 requirements:
@@ -275,7 +275,8 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
 
 
 def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> None:
-    level = partner.publisher(Float32, 'level_raw')
+    # No queue overflows before the gate has a processor again.
+    level = partner.publisher(Float32, 'level_raw', QoSProfile(depth=3000))
     images = partner.publisher(Image, 'image_raw')
     notes = partner.publisher(String, 'note_raw', LATCHED)
     free = partner.publisher(Bool, 'free')
