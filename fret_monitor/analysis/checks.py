@@ -600,13 +600,17 @@ class _PartAnalysis:
         kept = tuple(dict.fromkeys(each for each in found if each is not None))
         if None not in found and kept == answer.conflicts:
             return answer
-        large = [', '.join(each) for each, less in zip(answer.conflicts, found) if less is None]
+        large = [each for each, less in zip(answer.conflicts, found) if less is None]
         method = '; '.join([answer.method, *(
-            f'{names} conflict, but perhaps not all of them are needed' for names in large)])
+            f'{", ".join(each)} conflict, but perhaps not all of them are needed' if len(each) > 1
+            else f'{each[0]} cannot be satisfied, or the assumptions contradict each other'
+            for each in large)])
         return replace(answer, conflicts=kept, are_all=False, method=method)
 
     def _reduced(self, question: Question, conflict: Sequence[str]) -> tuple[str, ...] | None:
         """Return a smallest conflict within another; None if it is unknown."""
+        if len(conflict) == 1 and not any(item.is_assumption for item in self._part.properties):
+            return tuple(conflict)
         for left_out in conflict:
             kept = set(conflict) - {left_out}
             found = self._asked(question, Part(tuple(

@@ -258,7 +258,8 @@ class _Enumeration:
         mixed = [item for item in self._others if variables(item) & set(own)]
         if not mixed:
             return None
-        what = 'a comparison relates inputs to outputs' if self._chosen else BEFORE
+        relates = any(variables(item) & self._chosen for item in mixed)
+        what = 'a comparison relates inputs to outputs' if relates else BEFORE
         if not self._is_real or self._given or any(
                 has_product(item) or variables(item) & self._before for item in self._others):
             self._doubts[what] = None

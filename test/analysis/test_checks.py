@@ -373,6 +373,28 @@ def test_a_conflict_whose_parts_are_unknown_is_not_called_smallest(
     assert 'R0, R1 conflict, but perhaps not all of them are needed' in answer.method
 
 
+@pytest.mark.parametrize(('assumed', 'conflicts', 'text'), [
+    ((), (('R0',),), ''),
+    (('assume H (b | !b)',), (),
+     'R0 cannot be satisfied, or the assumptions contradict each other')])
+def test_one_requirement_is_not_called_perhaps_not_needed(
+        monkeypatch: pytest.MonkeyPatch, assumed: tuple[str, ...],
+        conflicts: tuple[tuple[str, ...], ...], text: str) -> None:
+    monkeypatch.setattr(checks._PartAnalysis, '_asked', lambda self, question, part: Answer(
+        question, part.ids, None))
+    answer = only(analyzed(bundle(
+        f'{COUNTED} & n <= 6 & (b | !b)', *assumed, inputs=f'{COUNTING}\n  b: {{type: bool}}'),
+        Question.CONSISTENCY), Question.CONSISTENCY)
+    assert answer.holds is False and answer.conflicts == conflicts
+    assert 'perhaps not all' not in answer.method and text in answer.method
+
+
+def test_a_comparison_with_earlier_inputs_is_not_said_to_relate_outputs() -> None:
+    specification = bundle('H (v - preReal(0.0, v) <= 1.0 | x)', 'H (x -> a)')
+    reasons = {item.reason for item in analyzed(specification, Question.RT_CONSISTENCY).answers}
+    assert reasons == {'a comparison relates inputs to their values at earlier steps'}
+
+
 def test_the_value_before_alone_becomes_a_bit() -> None:
     inputs = 'w: {type: float64, role: output}'
     text = [f'  - {{id: R{number}, cocospec: "{item}"}}' for number, item in enumerate((
