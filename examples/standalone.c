@@ -17,9 +17,8 @@
 // overdue, also between the lines.
 //
 //   fret-monitor compile config/quadrotor.yaml --output compiled
-//   cd compiled/src
-//   cc -std=c99 -I. ../../examples/standalone.c quadrotor_monitor.c -lm -o ../../standalone
-//   printf '0,17.0,9.5\n30,12.0,3.0\n' | ../../standalone
+//   cc -std=c99 -Icompiled/src examples/standalone.c compiled/src/quadrotor_monitor.c -lm -o standalone
+//   printf '0,17.0,9.5\n30,12.0,3.0\n' | ./standalone
 
 #include <stdio.h>
 

@@ -116,6 +116,8 @@ def test_the_commands_of_a_page_print_what_it_says(
         if block['kind'] != 'console':
             continue
         for each in sessions(block['text'], text.count('\n', 0, block.start()) + 1):
+            # Each command runs in a shell of its own here, but all in one terminal of the user.
+            assert not re.match(r'(cd|export) ', each.command), each.command
             printed = output_of(each.command)
             assert matches(each.output, printed), (
                 f'{page.name}, block at line {each.line}\n$ {each.command}\n{printed}')
