@@ -30,6 +30,10 @@ from fret_monitor.model.policies import (
 )
 
 
+DECLARING = ('signals', 'constants', 'inputs', 'topics', 'definitions')
+"""The sections of a bundle whose entries are names for formulas."""
+
+
 class Language(Enum):
     """The language of a requirement or definition; the value is its key in the bundle."""
 
@@ -185,7 +189,9 @@ class Bundle:
     the policy timed.
     `unreadable` are declared names that cannot be used (see `survey_bundle`); `inputs` contains
     such inputs, too, with the parts that could be read. `acting_names` are the names of all
-    actions and gates, also of those that were refused.
+    actions and gates, and `ids` those of all requirements, also of those that were refused.
+    `cut` are the sections that may have entries that could not be read: which names these
+    declare is not known.
     """
 
     name: str
@@ -206,4 +212,6 @@ class Bundle:
     actions: tuple[ActionEntry, ...] = ()
     gates: tuple[GateEntry, ...] = ()
     acting_names: frozenset[str] = frozenset()
+    ids: tuple[str, ...] = ()
+    cut: frozenset[str] = frozenset()
     policy_place: Span | None = None

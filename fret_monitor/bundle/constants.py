@@ -51,7 +51,7 @@ def override_constants(bundle: Bundle, values: Mapping[str, Text], problems: Pro
         key = fret_name(name)
         if key in constants:
             constants[key] = _overridden(constants[key], text, problems)
-        elif key not in unreadable:
+        elif key not in unreadable and not bundle.cut & {'constants', 'signals'}:
             names = [item.name.value for item in bundle.constants]
             problems.error(
                 f'{bundle.sources[0].name} has no constant {shown(name)}', text.span,

@@ -28,7 +28,7 @@ from pathlib import Path
 
 from fret_monitor.bundle.actions import read_actions
 from fret_monitor.bundle.bundle import (
-    ActionEntry, Bundle, ConstantEntry, Definition, GateEntry, InputEntry,
+    ActionEntry, Bundle, ConstantEntry, DECLARING, Definition, GateEntry, InputEntry,
 )
 from fret_monitor.bundle.constants import read_constant
 from fret_monitor.bundle.declared_name import declared_name, DeclaredName
@@ -37,7 +37,7 @@ from fret_monitor.bundle.gates import read_gates
 from fret_monitor.bundle.inputs import (
     BLOCK_KEYS, check_topics, INPUT_KEYS, read_block, read_field, read_input,
 )
-from fret_monitor.bundle.requirements import read_requirements
+from fret_monitor.bundle.requirements import Ids, read_requirements
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.bundle.yaml_shape import (
     HERTZ, is_empty, line_of, mapping_of, SECONDS, Shape, text_of,
@@ -124,6 +124,7 @@ class _BundleReader:
         self._needs_period = needs_period
         self._declared: dict[str, DeclaredName] = {}
         self._unreadable: set[str] = set()
+        self._cut: set[str] = set()
         self._signals_sources: list[Source] = []
         self._has_policy = True  # whether it is known what formulas mean
 
@@ -136,7 +137,10 @@ class _BundleReader:
         read = self._contents(source, shape)
         shared = self._signals(source, shape)
         definitions = tuple(self._definitions(shape))
-        requirements = tuple(read_requirements(shape, self._problems))
+        ids = Ids()
+        requirements = tuple(read_requirements(shape, self._problems, ids))
+        if not ids.are_all:
+            self._cut.add('requirements')
         if not self._has_policy:
             definitions, requirements = (), ()
         inputs = (*read.inputs, *(item for part in shared for item in part.inputs))
@@ -149,6 +153,8 @@ class _BundleReader:
             definitions=definitions,
             requirements=requirements,
             unreadable=frozenset(self._unreadable),
+            ids=tuple(dict.fromkeys(ids.found)),
+            cut=frozenset(self._cut),
         )
 
     def _root(self, source: Source, what: str, example: str) -> YamlMapping | None:
@@ -180,6 +186,7 @@ class _BundleReader:
 
     def _contents(self, source: Source, shape: Shape) -> Bundle:
         """Read all but signals, definitions and requirements."""
+        self._cut.update(filter(shape.may_hide, (*DECLARING, 'actions')))
         return self._evaluation(shape, Bundle(
             name=Path(source.name).stem,
             sources=(source,),
@@ -199,6 +206,9 @@ class _BundleReader:
         actions: list[ActionEntry] = []
         gates: list[GateEntry] = []
         names: set[str] = set()
+        written = shape.node('actions')
+        if written and not isinstance(written, YamlMapping) and not is_empty(written):
+            self._cut.add('actions')
         for name, action in read_actions(shape, self._problems):
             names.add(name.value)
             actions += [action] if action else []
@@ -293,6 +303,8 @@ class _BundleReader:
                example: str) -> Iterator[tuple[DeclaredName, Node]]:
         """Yield the entries under `constants`, `inputs`, `topics` or `definitions`."""
         mapping = mapping_of(shape.node(key), f"'{key}'", self._problems, example)
+        if mapping is None and shape.key(key):
+            self._cut.add(key)
         for name, node in mapping.entries if mapping else ():
             yield declared_name(name), node
 
@@ -342,6 +354,8 @@ class _BundleReader:
             block, fields = read_block(topic.key, mapping, problems) if mapping else (None, None)
             self._problems.extend((*problems.errors, *problems.warnings))
             is_refused = bool(problems.errors) or isinstance(node, Unread)
+            if is_refused and fields is None:
+                self._cut.add('topics')
             for key, field in fields.entries if fields else ():
                 name = declared_name(key)
                 if is_refused:
@@ -394,7 +408,9 @@ class _BundleReader:
                 continue
             read.add(_resolved(path))
             part = self._signals_file(path, text)
-            if part is not None:
+            if part is None:
+                self._cut.add('signals')
+            else:
                 found.append(part)
         return found
 
@@ -402,7 +418,9 @@ class _BundleReader:
         nodes = node.items if isinstance(node, YamlList) else (node,) if node else ()
         for item in nodes:
             text = text_of(item, "a file of 'signals'", self._problems)
-            if text is not None:
+            if text is None:
+                self._cut.add('signals')
+            else:
                 yield text
 
     def _signals_file(self, path: Path, text: Text) -> Bundle | None:

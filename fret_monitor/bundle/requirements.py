@@ -15,7 +15,7 @@
 """Reads the list of requirements: each with an id, one formula, and the bundle's defaults."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fret_monitor.bundle.actions import read_names
 from fret_monitor.bundle.bundle import Language, Requirement
@@ -41,7 +41,16 @@ class _Defaults:
     on_end: tuple[Text, ...]
 
 
-def read_requirements(shape: Shape, problems: Problems) -> Iterator[Requirement]:
+@dataclass
+class Ids:
+    """The ids of all requirements; not `are_all` if one could not be read."""
+
+    found: list[str] = field(default_factory=list)
+    are_all: bool = True
+
+
+def read_requirements(shape: Shape, problems: Problems, seen: Ids) -> Iterator[Requirement]:
+    """Yield the requirements that can be used; add the ids of all to `seen`."""
     node = shape.node('requirements')
     defaults = _Defaults(
         shape.choice('report', Report), shape.choice('severity', Severity) or Severity.ERROR,
@@ -49,21 +58,24 @@ def read_requirements(shape: Shape, problems: Problems) -> Iterator[Requirement]
         read_names(shape, 'on_end', problems) or ())
     ids: dict[str, Requirement] = {}
     handlers: dict[str, Requirement] = {}
+    seen.are_all = (isinstance(node, YamlList) and bool(node.items)
+                    and not shape.may_hide('requirements'))
     for item in _requirement_nodes(shape, node, problems):
-        found = _requirement(item, defaults, problems)
-        if found is not None:
+        found = _requirement(item, defaults, problems) if item else None
+        if found is None:
+            seen.are_all = False
+        else:
+            seen.found.append(found.id.value)
             _check_id(found, ids, handlers, problems)
             if found.text is not _NO_TEXT:
                 yield found
 
 
 def _requirement_nodes(shape: Shape, node: Node | None,
-                       problems: Problems) -> Iterator[YamlMapping]:
+                       problems: Problems) -> Iterator[YamlMapping | None]:
     if isinstance(node, YamlList) and node.items:
         for item in node.items:
-            mapping = _requirement_node(item, problems)
-            if mapping is not None:
-                yield mapping
+            yield _requirement_node(item, problems)
     elif isinstance(node, YamlList) or isinstance(node, YamlScalar) and node.is_missing or (
             node is None and shape.lacks('requirements')):
         problems.error('a bundle needs at least one requirement',

@@ -80,6 +80,7 @@ class Shape:
         self._problems = problems
         self._entries = {key.value: (key, node) for key, node in mapping.entries}
         self._meant: set[str] = set()
+        self._unknown: list[tuple[Node, list[str]]] = []
         self._elsewhere = elsewhere or {}
         self._has_swallowed = any(isinstance(node, Unread) and node.has_swallowed
                                   for _, node in mapping.entries)
@@ -94,6 +95,7 @@ class Shape:
         spaceless = LACKS_SPACE.fullmatch(key.value) if not key.style else None
         if spaceless and spaceless[1] in self._known:
             self._meant.add(spaceless[1])
+            self._unknown.append((self._entries[key.value][1], [spaceless[1]]))
             report_lacking_space(spaceless, key.span, self._problems)
             return
         meant: list[str] = []
@@ -103,6 +105,7 @@ class Shape:
             meant = [slip] if slip else close_matches(key.value, self._known)
             help_ = suggestion(meant) or 'the keys are ' + ', '.join(self._known)
         self._meant.update(meant)
+        self._unknown.append((self._entries[key.value][1], meant))
         self._problems.error(f'{self.what} has no key {shown(key.value)}', key.span,
                              'unknown key', help_)
 
@@ -110,6 +113,12 @@ class Shape:
         """Return whether all of the keys are missing, even in a misspelling."""
         return not self._has_swallowed and not any(
             key in self._entries or key in self._meant for key in keys)
+
+    def may_hide(self, key: str) -> bool:
+        """Return whether entries of the section `key` may stand where they cannot be read."""
+        return self._has_swallowed or isinstance(self.node(key), Unread) or any(
+            key in meant or not meant and not isinstance(unknown, YamlScalar)
+            for unknown, meant in self._unknown)
 
     def key(self, key: str) -> YamlScalar | None:
         """Return a key with its place, None if it is missing."""

@@ -165,12 +165,13 @@ class _Acting:
 
     def _check_keep(self, entry: GateEntry) -> None:
         """Check the ids that a gate keeps."""
-        ids = [item.id.value for item in self.bundle.requirements]
+        if 'requirements' in self.bundle.cut:
+            return
         for name in entry.keep:
-            if name.value not in ids:
+            if name.value not in self.bundle.ids:
                 self.problems.error(
                     f'no requirement has the id {shown(name.value)}', name.span, 'unknown id',
-                    did_you_mean(name.value, ids) or listed(ids))
+                    did_you_mean(name.value, self.bundle.ids) or listed(self.bundle.ids))
 
     # -- all together -----------------------------------------------------------------------------
 
@@ -204,7 +205,7 @@ class _Acting:
         uses = _uses(bundle)
         known = bundle.acting_names - {entry.name.value for entry in bundle.gates}
         for name, place in uses.items():
-            if name not in known:
+            if name not in known and 'actions' not in bundle.cut:
                 self.problems.error(
                     f'no action has the name {shown(name)}', place.span, 'unknown action',
                     did_you_mean(name, names) or (

@@ -31,7 +31,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from fret_monitor.bundle.bundle import Bundle, Definition, InputEntry, Language, Requirement
+from fret_monitor.bundle.bundle import (
+    Bundle, DECLARING, Definition, InputEntry, Language, Requirement,
+)
 from fret_monitor.elaboration.acting import check_judged, resolve_acting
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
@@ -121,7 +123,7 @@ class _Reading:
         self.problems = problems
         self._bundle = bundle
         self._scale = TimeScale(bundle.policy, bundle.period, bundle.unit)
-        self._scope = Scope()
+        self._scope = Scope(is_cut=bool(bundle.cut & set(DECLARING)))
         self._feedback: dict[Feedback, Formula] = {}
 
     def skip(self, names: Iterable[str]) -> None:

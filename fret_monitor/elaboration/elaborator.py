@@ -260,7 +260,7 @@ class Elaborator:
 
     def _settle(self, value: Undeclared, span: Span, vocabulary: Vocabulary | None) -> TypedTerm:
         """Report an undeclared name, unless it was reported before; return a broken term."""
-        if value.name not in self._reported:
+        if value.name not in self._reported and not self._scope.is_cut:
             self._reported.add(value.name)
             self._report_unknown(value.name, span, vocabulary)
         return TypedTerm(Broken(), span)
@@ -306,7 +306,7 @@ class Elaborator:
 
     def _is_broken(self, name: Name) -> bool:
         declaration = self._scope.find(name.text)
-        return declaration is not None and declaration.term.is_broken
+        return self._scope.is_cut if declaration is None else declaration.term.is_broken
 
     def _counted(self, node: Expression, operands: list[TypedTerm]) -> list[TypedTerm]:
         """Return the operands with the counts and times among them as steps or nanoseconds."""

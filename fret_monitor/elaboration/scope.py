@@ -55,9 +55,15 @@ class Scope:
     writes `a_DOT_b` in formulas for `a.b`. Names of an inner scope hide those of the outer one.
     """
 
-    def __init__(self, outer: 'Scope | None' = None) -> None:
-        """Start without names, within another scope."""
+    def __init__(self, outer: 'Scope | None' = None, is_cut: bool = False) -> None:
+        """
+        Start without names, within another scope.
+
+        `is_cut`: there may be declarations that could not be read, so that no name is reported
+        as undeclared.
+        """
         self._outer = outer
+        self.is_cut: bool = is_cut or outer is not None and outer.is_cut
         self._names: dict[str, Declaration] = {}
         self._spelled: dict[str, Declaration] = {}
 
