@@ -23,6 +23,7 @@ up: no recursion, linear time. Errors are `CompileError`s with their places.
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+import math
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 
@@ -194,6 +195,8 @@ def _number_help(word: str) -> str:
     if re.fullmatch(r'0[xX][0-9a-fA-F]{1,16}', word):
         return f'write {int(word, 16)}'
     if match := re.fullmatch(r'([0-9]+)(_?[A-Za-z]\w*)', word):
+        if match[2] in _PHYSICAL:
+            return _without_unit(match[1], match[2], is_time=False)
         number, unit = map(short, match.groups())
         return f'a number has no unit; write {number}, or put an operator before {unit}'
     return ''
@@ -331,8 +334,15 @@ def check_unit(text: Text, lexemes: Sequence[Lexeme], index: int,
                f'the time comes first: {function}({number.text} {word}, p)')
     if word in _PHYSICAL or word.lower() in units:
         refuse('a number has no unit here', unit.span, 'a unit',
-               'leave it out: a value is in the unit of its message field; only bounds, persisted '
-               'and occurred take times')
+               _without_unit(number.text, word, word.lower() in units))
+
+
+def _without_unit(number: str, unit: str, is_time: bool) -> str:
+    """Return what to write for `5 cm`: a bare 5 would be another value where fields are in m."""
+    write = 'write the value in the unit of its message field, and no unit'
+    if unit in ('deg', 'degrees') and math.isfinite(float(number)):
+        return f'{write}: {short(number)} {unit} are {math.radians(float(number)):.7g} in radians'
+    return f'{write}; only bounds, persisted and occurred take times' if is_time else write
 
 
 _PHYSICAL = frozenset({'m', 'cm', 'mm', 'km', 'kg', 'g', 'rad', 'deg', 'degrees', 'Hz', 'N', 'Nm',
