@@ -35,6 +35,8 @@ from fret_monitor.model.names import (
 from fret_monitor.model.policies import ActionKind
 
 STATES = ('unconfigured', 'inactive', 'active', 'finalized')
+_STATE_AFTER = {'configure': 'inactive', 'cleanup': 'unconfigured', 'activate': 'active',
+                'deactivate': 'inactive', 'shutdown': 'finalized'}
 _CONDITIONS = ('after', 'cooldown')
 ACTION_KEYS = (*(kind.value for kind in ActionKind), *_CONDITIONS)
 KIND_KEYS = {
@@ -184,7 +186,7 @@ def required(part: Shape, key: str, find_fault: Callable[[str], Fault | None],
 def _state(part: Shape, problems: Problems) -> str:
     text = required(part, 'to', lambda _: None, problems, 'inactive')
     if text is not None and text.value not in STATES:
-        report_choice(text, 'to', STATES, problems)
+        report_choice(text, 'to', STATES, problems, _STATE_AFTER)
     return text.value if text else ''
 
 

@@ -250,11 +250,14 @@ def mapping_of(node: Node | None, what: str, problems: Problems,
     return None
 
 
-def report_choice(text: Text, key: str, words: Iterable[str], problems: Problems) -> None:
-    """Report a word that is not one of the choices."""
+def report_choice(text: Text, key: str, words: Iterable[str], problems: Problems,
+                  slips: Mapping[str, str] | None = None) -> None:
+    """Report a word that is not one of the choices; `slips` are wrong words with right ones."""
     words = list(words)
+    meant = (slips or {}).get(text.value)
     problems.error(f"{shown(text.value)} is not valid for '{key}'", text.span,
-                   'one of ' + ', '.join(words), did_you_mean(text.value, words))
+                   'one of ' + ', '.join(words),
+                   suggestion([meant]) if meant else did_you_mean(text.value, words))
 
 
 def is_empty(node: Node) -> bool:
