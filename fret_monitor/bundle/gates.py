@@ -60,10 +60,24 @@ def read_gates(shape: Shape, types: Mapping[str, str],
     `types` are those of the inputs, by topic, for examples.
     """
     mapping = mapping_of(shape.node('gates'), "'gates'", problems, GATE_EXAMPLE)
+    if mapping and _lacks_name(mapping):
+        key, _ = mapping.entries[0]
+        problems.error('the gate has no name', key.span,
+                       f"{shown(key.value)} is a key of a gate, not the name of one",
+                       GATE_EXAMPLE)
+        return
     for key, node in mapping.entries if mapping else ():
         report_fault(acting_name_fault(key.value), key.text, problems)
         inner = mapping_of(node, f'the gate {shown(key.value)}', problems, GATE_EXAMPLE)
         yield key.text, _gate(key, inner, types, problems) if inner else None
+
+
+def _lacks_name(mapping: YamlMapping) -> bool:
+    """Return whether the keys of a gate stand where its name is missing."""
+    return len(mapping.entries) > 1 and all(
+        key.value in GATE_KEYS for key, _ in mapping.entries) and any(
+        key.value in ('from', 'service', 'to') and isinstance(node, YamlScalar)
+        and not node.is_missing for key, node in mapping.entries)
 
 
 def _gate(name: YamlScalar, mapping: YamlMapping, types: Mapping[str, str],
