@@ -25,7 +25,6 @@ ROS is imported only when a monitor was started.
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, ExitStack, suppress
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from itertools import count
 import math
 import os
@@ -541,11 +540,9 @@ class _Trials:
 
 def _tested(bundle: str | os.PathLike[str], constants: Mapping[str, str] | None,
             max_steps: int) -> 'Tested':
-    from fret_monitor.model.diagnostics import pip_install, refuse, Source, Text
+    from fret_monitor.model.diagnostics import require_packages, Source, Text
     from fret_monitor.testgen.inputs import tested
-    if find_spec('hypothesis') is None:
-        refuse('traces are drawn by hypothesis, which is not installed',
-               help=pip_install('hypothesis'))
+    require_packages('a search of traces', {'hypothesis': 'hypothesis'})
     return tested(Path(bundle), {name: Text.whole(Source(f'constant {name}', value))
                                  for name, value in (constants or {}).items()}, max_steps)
 

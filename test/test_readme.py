@@ -123,6 +123,16 @@ def test_the_commands_of_a_page_print_what_it_says(
                 f'{page.name}, block at line {each.line}\n$ {each.command}\n{printed}')
 
 
+def test_the_readme_installs_the_packages_of_the_extras() -> None:
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    lists = re.findall(r'^(?:BAG|PROVE|ANALYZE) = \[.*?^\]|^Z3 = .*?$', setup,
+                       re.MULTILINE | re.DOTALL)
+    needed = set(re.findall(r"'([\w-]+)>=", ''.join(lists)))
+    readme = PAGES[0].read_text(encoding='utf-8')
+    commands = re.findall(r'pip install (?:--\S+ )*(.*)', readme)
+    assert [set(command.split()) for command in commands] == [needed, needed]
+
+
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
 def test_the_links_of_a_page_lead_to_files(page: Path) -> None:
     links = re.findall(r'\]\((?!\w+:|#)([^)#]+)', page.read_text(encoding='utf-8'))

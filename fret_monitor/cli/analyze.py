@@ -17,7 +17,6 @@
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 import re
 import signal
@@ -31,7 +30,7 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import Diagnostic, Level, pip_install, refuse
+from fret_monitor.model.diagnostics import Diagnostic, Level, refuse, require_packages
 from fret_monitor.model.folders import refusing
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import InputRole
@@ -42,7 +41,7 @@ if TYPE_CHECKING:
     from fret_monitor.traces.deadline import Deadline
 
 _QUICK_S = 2.0
-_NEEDED = {'dd': 'dd', 'z3': 'z3-solver'}
+NEEDED = {'dd': 'dd', 'z3': 'z3-solver'}
 _QUESTIONS = ('consistency', 'rt-consistency', 'vacuity', 'redundancy', 'realizability')
 _RUN = re.compile(rf'({"|".join(_QUESTIONS)})(_\d+)?\.csv')
 
@@ -63,7 +62,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Analyse a bundle; return 1 unless all is consistent, realizable, and needed."""
-    _refuse_missing()
+    require_packages('`analyze`', NEEDED)
     # Imported here: loading the solver is slow, and the other verbs do not need it.
     from fret_monitor.analysis.replay import CompiledReplay
     from fret_monitor.analysis.report import as_dict, shown
@@ -89,25 +88,13 @@ def run(options: Namespace) -> int:
 
 def quick_warnings(reading: Reading) -> list[Diagnostic]:
     """Return warnings about what is found in two seconds, for `check --analyze`."""
-    _refuse_missing()
+    require_packages('`analyze`', NEEDED)
     from fret_monitor.analysis.replay import CompiledReplay
     from fret_monitor.analysis.report import warnings
     from fret_monitor.traces.deadline import Deadline
     asked, _ = _asked(reading, None)
     found = _analysis(reading, CompiledReplay(reading), asked, Deadline(_QUICK_S))
     return list(warnings(found, reading.specification))
-
-
-def missing_packages() -> list[str]:
-    """Return the packages of the analysis that are not installed."""
-    return [package for module, package in _NEEDED.items() if find_spec(module) is None]
-
-
-def _refuse_missing() -> None:
-    if missing := missing_packages():
-        refuse(f'`analyze` needs {" and ".join(missing)}, which '
-               f'{"are" if len(missing) > 1 else "is"} not installed',
-               help=pip_install(*missing))
 
 
 def _asked(reading: Reading, only: list[str] | None

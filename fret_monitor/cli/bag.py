@@ -18,7 +18,6 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
@@ -28,7 +27,9 @@ from typing import TYPE_CHECKING
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import CompileError, counted, pip_install, Problems, refuse
+from fret_monitor.model.diagnostics import (
+    CompileError, counted, Problems, refuse, require_packages,
+)
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
 from fret_monitor.native.errors import NativeError
@@ -102,8 +103,7 @@ def run(options: Namespace) -> int:
 
 
 def _run(options: Namespace, lines: dict[str, str]) -> int:
-    if find_spec('rosbags') is None:
-        refuse('`bag` needs the extra `bag`', help=pip_install('rosbags'))
+    require_packages('`bag`', {'rosbags': 'rosbags'})
     from fret_monitor.bag.recording import files_of
     bundle = existing_bundle(options.bundle)
     _check_outputs(options, [*_files_of_bundle(bundle),
@@ -272,8 +272,7 @@ def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection:
             paths[0], lambda: _with_changes(options, bundle, selection, page or options.report),
             settings, page)
     elif options.dask is not None:
-        if find_spec('distributed') is None:
-            refuse('--dask needs the extra `dask`', help=pip_install('distributed'))
+        require_packages('--dask', {'distributed': 'distributed'})
         yield from check_on_cluster(bundle, paths, selection, address=options.dask,
                                     jobs=options.jobs, settings=settings, reports=folder)
     elif len(paths) == 1:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
-from fret_monitor.cli.analyze import missing_packages, quick_warnings
+from fret_monitor.cli.analyze import NEEDED, quick_warnings
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
@@ -31,7 +31,9 @@ from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import by_place, CompileError, counted, Diagnostic, Text
+from fret_monitor.model.diagnostics import (
+    by_place, CompileError, counted, Diagnostic, missing_packages, Text,
+)
 from fret_monitor.model.manifest import ManifestAction
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.times import time_text
@@ -110,7 +112,7 @@ def _of_gates(generated: GeneratedMonitor) -> Iterator[Diagnostic]:
     specification = generated.specification
 
     def decide(gate: Gate) -> Mapping[str, Repair]:
-        if missing_packages():
+        if missing_packages(NEEDED):
             return {}
         # Imported here: loading the solver is slow, and bundles without gates do not need it.
         from fret_monitor.analysis.repairs import repairs

@@ -15,7 +15,6 @@
 """`export BUNDLE --to TARGET --output DIR`: sources that build without this package."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
-from importlib.util import find_spec
 import json
 from pathlib import Path
 from typing import Any
@@ -28,10 +27,9 @@ from fret_monitor.export.folder import assemble, check_output, is_name, renamed,
 from fret_monitor.export.sizes import measured_sizes, PartSizes
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import counted, pip_install, refuse
+from fret_monitor.model.diagnostics import counted, missing_packages, pip_install, refuse
 
-_PROVER = ('z3', 'pycparser')
-_PROVER_PACKAGES = ('z3-solver', 'pycparser')
+_PROVER = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -88,7 +86,8 @@ def run(options: Namespace) -> int:
     check_output(options.output, content.templates)
     # Once without the certificate, so that a mistake in --templates is reported before the proof.
     assemble(options.target, generated, chosen, content, templates=options.templates)
-    certificate = None if options.no_proof or _missing() else _certificate(generated)
+    is_proved = not (options.no_proof or missing_packages(_PROVER))
+    certificate = _certificate(generated) if is_proved else None
     files = assemble(options.target, generated, chosen, content, templates=options.templates,
                      certificate=certificate)
     write_export(options.output, files)
@@ -98,11 +97,6 @@ def run(options: Namespace) -> int:
     print(_proof_line(options, is_proved=certificate is not None))
     print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
     return 0
-
-
-def _missing() -> list[str]:
-    return [package for module, package in zip(_PROVER, _PROVER_PACKAGES, strict=True)
-            if find_spec(module) is None]
 
 
 def _certificate(generated: GeneratedMonitor) -> str:
@@ -134,7 +128,8 @@ def _proof_line(options: Namespace, *, is_proved: bool) -> str:
         return 'proved: the generated C computes its program (certificate.json)'
     if options.no_proof:
         return 'not proved: --no-proof'
-    return f'not proved: {" and ".join(_missing())} missing; {pip_install(*_missing())}'
+    missing = missing_packages(_PROVER)
+    return f'not proved: {" and ".join(missing)} missing; {pip_install(*missing)}'
 
 
 def _size_line(sizes: PartSizes) -> str:

@@ -15,7 +15,6 @@
 """`prove BUNDLE`: proof by a solver that the C computes the equations of the requirements."""
 
 from argparse import ArgumentParser, Namespace
-from importlib.util import find_spec
 from itertools import zip_longest
 from pathlib import Path
 import sys
@@ -27,7 +26,7 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
 from fret_monitor.cli.terminal import painted, print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import counted, pip_install, refuse
+from fret_monitor.model.diagnostics import counted, refuse, require_packages
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.native.folder import source_files
 
@@ -53,7 +52,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Prove a bundle; return 1 if it is not proved."""
-    _refuse_missing()
+    require_packages('`prove`', _NEEDED)
     # Imported here: loading the solver is slow, and the other verbs do not need it.
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
@@ -77,14 +76,6 @@ def run(options: Namespace) -> int:
         print('\n'.join([painted(first, style, sys.stdout), *others]))
     _report_counterexample(options, found)
     return 0 if found.is_proved else 1
-
-
-def _refuse_missing() -> None:
-    missing = [package for module, package in _NEEDED.items() if find_spec(module) is None]
-    if missing:
-        refuse(f'`prove` needs {" and ".join(missing)}, which '
-               f'{"are" if len(missing) > 1 else "is"} not installed',
-               help=pip_install(*missing))
 
 
 def _require_same_files(folder: Path, written: dict[str, str]) -> None:

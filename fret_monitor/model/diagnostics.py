@@ -21,7 +21,7 @@ A user's mistake is a `CompileError`; any other exception is a bug in this progr
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -280,6 +280,22 @@ def suggestion(words: Iterable[str]) -> str:
     """Return a help text that offers the words, or an empty string if there are none."""
     shown = ' or '.join(f"'{word}'" for word in words)
     return f'did you mean {shown}?' if shown else ''
+
+
+def require_packages(user: str, needed: Mapping[str, str]) -> None:
+    """
+    Refuse if a package is not installed that `user`, such as a verb, needs.
+
+    `needed` has each module and the package that it comes from.
+    """
+    if missing := missing_packages(needed):
+        refuse(f'{user} needs {" and ".join(missing)}, which '
+               f'{"are" if len(missing) > 1 else "is"} not installed', help=pip_install(*missing))
+
+
+def missing_packages(needed: Mapping[str, str]) -> list[str]:
+    """Return those packages whose modules are not found."""
+    return [package for module, package in needed.items() if find_spec(module) is None]
 
 
 def pip_install(*packages: str) -> str:

@@ -284,9 +284,9 @@ def test_every_error_is_json(
         found = errors(*arguments)
         assert len(found) == (2 if '--csv' in arguments else 1)
         assert all(error.startswith(text) and '\n' not in error for error, in found), found
-    monkeypatch.setattr('fret_monitor.cli.bag.find_spec', lambda name: None)
+    monkeypatch.setattr('fret_monitor.model.diagnostics.find_spec', lambda name: None)
     (text,), = errors(bundle, recording)
-    assert text.startswith('`bag` needs the extra `bag`; ')
+    assert text.startswith('`bag` needs rosbags, which is not installed; ')
 
 
 def test_junit_agrees_with_the_exit_status_of_a_partial_check(

@@ -21,7 +21,6 @@ import signal
 import threading
 
 from cli.command import Here
-from fret_monitor.cli import analyze
 import pytest
 
 pytest.importorskip('z3')
@@ -137,7 +136,7 @@ def test_an_assumption_about_outputs_of_the_same_step_gets_a_warning(here: Here)
 
 def test_missing_packages_are_named_with_the_command(
         here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(analyze, 'find_spec', lambda name: None)
+    monkeypatch.setattr('fret_monitor.model.diagnostics.find_spec', lambda name: None)
     done = here.run('analyze', here.file('valves.yaml', VALVES))
     assert done.status == 1
     assert '`analyze` needs dd and z3-solver, which are not installed' in done.err

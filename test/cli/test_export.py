@@ -19,7 +19,6 @@ from pathlib import Path
 import re
 
 from cli.command import Here, PUMP
-from fret_monitor.cli import export
 import pytest
 
 
@@ -48,7 +47,7 @@ def test_it_writes_a_folder_and_prints_proof_and_sizes(here: Here) -> None:
 def test_without_solver_or_compiler_it_exports_and_says_so(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(export, 'find_spec', lambda name: None)
+    monkeypatch.setattr('fret_monitor.model.diagnostics.find_spec', lambda name: None)
     monkeypatch.setenv('PATH', str(here.folder))
     monkeypatch.delenv('CC', raising=False)
     done = here.run('export', here.file('pump.yaml', PUMP), '--to', 'copilot', '--prefix', 'left',
