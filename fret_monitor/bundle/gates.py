@@ -63,7 +63,7 @@ def read_gates(shape: Shape, types: Mapping[str, str],
     if mapping and _lacks_name(mapping):
         key, _ = mapping.entries[0]
         problems.error('the gate has no name', key.span,
-                       f"{shown(key.value)} is a key of a gate, not the name of one",
+                       f'{shown(key.value)} is a key of a gate, not the name of one',
                        GATE_EXAMPLE)
         return
     for key, node in mapping.entries if mapping else ():
