@@ -314,6 +314,8 @@ class Elaborator:
         counts = len(parts) - 1 if isinstance(node, Call) and node.function in COUNTING else 0
         for part in parts[counts:]:
             if isinstance(part, Duration):
+                if isinstance(node, Call) and node.function not in FUNCTIONS:
+                    self._refuse_function(node)
                 if isinstance(node, Call) and counts:
                     time = part.span.source.text[part.span.start:part.span.end]
                     refuse('a time cannot be used here', part.span, 'the condition stands here',
