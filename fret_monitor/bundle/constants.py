@@ -16,14 +16,19 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+import re
 
 from fret_monitor.bundle.bundle import Bundle, ConstantEntry
+from fret_monitor.bundle.declared_name import DeclaredName
 from fret_monitor.bundle.yaml_shape import kind_of, text_of
-from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping
-from fret_monitor.model.diagnostics import did_you_mean, Problems, Text
+from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
+from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
 from fret_monitor.model.names import fret_name, is_integer, number_fault, shown
 
 _TRUTHS = ('true', 'false')
+_WHOLE = re.compile('[+-]?[0-9]+')
+_DIGITS = re.compile('[0-9]+')
+_MORE_DIGITS = re.compile('[ \t]*,[ \t]*[0-9]')
 
 
 def read_constant(node: Node, what: str, problems: Problems) -> Text | None:
@@ -36,6 +41,25 @@ def read_constant(node: Node, what: str, problems: Problems) -> Text | None:
     if text is not None:
         _check(text, what, kind_of(node), problems)
     return text
+
+
+def report_decimal_comma(name: DeclaredName, node: Node, rest: DeclaredName,
+                         problems: Problems) -> bool:
+    """Report `{v_max: 1,2}`, which YAML reads as 1 and another key 2; return whether it is one."""
+    if not isinstance(node, YamlScalar) or not _WHOLE.fullmatch(node.value):
+        return False
+    source, start, end = node.span.source, node.span.start, rest.span.end
+    digits = rest.value
+    if source.text[start:end] != f'{node.value},{digits}' or not _DIGITS.fullmatch(digits) or \
+            _MORE_DIGITS.match(source.text, end):
+        return False
+    is_thousand = len(digits) == 3  # `1,000` may be either
+    problems.error(
+        'a comma ends a value in braces', Span(source, start, end),
+        'a decimal point is needed' if not is_thousand else 'a number has no comma',
+        f'{name.text.value}: {node.value}.{digits}' + (
+            f'   # or {node.value}{digits}' if is_thousand else ''))
+    return True
 
 
 def override_constants(bundle: Bundle, values: Mapping[str, Text], problems: Problems) -> Bundle:

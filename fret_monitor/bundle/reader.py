@@ -30,7 +30,7 @@ from fret_monitor.bundle.actions import read_actions
 from fret_monitor.bundle.bundle import (
     ActionEntry, Bundle, ConstantEntry, DECLARING, Definition, GateEntry, InputEntry,
 )
-from fret_monitor.bundle.constants import read_constant
+from fret_monitor.bundle.constants import read_constant, report_decimal_comma
 from fret_monitor.bundle.declared_name import declared_name, DeclaredName
 from fret_monitor.bundle.formulas import read_definition
 from fret_monitor.bundle.gates import read_gates
@@ -292,7 +292,12 @@ class _BundleReader:
         return 1 / rate if rate is not None else period
 
     def _constants(self, shape: Shape) -> Iterator[ConstantEntry]:
+        before: tuple[DeclaredName, Node] | None = None
         for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
+            if before and is_empty(node) and report_decimal_comma(
+                    before[0], before[1], name, self._problems):
+                continue
+            before = name, node
             problems = Problems()
             self._declare(name, problems)
             text = read_constant(node, f'the constant {shown(name.value)}', problems)
