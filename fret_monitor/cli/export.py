@@ -41,7 +41,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     add_constants(parser)
     parser.add_argument('--to', dest='target', choices=TARGETS, required=True,
                         help='what to write, see below')
-    parser.add_argument('--output', metavar='DIR', type=_folder, required=True,
+    parser.add_argument('-o', '--output', metavar='DIR', type=_folder, required=True,
                         help='the folder to write; an earlier export there is replaced')
     names = parser.add_mutually_exclusive_group()
     names.add_argument('--name', metavar='NAME',

@@ -37,7 +37,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     add_constants(parser)
-    parser.add_argument('--output', metavar='DIR', type=Path, required=True,
+    parser.add_argument('-o', '--output', metavar='DIR', type=Path, required=True,
                         help='the folder to write; earlier tests there are replaced')
     parser.add_argument('--timeout', metavar='SECONDS', type=seconds, default=_USUAL_S,
                         help=f'end the search after this time; default {_USUAL_S:g}')

@@ -99,6 +99,11 @@ def test_each_module_of_the_folder_is_a_verb(here: Here) -> None:
         assert done.out.startswith(f'usage: fret-monitor {verb} ')
 
 
+@pytest.mark.parametrize('verb', ['analyze', 'compile', 'export', 'import', 'tests'])
+def test_each_verb_with_an_output_takes_its_short_option(here: Here, verb: str) -> None:
+    assert re.search(r'-o \w+, --output ', here.run(verb, '--help').out)
+
+
 def test_a_verb_loads_no_other_verb() -> None:
     script = """if True:
         import sys
