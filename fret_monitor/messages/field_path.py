@@ -22,7 +22,7 @@ true at the step of a message, and `age(header.stamp)` is the seconds between a 
 message and its reception. `resolve_field` returns the steps of the path and the type of the value.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 import re
 from typing import NoReturn
@@ -341,18 +341,25 @@ def _steps(path_text: Text, layout: MessageLayout,
             _refuse_part(layout, match, path_text, function)
         if match is None or path_text.value[end:end + 1] not in ('', '.'):
             rest = path_text.at(min(end, max(len(path_text.value) - 1, 0)), len(path_text.value))
-            mended = _mended(path_text.value)
+            paths = _leaf_paths(layout)
+            mended = _mended(path_text.value, paths)
             refuse(f'{shown(path_text.value)} is not a field path', rest,
                    'expected names with dots between them, and indices from 0',
-                   field_line([mended] if mended else _leaf_paths(layout), path_text))
+                   field_line([mended] if mended else paths, path_text))
         yield match, part
         if end == len(path_text.value):
             return
         place = end + 1
 
 
-def _mended(path: str) -> str:
-    """Return a path without the quotes around it, or with its index closed; '' for others."""
+def _mended(path: str, paths: Collection[str]) -> str:
+    """
+    Return a path without the quotes around it, with points, or with its index closed.
+
+    Return '' for others. `paths` are those of the message.
+    """
+    if (dotted := path.strip('/').replace('/', '.')) in paths:
+        return dotted
     if len(path) > 2 and path[0] == path[-1] and path[0] in '"\'':
         return path[1:-1]
     is_open = _OPEN_INDEX.fullmatch(path)
