@@ -101,7 +101,7 @@ class Shape:
         meant: list[str] = []
         help_ = self._elsewhere.get(key.value)
         if help_ is None:
-            slip = slips.get(key.value)
+            slip = key.value.lower() if key.value.lower() in self._known else slips.get(key.value)
             meant = [slip] if slip else close_matches(key.value, self._known)
             help_ = suggestion(meant) or 'the keys are ' + ', '.join(self._known)
         self._meant.update(meant)
