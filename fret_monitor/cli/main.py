@@ -104,7 +104,11 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 
 def _run(arguments: Sequence[str], options: Namespace) -> int:
+    from fret_monitor.model.diagnostics import did_you_mean
     parser = _parser(arguments)
+    verb = arguments[0] if arguments else ''
+    if verb not in _VERBS and not verb.startswith('-') and (meant := did_you_mean(verb, _VERBS)):
+        parser.error(f"there is no verb '{verb}', {meant}")
     parser.parse_args(arguments, options)
     if 'run' not in options:
         parser.print_help(sys.stderr)

@@ -80,6 +80,11 @@ def test_wrong_usage_is_status_2(here: Here, words: tuple[str, ...]) -> None:
     assert done.err.startswith('usage: fret-monitor')
 
 
+def test_a_misspelt_verb_is_answered_with_the_one_meant(here: Here) -> None:
+    assert here.run('chek', 'pump.yaml').err.endswith(
+        "error: there is no verb 'chek', did you mean 'check' or 'schema'?\n")
+
+
 def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
     done = here.run()
     told = [line.split()[0] for line in done.err.splitlines() if line.startswith('    ')]
@@ -91,7 +96,7 @@ def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
 def test_each_module_of_the_folder_is_a_verb(here: Here) -> None:
     folder = Path(fret_monitor.__file__).parent / 'cli'
     verbs = {path.stem.removesuffix('_') for path in folder.glob('[!_]*.py')} - {
-        'main', 'constants', 'document', 'terminal'}
+        'main', 'constants', 'document', 'limits', 'terminal'}
     assert set(VERBS) <= verbs
     for verb in verbs:
         done = here.run(verb, '--help')
