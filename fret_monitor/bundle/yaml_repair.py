@@ -76,7 +76,7 @@ def report_misread(source: Source, start: int, problems: Problems) -> None:
     fault = index_fault(written)
     if fault is not None and re.search(r'\bfield[ \t]*:[ \t]*$', source.text[:start][-99:]):
         problems.error(fault.reason, Span(source, start, start + len(written)), 'not supported',
-                       quoted_line(source, start, fault.help))
+                       fault.help)
         return
     first = source.text[start]
     quotes = first in '"\''

@@ -135,7 +135,7 @@ def resolve_field(layout: MessageLayout, path_text: Text | None,
         return _only_field(layout, type_text)
     fault = index_fault(path_text.value)
     if fault is not None:
-        refuse(fault.reason, path_text.span, 'not supported', field_line([fault.help], path_text))
+        refuse(fault.reason, path_text.span, 'not supported', fault.help)
     call = _CALL.fullmatch(path_text.value) if '(' in path_text.value else None
     if call is not None:
         return _reduced(layout, path_text, call)

@@ -111,10 +111,11 @@ def quoted_name_fault(name: str) -> Fault | None:
 
 
 def index_fault(path: str) -> Fault | None:
-    """Find an index of a field path that counts from the end; help with the path."""
+    """Find an index of a field path that counts from the end."""
     if _WRONG_INDEX.search(path) is None:
         return None
-    return Fault('an index is a number from 0', _WRONG_INDEX.sub('[0]', path))
+    return Fault('an index is a number from 0',
+                 'the first element is [0], the last one of N is [N-1]')
 
 
 def _identifier(name: str) -> str:

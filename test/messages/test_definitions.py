@@ -286,7 +286,8 @@ def test_the_types_on_the_way_are_given(prefix: Path) -> None:
     ('wheels[0]', "'wheels[0]' is a message (pkg_a/msg/Wheel)", 1,
      'field: "wheels[0].speed"   # or wheels[0].locked'),
     ('ranges[99999999999999]', 'it has no element 99999999999999', 7, ''),
-    ('ranges[-1]', 'an index is a number from 0', 1, 'field: "ranges[0]"'),
+    ('ranges[-1]', 'an index is a number from 0', 1,
+     'the first element is [0], the last one of N is [N-1]'),
     ('ranges[1:3]', "'ranges[1:3]' is a part of an array (float32[])", 1,
      'field: "len(ranges[1:3])"   # or min(ranges[1:3]), max(ranges[1:3]), sum(ranges[1:3]), '
      'mean(ranges[1:3]), norm(ranges[1:3])'),
