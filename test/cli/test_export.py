@@ -78,7 +78,7 @@ def test_what_is_not_proved_is_not_exported_unasked(
 
 @pytest.mark.parametrize(('arguments', 'status', 'expected'), [
     (('--to', 'vxworks', '--output', 'out'), 2, "invalid choice: 'vxworks'"),
-    (('--to', 'c99'), 2, 'the following arguments are required: --output'),
+    (('--to', 'c99'), 2, 'the following arguments are required: -o/--output'),
     (('--to', 'c99', '--output', 'out', '--name', 'a', '--prefix', 'b'), 2, 'not allowed with'),
     (('--to', 'c99', '--output', 'out', '--prefix', '2nd'), 2, "'2nd' cannot begin names in C"),
     (('--to', 'c99', '--output', ''), 2, 'the name of a folder is missing'),
