@@ -16,6 +16,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 import re
 import subprocess
@@ -84,11 +85,18 @@ def manifest() -> Any:
     return pytest.importorskip('catkin_pkg.package').parse_package(str(ROOT / 'package.xml'))
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """Return the imports and classes of a module."""
+    return [node for node in ast.walk(ast.parse(path.read_bytes()))
+            if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef)]
+
+
 def imported(folder: str) -> Iterator[str]:
     """Yield the top-level name of every import in a folder, except Python's and our own."""
     ours = {NAME, 'bench', 'tools'} | {path.stem for path in (ROOT / 'test').iterdir()}
     for path in sorted((ROOT / folder).rglob('*.py')):
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        for node in nodes(path):
             match node:
                 case ast.Import(names=names):
                     found = [alias.name for alias in names]
@@ -144,7 +152,7 @@ def test_every_entry_point_exists() -> None:
 def test_no_two_classes_of_the_package_have_one_name() -> None:
     places: dict[str, list[str]] = {}
     for path in sorted((ROOT / NAME).rglob('*.py')):
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(f'{path.relative_to(ROOT)}:{node.lineno}')
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
