@@ -12,7 +12,7 @@ help:
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
 	@echo 'make demo-gate  a vehicle that runs into a wall, and with a gate does not'
 	@echo 'make test    all tests'
-	@echo 'make thorough  all tests, with ten times the random examples'
+	@echo 'make thorough  all tests, with ten times the random examples, and the longest'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'

@@ -38,11 +38,13 @@ from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 from hypothesis import settings
 from hypothesis import strategies as st
+import pytest
 
 Draw = Callable[[int], int]
 Trace = dict[str, list[Any]]
 T = TypeVar('T')
 EXAMPLES = settings().max_examples  # of a test; `make thorough` has ten times as many
+thorough = pytest.mark.skipif(EXAMPLES <= 50, reason='make thorough')
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64

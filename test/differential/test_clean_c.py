@@ -34,7 +34,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 import pytest
 from strategies import (
-    EXAMPLES, INPUTS, property_of, random_inputs, random_property, specification_of,
+    EXAMPLES, INPUTS, property_of, random_inputs, random_property, specification_of, thorough,
 )
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
@@ -117,7 +117,7 @@ def has_sanitizers(folder: Path) -> bool:
 
 
 @pytest.mark.parametrize('policy', [Policy.EVERY_MESSAGE, Policy.TIMED])
-@pytest.mark.parametrize(('seed', 'size'), [(1, 12), (2, 40)])
+@pytest.mark.parametrize(('seed', 'size'), [(1, 12), pytest.param(2, 40, marks=thorough)])
 def test_no_value_causes_undefined_behaviour_in_generated_c(
         seed: int, size: int, policy: Policy, tmp_path: Path) -> None:
     if not has_sanitizers(tmp_path):

@@ -34,6 +34,7 @@ from fret_monitor.model.values import ValueType
 import pytest
 from strategies import (
     all_values, becomes, EXAMPLES, finite_values, property_of, specification_of, TERM_TYPES,
+    thorough,
 )
 
 INT64, UINT64 = ValueType.INT64, ValueType.UINT64
@@ -148,9 +149,9 @@ def neighbour(value: Any, kind: ValueType) -> Any:
     return value ^ 1
 
 
-OPTIONS = [(gcc, '-O3'), (clang, '-O2')]
-with_each_compiler = pytest.mark.parametrize(('compiler', 'level'), OPTIONS,
-                                             ids=['gcc -O3', 'clang -O2'])
+with_each_compiler = pytest.mark.parametrize(('compiler', 'level'), [
+    pytest.param(gcc, '-O3', id='gcc -O3'),
+    pytest.param(clang, '-O2', marks=thorough, id='clang -O2')])
 
 
 def compiled(properties: list[Property], inputs: Sequence[Variable], compiler: Any,

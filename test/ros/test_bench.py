@@ -21,6 +21,7 @@ import re
 from bench import ros as bench
 from native import engine
 import pytest
+from strategies import thorough
 
 if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
         not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in bench.prefixes()):
@@ -58,6 +59,7 @@ def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> N
     assert all(0.0 < p50[name] <= p99[name] for name in p50)
 
 
+@thorough
 @pytest.mark.usefixtures('forking')
 def test_a_large_message_is_counted_by_every_subject_that_takes(short: bench.Bench) -> None:
     rows = list(bench.cloud(replace(short, seconds=0.4)))
@@ -68,6 +70,7 @@ def test_a_large_message_is_counted_by_every_subject_that_takes(short: bench.Ben
     assert bench.sample(short.load, work, short.unread(work)).counted == 0
 
 
+@thorough
 @pytest.mark.usefixtures('forking')
 def test_a_flood_is_never_counted_as_more_messages_than_were_sent(short: bench.Bench) -> None:
     rows = list(bench.flood(short))
