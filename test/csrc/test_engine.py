@@ -26,7 +26,7 @@ import fret_monitor
 from fret_monitor.native import csrc_directory
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 import pytest
-from strategies import EXAMPLES
+from strategies import EXAMPLES, thorough
 
 HERE = Path(__file__).parent
 PAUSE = HERE / 'engine_pause.h'
@@ -192,7 +192,7 @@ def test_it_compiles_with_gcc_without_warnings(tmp_path: Path, how: tuple[str, .
     assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('standard', ['c99', 'gnu11'])
+@pytest.mark.parametrize('standard', ['c99', pytest.param('gnu11', marks=thorough)])
 def test_it_compiles_with_clang_without_warnings(tmp_path: Path, standard: str) -> None:
     clang = compiled.clang() or pytest.skip('no clang')
     for source in SOURCES:  # of several, ziglang would link the objects
