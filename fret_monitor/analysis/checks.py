@@ -454,10 +454,8 @@ class _PartAnalysis:
 
     def _equal(self, component: Component, place: int, others: Sequence[int]) -> str:
         """Name a requirement that always has the same verdict."""
-        games, d = component.games, component.games.diagrams
         for other in others:
-            differs = d.possible & d.bdd.apply('xor', d.outputs[place], d.outputs[other])
-            if differs == d.bdd.false or not games.is_reached(games.reach(d.possible, differs)):
+            if not component.games.differ(place, other):
                 return f'; equal to {self._part.ids[other]}' + self._for_finite(place, other)
         return ''
 

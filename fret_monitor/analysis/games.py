@@ -221,6 +221,12 @@ class Games:
                 break
         return layers
 
+    def differ(self, one: int, other: int) -> bool:
+        """Whether two requirements have different verdicts at a step of some run."""
+        d = self.diagrams
+        differs = d.possible & d.bdd.apply('xor', d.outputs[one], d.outputs[other])
+        return differs != d.bdd.false and self.is_reached(self.reach(d.possible, differs))
+
     def is_reached(self, layers: Sequence[Node]) -> bool:
         """Whether the start is in the last of some sets."""
         return self.diagrams.contains_start(layers[-1])

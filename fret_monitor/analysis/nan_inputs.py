@@ -75,9 +75,7 @@ class NanRuns:
 
     def differ(self, one: int, other: int) -> bool:
         """Whether two requirements have different verdicts at a step of some run."""
-        games, d = self._component.games, self._component.games.diagrams
-        differs = d.possible & d.bdd.apply('xor', d.outputs[one], d.outputs[other])
-        return games.is_reached(games.reach(d.possible, differs))
+        return self._component.games.differ(one, other)
 
 
 def _with_nan(specification: Specification, part: Part) -> tuple[Specification, Part]:
