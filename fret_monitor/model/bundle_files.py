@@ -41,7 +41,7 @@ def find_bundle(name: str) -> Path:
     Raises
     ------
     CompileError
-        if there is no such package, or the package has no such file.
+        if there is no such package, the package has no such file, or the path leaves its folder.
     """
     if name.startswith(_SCHEME):
         return _in_package(name)
@@ -94,6 +94,10 @@ def _in_package(name: str) -> Path:
     if not inside:
         refuse(f'{shown(name, LONGEST_PATH)} names no file',
                help=f'write {_SCHEME}{package}/PATH')
+    if os.path.isabs(inside) or '..' in Path(inside).parts:
+        refuse(f"{shown(name, LONGEST_PATH)} is not in the share folder of '{package}'",
+               help=f'write {_SCHEME}{package}/PATH with a path inside that folder, without ..; '
+               'or name the file itself')
     for folder in folders:
         if os.path.exists(folder / inside):
             return folder / inside

@@ -44,7 +44,7 @@ def share_folders(package: str) -> Iterator[Path]:
         yield source
     for prefix in search_path():
         share = prefix / 'share' / package
-        if package and share.is_dir():
+        if package not in ('', '.', '..') and share.is_dir():
             yield share
 
 

@@ -100,7 +100,7 @@ def build_library(
     CompilerError
         if there is no compiler, or it fails.
     CacheError
-        if other users can write to the cache.
+        if other users can write to the cache, or it is a link.
     """
     compiler = compiler or find_compiler()
     texts = {**(runtime_headers() if headers is None else headers), **sources}
@@ -137,7 +137,7 @@ def private_copy(library: Path) -> Path:
         try:
             copy = entry.kept() or entry.make()
         except ForeignCacheError:
-            copy = entry.make_for_now('others can write there')
+            copy = entry.make_for_now('it is a link, or others can write there')
     except CacheError as error:
         _warn_shared(library.parent, str(error))
         return library
@@ -180,7 +180,7 @@ def is_kept(library: Path) -> bool:
     Raises
     ------
     CacheError
-        if other users can write to the cache.
+        if other users can write to the cache, or it is a link.
     """
     root = cache_directory()
     try:
@@ -421,11 +421,15 @@ def _seal(library: Path) -> dict[str, str]:
 
 
 class ForeignCacheError(CacheError):
-    """Other users can write to the cache."""
+    """Other users can write to the cache, or it is a link."""
 
 
 def _refuse_foreign(folder: Path) -> None:
-    status = folder.stat()
+    status = folder.lstat()
+    if stat.S_ISLNK(status.st_mode):
+        raise ForeignCacheError(
+            f'{folder} is a link, and the folder it points to could be another at the next start: '
+            'remove the link, or set ROS_HOME to the folder that should contain the cache')
     if status.st_uid != os.geteuid():
         raise ForeignCacheError(
             f'{folder} belongs to another user, who could put a library there for you to run: '

@@ -33,6 +33,7 @@ from cli.command import command, environment
 from fret_monitor.native import (
     build_library, cache_directory, CacheError, Compiler, CompilerError, find_compiler,
 )
+from fret_monitor.native.cache import is_kept
 from native import engine
 from native.test_cache import home as home_of_the_test
 from native.test_cache import small_disk, SOURCE
@@ -191,16 +192,21 @@ def test_an_entry_of_another_user_is_not_used(part: str) -> None:
     assert library.stat().st_ino != before
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason='only root can give files away')
-def test_a_cache_that_is_a_link_is_checked_at_its_target(tmp_path: Path, home: Path) -> None:
-    planted = tmp_path / 'planted'
-    planted.mkdir(mode=0o700)
-    home.parent.mkdir()
+def test_a_cache_that_is_a_link_is_refused_and_nothing_written_behind_it(
+    tmp_path: Path, home: Path, start: list[str],
+) -> None:
+    library = build_library({'toy.c': SOURCE}, name='toy')
+    planted = home.rename(tmp_path / 'planted')
+    before = sorted(planted.rglob('*'))
     home.symlink_to(planted)
-    assert build_library({'toy.c': SOURCE}, name='toy').is_file()
-    os.chown(planted, 12345, 12345)
-    with pytest.raises(CacheError, match='belongs to another user'):
+    with pytest.raises(CacheError, match='is a link'):
         build_library({'toy.c': SOURCE}, name='toy')
+    with pytest.raises(CacheError, match='is a link'):
+        is_kept(library)
+    done = run(start)
+    assert (done.returncode, done.stdout) == (1, '')
+    assert f'{home} is a link' in done.stderr
+    assert sorted(planted.rglob('*')) == before
 
 
 def test_a_library_is_built_without_write_permission_for_the_group() -> None:

@@ -158,6 +158,30 @@ def test_a_bundle_of_another_package_is_found_in_its_share_folder(
     assert 'help' not in refusal(context, spec='package://robot_monitor/no.yaml')
 
 
+@pytest.mark.parametrize('inside', ['my_robot/../../secret', 'my_robot//{outside}',
+                                    'my_robot/config/../../../secret', '../secret', './../secret'])
+def test_a_path_that_leaves_the_share_folder_of_its_package_is_not_read(
+    inside: str, context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (tmp_path / 'share' / 'my_robot' / 'config').mkdir(parents=True)
+    (tmp_path / 'secret').write_text('password: 12345\n', encoding='utf-8')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    said = refusal(context, spec='package://' + inside.format(outside=tmp_path / 'secret'))
+    assert 'password' not in said
+    assert "is not in the share folder of 'my_robot'" in said or 'is not installed' in said
+
+
+def test_a_link_in_a_share_folder_is_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # `colcon build --symlink-install` fills share folders with links to the sources.
+    share = tmp_path / 'share' / 'my_robot'
+    share.mkdir(parents=True)
+    (share / 'robot.yaml').symlink_to(write(tmp_path))
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    assert find_bundle('package://my_robot/robot.yaml') == share / 'robot.yaml'
+
+
 def test_several_bundles_in_one_string_are_refused_with_a_list(context: Context) -> None:
     assert refusal(context, spec='a.yaml,b.yaml') == (
         "error: there is no file 'a.yaml,b.yaml'; for several bundles: "
