@@ -114,6 +114,40 @@ static void what_comes_late_is_not_lost(void)
   check(fm_arrivals_lost(&losses) == 3, "it has not");
 }
 
+static void losses_from_before_a_handover_are_counted_during_it(void)
+{
+  struct fm_arrivals losses = {0};
+  note(&losses, 1, 5);
+  note(&losses, 1, 8);
+  fm_arrivals_begin_handover(&losses, false);
+  check(fm_arrivals_lost(&losses) == 2, "as many as before the handover");
+  note(&losses, 1, 10);
+  fm_arrivals_begin_handover(&losses, false);  // of a third subscription
+  check(fm_arrivals_lost(&losses) == 2, "still as many as before the first one");
+  fm_arrivals_end_handover(&losses);
+  check(fm_arrivals_lost(&losses) == 3, "and one more after it");
+}
+
+// Repetitions are not recognised if there is no memory for them, or too many come.
+static void a_repetition_in_a_handover_does_not_reduce_the_losses(void)
+{
+  struct fm_arrivals losses = {0};
+  fm_arrivals_begin_handover(&losses, false);
+  for (uint64_t number = 5; number < 8; ++number) {
+    note(&losses, 1, number);
+  }
+  note(&losses, 1, 6);
+  check(losses.lost == 0, "nothing was lost");
+  note(&losses, 1, 9);
+  note(&losses, 1, 5);
+  check(losses.lost == 1, "the first one was not missing");
+  note(&losses, 1, 9);
+  check(losses.lost == 1, "nor was the last one");
+  note(&losses, 1, 8);
+  check(losses.lost == 0, "this one was, and came late");
+  fm_arrivals_end_handover(&losses);
+}
+
 // More publishers than are tracked cost precision, but the count is never too high.
 static bool is_repeated(const struct fm_arrivals * arrivals, uint64_t number, bool is_retired)
 {
@@ -160,6 +194,8 @@ int main(int argc, char ** argv)
   a_publisher_is_known_from_its_first_message();
   without_numbers_nothing_is_lost();
   what_comes_late_is_not_lost();
+  losses_from_before_a_handover_are_counted_during_it();
+  a_repetition_in_a_handover_does_not_reduce_the_losses();
   memory_for_repetitions_is_held_during_a_handover_alone();
   more_publishers_than_are_told_apart_lose_nothing();
   return failures == 0 ? 0 : 1;
