@@ -72,6 +72,7 @@ struct fm_relay
   bool is_busy;              // the thread uses a source or the publisher
   bool is_closing;
   bool has_ended;
+  bool is_called;            // a callback could not be removed
 };
 
 // ---- memory ------------------------------------------------------------------------------------
@@ -383,8 +384,10 @@ void fm_relay_stop(struct fm_relay ** relay)
 {
   if (*relay != NULL) {
     fm_relay_end(*relay);
-    free_locks(*relay);
-    free_relay(*relay);
+    if (!(*relay)->is_called) {
+      free_locks(*relay);
+      free_relay(*relay);
+    }
     *relay = NULL;
   }
 }
@@ -469,6 +472,7 @@ bool fm_relay_remove(struct fm_relay * relay, const void * subscription)
     middleware->forget_error();
   }
   pthread_mutex_lock(&relay->mutex);
+  relay->is_called = relay->is_called || !is_quiet;
   source->is_leaving = true;
   source->probes = true;
   pthread_cond_signal(&relay->woken);

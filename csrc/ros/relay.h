@@ -66,7 +66,8 @@ FM_EXPORT void fm_relay_retire(struct fm_relay * relay, const void * subscriptio
 
 /// Take what is in the queue of a subscription, at most 1000 messages, then no more; waits for
 /// that. Afterwards it may be destroyed, unless this returns false: the middleware could not
-/// remove its callback, and the subscription and the relay must live as long as the process.
+/// remove its callback. The subscription must then live as long as the process, as the relay's
+/// memory does.
 FM_EXPORT bool fm_relay_remove(struct fm_relay * relay, const void * subscription);
 
 /// Publish with another publisher from now on. When this returns, the one before is not in use.
@@ -83,7 +84,8 @@ FM_EXPORT uint64_t fm_relay_unpublished(struct fm_relay * relay);
 FM_EXPORT void fm_relay_end(struct fm_relay * relay);
 
 /// fm_relay_end, free the relay and set `*relay` to NULL; does nothing if it is NULL. All
-/// subscriptions were removed before.
+/// subscriptions were removed before. If a callback could not be removed, the memory that it uses
+/// is not freed.
 FM_EXPORT void fm_relay_stop(struct fm_relay ** relay);
 
 #ifdef __cplusplus

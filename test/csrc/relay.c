@@ -43,12 +43,13 @@ struct subscription
   fm_on_message callback;
   const void * user_data;
   bool has_no_callbacks;
+  bool keeps_callback;     // it does not remove its callback
 };
 
 static int listen(void * subscription, fm_on_message callback, const void * user_data)
 {
   struct subscription * self = subscription;
-  if (self->has_no_callbacks) {
+  if (self->has_no_callbacks || (callback == NULL && self->keeps_callback)) {
     return 1;
   }
   pthread_mutex_lock(&self->mutex);
@@ -451,6 +452,24 @@ static void it_ends_while_publishing_blocks(void)
   end(&bench);
 }
 
+static void a_callback_that_cannot_be_removed_outlives_the_relay(void)
+{
+  static struct subscription subscription;  // the middleware's: it refers to the relay's memory
+  bool is_polled = false;
+  struct bench bench = begin(FM_DROP, 0);
+  make_subscription(&subscription, 13);
+  subscription.keeps_callback = true;
+  give_flag(bench.engine, true);
+  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  send(&subscription, 1);
+  CHECK(wait_for(&publishers[0], 1));
+  CHECK(!fm_relay_remove(bench.relay, &subscription));
+  send(&subscription, 1);
+  end(&bench);
+  send(&subscription, 1);
+  CHECK(left(&subscription) == 2);
+}
+
 int main(void)
 {
   nothing_is_lost_or_repeated_without_a_handover();
@@ -458,5 +477,6 @@ int main(void)
   substitutes_come_from_the_start_and_when_another_topic_violates();
   without_callbacks_it_polls_and_a_failing_publisher_is_counted();
   it_ends_while_publishing_blocks();
+  a_callback_that_cannot_be_removed_outlives_the_relay();
   return failures > 0;
 }
