@@ -15,7 +15,8 @@
 """`bag BUNDLE BAG...`: the compiled monitors over recordings."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 import json
@@ -154,8 +155,9 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
     folder = _report_folder(options)
     results = None if options.results is None else ResultsFile(options.results)
     texts: dict[str, str] = {}
-    for outcome in _counted(
-            _outcomes(options, bundle, selection, folder, results), len(options.bags)):
+    found_so_far = _counted(
+        _outcomes(options, bundle, selection, folder, results), len(options.bags))
+    for outcome in _in_order(found_so_far, options.bags):
         lines[recording_key(outcome.path)] = outcome.line
         if outcome.result is not None:
             texts = {item.id: item.text for item in outcome.result.manifest.requirements}
@@ -218,6 +220,17 @@ def _counted(outcomes: Iterator['Outcome'], total: int) -> Iterator['Outcome']:
         for number, outcome in enumerate(outcomes, 1):
             yield outcome
             report(number / total, str(outcome.path))
+
+
+def _in_order(outcomes: Iterable['Outcome'], paths: Iterable[Path]) -> Iterator['Outcome']:
+    """Yield outcomes in the order of the paths; one that comes early is kept until its turn."""
+    from fret_monitor.bag.results_file import recording_key
+    early: dict[str, list[Outcome]] = {}
+    left = deque(map(recording_key, paths))
+    for outcome in outcomes:
+        early.setdefault(recording_key(outcome.path), []).append(outcome)
+        while left and early.get(left[0]):
+            yield early[left.popleft()].pop(0)
 
 
 def _report_folder(options: Namespace) -> Path | None:

@@ -71,7 +71,7 @@ def next_report(node_name: str, requirements: int, seconds: float,
         lambda array: found.update(reports(array, node_name)), 10)
     try:
         end = monotonic() + seconds
-        while (report := _complete(found, requirements)) is None \
+        while (report := complete(found, requirements)) is None \
                 and monotonic() < end and is_running():
             executor.spin_once(timeout_sec=0.1)
     finally:
@@ -81,8 +81,9 @@ def next_report(node_name: str, requirements: int, seconds: float,
     return report
 
 
-def _complete(found: dict[str, RequirementReport | TopicReport],
-              requirements: int) -> NodeReport | None:
+def complete(found: dict[str, RequirementReport | TopicReport],
+             requirements: int) -> NodeReport | None:
+    """Return a report of what was found; None if it has fewer requirements than wanted."""
     items = tuple(item for item in found.values() if isinstance(item, RequirementReport))
     topics = tuple(item for item in found.values() if isinstance(item, TopicReport))
     return NodeReport(items, topics) if items and len(items) >= requirements else None

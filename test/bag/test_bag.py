@@ -14,7 +14,7 @@
 
 """Recordings: every storage gives the verdicts of `simulate`; what is missing is an error."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from errno import ENOSPC
 import json
 from operator import itemgetter
@@ -319,8 +319,25 @@ def test_several_recordings_in_processes_and_a_run_that_goes_on(
     results.write_text('\n'.join(kept) + '\n{"bag": "half', encoding='utf-8')
     capsys.readouterr()
     assert main(arguments) == 1  # the bad one is tried again
-    assert f'{paths[1]}: 50 messages' in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert f'{paths[1]}: 50 messages' in out
+    assert_in_order(out, paths)  # though two of them were checked before
     assert sum('bag1' in line for line in results.read_text(encoding='utf-8').splitlines()) == 1
+
+
+def assert_in_order(out: str, paths: Iterable[Path]) -> None:
+    heads = [line.partition(': ')[0] for line in out.splitlines()]
+    assert [head for head in heads if head.startswith('/')] == [str(path) for path in paths]
+
+
+def test_answers_of_several_processes_come_in_the_order_of_the_command_line(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    counts = 20_000, 1, 1, 1  # the first takes longest
+    paths = [write(tmp_path / f'bag{number}', random_messages(number, count))
+             for number, count in enumerate(counts)]
+    main(['bag', str(bundle(tmp_path, 'every_message')), *map(str, paths), '--jobs', '2',
+          '--missing-topics', 'ok'])
+    assert_in_order(capsys.readouterr().out, paths)
 
 
 def test_recordings_on_a_cluster(

@@ -14,15 +14,18 @@
 
 """Many recordings: when earlier results count, and what becomes of the files asked for."""
 
+from concurrent.futures import ProcessPoolExecutor
 from errno import ENOSPC
 import json
 import os
 from pathlib import Path
 import threading
+from typing import Any
 from xml.etree import ElementTree
 
 from bag.recordings import FLOAT, START, TYPES, write
-from fret_monitor.bag.check import check_recording
+from fret_monitor.bag import fleet
+from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.results_file import finished_lines, ResultsFile
 from fret_monitor.cli.main import main
 import pytest
@@ -251,6 +254,26 @@ def test_one_recording_by_two_names_is_checked_once(
     assert main(['bag', str(bundle), str(recording), *results]) == 0
     assert main(['bag', str(bundle), 'recording', *results]) == 0
     assert 'checked before' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('jobs', [1, 2])
+def test_one_job_needs_no_other_process(
+        tmp_path: Path, bundle: Path, recording: Path, monkeypatch: pytest.MonkeyPatch,
+        jobs: int) -> None:
+    pools: list[int] = []
+
+    class Pool(ProcessPoolExecutor):
+        def __init__(self, workers: int, **options: Any) -> None:
+            pools.append(workers)
+            super().__init__(workers, **options)
+
+    monkeypatch.setattr(fleet, 'ProcessPoolExecutor', Pool)
+    other = write(tmp_path / 'other', [('/level', 0, 0.1)])
+    outcomes = list(fleet.check_all(bundle, [recording, other], Selection(), jobs=jobs))
+    found = {item.path: item.result and item.result.findings[0].verdict for item in outcomes}
+    assert found == {recording: False, other: True}
+    assert [item.error for item in outcomes] == ['', '']
+    assert pools == ([] if jobs == 1 else [2])
 
 
 def test_a_cluster_without_workers_is_an_error(

@@ -21,6 +21,7 @@ import struct
 from time import monotonic_ns
 
 from fret_monitor import build
+from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import Engine, Evaluator, KeptCounts, KeptMessage, MessageRing, Receipt
 import pytest
 
@@ -113,6 +114,16 @@ def test_what_does_not_fit_or_last_is_counted(engine: Engine) -> None:
     engine.message(0, a_float(0.5), received=3)
     assert ring.counts() == KeptCounts(kept=2, left_out=1, early=1)
     assert [item.time for item in read(ring)] == [3]
+
+
+@pytest.mark.parametrize(('age', 'early'), [(0, 1), (999, 1), (1000, 0), (1001, 0)])
+def test_a_message_that_lasted_as_long_as_it_should_is_not_early(
+        engine: Engine, age: int, early: int) -> None:
+    ring = MessageRing(engine.library, 2 * HEADER_BYTES + 1, 1e-6)  # 1000 ns, one message
+    for steady in (5, 5 + age):
+        kept = ffi.new('struct fm_kept *', {'size': 8, 'steady': steady})
+        engine.library.fm_blackbox_keep(ring.pointer, kept, ffi.new('uint8_t[8]'))
+    assert ring.counts() == KeptCounts(kept=2, early=early)
 
 
 def test_violations_are_noted_when_they_begin(engine: Engine) -> None:
