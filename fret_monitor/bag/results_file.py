@@ -24,6 +24,7 @@ import os
 from pathlib import Path
 
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
+from fret_monitor.model.output import refuse_overwriting
 
 
 def failed_line(path: object, errors: Sequence[str]) -> str:
@@ -81,10 +82,11 @@ class ResultsFile:
         Raises
         ------
         CompileError
-            if it is no regular file: no earlier results could be read from it.
+            if it is a link, or no regular file: no earlier results could be read from it.
         OSError
             if it cannot be written.
         """
+        refuse_overwriting(path)
         if path.exists() and not path.is_file():
             refuse(f"cannot keep results in '{path}': it is not a regular file",
                    help='name a file that a later run can read, such as results.jsonl')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Write text files atomically, and never over a file that the command reads."""
+"""Write text files atomically, never over a file that the command reads or through a link."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -24,21 +24,36 @@ from typing import TextIO
 
 from fret_monitor.model.diagnostics import refuse
 
+_STREAMS = {'/dev/stdout': 1, '/dev/stderr': 2}
 
-def refuse_overwriting(path: Path, read: Iterable[Path]) -> None:
+
+def refuse_overwriting(path: Path, read: Iterable[Path] = ()) -> None:
     """
-    Refuse to write to a file that was read, also if its path differs or is a link.
+    Refuse to write to a file that was read, also if its path differs, or through a link.
+
+    In a folder like `/tmp` somebody else may have made the link. Links to folders, pipes and
+    devices are allowed.
 
     Raises
     ------
     CompileError
-        if `path` is one of the files in `read`.
+        if `path` is one of the files in `read`, or a link to a file or to nothing.
     """
     for source in read:
         if _is_same_file(path, source):
             name = '' if path == source else f" as '{source}'"
             refuse(f"cannot write '{path}': this command reads it{name}",
                    help='name another file to write')
+    if path.is_symlink() and _is_file_or_missing(path) and str(path) not in _STREAMS:
+        refuse(f"cannot write '{path}': it is a link to '{path.readlink()}'",
+               help='remove the link, or name that file itself')
+
+
+def _is_file_or_missing(path: Path) -> bool:
+    try:
+        return path.is_file() or not path.exists()
+    except OSError:
+        return True  # such as a link to itself
 
 
 def _is_same_file(one: Path, other: Path) -> bool:
@@ -53,20 +68,23 @@ def open_output(path: Path, read: Iterable[Path] = ()) -> Iterator[TextIO]:
     """
     Yield a text file that is renamed to `path` when the block ends without an exception.
 
-    If `path` is a link, the file it points to is replaced. A pipe or device is written directly.
+    A pipe, a device, standard output and standard error are written directly.
 
     Raises
     ------
     CompileError
-        if `path` is one of the files in `read`, or cannot be written.
+        as `refuse_overwriting`, or if `path` cannot be written.
     """
     refuse_overwriting(path, read)
     try:
-        if path.exists() and not path.is_file():
+        if str(path) in _STREAMS:
+            with open(os.dup(_STREAMS[str(path)]), 'w', encoding='utf-8') as file:
+                yield file
+        elif path.exists() and not path.is_file():
             with path.open('w', encoding='utf-8') as file:
                 yield file
         else:
-            yield from _replace(Path(os.path.realpath(path)))
+            yield from _replace(path)
     except BrokenPipeError:
         raise  # the reader of a pipe has gone; not a problem with the path
     except OSError as error:

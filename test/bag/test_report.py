@@ -26,6 +26,7 @@ import subprocess
 
 from bag.outline import Outline
 from bag.recordings import Message, START, TYPES, write
+from fret_monitor.bag.fleet import page_name
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.page import document
 from fret_monitor.bag.report import _values
@@ -347,13 +348,39 @@ def test_a_report_that_cannot_be_written_leaves_nothing(
     path = write(tmp_path / 'bag', answers(5))
     full = tmp_path / 'full.html'
     full.symlink_to('/dev/full')
+    mine = tmp_path / 'mine.txt'
+    mine.write_text('mine', encoding='utf-8')
+    (tmp_path / 'link.html').symlink_to(mine)
+    (tmp_path / 'dangling.html').symlink_to(tmp_path / 'new')
     before = sorted(tmp_path.rglob('*')), file.read_bytes()
     for page, message in ((file, 'this command reads it'),
                           (full, 'No space left'),
+                          (tmp_path / 'link.html', f"is a link to '{mine}'"),
+                          (tmp_path / 'dangling.html', f"is a link to '{tmp_path / 'new'}'"),
                           (tmp_path / 'no' / 'page.html', 'No such file or directory')):
         assert main(['bag', str(file), str(path), '--report', str(page)]) == 1
         assert message in capsys.readouterr().err
     assert (sorted(tmp_path.rglob('*')), file.read_bytes()) == before
+    assert mine.read_text(encoding='utf-8') == 'mine'
+
+
+@pytest.mark.parametrize('option', ['--report', '--results', '--csv', '--mcap', '--junit'])
+def test_no_result_of_a_recording_is_written_through_a_link(
+        option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / 'bundle.yaml'
+    file.write_text(answer('timed', '2 seconds'), encoding='utf-8')
+    path = write(tmp_path / 'bag', answers(5))
+    mine = tmp_path / 'mine.txt'
+    mine.write_text('mine', encoding='utf-8')
+    folder = tmp_path / 'reports'
+    folder.mkdir()
+    planted = folder / page_name(path) if option == '--report' else tmp_path / 'result'
+    planted.symlink_to(mine)
+    named = folder if option == '--report' else planted
+    assert main(['bag', str(file), str(path), option, str(named)]) == 1
+    assert f"'{planted}': it is a link" in capsys.readouterr().err
+    assert planted.is_symlink()
+    assert mine.read_text(encoding='utf-8') == 'mine'
 
 
 def test_a_browser_draws_it_without_network_or_errors(tmp_path: Path) -> None:

@@ -519,12 +519,25 @@ requirements:
     assert 'odd_names___monitor.c' in os.listdir(here.folder / 'out' / 'src')
 
 
-def test_a_link_to_a_file_of_verdicts_stays_a_link(here: Here) -> None:
+def test_verdicts_are_not_written_through_a_link(here: Here) -> None:
     bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
     link, place = here.folder / 'link.csv', here.folder / 'place.csv'
     link.symlink_to('place.csv')
-    for _ in range(2):
-        assert here.run('simulate', bundle, '--trace', trace, '--verdicts', link).status == 0
+    for content in ('', 'mine'):
+        if content:
+            place.write_text(content)
+        done = here.run('simulate', bundle, '--trace', trace, '--verdicts', link)
+        assert (done.status, done.out) == (1, '')
+        assert done.err.startswith(f"error: cannot write '{link}': it is a link to 'place.csv'")
+        assert (place.read_text() if content else place.exists()) == (content or False)
         assert link.is_symlink()
-        assert place.read_text().startswith('step,')
-        place.unlink()
+
+
+def test_verdicts_can_be_written_to_standard_output_in_a_file(here: Here) -> None:
+    # /dev/stdout is a link, here to a regular file
+    bundle, trace = here.file('pump.yaml', PUMP), here.file('trace.csv', HEADING + GOOD)
+    with (here.folder / 'out.csv').open('w') as out:
+        subprocess.run(command('simulate', bundle, '--trace', trace, '--verdicts', '/dev/stdout'),
+                       stdout=out, check=True, env=environment())
+    first, *_, last = (here.folder / 'out.csv').read_text().splitlines()
+    assert first.startswith('step,') and last.startswith('R"3: ')
