@@ -26,19 +26,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-import tempfile
 from typing import Protocol
 
+from fret_monitor.bag.message_fit import MessageFit
 from fret_monitor.bag.moments import Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.build import compile_monitor, generate_monitor, read, Reading
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.messages.installed import find_message, fingerprint
-from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.packages import search_path
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
@@ -187,14 +185,8 @@ def opened(path: Path) -> Iterator[tuple[AnyRecording, FindMessage]]:
     if path.suffix == TRACE_SUFFIX:
         yield Trace(path), find_message
         return
-    with Recording(path) as recording, tempfile.TemporaryDirectory() as folder:
-        recording.write_definitions(Path(folder))
-        prefixes = (Path(folder), *search_path())
-
-        def find(name: str, *_: object) -> MessageLayout:
-            return find_message(name, prefixes)
-
-        yield recording, find
+    with Recording(path) as recording:
+        yield recording, recording.find_message
 
 
 def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
@@ -273,6 +265,8 @@ class _Run:
         self._recorded = {name: recording.recorded[name] for name in self._names}
         self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
+        self._fit = None if isinstance(recording, Trace) else MessageFit(
+            self._manifest.topics, recording.find_message)
 
     def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection
@@ -289,9 +283,7 @@ class _Run:
         self._check_part(begin, last)
         is_limited = last < recording.end
         end = self._end(last)
-        missing = {number for index in self._missing for number in manifest.topics[index].inputs}
-        self._unread = {index for index, item in enumerate(manifest.requirements)
-                        if missing.intersection(item.inputs)}
+        self._leave_out(self._missing)
         for each in self._changes:
             each.begin(begin, end, manifest)
         self._play(wanted, begin, last if is_limited else None)
@@ -402,6 +394,8 @@ class _Run:
             self._engine.advance(min(begin, self._recording.start))
         try:
             for batch in self._recording.batches(wanted, None if last is None else last + reorder):
+                if self._fit is not None and isinstance(batch, Batch):
+                    self._leave_out(self._fit.look_at(batch))
                 if self._watch is not None:
                     self._watch(self._engine, batch)
                 if not self._is_judging:
@@ -419,6 +413,13 @@ class _Run:
             self._errors.append(f'the recording cannot be read to its end: {error}')
         if not self._is_judging:
             self._judge_from(begin)
+
+    def _leave_out(self, topics: Iterable[int]) -> None:
+        """Judge no requirement that reads one of these topics."""
+        inputs = {number for index in topics for number in self._manifest.topics[index].inputs}
+        self._unread |= {index for index, item in enumerate(self._manifest.requirements)
+                         if inputs.intersection(item.inputs)}
+        self._unjudged = [index for index in self._unjudged if index not in self._unread]
 
     def _deliver(self, batch: AnyBatch) -> None:
         self._take(batch.deliver(self._engine, self._read, most=self._most))
@@ -509,6 +510,9 @@ class _Run:
 
     def _complain(self) -> None:
         """Say what could not be decoded or used, and what was out of order."""
+        if self._fit is not None:
+            self._errors.extend(self._fit.errors(self._names))
+            self._warnings.extend(self._fit.warnings())
         for index, topic in enumerate(self._manifest.topics):
             counts = self._engine.topic_counts(index)
             if counts.undecodable:

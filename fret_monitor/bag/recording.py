@@ -33,7 +33,10 @@ import sys
 from tempfile import mkdtemp, TemporaryDirectory
 from typing import Any, Self
 
+from fret_monitor.messages.installed import find_message
+from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import counted, refuse
+from fret_monitor.model.packages import search_path
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
@@ -110,11 +113,11 @@ class Recording(AbstractContextManager['Recording']):
     """
     An open recording; a context manager.
 
-    `types` has the types under which each topic was recorded, `recorded` the number of its
-    messages as the recording says it; `errors` names the files of a folder that are missing or
-    cannot be opened, and are left out. `formats` has the topics that were not serialized as CDR,
-    with their format. `start` and `end` are the times of the first and the last message (ns; both
-    0 if there is none).
+    `types` has the types under which each topic was recorded (by its full name), `recorded` the
+    number of its messages as the recording says it; `errors` names the files of a folder that are
+    missing or cannot be opened, and are left out. `formats` has the topics that were not
+    serialized as CDR, with their format. `start` and `end` are the times of the first and the
+    last message (ns; both 0 if there is none).
     """
 
     is_trace = False
@@ -143,16 +146,18 @@ class Recording(AbstractContextManager['Recording']):
             getattr(reader, 'storage', None), 'storages', None) or [
                 reader if self._is_ros1 else reader.storage]
         self._typestore = get_typestore(Stores.EMPTY)
+        self._definitions: Path | None = None
         connections: list[Connection] = list(reader.connections)
         self.types: dict[str, set[str]] = {}
         self.recorded: Counter[str] = Counter()
         self.formats: dict[str, str] = {}
         for item in connections:
+            topic = full_name(item.topic)
             if (name := getattr(item.ext, 'serialization_format', _CDR)) != _CDR:
-                self.formats[item.topic] = name
+                self.formats[topic] = name
                 continue
-            self.types.setdefault(item.topic, set()).add(item.msgtype)
-            self.recorded[item.topic] += item.msgcount
+            self.types.setdefault(topic, set()).add(_full_type(item.msgtype))
+            self.recorded[topic] += item.msgcount
         times = [_times(item) for item in self._storages]  # metadata.yaml may be older
         self.start = min((first for first, end in times if first < end), default=0)
         self.end = max((end for first, end in times if first < end), default=1) - 1
@@ -212,7 +217,21 @@ class Recording(AbstractContextManager['Recording']):
         """Return a monitor as it is to be run over the recording."""
         return monitor
 
-    def write_definitions(self, folder: Path) -> None:
+    def find_message(self, name: str, *_: object) -> MessageLayout:
+        """
+        Find a message type in the recording, or what is installed.
+
+        Raises
+        ------
+        CompileError
+            if it is in neither.
+        """
+        if self._definitions is None:
+            self._definitions = Path(self._stack.enter_context(TemporaryDirectory()))
+            self._write_definitions(self._definitions)
+        return find_message(name, (self._definitions, *search_path()))
+
+    def _write_definitions(self, folder: Path) -> None:
         """
         Write the message definitions that it contains to `folder`/share/PKG/msg/NAME.msg.
 
@@ -271,8 +290,9 @@ class Recording(AbstractContextManager['Recording']):
         DamagedRecording
             after the last batch, if a part of it cannot be read.
         """
-        numbers = {id(item): wanted[item.topic, item.msgtype] for storage in self._storages
-                   for item in storage.connections if (item.topic, item.msgtype) in wanted}
+        numbers = {id(item): wanted[key] for storage in self._storages
+                   for item in storage.connections
+                   if (key := (full_name(item.topic), _full_type(item.msgtype))) in wanted}
         messages = self._messages(numbers, None if until is None else until + 1)
         count = _FIRST_MESSAGES
         damage: Exception | None = None
@@ -323,6 +343,16 @@ class Recording(AbstractContextManager['Recording']):
         if self._mode == 'message':
             return lambda data, name: zstd.decompress(data)
         return None
+
+
+def full_name(topic: str) -> str:
+    """Return the name of a topic as ROS has it; some programs record it without the slash."""
+    return topic if topic.startswith('/') else f'/{topic}'
+
+
+def _full_type(name: str) -> str:
+    """Return the name of a message type with `msg`, which the first recorders left out."""
+    return name if name.count('/') != 1 else name.replace('/', '/msg/')
 
 
 def files_of(path: Path) -> list[Path]:

@@ -1,0 +1,114 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages are read by a definition that fits them, and topics by the names that ROS has."""
+
+from pathlib import Path
+
+import apsw
+from bag.recordings import START, write
+from fret_monitor.bag.check import check_recording, RecordingResult, Selection
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+KIND = 'std_msgs/msg/Int32'
+LOW = f"""format: 1
+inputs: {{level: {{topic: level, type: {KIND}, field: data}}}}
+requirements: [{{id: LOW, ptltl: "H (level <= 20)"}}]
+"""
+
+
+def checked(folder: Path, path: Path) -> RecordingResult:
+    file = folder / 'low.yaml'
+    file.write_text(LOW, encoding='utf-8')
+    return check_recording(file, path, Selection())
+
+
+def write_as(folder: Path, definition: str, levels: list[int], *, tail: bytes = b'',
+             storage: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+    """Write messages of another definition, the last of them with more bytes."""
+    types = get_typestore(Stores.EMPTY)
+    types.register(get_types_from_msg(definition, KIND))
+    names = [name for name, _ in types.fielddefs[KIND][1]]
+    with Writer(folder / 'bag', version=9, storage_plugin=storage) as writer:
+        topic = writer.add_connection('/level', KIND, typestore=types)
+        for number, level in enumerate(levels):
+            values = {name: level if name == 'data' else 7 for name in names}
+            message = bytes(types.serialize_cdr(types.types[KIND](**values), KIND))
+            writer.write(topic, START + number,
+                         message + tail * (number == len(levels) - 1))
+    return folder / 'bag'
+
+
+def forget_definitions(path: Path) -> None:
+    with apsw.Connection(str(path / 'bag.db3')) as database:
+        database.execute('DELETE FROM message_definitions')
+
+
+def test_a_type_that_is_defined_in_another_way_than_installed_is_a_warning(
+        tmp_path: Path) -> None:
+    path = write_as(tmp_path, 'int32 before\nint32 data', [20, 20])
+    result = checked(tmp_path, path)
+    assert (result.findings[0].verdict, result.errors) == (True, ())
+    assert result.warnings == (
+        f'{KIND} is defined in the recording in another way than it is installed: the definition '
+        'of the recording was used',)
+
+
+@pytest.mark.parametrize(('definition', 'problem'), [
+    ('int32 before\nint32 data', 'they have 4 bytes after its last field'),
+    ('int16 data', 'they end before its last field')])
+def test_what_reads_messages_that_do_not_fit_what_is_installed_is_not_judged(
+        tmp_path: Path, definition: str, problem: str) -> None:
+    path = write_as(tmp_path, definition, [21, 21])
+    forget_definitions(path)
+    result = checked(tmp_path, path)
+    assert result.findings[0].verdict is None
+    assert result.findings[0].spans == []
+    assert f'messages of /level do not fit {KIND}: {problem}' in result.errors[0]
+
+
+@pytest.mark.parametrize('tail', [b'', b'\0', b'\0\0\0', b'\0\0\0\0', b'\0' * 8])
+def test_a_message_with_more_than_padding_at_its_end_is_an_error(
+        tmp_path: Path, tail: bytes) -> None:
+    result = checked(tmp_path, write_as(tmp_path, 'int32 data', [20, 20, 21], tail=tail))
+    assert result.findings[0].verdict is False
+    assert [error for error in result.errors if 'after its last field' in error] \
+        == list(result.errors)
+    assert len(result.errors) == (len(tail) > 3)
+
+
+@pytest.mark.parametrize('storage', [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_a_name_without_a_slash_is_one_of_the_root(
+        tmp_path: Path, storage: StoragePlugin) -> None:
+    path = write(tmp_path / 'bag', [('level', 0, 20), ('/level', 1, 21), ('other', 2, 0)],
+                 kind=KIND, storage=storage)
+    for item in (path, path / f'bag.{"mcap" if storage is StoragePlugin.MCAP else "db3"}'):
+        result = checked(tmp_path, item)
+        assert (result.errors, result.read, result.findings[0].violations) == (
+            (), {'/level': 2}, 1)
+
+
+def test_the_types_of_the_first_recorders_are_known(tmp_path: Path) -> None:
+    path = write(tmp_path / 'bag', [('/level', 0, 20), ('/level', 1, 21)], kind=KIND,
+                 storage=StoragePlugin.SQLITE3)
+    with apsw.Connection(str(path / 'bag.db3')) as database:
+        database.execute("UPDATE topics SET type = 'std_msgs/Int32'")
+    forget_definitions(path)
+    metadata = path / 'metadata.yaml'
+    metadata.write_text(metadata.read_text(encoding='utf-8').replace(KIND, 'std_msgs/Int32'),
+                        encoding='utf-8')
+    result = checked(tmp_path, path)
+    assert (result.errors, result.findings[0].violations) == ((), 1)
