@@ -26,7 +26,7 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-TOOLS = ('cat', 'cmp', 'dirname', 'ln', 'make', 'mkdir', 'rm', 'sed', 'sh', 'tr')
+TOOLS = ('cat', 'cmp', 'cp', 'dirname', 'ln', 'ls', 'make', 'mkdir', 'rm', 'sed', 'sh', 'tr')
 
 if not (ROOT / 'Makefile').is_file() or shutil.which('make') is None:
     pytest.skip('needs the source tree and make', allow_module_level=True)
@@ -97,6 +97,32 @@ def test_a_failed_setup_leaves_nothing_behind(
 ) -> None:
     machine('setup', cc='exit 0', python3='exit 127')
     assert not os.path.lexists(repository / '.venv')
+
+
+# In place of Python: makes an environment of itself alone, and installs nothing.
+FAKE_PYTHON = 'case "$*" in "-m venv .venv") mkdir -p .venv/bin; cp "$0" .venv/bin/python;; esac'
+
+
+def test_the_environment_is_a_prefix_in_which_ros2_run_and_ros2_launch_find_their_files(
+    machine: Callable[..., 'subprocess.CompletedProcess[str]'], repository: Path,
+) -> None:
+    done = machine('setup', cc='exit 0', python3_12=FAKE_PYTHON)
+    assert done.returncode == 0, f'{done.stdout}{done.stderr}'
+    prefix = repository / '.venv'
+    assert (prefix / 'share/ament_index/resource_index/packages/fret_monitor').is_file()
+    scripts = re.findall(r"f'([a-z-]+) = {NAME}\.", (ROOT / 'setup.py').read_text('utf-8'))
+    assert 'fret-monitor' in scripts
+    assert {file.name: file.parent / file.readlink() for file in
+            (prefix / 'lib/fret_monitor').iterdir()} == {
+        name: prefix / 'lib/fret_monitor/../../bin' / name for name in scripts}
+    # `ros2 launch` walks through the folder as here, without entering links.
+    share = prefix / 'share/fret_monitor'
+    found = {file: Path(folder) / file for folder, _, files in os.walk(share) for file in files}
+    for file in (ROOT / 'launch').iterdir():
+        if file.suffix == '.py':
+            assert found[file.name].read_bytes() == file.read_bytes()
+    for name in ('config/quadrotor.yaml', 'csrc/evaluator.c', 'docs/ros.md', 'package.xml'):
+        assert (share / name).read_bytes() == (ROOT / name).read_bytes()
 
 
 def requirements(name: str) -> list[str]:

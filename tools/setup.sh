@@ -75,6 +75,7 @@ find_compiler() {
 fingerprint() {
   printf '%s|%s|%s\n' "$PWD" "$ros" "$1"
   cat package.xml pyproject.toml setup.cfg setup.py tools/setup.sh
+  ls launch
 }
 
 is_ready() {
@@ -141,18 +142,22 @@ print(*tools, sep='\n')" >"$venv/test-tools.txt"
   pip_install -r "$venv/test-tools.txt"
 }
 
-# What colcon --symlink-install does and pip does not: nodes where `ros2 run` looks for them, data
+# What colcon --symlink-install does and pip does not: programs where `ros2 run` looks for them, data
 # files and the ament index where ROS looks for them, each a link, so that a developer's edits count.
+# `ros2 launch` does not look into a folder that is a link: `launch` is a folder of links.
 link_folders() {
   share=$venv/share/fret_monitor
   index=$venv/share/ament_index/resource_index/packages
   rm -rf "$share" "$venv/lib/fret_monitor"
-  mkdir -p "$share" "$venv/lib/fret_monitor" "$index"
-  for node in monitor gate logger; do
-    ln -s "../../bin/$node" "$venv/lib/fret_monitor/$node"
+  mkdir -p "$share/launch" "$venv/lib/fret_monitor" "$index"
+  for program in fret-monitor gate logger monitor; do
+    ln -s "../../bin/$program" "$venv/lib/fret_monitor/$program"
   done
-  for shared in package.xml config csrc docs examples launch; do
+  for shared in package.xml config csrc docs examples; do
     ln -s "../../../$shared" "$share/$shared"
+  done
+  for file in launch/*; do
+    ln -s "../../../../$file" "$share/$file"
   done
   ln -sf ../../../../../resource/fret_monitor "$index/fret_monitor"
 }
