@@ -22,8 +22,9 @@ is. Its queue is as long as that of the subscription.
 
 from collections.abc import Sequence, Set
 from contextlib import ExitStack
+from dataclasses import dataclass
 from threading import Lock
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
@@ -45,6 +46,14 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 _DURABLE_DEPTH = 10  # messages that a late subscriber receives
 _MATCHED_S = 0.5  # until a new publisher is used, at most; until then the old one is
 _UNNAMED_LOOKS = 8  # at a publisher without the name of its node, until it is reported
+
+
+@dataclass(frozen=True)
+class _Next:
+    """A publisher that replaces the present one: when it is matched, or at a monotonic time."""
+
+    publisher: RclPublisher
+    until: float
 
 
 class Relay:
@@ -77,6 +86,7 @@ class Relay:
         self._substitute = ffi.from_buffer('uint8_t[]', gate.substitute)
         self._gids: set[bytes] = set()  # of all publishers that it has had
         self._publisher = self._advertise(is_durable=False)
+        self._next: _Next | None = None
         self._held = ExitStack()
         self._unnamed_looks = 0
         self.others: tuple[str, ...] = ()
@@ -139,28 +149,46 @@ class Relay:
 
     def follow(self, *, is_durable: bool) -> None:
         """
-        Publish with this durability from now on; called by the feed's thread only.
+        Publish with this durability, once `review` finds the new publisher matched.
 
-        A new publisher is used once it has matched the subscriptions of the old one.
+        Called by the feed's thread only. It does not wait for the match: messages of other topics
+        may be taken in this thread, and without them the gate closes.
         """
-        old = self._publisher
-        if (old.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL) is is_durable:
+        wanted = self._publisher if self._next is None else self._next.publisher
+        if (wanted.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL) is is_durable:
             return
-        new = self._advertise(is_durable=is_durable)
-        end = monotonic() + _MATCHED_S
-        while new.subscriptions < old.subscriptions and monotonic() < end:
-            sleep(0.01)
+        self._drop_next()
+        if wanted is self._publisher:
+            self._next = _Next(
+                self._advertise(is_durable=is_durable), monotonic() + _MATCHED_S)
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether a new publisher is not used yet."""
+        return self._next is not None
+
+    def review(self) -> None:
+        """Use the new publisher, if due; called periodically, by the feed's thread only."""
+        if self._next is None or (
+                self._next.publisher.subscriptions < self._publisher.subscriptions
+                and monotonic() < self._next.until):
+            return
+        old, new, held = self._publisher, self._next.publisher, ExitStack()
         with self._lock:
             if self._place[0] == ffi.NULL:
-                new.close()
                 return
-            held = ExitStack()
             held.enter_context(new.handle)
             self._library.fm_relay_publish_with(
                 self._place[0], self._middleware.publisher(new))
-            self._publisher, self._held, before = new, held, self._held
+            self._publisher, self._next = new, None
+            self._held, before = held, self._held
         before.close()
         old.close()
+
+    def _drop_next(self) -> None:
+        if self._next is not None:
+            self._next.publisher.close()
+            self._next = None
 
     def look_for_others(self) -> None:
         """Look for other publishers on the target; called by the feed's thread only."""
@@ -183,14 +211,13 @@ class Relay:
         mine = next((item for item in found if _full_name(item) == own), None)
         return [item for item in found if item is not mine]
 
-    def add(self, subscription: RclSubscription) -> bool:
-        """Take the messages of a subscription; return whether it has to be polled."""
+    def add(self, subscription: RclSubscription) -> None:
+        """Take the messages of a subscription."""
         is_polled = ffi.new('bool *')
         with self._lock:
             if self._place[0] == ffi.NULL or not self._library.fm_relay_add(
                     self._place[0], self._middleware.subscription(subscription), is_polled):
                 raise Unavailable('a relay has room for eight subscriptions')
-        return bool(is_polled[0])
 
     def retire(self, subscription: RclSubscription) -> None:
         """Mark a subscription as one that is being replaced."""
@@ -218,6 +245,7 @@ class Relay:
         with self._lock:
             self._library.fm_relay_stop(self._place)
         self._held.close()
+        self._drop_next()
         self._publisher.close()
 
 
@@ -240,14 +268,15 @@ class RelayedTopic:
     def open(self, subscription: RclSubscription) -> 'RelayReceiver':
         """Start taking the messages of a subscription; raises `Unavailable`."""
         if subscription.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-            self._relay.follow(is_durable=True)  # before the history comes
+            self._relay.follow(is_durable=True)
         return RelayReceiver(self._relay, subscription)
 
     def deliver(self, record: Record) -> None:
         """Do nothing: C takes the messages."""
 
     def note_publishers(self, gids: Set[bytes]) -> None:
-        """Look for other publishers on the target."""
+        """Look for other publishers on the target, and at the relay's own."""
+        self._relay.review()
         self._relay.look_for_others()
 
     def follow(self, offers: Sequence[QoSProfile]) -> None:
@@ -274,21 +303,33 @@ class RelayReceiver:
     """A subscription from which a relay takes."""
 
     def __init__(self, relay: Relay, subscription: RclSubscription) -> None:
-        """Start taking."""
+        """Start taking; history waits until the relay's publisher is durable, too."""
         self._relay = relay
         self._subscription = subscription
         self._held = ExitStack()
         self._held.enter_context(subscription.handle)
         self._is_leaked = False
-        self.is_polled = relay.add(subscription)
+        self._is_added = False
+        self.poll()
 
     def take(self) -> None:
         """Return None: C takes the messages."""
 
-    drain = poll = take
+    drain = take
+
+    def poll(self) -> None:
+        """Start taking, if that had to wait."""
+        if not self._relay.is_changing:
+            self._add()
+
+    def _add(self) -> None:
+        if not self._is_added:
+            self._relay.add(self._subscription)
+            self._is_added = True
 
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
+        self._add()
         self._relay.retire(self._subscription)
 
     def end(self) -> None:
@@ -296,7 +337,8 @@ class RelayReceiver:
 
     def stop(self) -> None:
         """Stop taking; afterwards the subscription may be destroyed."""
-        if not self._is_leaked and not self._relay.remove(self._subscription):
+        if self._is_added and not self._is_leaked and \
+                not self._relay.remove(self._subscription):
             self._is_leaked = True  # the middleware may still call back
             native_lifetimes.keep_forever(self)
         if not self._is_leaked:

@@ -47,7 +47,7 @@ import pytest
 import rclpy.node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros.forked import environment
 from ros.harness import (
     BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until,
@@ -340,6 +340,40 @@ def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> No
         late.wait_for(2)
         assert [item.data for item in late.messages] == ['first', 'last']
         assert 'ignored parameter' not in node.output
+
+
+def test_a_gate_stays_open_while_it_changes_its_durability(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    free = partner.publisher(Bool, 'free')
+    notes = partner.publisher(String, 'note_raw')
+    latched = partner.publisher(String, 'note_raw', LATCHED)
+    arrived = Listener(partner, String, 'note')
+    Listener(partner, String, 'note', LATCHED)  # matches no volatile publisher: the gate waits
+
+    def offers() -> list[DurabilityPolicy]:
+        return [item.qos_profile.durability
+                for item in partner.node.get_publishers_info_by_topic('note')]
+
+    def is_open() -> bool:
+        free.publish(Bool(data=True))
+        notes.publish(String(data='first'))
+        return len(arrived.found) > 0 and offers() == [DurabilityPolicy.TRANSIENT_LOCAL]
+
+    with running(write(tmp_path), '-p', 'gates:=[note]', '-p', 'hot_path:=off') as node:
+        wait_until(is_open, 'an open gate')
+        begin = len(node.output)
+        partner.node.destroy_publisher(latched)
+        sent = 0
+        while offers() != [DurabilityPolicy.VOLATILE] or sent < 200:
+            notes.publish(String(data=str(sent)))
+            sent += 1
+            sleep(0.005)
+        notes.publish(String(data='last'))
+        wait_until(lambda: arrived.messages[-1].data == 'last', 'the last note')
+        assert [item.data for item in arrived.messages if item.data.isdigit()] == \
+            [str(k) for k in range(sent)]
+        assert 'is closed' not in node.output[begin:]
 
 
 TWO = """\
