@@ -59,6 +59,7 @@ bench-ros: setup
 
 bench-bags: setup-test
 	@$(PYTHON) -m bench.bags
+	@$(PYTHON) -m bench.tables
 
 bench-copilot: setup
 	@$(PYTHON) -m bench.copilot_abi

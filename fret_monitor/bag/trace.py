@@ -20,13 +20,13 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
 from fret_monitor.bag.recording import DamagedRecording
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.policies import Policy
+from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.detail_text import short_seconds
 from fret_monitor.runtime.engine import Engine
@@ -119,45 +119,37 @@ class Trace:
                 self._measure(reader)
         return for_trace(monitor)
 
-    def _reader(self, file: TextIO) -> TraceReader:
-        return TraceReader(str(self.path), file, self._inputs, self._time)
+    def _reader(self, file: BinaryIO) -> TraceReader:
+        return TraceReader(str(self.path), file, self._inputs, self._time,
+                           load_evaluator(evaluator_library()))
 
     def _measure(self, reader: TraceReader) -> None:
         """Count the rows, and find the first and the last time, as far as they can be read."""
         first: int | None = None
         last = 0
         with suppress(CompileError):  # `batches` raises it again
-            for time in reader.times():
-                self.recorded[ROWS] += 1
-                if time is not None:
-                    first = time if first is None else first
-                    last = time
+            for count, begin, end in reader.spans():
+                self.recorded[ROWS] += count
+                if begin is not None and end is not None:
+                    first = begin if first is None else first
+                    last = end
         self.start, self.end = (first or 0) * self._spacing, last * self._spacing
 
     def batches(self, wanted: Mapping[tuple[str, str], int],
                 until: int | None = None) -> Iterator[RowBatch]:
         """Yield the rows up to a time (ns), many at a time; errors as of `Recording.batches`."""
         try:
-            for times, columns in self._blocks():
-                batch = RowBatch(array('q', (time * self._spacing for time in times)),
-                                 tuple(columns))
-                if until is not None and batch.times[-1] > until:
-                    batch = batch.until(until)
-                    if batch.times:
-                        yield batch
-                    return
-                yield batch
+            with open_trace(self.path) as file:
+                for times, columns in self._reader(file).blocks():
+                    if self._spacing != 1:  # these are the numbers of rows
+                        times = array('q', range(times[0] * self._spacing,
+                                                 times[-1] * self._spacing + 1, self._spacing))
+                    batch = RowBatch(times, tuple(columns))
+                    if until is not None and batch.times[-1] > until:
+                        batch = batch.until(until)
+                        if batch.times:
+                            yield batch
+                        return
+                    yield batch
         except CompileError as error:
             raise DamagedRecording(str(error)) from None
-
-    def _blocks(self) -> Iterator[tuple['array[int]', list['array[Any]']]]:
-        """Yield blocks of rows; before an error all rows that come before it."""
-        count = 0
-        try:
-            with open_trace(self.path) as file:
-                for block in self._reader(file).blocks():
-                    yield block
-                    count += len(block[0])
-        except CompileError:
-            with open_trace(self.path) as file:
-                yield from islice(self._reader(file).blocks(1), count, None)

@@ -39,7 +39,7 @@ NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgrap
                  'std_msgs', 'std_srvs')
 """The packages of the messages and services that every node has."""
 
-_UNUSED = ('in_place.c', 'records.c', 'relay.c', 'thinning.c')
+_UNUSED = ('csv.c', 'in_place.c', 'records.c', 'relay.c', 'thinning.c')
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:

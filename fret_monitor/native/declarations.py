@@ -29,7 +29,7 @@ from fret_monitor.native.cache import csrc_directory
 
 HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h', 'outbox.h',
-    'blackbox.h', 'states.h', 'engine.h', 'records.h', 'thinning.h', 'ros/middleware.h',
+    'blackbox.h', 'states.h', 'engine.h', 'records.h', 'thinning.h', 'csv.h', 'ros/middleware.h',
     'ros/in_place.h', 'ros/receiver.h', 'ros/announcer.h', 'ros/relay.h',
 )
 

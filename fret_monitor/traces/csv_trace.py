@@ -15,11 +15,13 @@
 """
 Traces as CSV: a column for each input, a row for each step, and perhaps a column `time`.
 
-A trace is read in blocks of rows, so that memory does not grow with its length. An invalid cell
-is an error with its line and column.
+A trace is read in blocks of rows, so that memory does not grow with its length. Plain rows are
+read in C (`csrc/csv.h`); a row at which C stops is read here, where an invalid cell is an error
+with its line and column.
 """
 
 from array import array
+from codecs import BOM_UTF8, getincrementaldecoder
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import csv
@@ -32,18 +34,23 @@ from itertools import islice
 import math
 from pathlib import Path
 import re
-from typing import Any, NoReturn, TextIO
+from typing import Any, BinaryIO, NoReturn, TypeAlias
 
 from fret_monitor.logic.specification import Signal
-from fret_monitor.model.diagnostics import counted, refuse, Source, Span
+from fret_monitor.model.diagnostics import CompileError, counted, refuse, Source, Span
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
+from fret_monitor.native.monitor import CData
+from fret_monitor.runtime.csv_rows import CsvColumn, CsvRows
 
 _BLOCK_ROWS = 4096
+_READ_BYTES = 1 << 20  # at once
+_MANY_ROWS = 64  # of which reading them in C is worth a call
 _MAX_ROW_CHARACTERS = 16 * 1024 * 1024
 _SHOWN_CHARACTERS = 200  # shown of a row that is too long
 _UNQUOTED = re.compile(r'[^,\r\n]*')
+_LINE_END = re.compile(rb'\r\n?|\n')
 _TRUTHS = {'0': 0, '1': 1, 'false': 0, 'true': 1}
 _INTEGER = re.compile(r'[+-]?[0-9]+')
 _REAL = re.compile(r'[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)',
@@ -54,6 +61,7 @@ _SECONDS = re.compile(r'[+-]?([0-9]+)(?:\.([0-9]*))?')
 _DIGITS = 9  # behind the point of a number of seconds
 _LATEST_NS = 2 ** 62
 LAST_TICK = 2 ** 62 - 3  # FM_LAST_TICK in csrc/fret_monitor.h
+_ANY_TIME = (-2 ** 63, 2 ** 63 - 1)
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 
 
@@ -66,10 +74,10 @@ class TimeColumn(Enum):
 
 
 @contextmanager
-def open_trace(path: Path) -> Iterator[TextIO]:
+def open_trace(path: Path) -> Iterator[BinaryIO]:
     """Open a file with a trace; raises `CompileError` if it cannot be read."""
     try:
-        file = path.open(encoding='utf-8-sig', newline='')
+        file = path.open('rb', buffering=0)
     except FileNotFoundError:
         refuse(f"there is no file '{path}'")
     except OSError as error:
@@ -117,46 +125,74 @@ class _Rows:
     Not Python's `csv`, whose limit on the length of a cell applies to the whole process.
     """
 
-    def __init__(self, name: str, file: TextIO) -> None:
+    def __init__(self, name: str, file: BinaryIO) -> None:
         self.name = name
         self.line = ''  # the last line read
-        self.size = 0  # characters read
+        self.size = 0  # characters in the lines read
+        self.number = 0  # of the last line read
+        self.text, self.place = b'', 0  # a part of the file, and where the next line begins in it
         self._file = file
-        self._number = 0  # line number of the last line read
+        self._decoder = getincrementaldecoder('utf-8')()
+        self._is_begin = True
         self._first_line, self._first_number, self._start = '', 1, 0  # start of the current row
+
+    def fill(self) -> bool:
+        """Read a further part of the file; return whether there was one."""
+        try:
+            more = self._file.read(_READ_BYTES)
+            self._decoder.decode(more, not more)
+        except UnicodeDecodeError:
+            refuse(f"'{self.name}' is not text in UTF-8")
+        except OSError as error:
+            refuse(f"cannot read '{self.name}': {error.strerror or error}")
+        self.text, self.place = self.text[self.place:] + more, 0
+        if self._is_begin and (len(self.text) >= len(BOM_UTF8) or not more):
+            self._is_begin = False
+            self.text = self.text.removeprefix(BOM_UTF8)
+        return bool(more)
 
     def __iter__(self) -> Iterator[_Row]:
         blank = 0
         while line := self._begin_row():
             if line in ('\n', '\r\n', '\r'):
-                blank = blank or self._number
+                blank = blank or self.number
                 continue
             if blank:
                 self.refuse(blank, '', 'empty row', 'a row is a step; leave no line empty')
             cells = self._split(line) if '"' in line else line.rstrip('\r\n').split(',')
-            yield _Row(self._number, cells)
+            yield _Row(self.number, cells)
 
     def _begin_row(self) -> str:
         self._start = self.size
-        self._first_number = self._number + 1
+        self._first_number = self.number + 1
         self._first_line = self._read_line()
         return self._first_line
 
     def _read_line(self) -> str:
-        try:
-            self.line = self._file.readline(_MAX_ROW_CHARACTERS + 1)
-        except UnicodeDecodeError:
-            refuse(f"'{self.name}' is not text in UTF-8")
-        except OSError as error:
-            refuse(f"cannot read '{self.name}': {error.strerror or error}")
-        self._number += 1
+        end = self._line_end()
+        text = self.text[self.place:end].decode('utf-8', 'ignore')
+        self.line = text[:_MAX_ROW_CHARACTERS + 1]
+        self.place = end
+        self.number += 1
         self.size += len(self.line)
         if self.size - self._start > _MAX_ROW_CHARACTERS:
-            shown = (self._first_line if self._first_number < self._number else self.line)
+            shown = (self._first_line if self._first_number < self.number else self.line)
             self.refuse(self._first_number, shown[:_SHOWN_CHARACTERS],
                         f'a row of more than {_MAX_ROW_CHARACTERS:,} characters',
                         'a row ends with a line feed, except inside quotes')
         return self.line
+
+    def _line_end(self) -> int:
+        """Return where the next line ends, behind its line break, or after too many bytes."""
+        most = 4 * (_MAX_ROW_CHARACTERS + 1)
+        looked = 0  # bytes of the line without a line break
+        while True:
+            found = _LINE_END.search(self.text, self.place + looked)
+            if found and (found[0] != b'\r' or found.end() < len(self.text)):
+                return found.end()
+            looked = max(0, len(self.text) - self.place - 1)
+            if looked >= most or not self.fill():
+                return len(self.text)
 
     def _split(self, line: str) -> list[str]:
         """Return the cells of a row with quoted cells; reads further lines if necessary."""
@@ -191,7 +227,7 @@ class _Rows:
             elif line[end + 1:end + 2] in (',', '\r', '\n', ''):
                 return ''.join((*parts, line[place:end])), line, end + 1
             else:
-                self.refuse(self._number, line, "not CSV: ',' expected after '\"'",
+                self.refuse(self.number, line, "not CSV: ',' expected after '\"'",
                             _other_separator(line))
 
     def refuse(self, number: int, shown: str, title: str, help: str, start: int = 0,
@@ -232,13 +268,19 @@ def seconds_text(nanoseconds: int) -> str:
     return f'-{text}' if nanoseconds < 0 else text
 
 
+Block: TypeAlias = tuple['array[int]', list['array[Any]']]
+"""The times of rows, and an array for each input."""
+
+
 class TraceReader:
     """Reads the columns of the given inputs from a CSV file."""
 
-    def __init__(self, name: str, file: TextIO, inputs: Sequence[ManifestInput],
-                 time: TimeColumn = TimeColumn.IGNORED) -> None:
+    def __init__(self, name: str, file: BinaryIO, inputs: Sequence[ManifestInput],
+                 time: TimeColumn = TimeColumn.IGNORED, library: CData | None = None) -> None:
         """
         Read the heading.
+
+        `library` has the functions of csrc, which read plain rows; without it they are read here.
 
         Raises
         ------
@@ -246,6 +288,7 @@ class TraceReader:
             if an input has no column, or two, or there is not one column `time` and one is needed.
         """
         self._inputs = inputs
+        self._library = library
         self._source = _Rows(name, file)
         self._rows = iter(self._source)
         heading = [cell.strip() for cell in next(self._rows, _Row(1, [])).cells]
@@ -255,6 +298,7 @@ class TraceReader:
         self._time = None if time is TimeColumn.IGNORED or (
             time is TimeColumn.OPTIONAL and is_optional) else self._find_time(heading)
         self._count = 0  # rows read
+        self._others = 1  # rows that need not be plain, to be read at once
         self._last: int | None = None  # the time of the row before
         self.first = 0  # the time of the first row
 
@@ -263,13 +307,12 @@ class TraceReader:
         """Whether the rows have times, in the column `time`; if not, they are numbered."""
         return self._time is not None
 
-    def blocks(
-            self, most: int | None = None) -> Iterator[tuple['array[int]', list['array[Any]']]]:
+    def blocks(self) -> Iterator[Block]:
         """
         Yield the times of the rows of each block, and an array for each input.
 
         The times are in nanoseconds; if the trace has none, they are the numbers of the rows from
-        0. `most` is how many rows a block has at most; None: some thousands.
+        0. Before an error, all rows that come before it are yielded.
 
         Raises
         ------
@@ -277,33 +320,92 @@ class TraceReader:
             with the place, if the file is not CSV, a cell is not a value of its input, or times do
             not increase.
         """
-        while rows := list(islice(self._limited(), most or _BLOCK_ROWS)):
-            for row in rows:
-                if len(row.cells) != self._width:
-                    self._refuse_width(row)
-            begin, self._count = self._count, self._count + len(rows)
-            times = array('q', range(begin, self._count) if self._time is None
-                          else self._times(rows, self._time))
-            yield times, [self._column(rows, item, place) for item, place
-                          in zip(self._inputs, self._places, strict=True)]
+        plain = self._plain(map(_csv_column, self._inputs, self._places))
+        while True:
+            # The first time is the origin of the others, and is read here.
+            limits = _ANY_TIME if self._time is None else None if self._last is None else (
+                self._last, self.first + LAST_TICK)
+            if limits is not None and (found := self._plain_rows(plain, limits)) is not None:
+                yield self._of_plain(*found)
+                continue
+            rows, problem = self._other_rows()
+            if not rows and problem is None:
+                return
+            if rows:
+                yield from self._of_rows(rows)
+            if problem is not None:
+                raise problem
 
-    def times(self) -> Iterator[int | None]:
+    def spans(self) -> Iterator[tuple[int, int | None, int | None]]:
         """
-        Yield the time of each row, and read nothing else of it; None if it is no time.
+        Yield the number of rows of each block, and the first and the last time in it.
+
+        Nothing else is read of a row. The times are None if the rows have none that can be read.
 
         Raises
         ------
         CompileError
             with the place, if the file is not CSV.
         """
-        for number, row in enumerate(self._rows):
-            time = None
-            if self._time is None:
-                time = number
-            elif self._time < len(row.cells):
+        plain = self._plain(())
+        while True:
+            if (block := self._plain_rows(plain, _ANY_TIME)) is not None:
+                times, _ = self._of_plain(*block)
+                yield len(times), times[0], times[-1]
+                continue
+            rows, problem = self._other_rows()
+            if not rows and problem is None:
+                return
+            found = [*self._found_times(rows)]
+            yield len(rows), *((found[0], found[-1]) if found else (None, None))
+            if problem is not None:
+                raise problem
+
+    def _found_times(self, rows: list[_Row]) -> Iterator[int]:
+        """Yield the times that can be read."""
+        if self._time is None:
+            yield from self._numbers(len(rows))
+            return
+        for row in rows:
+            if self._time < len(row.cells):
                 with suppress(ValueError):
-                    time = parse_seconds(row.cells[self._time].strip())
-            yield time
+                    yield parse_seconds(row.cells[self._time].strip())
+
+    def _plain(self, columns: Iterable[CsvColumn]) -> CsvRows | None:
+        if self._library is None:
+            return None
+        times = () if self._time is None else (
+            CsvColumn(self._time, ValueType.INT64, {}, is_time=True),)
+        return CsvRows(self._library, [*times, *columns], self._width)
+
+    def _plain_rows(self, plain: CsvRows | None,
+                    limits: tuple[int, int]) -> tuple[int, list['array[Any]']] | None:
+        """Return how many plain rows come next, and their columns; None if there is none."""
+        source = self._source
+        if plain is None:
+            return None
+        while True:
+            count, source.place, columns = plain.read(
+                source.text, source.place, _BLOCK_ROWS, *limits)
+            if count:
+                source.number += count
+                self._others = 1 if count >= _MANY_ROWS else self._others
+                return count, columns
+            is_long = len(source.text) - source.place >= _READ_BYTES
+            if is_long or source.text.find(b'\n', source.place) >= 0 or not source.fill():
+                return None
+
+    def _other_rows(self) -> tuple[list[_Row], CompileError | None]:
+        """Return rows that need not be plain, more each time; and the error after them."""
+        rows: list[_Row] = []
+        problem = None
+        most = _BLOCK_ROWS if self._library is None else self._others
+        self._others = min(2 * most, _BLOCK_ROWS)
+        try:
+            rows.extend(islice(self._limited(), most))  # keeps those before an error
+        except CompileError as error:
+            problem = error
+        return rows, problem
 
     def _limited(self) -> Iterator[_Row]:
         """Yield rows up to the maximum size of a block."""
@@ -312,6 +414,40 @@ class TraceReader:
             yield row
             if self._source.size > end:
                 return
+
+    def _of_plain(self, count: int, columns: list['array[Any]']) -> Block:
+        if self._time is None:
+            return self._numbers(count), columns
+        times, *others = columns
+        self._last = times[-1]
+        return times, others
+
+    def _numbers(self, count: int) -> 'array[int]':
+        begin, self._count = self._count, self._count + count
+        return array('q', range(begin, self._count))
+
+    def _of_rows(self, rows: list[_Row]) -> Iterator[Block]:
+        """Yield a block of rows, or each row before the first that is wrong."""
+        before = self._count, self._last, self.first
+        try:
+            block = self._checked(rows)
+        except CompileError:
+            if len(rows) == 1:
+                raise
+            self._count, self._last, self.first = before
+            for row in rows:
+                yield from self._of_rows([row])
+        else:
+            yield block
+
+    def _checked(self, rows: list[_Row]) -> Block:
+        for row in rows:
+            if len(row.cells) != self._width:
+                self._refuse_width(row)
+        times = self._numbers(len(rows)) if self._time is None \
+            else array('q', self._times(rows, self._time))
+        return times, [self._column(rows, item, place) for item, place
+                       in zip(self._inputs, self._places, strict=True)]
 
     def _find(self, heading: list[str]) -> list[int]:
         line = self._source.line
@@ -368,9 +504,7 @@ class TraceReader:
 
     def _column(self, rows: list[_Row], item: ManifestInput, place: int) -> 'array[Any]':
         values: array[Any] = array(item.value_type.typecode)
-        names: dict[str, Any] = dict(item.values)
-        if item.is_string:
-            names = {name: number for number, name in enumerate(names)}
+        names = _names(item)
         for row in rows:
             cell = row.cells[place].strip()
             try:
@@ -409,6 +543,16 @@ def _other_separator(line: str) -> str:
 def _near_column(name: str, heading: list[str]) -> str:
     near = get_close_matches(name, heading, 1)
     return f"the column '{near[0]}' is close to '{name}'" if near else ''
+
+
+def _names(item: ManifestInput) -> dict[str, Any]:
+    """Return the values of an input that have names, as stored."""
+    names: dict[str, Any] = dict(item.values)
+    return {name: number for number, name in enumerate(names)} if item.is_string else names
+
+
+def _csv_column(item: ManifestInput, place: int) -> CsvColumn:
+    return CsvColumn(place, item.value_type, _names(item), has_numbers=not item.is_string)
 
 
 def _value(cell: str, item: ManifestInput) -> int | float:

@@ -29,19 +29,18 @@ import os
 from pathlib import Path
 import stat
 import sys
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.csv_rows import verdict_rows
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.traces.csv_trace import (
     LAST_TICK, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
 )
-
-_MOST_LINES = 4096  # size of the cache of lines
 
 
 @dataclass(frozen=True)
@@ -94,11 +93,11 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         verdicts, (trace, *read))
     with open_trace(trace) as file, writing as out:
         is_timed = monitor.manifest.policy is Policy.TIMED
+        evaluator = Evaluator(for_trace(monitor), library=library)
         reader = TraceReader(
             str(trace), file, monitor.manifest.inputs,
-            TimeColumn.REQUIRED if is_timed else TimeColumn.IGNORED)
-        return _run(Evaluator(for_trace(monitor), library=library), reader, out, until,
-                    partial(_report, file, progress))
+            TimeColumn.REQUIRED if is_timed else TimeColumn.IGNORED, evaluator.library)
+        return _run(evaluator, reader, out, until, partial(_report, file, progress))
 
 
 def for_trace(monitor: Monitor) -> Monitor:
@@ -109,11 +108,11 @@ def for_trace(monitor: Monitor) -> Monitor:
         manifest, inputs=inputs, topics=(), period=None, stamp=Stamp.RECEIVED, reorder=0))
 
 
-def _report(file: TextIO, progress: Progress, steps: int) -> None:
+def _report(file: BinaryIO, progress: Progress, steps: int) -> None:
     """Report the part of a trace that was read, which is unknown in a pipe."""
     status = os.fstat(file.fileno())
     is_file = stat.S_ISREG(status.st_mode) and status.st_size > 0
-    progress(min(file.buffer.tell() / status.st_size, 1.0) if is_file else None,
+    progress(min(file.tell() / status.st_size, 1.0) if is_file else None,
              counted(steps, 'step'))
 
 
@@ -121,13 +120,12 @@ def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO, until: int | Non
          report: Callable[[int], None]) -> Summary:
     ids = [item.id for item in evaluator.monitor.manifest.requirements]
     csv.writer(out, lineterminator='\n').writerow([TIME if trace.has_times else 'step', *ids])
-    lines: dict[bytes, str] = {}
     violations = [0] * len(ids)
     first: dict[str, int] = {}
     steps = 0
     for times, found in _verdicts(evaluator, trace, until):
-        labels = map(seconds_text, times) if trace.has_times else times
-        out.write(_text(labels, found, len(ids), lines))
+        out.write(verdict_rows(evaluator.library, times, found, len(ids),
+                               are_times=trace.has_times))
         for index, name in enumerate(ids):
             verdicts = found[index::len(ids)]
             if name not in first and 0 in verdicts:
@@ -153,19 +151,3 @@ def _verdicts(evaluator: Evaluator, trace: TraceReader,
                help=f'which is at {seconds_text(last)}')
     empty: list[array[int] | None] = [None] * len(evaluator.monitor.manifest.inputs)
     yield from evaluator.rows(empty, array('q'), until)
-
-
-def _text(labels: Iterable[object], found: bytes, width: int, lines: dict[bytes, str]) -> str:
-    """Return a block of verdicts as CSV; `lines` caches the text of rows seen before."""
-    parts = []
-    start = 0
-    for label in labels:
-        flags = found[start:start + width]
-        start += width
-        line = lines.get(flags)
-        if line is None:
-            if len(lines) >= _MOST_LINES:
-                lines.clear()
-            line = lines[flags] = ','.join(('', *map(str, flags))) + '\n'
-        parts.append(f'{label}{line}')
-    return ''.join(parts)

@@ -78,7 +78,7 @@ def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> li
 def hand_written(flags: tuple[str, ...]) -> list[Path]:
     """Return the object files of all C that is the same for every bundle."""
     csrc = csrc_directory()
-    unused = {'records.c', 'thinning.c', 'ros/in_place.c', 'ros/relay.c'}
+    unused = {'csv.c', 'records.c', 'thinning.c', 'ros/in_place.c', 'ros/relay.c'}
     sources = [*sorted(csrc.glob('node/*.c')),
                *(csrc / name for name in EVALUATOR_SOURCES if name not in unused),
                ROOT / 'bench' / 'ros' / 'no_python.c']
