@@ -29,6 +29,8 @@
 #define GRACE_S 1.0     // after it was closed, during which duplicates are still recognised
 #define NAMED_S 2.0     // until a publisher is logged without the name of its node
 #define LOSSES_S 10.0   // between two log lines about lost messages
+#define RETRY_S 1.0     // after a subscription that failed, until the next attempt; it doubles
+#define RETRY_MOST_S 60.0
 #define UNNAMED "_NODE_NAME_UNKNOWN_"
 
 static int64_t after(double seconds)
@@ -51,8 +53,10 @@ char * fm_resolved_name(const struct fm_node * node, const char * name)
 
 // ---- subscriptions -----------------------------------------------------------------------------
 
+// Returns false with the reason in `problem`, and nothing is left.
 static bool subscribe(
-  struct fm_mapped_topic * topic, const rmw_qos_profile_t * profile, struct fm_intake * intake)
+  struct fm_mapped_topic * topic, const rmw_qos_profile_t * profile, struct fm_intake * intake,
+  struct fm_text * problem)
 {
   rcl_subscription_options_t options = rcl_subscription_get_default_options();
   options.qos = *profile;
@@ -65,13 +69,14 @@ static bool subscribe(
   {
     return true;
   }
-  fm_log(topic->node, FM_ERROR, "cannot subscribe to %s as %s: %s", topic->name,
-    topic->about->type, rcl_get_error_string().str);
+  fm_text_add(problem, "%s", rcl_get_error_string().str);
   rcl_reset_error();
   return false;
 }
 
-static bool receive(struct fm_mapped_topic * topic, struct fm_intake * intake)
+// As subscribe.
+static bool receive(
+  struct fm_mapped_topic * topic, struct fm_intake * intake, struct fm_text * problem)
 {
   if (fm_receiver_start(
       &intake->receiver, topic->engine, topic->middleware,
@@ -79,8 +84,7 @@ static bool receive(struct fm_mapped_topic * topic, struct fm_intake * intake)
   {
     return true;
   }
-  fm_log(topic->node, FM_ERROR, "cannot take the messages on %s: the middleware has no callback "
-    "for new messages", topic->name);
+  fm_text_add(problem, "the middleware has no callback for new messages");
   return false;
 }
 
@@ -115,7 +119,14 @@ bool fm_topic_open(
     return false;
   }
   const rmw_qos_profile_t profile = fm_wanted_profile(&none, about->type, fixed);
-  return subscribe(topic, &profile, &topic->current);
+  struct fm_text problem = {NULL, 0, 0};
+  const bool is_done = subscribe(topic, &profile, &topic->current, &problem);
+  if (!is_done) {
+    fm_log(node, FM_ERROR, "cannot subscribe to %s as %s: %s", topic->name, about->type,
+      fm_text_get(&problem));
+  }
+  fm_text_free(&problem);
+  return is_done;
 }
 
 bool fm_topic_start(
@@ -124,12 +135,20 @@ bool fm_topic_start(
 {
   topic->engine = engine;
   topic->middleware = middleware;
-  return receive(topic, &topic->current);
+  struct fm_text problem = {NULL, 0, 0};
+  const bool is_done = receive(topic, &topic->current, &problem);
+  if (!is_done) {
+    fm_log(
+      topic->node, FM_ERROR, "cannot take the messages on %s: %s", topic->name,
+      fm_text_get(&problem));
+  }
+  fm_text_free(&problem);
+  return is_done;
 }
 
 bool fm_topic_close(struct fm_mapped_topic * topic)
 {
-  bool is_over = true;
+  bool is_over = !topic->is_leaked;
   for (uint32_t k = 0; k < topic->n_retired; ++k) {
     is_over = end_intake(topic, &topic->retired[k]) && is_over;
   }
@@ -137,6 +156,7 @@ bool fm_topic_close(struct fm_mapped_topic * topic)
   fm_text_free(&topic->publishers.unmatched);
   fm_text_free(&topic->publishers.other_types);
   fm_text_free(&topic->logged_types);
+  free(topic->retired);
   free(topic->known);
   free(topic->name);
   memset(topic, 0, sizeof(*topic));
@@ -164,41 +184,109 @@ static bool is_of_type(
 static bool is_unmatched(
   const struct fm_mapped_topic * topic, const rmw_topic_endpoint_info_t * publisher)
 {
-  return fm_misfits_reliability(&topic->current.profile, &publisher->qos_profile) ||
-         fm_misfits_durability(&topic->current.profile, &publisher->qos_profile);
+  return !fm_matches(&topic->current.profile, &publisher->qos_profile);
 }
 
-// The new subscription may receive duplicates of what the old one received, and history, which
-// must not be delivered after newer messages.
-static bool renew(
-  struct fm_mapped_topic * topic, const rmw_qos_profile_t * wanted,
-  const rmw_topic_endpoint_info_array_t * publishers)
+static bool make_room(struct fm_mapped_topic * topic, struct fm_text * problem)
 {
-  struct fm_intake new_intake;
-  struct fm_text reason = {NULL, 0, 0};
-  if (topic->n_retired == FM_MOST_RETIRED || !subscribe(topic, wanted, &new_intake)) {
+  struct fm_intake * retired =
+    realloc(topic->retired, (topic->n_retired + 1u) * sizeof(*retired));
+  if (retired == NULL) {
+    fm_text_add(problem, "memory is short");
     return false;
   }
-  for (size_t k = 0; k < publishers->size && reason.length == 0; ++k) {
-    const rmw_topic_endpoint_info_t * publisher = &publishers->info_array[k];
-    if (is_of_type(topic, publisher) && is_unmatched(topic, publisher)) {
-      fm_text_add(&reason, "to receive from ");
-      add_who(&reason, publisher);
-    }
+  topic->retired = retired;
+  return true;
+}
+
+// Replace the subscription. Returns false with the reason in `problem`: the one before stays.
+// The new subscription may receive duplicates of what the old one received, and history, which
+// must not be delivered after newer messages.
+static bool replace(
+  struct fm_mapped_topic * topic, const rmw_qos_profile_t * wanted, struct fm_text * problem)
+{
+  struct fm_intake new_intake;
+  if (!make_room(topic, problem) || !subscribe(topic, wanted, &new_intake, problem)) {
+    return false;
   }
   fm_engine_begin_handover(
     topic->engine, topic->index,
     wanted->durability == RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL);
   fm_receiver_retire(topic->current.receiver);
+  if (!receive(topic, &new_intake, problem)) {
+    (void)end_intake(topic, &new_intake);
+    topic->handover_ends = after(GRACE_S);
+    return false;
+  }
   topic->current.until = after(OVERLAP_S);
   topic->retired[topic->n_retired++] = topic->current;
   topic->current = new_intake;
-  (void)receive(topic, &topic->current);
+  return true;
+}
+
+static void log_renewed(
+  const struct fm_mapped_topic * topic, const rmw_qos_profile_t * before,
+  const rmw_topic_endpoint_info_array_t * publishers)
+{
+  struct fm_text reason = {NULL, 0, 0};
+  for (size_t k = 0; k < publishers->size && reason.length == 0; ++k) {
+    const rmw_topic_endpoint_info_t * publisher = &publishers->info_array[k];
+    if (is_of_type(topic, publisher) && !fm_matches(before, &publisher->qos_profile)) {
+      fm_text_add(&reason, "to receive from ");
+      add_who(&reason, publisher);
+    }
+  }
   fm_log(topic->node, FM_INFO, "subscribed anew to %s (%s) %s", topic->name,
-    fm_describe_profile(wanted),
+    fm_describe_profile(&topic->current.profile),
     reason.length > 0 ? fm_text_get(&reason) : "as its publishers offer it");
   fm_text_free(&reason);
-  return true;
+}
+
+// Attempts get rarer, and only the first failure is logged.
+static void note_failure(
+  struct fm_mapped_topic * topic, const rmw_qos_profile_t * wanted, const struct fm_text * problem)
+{
+  const double doubled = 2.0 * topic->retry_s;
+  if (topic->retry_s == 0.0) {
+    fm_log(topic->node, FM_ERROR,
+      "cannot subscribe anew to %s (%s): %s; the subscription before is kept, and there are "
+      "further attempts", topic->name, fm_describe_profile(wanted), fm_text_get(problem));
+  }
+  topic->retry_s = doubled == 0.0 ? RETRY_S : doubled < RETRY_MOST_S ? doubled : RETRY_MOST_S;
+  topic->retry_at = after(topic->retry_s);
+}
+
+static void renew(
+  struct fm_mapped_topic * topic, const rmw_qos_profile_t * wanted,
+  const rmw_topic_endpoint_info_array_t * publishers)
+{
+  const rmw_qos_profile_t before = topic->current.profile;
+  struct fm_text problem = {NULL, 0, 0};
+  if (replace(topic, wanted, &problem)) {
+    topic->retry_s = 0.0;
+    topic->has_new = false;
+    log_renewed(topic, &before, publishers);
+  } else {
+    note_failure(topic, wanted, &problem);
+  }
+  fm_text_free(&problem);
+}
+
+// Replace the subscription if publishers have come that ask for another one.
+static void renew_if_due(
+  struct fm_mapped_topic * topic, const rmw_topic_endpoint_info_array_t * publishers)
+{
+  const rmw_qos_profile_t wanted =
+    fm_wanted_profile(publishers, topic->about->type, &topic->fixed);
+  const bool is_current = fm_same_request(&wanted, &topic->current.profile);
+  if (is_current && topic->retry_s > 0.0) {
+    topic->retry_s = 0.0;
+    fm_log(topic->node, FM_INFO, "no other subscription to %s is needed any more", topic->name);
+  }
+  topic->has_new = topic->has_new && !is_current;
+  if (topic->has_new && (topic->retry_s == 0.0 || fm_steady_now() >= topic->retry_at)) {
+    renew(topic, &wanted, publishers);
+  }
 }
 
 static bool is_assured(const struct fm_mapped_topic * topic, int64_t now, int64_t until)
@@ -219,11 +307,9 @@ static void let_go(struct fm_mapped_topic * topic)
     struct fm_intake * old = &topic->retired[k];
     if (now < old->until && !is_assured(topic, now, old->until)) {
       topic->retired[kept++] = *old;
-    } else if (end_intake(topic, old)) {
-      topic->handover_ends = after(GRACE_S);
     } else {
-      old->until = INT64_MAX;  // the middleware may still call back: keep it
-      topic->retired[kept++] = *old;
+      topic->is_leaked = !end_intake(topic, old) || topic->is_leaked;
+      topic->handover_ends = after(GRACE_S);
     }
   }
   topic->n_retired = kept;
@@ -328,13 +414,29 @@ static bool may_be_logged(
   return fm_steady_now() >= topic->unnamed_since + (int64_t)(NAMED_S * 1e9);
 }
 
-static void add_once(struct fm_text * list, const char * word)
+// Add a word to a sorted list, unless it is there.
+static void add_sorted(struct fm_text * list, const char * word)
 {
-  const char * place = strstr(fm_text_get(list), word);
-  const size_t length = strlen(word);
-  if (place == NULL || (place[length] != '\0' && place[length] != ',')) {
-    fm_text_list(list, ", ", word);
+  struct fm_text sorted = {NULL, 0, 0};
+  const char * rest = fm_text_get(list);
+  bool is_added = false;
+  while (*rest != '\0') {
+    const size_t length = strcspn(rest, ",");
+    const int first = strncmp(word, rest, length);
+    const int order = first == 0 && word[length] != '\0' ? 1 : first;
+    if (order < 0 && !is_added) {
+      fm_text_list(&sorted, ", ", word);
+    }
+    is_added = is_added || order <= 0;
+    fm_text_add(&sorted, "%s%.*s", sorted.length > 0 ? ", " : "", (int)length, rest);
+    rest += length;
+    rest += strspn(rest, ", ");
   }
+  if (!is_added) {
+    fm_text_list(&sorted, ", ", word);
+  }
+  fm_text_free(list);
+  *list = sorted;
 }
 
 static void note_status(
@@ -349,7 +451,7 @@ static void note_status(
     const rmw_topic_endpoint_info_t * publisher = &publishers->info_array[k];
     has_unnamed = has_unnamed || strcmp(publisher->node_name, UNNAMED) == 0;
     if (!is_of_type(topic, publisher)) {
-      add_once(&topic->publishers.other_types, publisher->topic_type);
+      add_sorted(&topic->publishers.other_types, publisher->topic_type);
       if (may_be_logged(topic, publisher)) {
         log_type(topic, publisher);
       }
@@ -359,7 +461,7 @@ static void note_status(
     if (is_unmatched(topic, publisher)) {
       fm_text_clear(&who);
       add_who(&who, publisher);
-      add_once(&topic->publishers.unmatched, fm_text_get(&who));
+      add_sorted(&topic->publishers.unmatched, fm_text_get(&who));
       if (may_be_logged(topic, publisher)) {
         log_unmatched(topic, publisher);
       }
@@ -397,13 +499,8 @@ void fm_topic_review(struct fm_mapped_topic * topic)
     rcl_reset_error();
     return;
   }
-  const rmw_qos_profile_t wanted =
-    fm_wanted_profile(&publishers, topic->about->type, &topic->fixed);
   topic->has_new = note_known(topic, &publishers) || topic->has_new;
-  if (topic->has_new) {
-    topic->has_new = !fm_same_request(&wanted, &topic->current.profile) &&
-      !renew(topic, &wanted, &publishers);
-  }
+  renew_if_due(topic, &publishers);
   note_status(topic, &publishers);
   log_lost(topic);
   if (rmw_topic_endpoint_info_array_fini(&publishers, &topic->node->allocator) != RMW_RET_OK) {

@@ -34,8 +34,6 @@ struct fm_intake
   int64_t until;  // replaced: closed then, at the latest
 };
 
-enum { FM_MOST_RETIRED = 4 };  // of a topic, at a time; a publisher more has to wait
-
 /// The known publishers of a topic, for /diagnostics.
 struct fm_publishers
 {
@@ -61,9 +59,12 @@ struct fm_mapped_topic
   char * name;                       // resolved
   uint32_t index;
   struct fm_intake current;
-  struct fm_intake retired[FM_MOST_RETIRED];
+  struct fm_intake * retired;        // being replaced, with room for one more during a handover
   uint32_t n_retired;
+  bool is_leaked;                    // the middleware may still call back for a closed one
   int64_t handover_ends;             // 0: no handover
+  double retry_s;                    // between two attempts to subscribe anew; 0: none failed
+  int64_t retry_at;                  // the next attempt, if one failed
   struct fm_publishers publishers;
   struct fm_known_publisher * known; // those of the last review
   size_t n_known;

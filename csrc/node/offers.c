@@ -78,6 +78,12 @@ bool fm_misfits_durability(
   return is_durable(subscription) && !is_durable(offer);
 }
 
+bool fm_matches(const rmw_qos_profile_t * subscription, const rmw_qos_profile_t * offer)
+{
+  return !fm_misfits_reliability(subscription, offer) &&
+         !fm_misfits_durability(subscription, offer);
+}
+
 bool fm_same_request(const rmw_qos_profile_t * one, const rmw_qos_profile_t * other)
 {
   return one->reliability == other->reliability && one->durability == other->durability;

@@ -39,6 +39,9 @@ bool fm_misfits_reliability(
 bool fm_misfits_durability(
   const rmw_qos_profile_t * subscription, const rmw_qos_profile_t * offer);
 
+/// Whether a subscription requests no more than a publisher offers.
+bool fm_matches(const rmw_qos_profile_t * subscription, const rmw_qos_profile_t * offer);
+
 /// Whether two subscriptions request the same reliability and durability.
 bool fm_same_request(const rmw_qos_profile_t * one, const rmw_qos_profile_t * other);
 

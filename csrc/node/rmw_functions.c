@@ -55,9 +55,5 @@ static int publish(const void * publisher, const void * message, void * allocati
   return rmw_publish(publisher, message, allocation);
 }
 
-struct fm_middleware fm_rmw_functions(void)
-{
-  const struct fm_middleware functions = {
-    take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}};
-  return functions;
-}
+const struct fm_middleware fm_rmw_functions = {
+  take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}};

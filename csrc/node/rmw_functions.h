@@ -19,7 +19,7 @@
 
 #include "middleware.h"
 
-/// The functions of rmw. Constant; cannot fail.
-struct fm_middleware fm_rmw_functions(void);
+/// The functions of rmw. A receiver that cannot be stopped may use them as long as the process.
+extern const struct fm_middleware fm_rmw_functions;
 
 #endif  // RMW_FUNCTIONS_H_

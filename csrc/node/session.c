@@ -128,7 +128,6 @@ bool fm_session_configure(
   session->node = node;
   session->clock = clock;
   session->settings = *settings;
-  session->middleware = fm_rmw_functions();
   session->is_configured = true;
   if (!refuse_merged(session) || !advertise_all(session)) {
     fm_session_release(session);
@@ -202,7 +201,7 @@ static bool start_announcer(struct fm_session * session)
     publishers[k] = rcl_publisher_get_rmw_handle(&session->handlers[k]);
   }
   const bool is_started = fm_announcer_start(
-    &session->announcer, session->engine, &session->middleware, publishers, session->n_handlers,
+    &session->announcer, session->engine, &fm_rmw_functions, publishers, session->n_handlers,
     NULL, 0);
   free(publishers);
   return is_started;
@@ -236,7 +235,7 @@ static bool subscribe_all(struct fm_session * session)
     }
   }
   for (uint32_t k = 0; k < table->n_topics; ++k) {
-    if (!fm_topic_start(&session->topics[k], session->engine, &session->middleware)) {
+    if (!fm_topic_start(&session->topics[k], session->engine, &fm_rmw_functions)) {
       return false;
     }
   }

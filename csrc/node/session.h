@@ -40,7 +40,6 @@ struct fm_session
   struct fm_node * node;
   struct fm_node_clock * clock;
   struct fm_settings settings;
-  struct fm_middleware middleware;
   rcl_publisher_t * handlers;         // a requirement
   uint32_t n_handlers;
   rcl_publisher_t details;

@@ -133,6 +133,8 @@ _NAMED = 2.0  # s until a publisher is logged without the name of its node
 UNNAMED = '_NODE_NAME_UNKNOWN_'
 _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
 _LOSSES_S = 10.0  # between two log lines about lost messages of a topic
+_RETRY_S = 1.0  # after a subscription that failed, until the next attempt; it doubles
+_RETRY_MOST_S = 60.0
 
 
 _Taken = tuple['_Subscribed', Record]
@@ -371,6 +373,9 @@ class _Subscribed:
         self.status = PublisherStatus()
         self._logged: set[object] = set()
         self._known: set[bytes] = set()
+        self._has_new = False  # publishers for which the subscription was not checked yet
+        self._retry_s = 0.0  # between two attempts to subscribe anew; 0: none failed
+        self._retry_at = 0.0
         self._unnamed: dict[bytes, float] = {}  # publishers without a known node, and since when
         self._retired: list[tuple[RclSubscription, Receiver | None, float]] = []
         self._rest: list[Record] = []  # taken from a subscription that was replaced
@@ -422,10 +427,9 @@ class _Subscribed:
         others = [item for item in publishers if item.topic_type != self._message_type]
         wanted = qos.wanted_profile((item.qos_profile for item in same_type), self._fixed)
         gids = {bytes(item.endpoint_gid) for item in same_type}
-        has_new = not gids <= self._known
+        self._has_new = self._has_new or not gids <= self._known
         self._known = gids
-        if has_new and not qos.same_request(wanted, self._current.qos_profile):
-            self._renew(wanted, same_type)
+        self._renew_if_due(wanted, same_type)
         unmatched = [item for item in same_type
                      if not qos.matches(self._current.qos_profile, item.qos_profile)]
         self.topic.note_publishers(gids)
@@ -455,23 +459,62 @@ class _Subscribed:
         gids = {bytes(item.endpoint_gid) for item in publishers}
         return gids - {gid for gid, since in self._unnamed.items() if now < since + _NAMED}
 
+    def _renew_if_due(self, wanted: QoSProfile, publishers: list[TopicEndpointInfo]) -> None:
+        """Replace the subscription if publishers have come that ask for another one."""
+        is_current = qos.same_request(wanted, self._current.qos_profile)
+        if is_current and self._retry_s:
+            self._retry_s = 0.0
+            self._node.get_logger().info(
+                f'no other subscription to {self._current.topic_name} is needed any more')
+        self._has_new = self._has_new and not is_current
+        if self._has_new and (not self._retry_s or monotonic() >= self._retry_at):
+            self._renew(wanted, publishers)
+
     def _renew(self, wanted: QoSProfile, publishers: list[TopicEndpointInfo]) -> None:
-        before = self._current
-        unmatched = [item for item in publishers
-                     if not qos.matches(before.qos_profile, item.qos_profile)]
-        # The new subscription may receive duplicates of what the old one received, and history,
-        # which must not be delivered after newer messages.
-        self.topic.begin_handover(
-            has_history=wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL)
-        if self._receiver is not None:
-            self._receiver.retire()
-        self._retired.append((before, self._receiver, monotonic() + _OVERLAP))
-        self._current = self._subscribe(wanted)
-        self.open()
+        before = self._current.qos_profile
+        try:
+            self._replace(wanted)
+        except Exception as error:  # noqa: B902  whatever it is, monitoring goes on
+            self._note_failure(wanted, error)
+            return
+        self._retry_s, self._has_new = 0.0, False
+        unmatched = [item for item in publishers if not qos.matches(before, item.qos_profile)]
         reason = f'to receive from {_who(unmatched[0])}' if unmatched \
             else 'as its publishers offer it'
         self._node.get_logger().info(
             f'subscribed anew to {self._current.topic_name} ({qos.describe(wanted)}) {reason}')
+
+    def _replace(self, wanted: QoSProfile) -> None:
+        """
+        Replace the subscription; if that raises an error, the one before stays.
+
+        The new subscription may receive duplicates of what the old one received, and history,
+        which must not be delivered after newer messages.
+        """
+        with ExitStack() as undo:
+            new = self._subscribe(wanted)
+            undo.callback(new.close)
+            self.topic.begin_handover(
+                has_history=wanted.durability is DurabilityPolicy.TRANSIENT_LOCAL)
+            undo.callback(self._expect_end)
+            if self._receiver is not None:
+                self._receiver.retire()
+            receiver = self.topic.open(new)
+            undo.pop_all()
+        self._retired.append((self._current, self._receiver, monotonic() + _OVERLAP))
+        self._current, self._receiver = new, receiver
+
+    def _expect_end(self) -> None:
+        self._overlaps_until = monotonic() + _GRACE
+
+    def _note_failure(self, wanted: QoSProfile, error: Exception) -> None:
+        """Plan the next attempt: they get rarer. Only the first failure is logged."""
+        if not self._retry_s:
+            self._node.get_logger().error(
+                f'cannot subscribe anew to {self._current.topic_name} ({qos.describe(wanted)}): '
+                f'{error}; the subscription before is kept, and there are further attempts')
+        self._retry_s = min(2 * self._retry_s or _RETRY_S, _RETRY_MOST_S)
+        self._retry_at = monotonic() + self._retry_s
 
     def _let_go(self) -> None:
         now = monotonic()
@@ -484,7 +527,7 @@ class _Subscribed:
                 if receiver is not None and not self.topic.listens:
                     self._rest += islice(iter(receiver.take, None), _MOST_AT_ONCE)
                 self._destroy(item, receiver)
-                self._overlaps_until = now + _GRACE
+                self._expect_end()
         if self._retired or self._overlaps_until is None:
             return
         # Wait a moment longer: the queue of the new subscription may still hold duplicates.

@@ -117,6 +117,18 @@ def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS) -> Path:
     return exported_node(build.generate_monitor(build.read(bundle)), flags)
 
 
+def exported_parts(bundle: Path, name: str, wrapped: Sequence[str]) -> Path:
+    """Return a program of `test/csrc` in place of main.c; the linker wraps functions for it."""
+    node = exported_bundle(bundle)
+    flags = (*SANITIZERS, '-Wno-reserved-identifier')
+    program, = _compiled([ROOT / 'test' / 'csrc' / f'{name}.c'], node.parent / 'parts', flags)
+    objects = [*node.parent.glob('*.o'), *(
+        item for item in hand_written(SANITIZERS) if item.stem != 'main')]
+    return _linked([program, *objects], sorted({*NODE_PACKAGES, 'sensor_msgs'}),
+                   node.parent / name,
+                   (*SANITIZERS, *(f'-Wl,--wrap={function}' for function in wrapped)))
+
+
 # The targets of the wheels name paths of the machine that made them.
 _DROP_MISSING = """
 function(drop_missing)

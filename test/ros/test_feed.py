@@ -25,9 +25,12 @@ from typing import Any
 
 from fret_monitor import build
 from fret_monitor.native import Monitor
+from fret_monitor.ros import feed
 from fret_monitor.ros.feed import Feed, Record
 from fret_monitor.ros.hot_path import EngineTopic, Middleware
+from fret_monitor.ros.loaded import Unavailable
 from fret_monitor.ros.raw_topic import RawTopic
+from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context
@@ -261,21 +264,82 @@ def test_a_publisher_of_another_type_is_reported_once_with_both_types(
                       'std_msgs/msg/Int32') == 1
 
 
+@pytest.mark.parametrize('what', ['the subscription', 'its receiver'])
+def test_a_resubscription_that_fails_is_retried_ever_more_rarely(
+    what: str, partner: Partner, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    now, attempts, fails = 1000.0, 0, False
+
+    def failing(real: Any) -> Any:
+        def attempt(*arguments: Any) -> Any:
+            nonlocal attempts
+            attempts += 1
+            if fails:
+                raise Unavailable('no room')
+            return real(*arguments)
+        return attempt
+
+    monkeypatch.setattr(feed, 'monotonic', lambda: now)
+    if what == 'the subscription':
+        monkeypatch.setattr(feed, 'RclSubscription', failing(RclSubscription))
+    else:
+        monkeypatch.setattr(RecordingTopic, 'open', failing(RecordingTopic.open))
+    with listening(partner, is_started=False) as listener:
+        topic, = listener.feed._topics
+        topic.open()
+        reliable = partner.publisher(Int32, 'x')
+        wait_until(lambda: listener.node.count_publishers('x') == 1, 'the publisher')
+
+        def review_for(seconds: float) -> int:
+            nonlocal now, attempts
+            attempts = 0
+            for _ in range(int(4 * seconds)):  # four times a second, as the thread does
+                now += 0.25
+                topic.review()
+            return attempts
+
+        fails = True
+        assert review_for(0.25) == 1
+        assert review_for(63) == 6  # after 1, 2, 4, 8, 16 and 32 s
+        assert [review_for(59), review_for(1), review_for(60)] == [0, 1, 1]
+        assert len(topic.subscriptions()) == 1
+        send([reliable], 0, 1)
+        wait_until(lambda: topic.receivers()[0].take() is not None, 'a message')
+        log = capfd.readouterr().err
+        assert log.count('cannot subscribe anew to /x (reliable, volatile): no room; the '
+                         'subscription before is kept, and there are further attempts') == 1
+        fails = False
+        assert review_for(60) == 1
+        assert 'subscribed anew to /x (reliable, volatile)' in capfd.readouterr().err
+        assert review_for(4) == 0
+        send([reliable], 1, 2)
+        wait_until(lambda: topic.receivers()[-1].take() is not None, 'a message of the new one')
+        other = partner.publisher(Int32, 'x', BEST_EFFORT)
+        wait_until(lambda: listener.node.count_publishers('x') == 2, 'another publisher')
+        fails = True
+        assert review_for(2) == 2  # the times begin anew
+        partner.node.destroy_publisher(other)
+        wait_until(lambda: listener.node.count_publishers('x') == 1, 'its end')
+        assert review_for(10) == 0
+        assert 'no other subscription to /x is needed any more' in capfd.readouterr().err
+
+
 def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> None:
     def fail(data: bytes, stamp: int, sent: int) -> None:
         raise RuntimeError('oh')
 
     node: Any = Node('fret_monitor', context=partner.context)
-    feed = Feed(node)
-    feed.subscribe('x', 'std_msgs/msg/Int32', Int32, RawTopic(fail), {})
+    failing = Feed(node)
+    failing.subscribe('x', 'std_msgs/msg/Int32', Int32, RawTopic(fail), {})
     publisher = partner.publisher(Int32, 'x')
-    feed.start()
+    failing.start()
     partner.wait_for_listener(publisher)
     publisher.publish(Int32(data=1))
-    wait_until(lambda: feed.failure is not None, 'the failure')
-    feed.close()
+    wait_until(lambda: failing.failure is not None, 'the failure')
+    failing.close()
     node.destroy_node()
-    assert str(feed.failure) == 'oh'
+    assert str(failing.failure) == 'oh'
 
 
 def test_a_latched_message_older_than_those_of_another_publisher_is_received(

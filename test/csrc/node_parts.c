@@ -1,0 +1,633 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// Parts of the exported node, on rcl: subscriptions that are replaced, and what is reported. The
+/// linker wraps the clock, the log, and functions of rcl and the engine, so that the test decides
+/// the time, what fails, and what is counted. `node_parts TEST ARGUMENT...` runs one test.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include <pthread.h>
+#include <rcl/error_handling.h>
+#include <rmw/rmw.h>
+#include <rosidl_runtime_c/primitives_sequence_functions.h>
+#include <rosidl_runtime_c/string_functions.h>
+#include <sensor_msgs/msg/joint_state.h>
+#include <sensor_msgs/msg/temperature.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "check.h"
+#include "detail_text.h"
+#include "monitor_node.h"
+#include "violation_log.h"
+
+enum { FIXED, HEAT, JOINTS };  // topics and inputs, in the order of the bundle
+
+// ---- what the test decides ---------------------------------------------------------------------
+
+static int64_t now = 1000 * FM_SECOND;
+static bool fails_to_subscribe;
+static bool fails_to_listen;
+static bool keeps_callback;
+static uint32_t attempts;         // to subscribe
+static size_t n_matched;          // publishers
+static bool is_matched_scripted;
+static bool are_counts_scripted;
+static struct fm_requirement_counts requirement_counts;
+static struct fm_topic_counts topic_counts;
+static struct fm_order_counts order_counts;
+static struct fm_silence silence;  // of HEAT
+
+static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+static struct fm_text lines;      // of the log
+static struct fm_text report;     // on /diagnostics
+
+int64_t __wrap_fm_steady_now(void);
+int64_t __wrap_fm_steady_now(void)
+{
+  return __atomic_load_n(&now, __ATOMIC_RELAXED);
+}
+
+static void pass_seconds(double seconds)
+{
+  __atomic_fetch_add(&now, (int64_t)(seconds * 1e9), __ATOMIC_RELAXED);
+}
+
+void __wrap_fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
+FM_PRINTF(3, 4);
+void __wrap_fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
+{
+  static const char * const names[] = {"INFO ", "WARN ", "ERROR "};
+  va_list arguments;
+  (void)node;
+  pthread_mutex_lock(&mutex);
+  fm_text_add(&lines, "%s", names[level]);
+  va_start(arguments, format);
+  fm_text_add_arguments(&lines, format, arguments);
+  va_end(arguments);
+  fm_text_add(&lines, "\n");
+  pthread_mutex_unlock(&mutex);
+}
+
+rcl_ret_t __real_rcl_subscription_init(
+  rcl_subscription_t * subscription, const rcl_node_t * node,
+  const rosidl_message_type_support_t * type, const char * topic,
+  const rcl_subscription_options_t * options);
+rcl_ret_t __wrap_rcl_subscription_init(
+  rcl_subscription_t * subscription, const rcl_node_t * node,
+  const rosidl_message_type_support_t * type, const char * topic,
+  const rcl_subscription_options_t * options);
+rcl_ret_t __wrap_rcl_subscription_init(
+  rcl_subscription_t * subscription, const rcl_node_t * node,
+  const rosidl_message_type_support_t * type, const char * topic,
+  const rcl_subscription_options_t * options)
+{
+  attempts += 1;
+  if (fails_to_subscribe) {
+    rcutils_set_error_state("no room", "middleware.c", 1);
+    return RCL_RET_ERROR;
+  }
+  return __real_rcl_subscription_init(subscription, node, type, topic, options);
+}
+
+rmw_ret_t __real_rmw_subscription_set_on_new_message_callback(
+  rmw_subscription_t * subscription, rmw_event_callback_t callback, const void * user_data);
+rmw_ret_t __wrap_rmw_subscription_set_on_new_message_callback(
+  rmw_subscription_t * subscription, rmw_event_callback_t callback, const void * user_data);
+rmw_ret_t __wrap_rmw_subscription_set_on_new_message_callback(
+  rmw_subscription_t * subscription, rmw_event_callback_t callback, const void * user_data)
+{
+  return (callback == NULL ? keeps_callback : fails_to_listen) ? RMW_RET_ERROR :
+         __real_rmw_subscription_set_on_new_message_callback(subscription, callback, user_data);
+}
+
+rcl_ret_t __real_rcl_subscription_get_publisher_count(
+  const rcl_subscription_t * subscription, size_t * n);
+rcl_ret_t __wrap_rcl_subscription_get_publisher_count(
+  const rcl_subscription_t * subscription, size_t * n);
+rcl_ret_t __wrap_rcl_subscription_get_publisher_count(
+  const rcl_subscription_t * subscription, size_t * n)
+{
+  const rcl_ret_t result = __real_rcl_subscription_get_publisher_count(subscription, n);
+  *n = is_matched_scripted ? n_matched : *n;
+  return result;
+}
+
+rcl_ret_t __wrap_rcl_publisher_get_subscription_count(
+  const rcl_publisher_t * publisher, size_t * n);
+rcl_ret_t __wrap_rcl_publisher_get_subscription_count(
+  const rcl_publisher_t * publisher, size_t * n)
+{
+  (void)publisher;
+  *n = 1;
+  return RCL_RET_OK;
+}
+
+struct fm_requirement_counts __wrap_fm_engine_requirement_counts(
+  struct fm_engine * engine, uint32_t requirement);
+struct fm_requirement_counts __wrap_fm_engine_requirement_counts(
+  struct fm_engine * engine, uint32_t requirement)
+{
+  const struct fm_requirement_counts others = {.holds = true};
+  (void)engine;
+  return requirement == HEAT ? requirement_counts : others;
+}
+
+struct fm_topic_counts __real_fm_engine_topic_counts(struct fm_engine * engine, uint32_t topic);
+struct fm_topic_counts __wrap_fm_engine_topic_counts(struct fm_engine * engine, uint32_t topic);
+struct fm_topic_counts __wrap_fm_engine_topic_counts(struct fm_engine * engine, uint32_t topic)
+{
+  return are_counts_scripted ? topic_counts : __real_fm_engine_topic_counts(engine, topic);
+}
+
+struct fm_order_counts __wrap_fm_engine_order_counts(struct fm_engine * engine, uint32_t topic);
+struct fm_order_counts __wrap_fm_engine_order_counts(struct fm_engine * engine, uint32_t topic)
+{
+  (void)engine;
+  (void)topic;
+  return order_counts;
+}
+
+struct fm_silence __wrap_fm_engine_silence(struct fm_engine * engine, uint32_t input);
+struct fm_silence __wrap_fm_engine_silence(struct fm_engine * engine, uint32_t input)
+{
+  const struct fm_silence none = {0, 0, false};
+  (void)engine;
+  return input == HEAT ? silence : none;
+}
+
+static struct fm_monitor_node node;
+
+rcl_ret_t __real_rcl_publish(
+  const rcl_publisher_t * publisher, const void * message, rmw_publisher_allocation_t * memory);
+rcl_ret_t __wrap_rcl_publish(
+  const rcl_publisher_t * publisher, const void * message, rmw_publisher_allocation_t * memory);
+rcl_ret_t __wrap_rcl_publish(
+  const rcl_publisher_t * publisher, const void * message, rmw_publisher_allocation_t * memory)
+{
+  if (publisher != &node.health.publisher) {
+    return __real_rcl_publish(publisher, message, memory);
+  }
+  const diagnostic_msgs__msg__DiagnosticArray * array = message;
+  fm_text_clear(&report);
+  for (size_t k = 0; k < array->status.size; ++k) {
+    const diagnostic_msgs__msg__DiagnosticStatus * status = &array->status.data[k];
+    fm_text_add(&report, "%s|%u|%s|", status->name.data, status->level, status->message.data);
+    for (size_t i = 0; i < status->values.size; ++i) {
+      fm_text_add(&report, "%s=%s,", status->values.data[i].key.data,
+        status->values.data[i].value.data);
+    }
+    fm_text_add(&report, "\n");
+  }
+  return RCL_RET_OK;
+}
+
+// ---- helpers -----------------------------------------------------------------------------------
+
+// Compare the lines of the log since the last call.
+static void expect_lines_at(int line, const char * wanted)
+{
+  pthread_mutex_lock(&mutex);
+  if (strcmp(fm_text_get(&lines), wanted) != 0) {
+    printf("line %d: logged:\n%swanted:\n%s", line, fm_text_get(&lines), wanted);
+    failures += 1;
+  }
+  fm_text_clear(&lines);
+  pthread_mutex_unlock(&mutex);
+}
+
+#define EXPECT_LINES(wanted) expect_lines_at(__LINE__, wanted)
+
+static bool has_reported(const char * part)
+{
+  return strstr(fm_text_get(&report), part) != NULL;
+}
+
+static const rosidl_message_type_support_t * temperature(void)
+{
+  return ROSIDL_GET_MSG_TYPE_SUPPORT(sensor_msgs, msg, Temperature);
+}
+
+static rcl_publisher_t advertise(const rcl_node_t * owner, const char * topic, bool is_reliable)
+{
+  rcl_publisher_t publisher = rcl_get_zero_initialized_publisher();
+  rcl_publisher_options_t options = rcl_publisher_get_default_options();
+  options.qos.reliability = is_reliable ?
+    RMW_QOS_POLICY_RELIABILITY_RELIABLE : RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT;
+  CHECK(rcl_publisher_init(&publisher, owner, temperature(), topic, &options) == RCL_RET_OK);
+  return publisher;
+}
+
+static void withdraw(rcl_publisher_t * publisher)
+{
+  CHECK(rcl_publisher_fini(publisher, &node.node.node) == RCL_RET_OK);
+}
+
+static void review(void)
+{
+  fm_topic_review(&node.session.topics[HEAT]);
+}
+
+// Review four times a second, as the node does.
+static void review_for(uint32_t seconds)
+{
+  for (uint32_t k = 0; k < 4u * seconds; ++k) {
+    pass_seconds(0.25);
+    review();
+  }
+}
+
+static uint64_t received(void)
+{
+  return __real_fm_engine_topic_counts(node.session.engine, HEAT).messages;
+}
+
+// Publish until a message is received.
+static bool is_received(const rcl_publisher_t * publisher)
+{
+  const struct timespec pause = {0, 10000000};
+  const uint64_t before = received();
+  sensor_msgs__msg__Temperature message;
+  (void)sensor_msgs__msg__Temperature__init(&message);
+  for (int k = 0; k < 1000 && received() == before; ++k) {
+    CHECK(__real_rcl_publish(publisher, &message, NULL) == RCL_RET_OK);
+    (void)nanosleep(&pause, NULL);
+  }
+  sensor_msgs__msg__Temperature__fini(&message);
+  return received() > before;
+}
+
+// ---- subscriptions -----------------------------------------------------------------------------
+
+static void a_resubscription_that_fails_is_retried_ever_more_rarely(void)
+{
+  rcl_publisher_t reliable = advertise(&node.node.node, "heat", true);
+  fails_to_subscribe = true;
+  attempts = 0;
+  review();
+  CHECK(attempts == 1);
+  EXPECT_LINES(
+    "ERROR cannot subscribe anew to /heat (reliable, volatile): no room, at middleware.c:1; the "
+    "subscription before is kept, and there are further attempts\n");
+  review_for(63);  // after 1, 2, 4, 8, 16 and 32 s
+  CHECK(attempts == 7);
+  review_for(59);
+  CHECK(attempts == 7);
+  review_for(1);
+  CHECK(attempts == 8);
+  review_for(60);
+  CHECK(attempts == 9);
+  CHECK(is_received(&reliable));
+  fails_to_subscribe = false;
+  review_for(59);
+  EXPECT_LINES("");
+  review_for(1);
+  EXPECT_LINES(
+    "INFO subscribed anew to /heat (reliable, volatile) as its publishers offer it\n");
+  CHECK(attempts == 10);
+  review_for(70);
+  CHECK(attempts == 10 && is_received(&reliable));
+  rcl_publisher_t other = advertise(&node.node.node, "heat", false);
+  fails_to_subscribe = true;
+  review_for(2);
+  CHECK(attempts == 12);  // the times begin anew
+  withdraw(&other);
+  review_for(10);
+  CHECK(attempts == 12);
+  pthread_mutex_lock(&mutex);
+  CHECK(strstr(fm_text_get(&lines), "INFO no other subscription to /heat is needed any more\n"));
+  pthread_mutex_unlock(&mutex);
+  withdraw(&reliable);
+}
+
+static void a_subscription_without_a_callback_does_not_replace_the_one_before(void)
+{
+  rcl_publisher_t reliable = advertise(&node.node.node, "heat", true);
+  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  fails_to_listen = true;
+  review();
+  EXPECT_LINES(
+    "ERROR cannot subscribe anew to /heat (reliable, volatile): the middleware has no callback "
+    "for new messages; the subscription before is kept, and there are further attempts\n");
+  CHECK(topic->n_retired == 0 && topic->current.receiver != NULL);
+  CHECK(is_received(&reliable));
+  fails_to_listen = false;
+  review_for(1);
+  CHECK(topic->n_retired == 1);
+  EXPECT_LINES(
+    "INFO subscribed anew to /heat (reliable, volatile) as its publishers offer it\n");
+  review_for(5);
+  CHECK(topic->n_retired == 0 && is_received(&reliable));
+  withdraw(&reliable);
+}
+
+static void the_old_subscription_stays_until_all_publishers_have_found_the_new_one(void)
+{
+  rcl_publisher_t first = advertise(&node.node.node, "heat", true);
+  rcl_publisher_t second = advertise(&node.node.node, "heat", true);
+  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  is_matched_scripted = true;
+  n_matched = 2;
+  review();
+  CHECK(topic->n_retired == 1);
+  pass_seconds(0.45);
+  review();
+  CHECK(topic->n_retired == 1);  // too early, even if all have found it
+  n_matched = 1;
+  pass_seconds(0.1);
+  review();
+  CHECK(topic->n_retired == 1);  // one has not
+  n_matched = 2;
+  review();
+  CHECK(topic->n_retired == 0 && topic->handover_ends != 0);
+  pass_seconds(0.9);
+  review();
+  CHECK(topic->handover_ends != 0);
+  pass_seconds(0.2);
+  review();
+  CHECK(topic->handover_ends == 0);
+  rcl_publisher_t third = advertise(&node.node.node, "heat", false);
+  review();
+  pass_seconds(1.9);
+  review();
+  CHECK(topic->n_retired == 1);
+  pass_seconds(0.2);
+  review();
+  CHECK(topic->n_retired == 0);  // it has waited long enough
+  withdraw(&first);
+  withdraw(&second);
+  withdraw(&third);
+}
+
+static void any_number_of_subscriptions_can_be_replaced_at_once(void)
+{
+  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  is_matched_scripted = true;
+  for (uint32_t k = 1; k <= 10; ++k) {
+    rcl_publisher_t publisher = advertise(&node.node.node, "heat", k % 2u == 1u);
+    review();
+    CHECK(topic->n_retired == k);
+    withdraw(&publisher);
+  }
+  rcl_publisher_t publisher = advertise(&node.node.node, "heat", true);
+  CHECK(is_received(&publisher));
+  review_for(3);
+  CHECK(topic->n_retired == 0 && is_received(&publisher));
+  withdraw(&publisher);
+}
+
+// The callback, and what it uses, outlive the subscription and the session.
+static void a_callback_that_cannot_be_removed_ends_no_monitoring(void)
+{
+  rcl_publisher_t publisher = advertise(&node.node.node, "heat", true);
+  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  review();
+  CHECK(topic->n_retired == 1);
+  keeps_callback = true;
+  review_for(5);
+  CHECK(topic->n_retired == 0 && topic->handover_ends == 0 && topic->is_leaked);
+  keeps_callback = false;
+  CHECK(is_received(&publisher));
+  static const uint8_t transitions[] = {4, 2, 1, 3};  // deactivate, clean up, configure, activate
+  for (size_t k = 0; k < sizeof(transitions); ++k) {
+    CHECK(fm_lifecycle_change(&node.lifecycle, transitions[k]));
+  }
+  CHECK(is_received(&publisher));
+  withdraw(&publisher);
+}
+
+static void publishers_are_reported_each_and_in_order(void)
+{
+  static const char * const namespaces[] = {"/b", "/a", ""};
+  rcl_node_t nodes[3];
+  rcl_publisher_t publishers[3];
+  const rcl_node_options_t options = rcl_node_get_default_options();
+  for (int k = 0; k < 3; ++k) {
+    nodes[k] = rcl_get_zero_initialized_node();
+    CHECK(rcl_node_init(
+        &nodes[k], "cam", namespaces[k], &node.node.context, &options) == RCL_RET_OK);
+    publishers[k] = advertise(&nodes[k], "/fixed", false);
+  }
+  fm_topic_review(&node.session.topics[FIXED]);
+  fm_health_publish(&node.health);
+  CHECK(has_reported("topic /fixed|2|not received: /a/cam, /b/cam, /cam|"));
+  for (int k = 0; k < 3; ++k) {
+    CHECK(rcl_publisher_fini(&publishers[k], &nodes[k]) == RCL_RET_OK);
+    CHECK(rcl_node_fini(&nodes[k]) == RCL_RET_OK);
+  }
+}
+
+// ---- reports -----------------------------------------------------------------------------------
+
+static void counters_are_reported_as_increases(void)
+{
+  are_counts_scripted = true;
+  topic_counts.messages = 100;
+  order_counts = (struct fm_order_counts) {.late = 3, .overflows = 2, .ahead = 1};
+  fm_health_publish(&node.health);
+  CHECK(has_reported("topic /heat|1|3 late since the last report; 2 too early since the last "
+    "report; 1 ahead of the clock since the last report; no publisher|received=100,"));
+  pass_seconds(2.0);
+  topic_counts.messages = 150;
+  fm_health_publish(&node.health);
+  CHECK(has_reported("topic /heat|1|no publisher|received=150,rate=25.0,"));
+  pass_seconds(1.0);
+  order_counts.late = 4;
+  fm_health_publish(&node.health);
+  CHECK(has_reported("topic /heat|1|1 late since the last report; no publisher|received=150,"
+    "rate=0.0,"));
+}
+
+static void give_joint(const char * name)
+{
+  sensor_msgs__msg__JointState message;
+  rmw_serialized_message_t bytes = rmw_get_zero_initialized_serialized_message();
+  const rcutils_allocator_t allocator = rcutils_get_default_allocator();
+  const struct fm_origin origin = {now, 0, 0, NULL, false};
+  CHECK(sensor_msgs__msg__JointState__init(&message));
+  CHECK(rosidl_runtime_c__String__Sequence__init(&message.name, 1));
+  CHECK(rosidl_runtime_c__double__Sequence__init(&message.position, 1));
+  CHECK(rosidl_runtime_c__String__assign(&message.name.data[0], name));
+  CHECK(rmw_serialized_message_init(&bytes, 0, &allocator) == RMW_RET_OK);
+  CHECK(rmw_serialize(
+      &message, ROSIDL_GET_MSG_TYPE_SUPPORT(sensor_msgs, msg, JointState), &bytes) == RMW_RET_OK);
+  (void)fm_engine_message(
+    node.session.engine, JOINTS, bytes.buffer, bytes.buffer_length, &origin);
+  CHECK(rmw_serialized_message_fini(&bytes) == RMW_RET_OK);
+  sensor_msgs__msg__JointState__fini(&message);
+}
+
+static void give_for_seconds(const char * name, uint32_t seconds)
+{
+  for (uint32_t k = 0; k < seconds; ++k) {
+    give_joint(name);
+    fm_reports_review(&node.reports);
+    pass_seconds(1.0);
+  }
+}
+
+static void a_name_that_is_missing_is_logged_again_after_it_was_found(void)
+{
+  give_for_seconds("wrist", 10);
+  EXPECT_LINES("");
+  give_for_seconds("wrist", 30);
+  EXPECT_LINES("WARN /joints: no message has had position[name = elbow] for 10 s; input 'elbow' "
+    "has no value yet\n");
+  give_for_seconds("elbow", 2);
+  give_for_seconds("wrist", 9);
+  EXPECT_LINES("");
+  give_for_seconds("wrist", 30);
+  EXPECT_LINES("WARN /joints: no message has had position[name = elbow] for 10 s; input 'elbow' "
+    "keeps its value\n");
+}
+
+static void a_value_between_two_silences_is_logged_as_again(void)
+{
+  static const char * const begun = "WARN no usable value on /heat within the startup of 60 s for "
+    "'heat'\n";
+  silence = (struct fm_silence) {1, FM_SECOND, true};
+  fm_reports_review(&node.reports);
+  EXPECT_LINES(begun);
+  silence.lasted = 2 * FM_SECOND;
+  fm_reports_review(&node.reports);
+  EXPECT_LINES("");
+  silence = (struct fm_silence) {2, FM_SECOND, true};  // a value has come meanwhile
+  fm_reports_review(&node.reports);
+  EXPECT_LINES("WARN again no usable value on /heat within the startup of 60 s for 'heat'\n");
+  silence = (struct fm_silence) {2, 4 * FM_SECOND, false};
+  fm_reports_review(&node.reports);
+  EXPECT_LINES("INFO values on /heat again after 4.0 s, for 'heat'\n");
+  silence = (struct fm_silence) {3, FM_SECOND, true};
+  fm_reports_review(&node.reports);
+  EXPECT_LINES(begun);
+  silence = (struct fm_silence) {3, FM_SECOND, false};
+  fm_reports_review(&node.reports);
+  EXPECT_LINES("INFO values on /heat again after 1.0 s, for 'heat'\n");
+  silence = (struct fm_silence) {5, FM_SECOND, true};  // two since the last review
+  fm_reports_review(&node.reports);
+  EXPECT_LINES("WARN again no usable value on /heat within the startup of 60 s for 'heat'\n");
+}
+
+// ---- the log of violations ---------------------------------------------------------------------
+
+static struct fm_violation_log * violation_log;
+
+// As if the engine announced a violation, or that one is over, at a time in seconds.
+static void happen(double seconds, bool is_over, bool has_detail)
+{
+  now = (int64_t)(seconds * 1e9);
+  requirement_counts.announced += is_over ? 0u : 1u;
+  requirement_counts.holds = is_over;
+  if (has_detail) {
+    struct fm_detail * detail = calloc(1, fm_detail_bytes(node.table->monitor()));
+    detail->violation.step = (uint64_t)(seconds * 10.0);
+    detail->violation.stamp = now;
+    detail->violation.requirement = HEAT;
+    detail->violation.is_recovery = is_over;
+    fm_violation_log_add(violation_log, detail);
+    free(detail);
+  }
+}
+
+static void review_at(double seconds)
+{
+  now = (int64_t)(seconds * 1e9);
+  fm_violation_log_review(violation_log);
+}
+
+#define VIOLATED(at, step) \
+  "WARN HEAT violated at " at ": heat < 50.0 [step " step ": heat = (none yet)]"
+#define SATISFIED(at, step) \
+  "INFO HEAT satisfied again at " at ": heat < 50.0 [step " step ": heat = (none yet)]"
+
+// The lines are those of the log in Python (test/ros/test_violation_log.py).
+static void violations_are_logged_once_a_second_and_all_are_counted(void)
+{
+  requirement_counts.holds = true;
+  violation_log =
+    fm_violation_log_create(&node.node, node.table, node.session.engine);
+  happen(10.0, false, true);
+  EXPECT_LINES(VIOLATED("10.000", "100") "\n");
+  for (int tenth = 1; tenth < 9; ++tenth) {
+    happen(10.0 + tenth * 0.1 + 1e-6, false, true);
+  }
+  review_at(10.9);
+  EXPECT_LINES("");
+  review_at(11.0);
+  EXPECT_LINES(VIOLATED("10.800", "108") " (7 more violations since the last line)\n");
+  happen(11.5, true, true);
+  happen(11.6, false, true);
+  happen(11.7, true, true);
+  review_at(11.9);
+  EXPECT_LINES("");
+  review_at(12.0);
+  EXPECT_LINES(VIOLATED("11.600", "116") "\n" SATISFIED("11.700", "117") "\n");
+  review_at(20.0);
+  EXPECT_LINES("");
+  happen(20.5, false, true);
+  EXPECT_LINES(VIOLATED("20.500", "205") "\n");
+  happen(20.6, false, true);
+  happen(20.7, false, true);
+  review_at(21.5);
+  EXPECT_LINES(VIOLATED("20.700", "207") " (1 more violation since the last line)\n");
+  happen(21.6, false, false);
+  happen(21.7, false, false);
+  review_at(22.5);
+  EXPECT_LINES("WARN HEAT violated 2 times more, without details: heat < 50.0\n");
+  happen(22.6, false, false);
+  review_at(23.5);
+  EXPECT_LINES("WARN HEAT violated once more, without details: heat < 50.0\n");
+  happen(23.6, true, false);
+  review_at(24.5);
+  EXPECT_LINES("INFO HEAT satisfied again: heat < 50.0\n");
+  happen(30.0, false, true);
+  happen(30.1, true, true);
+  fm_violation_log_end(violation_log);
+  EXPECT_LINES(VIOLATED("30.000", "300") "\n" SATISFIED("30.100", "301") "\n");
+  fm_violation_log_destroy(violation_log);
+}
+
+int main(int argc, char ** argv)
+{
+  static const struct {const char * name; void (* run)(void);} tests[] = {
+    {"retries", a_resubscription_that_fails_is_retried_ever_more_rarely},
+    {"callback", a_subscription_without_a_callback_does_not_replace_the_one_before},
+    {"overlap", the_old_subscription_stays_until_all_publishers_have_found_the_new_one},
+    {"many", any_number_of_subscriptions_can_be_replaced_at_once},
+    {"leak", a_callback_that_cannot_be_removed_ends_no_monitoring},
+    {"order", publishers_are_reported_each_and_in_order},
+    {"increases", counters_are_reported_as_increases},
+    {"names", a_name_that_is_missing_is_logged_again_after_it_was_found},
+    {"again", a_value_between_two_silences_is_logged_as_again},
+    {"violations", violations_are_logged_once_a_second_and_all_are_counted},
+  };
+  const int status = fm_monitor_node_begin(
+    &node, &fm_node_table, argc - 1, (const char * const *)argv + 1);
+  CHECK(status == 0 && node.session.is_active);
+  bool is_found = false;
+  for (size_t k = 0; status == 0 && k < sizeof(tests) / sizeof(tests[0]); ++k) {
+    if (strcmp(argv[1], tests[k].name) == 0) {
+      fm_text_clear(&lines);
+      tests[k].run();
+      is_found = true;
+    }
+  }
+  CHECK(is_found);
+  fm_monitor_node_end(&node);
+  fm_text_free(&lines);
+  fm_text_free(&report);
+  return failures == 0 ? 0 : 1;
+}
