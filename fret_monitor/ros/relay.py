@@ -310,7 +310,10 @@ class RelayReceiver:
         self._held.enter_context(subscription.handle)
         self._is_leaked = False
         self._is_added = False
-        self.poll()
+        with ExitStack() as undo:
+            undo.callback(self._held.close)
+            self.poll()
+            undo.pop_all()
 
     def take(self) -> None:
         """Return None: C takes the messages."""
