@@ -30,11 +30,12 @@
 
 #include "apps.inc"
 
-enum { MOST_BYTES = 4096, MOST_IDS = 64, SIZE_OF_HEADER = 6 };
+enum { MOST_BYTES = 4096, MOST_IDS = 64, SIZE_OF_HEADER = 6, TICK = 100 };
 
 static int64_t now;
 static unsigned most_in_second = 1000000;  // events that are not dropped
 static bool is_over;
+static unsigned n_reads;  // of the pipe
 static uint32 subscribed[MOST_IDS];
 static uint32 n_subscribed;
 
@@ -94,6 +95,7 @@ bool CFE_ES_RunLoop(uint32 * RunStatus)
 
 void CFE_ES_ExitApp(uint32 ExitStatus)
 {
+  printf("reads %u\n", n_reads);
   printf("exit %u\n", (unsigned)ExitStatus);
 }
 
@@ -136,9 +138,28 @@ CFE_Status_t CFE_EVS_SendEvent(
   return CFE_SUCCESS;
 }
 
-// Time is corrected by an hour, which the mission elapsed time is not.
-CFE_TIME_SysTime_t CFE_TIME_GetTime(void) {return system_time(now + INT64_C(3600000000000));}
-CFE_TIME_SysTime_t CFE_TIME_GetMET(void) {return system_time(now);}
+// As in cFE 7 on Linux: each tone corrects the mission elapsed time, the first one by most of a
+// second. The spacecraft time is later by an hour.
+static int64_t mission_time(void)
+{
+  const int64_t corrected = now / 1000000000 % 2 * -40000;
+  return now + INT64_C(2000000000) + (now < 1000000000 ? 947321000 : corrected);
+}
+
+CFE_TIME_SysTime_t CFE_TIME_GetMET(void)
+{
+  return system_time(mission_time());
+}
+
+CFE_TIME_SysTime_t CFE_TIME_GetTime(void)
+{
+  return system_time(now + INT64_C(3600000000000));
+}
+
+void CFE_PSP_GetTime(OS_time_t * LocalTime)
+{
+  LocalTime->ticks = now / 100;
+}
 
 CFE_Status_t CFE_MSG_Init(CFE_MSG_Message_t * MsgPtr, CFE_SB_MsgId_t MsgId, CFE_MSG_Size_t Size)
 {
@@ -201,15 +222,19 @@ static bool is_subscribed(uint32 id)
   return false;
 }
 
+// As in cFE 7: some of the timeout is over before the pipe is read, the rest is cut to whole
+// milliseconds, and if nothing is left, the pipe is polled.
 CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t ** BufPtr, CFE_SB_PipeId_t PipeId, int32 TimeOut)
 {
-  check(PipeId == 7 && (TimeOut > 0 || TimeOut == CFE_SB_PEND_FOREVER), "timeout");
+  const int64_t wait = TimeOut > 1 ? (TimeOut - 1) * INT64_C(1000000) : 0;
+  check(PipeId == 7 && TimeOut >= CFE_SB_PEND_FOREVER, "timeout");
+  n_reads += 1;
   read_next();
-  if (TimeOut != CFE_SB_PEND_FOREVER && next.time > now + TimeOut * INT64_C(1000000)) {
-    now += TimeOut * INT64_C(1000000);
-    return CFE_SB_TIME_OUT;
+  if (TimeOut != CFE_SB_PEND_FOREVER && next.time > now + wait) {
+    now += wait > 0 ? wait : TICK;
+    return wait > 0 ? CFE_SB_TIME_OUT : CFE_SB_NO_MESSAGE;
   }
-  now = next.time;
+  now = next.time > now ? next.time : now;
   next.is_read = false;
   is_over = next.id == 0;
   if (is_over) {

@@ -109,7 +109,8 @@ def cases(folder: Path, *, is_fprime: bool = False) -> dict[str, Case]:
     """
     Write the bundles, and return a case for each.
 
-    `is_fprime` leaves the ages of messages out, and times that are no whole microseconds.
+    Times are whole ticks of the clock: of 100 ns in cFS, of a microsecond in F Prime. `is_fprime`
+    leaves the ages of messages out.
     """
     found = {}
     for name, text in BUNDLES.items():
@@ -117,9 +118,8 @@ def cases(folder: Path, *, is_fprime: bool = False) -> dict[str, Case]:
         path.write_text(text.replace(', old: age(header.stamp)}', '}').replace(
             'old < 0.25', 'x < 0.5') if is_fprime else text)
         generated = generate_monitor(read(path))
-        is_random = name == 'topics' or is_fprime and name == 'timed'
-        found[name] = _by_evaluator(path, generated, 1000 if is_fprime else 1) if is_random \
-            else _by_reference(generated)
+        found[name] = _by_evaluator(path, generated, 1000 if is_fprime else 100) \
+            if name in ('topics', 'timed') else _by_reference(generated)
     return found
 
 

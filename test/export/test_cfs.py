@@ -15,7 +15,8 @@
 """
 Target `cfs`: four applications in one program, against stubs of cFE, on a scripted software bus.
 
-The stubs in `stubs/cfs` are written by hand with the signatures of cFE 7; a real cFS is not built.
+The stubs in `stubs/cfs` are written by hand with the signatures of cFE 7, and behave as it
+was seen to (docs/export_flight.md); a real cFS is not built here.
 """
 
 from collections.abc import Iterator
@@ -121,13 +122,19 @@ def script(case: Case) -> Iterator[str]:
                        f'{payload(case, item)}')
 
 
+def mission_time(now: int) -> int:
+    """Return the mission elapsed time at a time of the PSP's clock, as cfs_main.c has it."""
+    return now + 2 * S_NS + (947_321_000 if now < S_NS else now // S_NS % 2 * -40_000)
+
+
 def violations(lines: list[list[str]]) -> list[tuple[int, int]]:
     """Return the times (ns) and requirements of the events that report a violation."""
     found = []
     for words in lines:
         if words[1] == 'event' and int(words[2]) >= FIRST_VIOLATION:
             seconds, nanoseconds = words[-1].split()[-2].split('.')
-            found.append((int(seconds) * S_NS + int(nanoseconds), int(words[2]) - FIRST_VIOLATION))
+            now, stamp = int(words[0]), int(seconds) * S_NS + int(nanoseconds)
+            found.append((stamp - mission_time(now) + now, int(words[2]) - FIRST_VIOLATION))
     return found
 
 
@@ -181,6 +188,7 @@ def test_a_deadline_is_reported_when_it_is_due_though_no_message_comes(mission: 
     for time, (stamp, _) in zip(reported, violations(lines), strict=True):
         assert 0 <= time - stamp < 2 * 10**6  # a wait is whole milliseconds
     assert lines[-1] == ['exit', '1']
+    assert lines[-2][0] == 'reads' and int(lines[-2][1]) < 20  # the pipe is not polled
 
 
 def test_commands_and_wrong_messages_are_counted(mission: Mission) -> None:
@@ -211,9 +219,37 @@ def test_texts_of_a_bundle_are_safe_in_events(mission: Mission) -> None:
     case = mission.cases['steps']
     end = case.messages[-1].time
     lines = mission.run('steps', [*script(case), f'{end} 0 0 0 -'])
-    found = {(words[2], words[3], words[4].split(' violated')[0]) for words in lines[1:-1]}
+    found = {(words[2], words[3], words[4].split(' violated')[0]) for words in lines[1:-2]}
     assert found == {('100', '3', 'R_1___s'), ('101', '3', 'R,2'),
                      ('102', '2', '*/ int main(void) //_')}
+
+
+# As in cFE's arch_build.cmake: a module that is loaded at run time, without libraries of C.
+ADD_CFE_APP = """\
+cmake_minimum_required(VERSION 3.16)
+project(mission C)
+add_library(core_api INTERFACE)
+function(add_cfe_app APP_NAME APP_SRC_FILES)
+  add_library(${APP_NAME} MODULE ${APP_SRC_FILES} ${ARGN})
+  target_link_libraries(${APP_NAME} core_api)
+endfunction()
+add_compile_definitions(CFE_MISSION_STEPS_APP_FIRST_TOPICID=0xC0)
+"""
+
+
+def test_cmake_links_what_formulas_call(mission: Mission, tmp_path: Path) -> None:
+    cmake = shutil.which('cmake')
+    if cmake is None:
+        pytest.skip('needs cmake')
+    app = mission.program.parent / 'steps_app'
+    (tmp_path / 'CMakeLists.txt').write_text(
+        f'{ADD_CFE_APP}include_directories({STUBS} {app}/inc)\nadd_subdirectory({app} app)\n')
+    for words in (f'-S {tmp_path} -B {tmp_path}/build', f'--build {tmp_path}/build'):
+        done = subprocess.run([cmake, *words.split()], capture_output=True, text=True,
+                              check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    [module] = (tmp_path / 'build').rglob('libsteps_app.so')
+    assert b'sqrt\0' in module.read_bytes() and b'libm.so' in module.read_bytes()
 
 
 def content(folder: Path, text: str, name: str = 'pump') -> Content:

@@ -25,6 +25,7 @@ typedef int32 CFE_Status_t;
 #define CFE_EVS_APP_SQUELCHED ((CFE_Status_t)0xc2000009)
 #define CFE_MSG_WRONG_MSG_TYPE ((CFE_Status_t)0xca000014)
 #define CFE_SB_TIME_OUT ((CFE_Status_t)0xca000001)
+#define CFE_SB_NO_MESSAGE ((CFE_Status_t)0xca000002)
 
 enum {CFE_ES_RunStatus_APP_RUN = 1, CFE_ES_RunStatus_APP_ERROR = 3};
 bool CFE_ES_RunLoop(uint32 * RunStatus);
@@ -52,6 +53,17 @@ typedef struct CFE_TIME_SysTime
 } CFE_TIME_SysTime_t;
 CFE_TIME_SysTime_t CFE_TIME_GetTime(void);
 CFE_TIME_SysTime_t CFE_TIME_GetMET(void);
+
+typedef struct
+{
+  int64 ticks;  // of 100 ns
+} OS_time_t;
+void CFE_PSP_GetTime(OS_time_t * LocalTime);
+
+static inline int64 OS_TimeGetTotalNanoseconds(OS_time_t tm)
+{
+  return tm.ticks * 100;
+}
 
 typedef uint32 CFE_SB_MsgId_Atom_t;
 typedef struct
@@ -81,6 +93,7 @@ typedef struct
 } CFE_SB_Qos_t;
 #define CFE_SB_DEFAULT_QOS ((CFE_SB_Qos_t){0})
 #define CFE_SB_PEND_FOREVER -1
+#define CFE_SB_POLL 0
 CFE_Status_t CFE_SB_CreatePipe(CFE_SB_PipeId_t * PipeIdPtr, uint16 Depth, const char * PipeName);
 CFE_Status_t CFE_SB_SubscribeEx(
   CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId, CFE_SB_Qos_t Quality, uint16 MsgLim);

@@ -49,10 +49,19 @@ static int64_t ToNanoseconds(CFE_TIME_SysTime_t Time)
   return (int64_t)Time.Seconds * NS_PER_S + (int64_t)part;
 }
 
-// The mission elapsed time does not jump when the spacecraft time is corrected.
+// The clock of the PSP is monotonic. The mission elapsed time is not: each tone corrects it, by
+// microseconds, and the first one by up to a second.
 static int64_t GetNow(void)
 {
-  return ToNanoseconds(CFE_TIME_GetMET());
+  OS_time_t Now;
+  CFE_PSP_GetTime(&Now);
+  return OS_TimeGetTotalNanoseconds(Now);
+}
+
+// The mission elapsed time of an instant, as it is counted at present.
+static int64_t ToMissionTime(int64_t Instant)
+{
+  return ToNanoseconds(CFE_TIME_GetMET()) - (GetNow() - Instant);
 }
 
 bool @UPPER@_APP_GetAge(const CFE_MSG_Message_t * MsgPtr, double * Age)
@@ -65,7 +74,8 @@ bool @UPPER@_APP_GetAge(const CFE_MSG_Message_t * MsgPtr, double * Age)
   return true;
 }
 
-// How long to wait for a message, in milliseconds, until something is due without one.
+// How long to wait for a message, in milliseconds, until something is due without one. The
+// software bus waits up to a millisecond less, and does not wait at all for less than two.
 static int32 GetTimeout(void)
 {
   const int64_t Wake = @NAME@_runner_wake(&Data.Runner);
@@ -74,9 +84,9 @@ static int32 GetTimeout(void)
     return CFE_SB_PEND_FOREVER;
   }
   if (Wake <= Now) {
-    return 1;
+    return CFE_SB_POLL;
   }
-  const int64_t Wait = (Wake - Now - 1) / NS_PER_MS + 1;
+  const int64_t Wait = (Wake - Now - 1) / NS_PER_MS + 2;
   return (int32)(Wait < LONGEST_WAIT_MS ? Wait : LONGEST_WAIT_MS);
 }
 
@@ -86,9 +96,10 @@ static void Announce(void * Context, const struct fm_violation * Found)
 {
   const @UPPER@_APP_Violation_t * const Violation = &@UPPER@_APP_Violations[Found->requirement];
   (void)Context;
+  const int64_t Stamp = ToMissionTime(Found->stamp);
   const CFE_Status_t Status = CFE_EVS_SendEvent(
     Violation->EventId, Violation->EventType, "%s violated at %lu.%09lu s", Violation->Id,
-    (unsigned long)(Found->stamp / NS_PER_S), (unsigned long)(Found->stamp % NS_PER_S));
+    (unsigned long)(Stamp / NS_PER_S), (unsigned long)(Stamp % NS_PER_S));
   if (Status != CFE_SUCCESS) {
     ++Data.LostEvents;  // squelched: the application sent too many in a second
   }
@@ -137,7 +148,7 @@ static void SendHousekeeping(void)
   if (Status != CFE_SUCCESS) {
     CFE_EVS_SendEvent(
       @UPPER@_APP_HK_ERR_EID, CFE_EVS_EventType_ERROR, "cannot send housekeeping: 0x%08lX",
-      (unsigned long)Status);
+      (unsigned long)(uint32)Status);
   }
 }
 
@@ -255,7 +266,7 @@ static CFE_Status_t Subscribe(CFE_SB_MsgId_Atom_t MsgId)
   if (Status != CFE_SUCCESS) {
     CFE_EVS_SendEvent(
       @UPPER@_APP_SUB_ERR_EID, CFE_EVS_EventType_ERROR, "cannot subscribe to 0x%X: 0x%08lX",
-      (unsigned int)MsgId, (unsigned long)Status);
+      (unsigned int)MsgId, (unsigned long)(uint32)Status);
   }
   return Status;
 }
@@ -280,7 +291,7 @@ static bool Init(void)
   CFE_Status_t Status = CFE_EVS_Register(NULL, 0, CFE_EVS_EventFilter_BINARY);
   if (Status != CFE_SUCCESS) {
     CFE_ES_WriteToSysLog(
-      "@NAME@_app: cannot register events: 0x%08lX\n", (unsigned long)Status);
+      "@NAME@_app: cannot register events: 0x%08lX\n", (unsigned long)(uint32)Status);
     return false;
   }
   CFE_MSG_Init(
@@ -290,7 +301,7 @@ static bool Init(void)
   if (Status != CFE_SUCCESS) {
     CFE_EVS_SendEvent(
       @UPPER@_APP_PIPE_ERR_EID, CFE_EVS_EventType_ERROR, "cannot create the pipe: 0x%08lX",
-      (unsigned long)Status);
+      (unsigned long)(uint32)Status);
     return false;
   }
   if (SubscribeToAll() != CFE_SUCCESS) {
@@ -317,12 +328,12 @@ static void RunOnce(void)
   CFE_ES_PerfLogEntry(@UPPER@_APP_PERF_ID);
   if (Status == CFE_SUCCESS) {
     ProcessMessage(BufPtr);
-  } else if (Status == CFE_SB_TIME_OUT) {
+  } else if (Status == CFE_SB_TIME_OUT || Status == CFE_SB_NO_MESSAGE) {
     @NAME@_runner_advance(&Data.Runner, GetNow());
   } else {
     CFE_EVS_SendEvent(
       @UPPER@_APP_PIPE_ERR_EID, CFE_EVS_EventType_ERROR, "cannot read the pipe: 0x%08lX",
-      (unsigned long)Status);
+      (unsigned long)(uint32)Status);
     Data.RunStatus = CFE_ES_RunStatus_APP_ERROR;
   }
 }
