@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// A lock beside a thread that delivers messages: its first message, its changes, its heartbeats,
-/// a publisher that fails, and the end.
+/// Locks beside a thread that delivers messages: their first message, changes, heartbeats, how long
+/// a thread may hang until they are silent, a publisher that fails, and the end.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -33,7 +33,9 @@
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static int lock_publisher;
+static int slow_publisher;        // of a lock of 1 Hz
 static uint64_t n_published = 0;  // of the lock
+static uint64_t n_slow_free = 0;
 static bool last = false;
 static bool fails = false;
 
@@ -46,6 +48,7 @@ static int publish(const void * publisher, const void * message, void * allocati
     memcpy(&last, message, sizeof(last));
     n_published += 1;
   }
+  n_slow_free += publisher == &slow_publisher && !*(const bool *)message ? 1u : 0u;
   pthread_mutex_unlock(&mutex);
   return is_refused ? 1 : 0;
 }
@@ -76,6 +79,19 @@ static void pause_ns(int64_t nanoseconds)
 {
   const struct timespec time = {0, (long)nanoseconds};
   nanosleep(&time, NULL);
+}
+
+// Wait until the slow lock has said so often that it is free. Returns whether it did.
+static bool is_slow_free(uint64_t n)
+{
+  uint64_t found = 0;
+  for (int k = 0; k < 10000 && found < n; ++k) {
+    pthread_mutex_lock(&mutex);
+    found = n_slow_free;
+    pthread_mutex_unlock(&mutex);
+    pause_ns(1000000);
+  }
+  return found >= n;
 }
 
 // Wait for a message with a state, published after the first `seen`. Returns whether it came.
@@ -157,16 +173,19 @@ int main(void)
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
   int handler = 0;
   void * publishers[] = {&handler};
-  const struct fm_lock lock = {&lock_publisher, first, 1, HEARTBEAT_NS};
+  const struct fm_lock locks[] = {
+    {&lock_publisher, first, 1, HEARTBEAT_NS}, {&slow_publisher, first, 1, SECOND_NS}};
   struct fm_announcer * announcer = NULL;
-  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 1, &lock, 1));
+  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 1, locks, 2));
   fm_engine_begin(engine);
   CHECK(comes(true, 0));  // not known
   CHECK(comes(true, 2));  // a heartbeat
   bool state = false;
   deliver(engine, 0);
   CHECK(comes(false, 0));
+  CHECK(is_slow_free(1));
   const uint64_t unserved = end_of_messages();  // the thread that moves the clock hangs
+  CHECK(is_slow_free(2));  // after one of the three periods for which it may hang
   fm_engine_serve_clock(engine);
   CHECK(comes(false, unserved));
   fm_engine_follow_steady(engine);
