@@ -184,7 +184,8 @@ bool fm_engine_is_closed(struct fm_engine * engine)
 // Note those that begin: a requirement may be violated at each step for hours.
 static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
 {
-  for (uint32_t k = 0; (engine->blackbox != NULL || engine->has_states) && k < n; ++k) {
+  const bool is_used = engine->blackbox != NULL || engine->has_states || engine->gate != NULL;
+  for (uint32_t k = 0; is_used && k < n; ++k) {
     const uint32_t requirement = engine->found[k].requirement;
     if (!engine->found[k].is_recovery && !engine->are_violated[requirement]) {
       fm_states_begin_violation(&engine->states, requirement);
@@ -228,9 +229,8 @@ void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later
 
 void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
-  fm_engine_queue_locked(engine, n, later);
+  fm_engine_queue_locked(engine, fm_engine_note_gate_locked(engine, n), later);
   fm_engine_update_states_locked(engine);
-  fm_engine_note_gate_locked(engine, n);
 }
 
 void fm_engine_forget_violations_locked(struct fm_engine * engine)
@@ -675,8 +675,11 @@ struct fm_requirement_counts fm_engine_requirement_counts(
   struct fm_engine * engine, uint32_t requirement)
 {
   fm_engine_lock(engine);
-  const struct fm_requirement_counts counts =
+  struct fm_requirement_counts counts =
     fm_evaluator_requirement_counts(engine->options.evaluator, requirement);
+  if (engine->gate != NULL && requirement < engine->options.monitor->n_requirements) {
+    counts.is_violated = counts.is_violated || engine->are_violated[requirement];
+  }
   fm_engine_unlock(engine);
   return counts;
 }

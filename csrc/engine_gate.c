@@ -21,21 +21,22 @@
 #define SECOND_NS 1000000000
 #define HANG_NS 500000000
 
-void fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n)
+uint32_t fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n)
 {
   if (engine->gate != NULL &&
-    fm_gate_note(engine->gate, engine->found, n, fm_engine_steady_time()) &&
+    fm_gate_note(engine->gate, engine->found, &n, fm_engine_steady_time()) &&
     engine->on_due != NULL)
   {
     engine->on_due(engine->on_due_argument);
   }
+  return n;
 }
 
 void fm_engine_look_for_hang_locked(struct fm_engine * engine)
 {
   if (engine->gate != NULL) {
     fm_gate_note_hang(engine->gate, fm_engine_hangs_locked(engine, HANG_NS));
-    fm_engine_note_gate_locked(engine, 0);
+    (void)fm_engine_note_gate_locked(engine, 0);
   }
 }
 

@@ -177,8 +177,9 @@ void fm_engine_keep_message_locked(
 
 // ---- engine_gate.c -----------------------------------------------------------------------------
 
-/// Note a step with the gate, if there is one: a replacement may be due.
-void fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n);
+/// Note a step and its `n` findings with the gate, if there is one: a replacement may be due.
+/// Returns how many of the findings are left: fm_gate_note.
+uint32_t fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n);
 
 /// Close the gate while a thread hangs without which the values of its inputs grow old.
 void fm_engine_look_for_hang_locked(struct fm_engine * engine);

@@ -404,7 +404,7 @@ bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input
 struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  struct fm_requirement_counts counts = {0, 0, 0, true, true};
+  struct fm_requirement_counts counts = {0, 0, 0, true, true, false};
   if (requirement < evaluator->monitor->n_requirements) {
     const struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
     const uint32_t group = evaluator->monitor->requirements[requirement].group;
@@ -413,6 +413,7 @@ struct fm_requirement_counts fm_evaluator_requirement_counts(
     counts.announced = cell->announced;
     counts.verdict = evaluator->instance.verdicts[requirement];
     counts.holds = evaluator->instance.previous[requirement];
+    counts.is_violated = !counts.holds;
   }
   return counts;
 }

@@ -125,6 +125,8 @@ struct fm_requirement_counts
   uint64_t announced;    // those that were reported (all, onsets, or occurrences)
   bool verdict;          // of the last step or timeout; true before the first
   bool holds;            // what is reported: the verdict, or of H p whose falls are reported, p
+  bool is_violated;      // the last violation is not over; of an engine with a gate, also one by a
+                         // message that was withheld
 };
 
 /// Counters of an input.

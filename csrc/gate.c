@@ -27,8 +27,9 @@ struct fm_gate
   struct fm_gate_options options;
   char * saved;                 // an instance
   bool * is_from;               // an input: one of `from`
-  bool * was_withheld;          // a requirement: violated by a message that was withheld, since
-                                // one passed
+  bool * was_withheld;          // a requirement: its violation goes on until a message passes
+  struct fm_requirement_cell * cells_before;  // the evaluator's cells of the requirements, and
+  uint64_t * steps_before;      // its `steps_before`, before the step of a held message
   struct fm_gate_counts counts;
   int64_t due;                  // of a replacement
   int64_t passed_at;
@@ -36,6 +37,7 @@ struct fm_gate
   uint64_t * steps;             // of each group, when it was last looked at
   int64_t tried_at;             // with has_tried
   bool has_passed;
+  bool is_replaced;             // what was sent last is a replacement
   bool held_before;             // all requirements, after the last step
   bool was_known;               // when something else was evaluated last
   bool has_tried;               // a step that does not stay
@@ -49,6 +51,8 @@ struct gate_layout
   uint64_t saved;
   uint64_t is_from;
   uint64_t was_withheld;
+  uint64_t cells_before;
+  uint64_t steps_before;
   uint64_t steps;
   struct fm_block block;
 };
@@ -61,6 +65,9 @@ static struct gate_layout lay_out_gate(const struct fm_monitor * monitor)
   layout.saved = fm_block_append(&layout.block, fm_instance_bytes(monitor), 1);
   layout.is_from = fm_block_append(&layout.block, monitor->n_inputs, sizeof(bool));
   layout.was_withheld = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
+  layout.cells_before =
+    fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct fm_requirement_cell));
+  layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
   layout.steps = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
   return layout;
 }
@@ -108,6 +115,8 @@ struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_options * opti
   gate->saved = block + layout.saved;
   gate->is_from = (bool *)(void *)(block + layout.is_from);
   gate->was_withheld = (bool *)(void *)(block + layout.was_withheld);
+  gate->cells_before = (struct fm_requirement_cell *)(void *)(block + layout.cells_before);
+  gate->steps_before = (uint64_t *)(void *)(block + layout.steps_before);
   gate->steps = (uint64_t *)(void *)(block + layout.steps);
   for (uint32_t k = 0; k < n_fields(gate); ++k) {
     gate->is_from[input_of(gate, k)] = true;
@@ -278,14 +287,32 @@ static uint32_t keep_violations(
   return n_kept;
 }
 
-static void forget_recovered(
-  struct fm_gate * gate, const struct fm_violation * found, uint32_t n)
+static bool reads_from(const struct fm_gate * gate, uint32_t requirement)
 {
-  for (uint32_t k = 0; k < n; ++k) {
-    if (found[k].is_recovery) {
-      gate->was_withheld[found[k].requirement] = false;
-    }
+  const struct fm_monitor * monitor = gate->options.monitor;
+  const struct fm_group * group = &monitor->groups[monitor->requirements[requirement].group];
+  bool reads = false;
+  for (uint32_t k = 0; k < group->n_inputs; ++k) {
+    reads = reads || gate->is_from[group->inputs[k]];
   }
+  return reads;
+}
+
+// A recovery ends the violation by messages that were withheld, too. But while what was sent last
+// is a replacement, a violation of what reads `from` goes on until a message passes: the next
+// message may be no better than the one that was replaced.
+static uint32_t put_off_recoveries(
+  struct fm_gate * gate, struct fm_violation * found, uint32_t n)
+{
+  uint32_t n_kept = 0;
+  for (uint32_t k = 0; k < n; ++k) {
+    const uint32_t r = found[k].requirement;
+    const bool is_put_off = found[k].is_recovery && gate->is_replaced && reads_from(gate, r);
+    gate->was_withheld[r] = found[k].is_recovery ? is_put_off : gate->was_withheld[r];
+    found[n_kept] = found[k];
+    n_kept += is_put_off ? 0u : 1u;
+  }
+  return n_kept;
 }
 
 // The recoveries from messages that were withheld: the instance does not know of these violations.
@@ -293,7 +320,7 @@ static uint32_t add_recoveries(
   struct fm_gate * gate, int64_t stamp, struct fm_violation * found, uint32_t n)
 {
   const struct fm_evaluator * evaluator = gate->options.evaluator;
-  forget_recovered(gate, found, n);
+  n = put_off_recoveries(gate, found, n);
   for (uint32_t r = 0; r < gate->options.monitor->n_requirements; ++r) {
     if (gate->was_withheld[r] && evaluator->reports_recoveries) {
       const uint32_t group = gate->options.monitor->requirements[r].group;
@@ -351,24 +378,52 @@ static int64_t next_due(const struct fm_gate * gate, int64_t steady)
 
 int64_t fm_gate_due(const struct fm_gate * gate) {return gate->due;}
 
+static void copy_counts(
+  const struct fm_monitor * monitor, struct fm_requirement_cell * cells, uint64_t * steps,
+  const struct fm_requirement_cell * from_cells, const uint64_t * from_steps)
+{
+  memcpy(cells, from_cells, monitor->n_requirements * sizeof(*cells));
+  memcpy(steps, from_steps, monitor->n_groups * sizeof(*steps));
+}
+
+// A held message that is not sent never happened: its step and its violations do not count.
+static void save_with_counts(struct fm_gate * gate)
+{
+  const struct fm_evaluator * evaluator = gate->options.evaluator;
+  fm_evaluator_save(evaluator, gate->saved);
+  copy_counts(
+    gate->options.monitor, gate->cells_before, gate->steps_before, evaluator->requirements,
+    evaluator->steps_before);
+}
+
+static void restore_with_counts(struct fm_gate * gate)
+{
+  struct fm_evaluator * evaluator = gate->options.evaluator;
+  fm_evaluator_restore(evaluator, gate->saved);
+  copy_counts(
+    gate->options.monitor, evaluator->requirements, evaluator->steps_before, gate->cells_before,
+    gate->steps_before);
+  find_deadline(gate);
+}
+
 bool fm_gate_replace(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   int64_t steady, struct fm_violation * out, uint32_t * n_out)
 {
   const bool may_refuse = gate->options.otherwise == FM_HOLD;
   if (may_refuse) {
-    fm_evaluator_save(gate->options.evaluator, gate->saved);
+    save_with_counts(gate);
   }
   *n_out = step_on_replacement(gate, fields, now, stamp, out);
   gate->due = next_due(gate, steady);
   const bool holds = all_hold(gate);
   if (may_refuse && (!holds || !is_known(gate) || !have_stepped(gate))) {
-    fm_evaluator_restore(gate->options.evaluator, gate->saved);
-    find_deadline(gate);
+    restore_with_counts(gate);
     *n_out = 0;
     return false;
   }
-  forget_recovered(gate, out, *n_out);
+  gate->is_replaced = true;
+  *n_out = put_off_recoveries(gate, out, *n_out);
   gate->counts.replaced += 1;
   gate->counts.violating += holds || is_from_stale(gate) ? 0u : 1u;
   gate->held_before = holds;
@@ -409,6 +464,7 @@ static enum fm_judgement try_step(
   uint32_t n = step_on_message(gate, fields, now, stamp, out);
   const enum fm_judgement judgement = judge_step(gate, steady);
   if (judgement == FM_PASSED) {
+    gate->is_replaced = false;
     n = add_recoveries(gate, stamp, out, n);
     gate->counts.is_latched = false;
     gate->has_passed = true;
@@ -437,9 +493,7 @@ uint32_t fm_gate_judge(
     judgement = try_step(gate, fields, now, stamp, steady, out, n_out);
   }
   count(&gate->counts, judgement);
-  const bool violates_closed = judgement == FM_CLOSED && gate->counts.is_latched &&
-    have_stepped(gate) && !all_hold(gate);
-  if (judgement == FM_VIOLATES || violates_closed) {
+  if (judgement == FM_VIOLATES || (judgement == FM_CLOSED && !all_hold(gate))) {
     latch(gate, steady);
   }
   if (judgement != FM_PASSED) {
@@ -461,13 +515,13 @@ void fm_gate_finish(struct fm_gate * gate)
 }
 
 bool fm_gate_note(
-  struct fm_gate * gate, const struct fm_violation * found, uint32_t n, int64_t steady)
+  struct fm_gate * gate, struct fm_violation * found, uint32_t * n, int64_t steady)
 {
   const bool holds = all_hold(gate);
   const bool begins = !holds && gate->held_before;
   const bool is_unknown = !is_known(gate);
   const bool closes = is_unknown && gate->was_known;
-  forget_recovered(gate, found, n);
+  *n = put_off_recoveries(gate, found, *n);
   gate->held_before = holds;
   gate->was_known = !is_unknown;
   if (note_steps(gate) || begins) {

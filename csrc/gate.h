@@ -126,7 +126,7 @@ FM_EXPORT struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_opti
 /// Writes violations to `out`, which has room for n_requirements, and their number to `n_out`. A
 /// message that is withheld is a violation of each requirement that it would have violated, as
 /// its report says, each time. When the next message passes, that is a recovery of those that
-/// were violated so and by no step that stayed, if the evaluator reports recoveries.
+/// were violated so, if the evaluator reports recoveries.
 /// Returns enum fm_judgement. Until fm_gate_finish, which must be the next call, the evaluator has
 /// the values of the message, for the details of its violations. O(instance bytes + operations of
 /// the groups that step).
@@ -136,19 +136,23 @@ FM_EXPORT uint32_t fm_gate_judge(
 FM_EXPORT void fm_gate_finish(struct fm_gate * gate);
 
 /// Something else was evaluated: a message of another topic, or what was due. Call it each time;
-/// `found` are the violations of that step. If some requirement does not hold then, or the gate is
-/// not known, a substitute may be due: with a period at once, without one only when that begins.
-/// Returns whether fm_gate_due is earlier now. O(inputs + requirements).
+/// `found` are the `n` violations of that step. Recoveries of what reads `from` are taken out of
+/// them while what was sent last is a replacement: they come when a message passes. If some
+/// requirement does not hold then, or the gate is not known, a substitute may be due: with a
+/// period at once, without one only when that begins.
+/// Returns whether fm_gate_due is earlier now. O(inputs + n * inputs of a group + requirements).
 FM_EXPORT bool fm_gate_note(
-  struct fm_gate * gate, const struct fm_violation * found, uint32_t n, int64_t steady);
+  struct fm_gate * gate, struct fm_violation * found, uint32_t * n, int64_t steady);
 
 /// When a replacement is due, by the steady time; FM_NEVER: none is. INT64_MIN: at once.
 FM_EXPORT int64_t fm_gate_due(const struct fm_gate * gate);
 
 /// A replacement is due: take the step of its message. To be called as fm_gate_judge, with the
-/// fields of the substitute, or of the last message that passed. Returns whether to send it, which
-/// may be false for a held message only: if the gate is not known, or a requirement would not
-/// hold after it; then it never happened. O(instance bytes + operations of the groups that step).
+/// fields of the substitute, or of the last message that passed. Its violations are written to
+/// `out`, but its recoveries come when a message passes. Returns whether to send it, which may be
+/// false for a held message only: if the gate is not known, or a requirement would not hold after
+/// it; then it never happened, and nothing of it is counted. O(instance bytes + operations of the
+/// groups that step).
 FM_EXPORT bool fm_gate_replace(
   struct fm_gate * gate, const struct fm_field * fields, int64_t now, int64_t stamp,
   int64_t steady, struct fm_violation * out, uint32_t * n_out);

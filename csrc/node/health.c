@@ -123,18 +123,18 @@ static uint8_t describe_requirement(
   struct places places = places_of(health, requirement);
   const uint8_t violated = requirement->is_warning ? WARN : ERROR;
   uint8_t level = WARN;
-  if (places.violating.length > 0 && !counts->holds) {
+  if (places.violating.length > 0 && counts->is_violated) {
     level = violated;
     fm_text_add(message, "violated: nothing comes of %s", fm_text_get(&places.violating));
   } else if (places.missing.length > 0) {
     fm_text_add(message, "no value yet of %s", fm_text_get(&places.missing));
   } else if (counts->steps == 0) {
     fm_text_add(message, "not evaluated yet");
-  } else if (counts->holds && places.silent.length > 0) {
+  } else if (!counts->is_violated && places.silent.length > 0) {
     fm_text_add(message, "satisfied, on old values of %s", fm_text_get(&places.silent));
   } else {
-    level = counts->holds ? OK : violated;
-    fm_text_add(message, "%s", counts->holds ? "satisfied" : "violated");
+    level = counts->is_violated ? violated : OK;
+    fm_text_add(message, "%s", counts->is_violated ? "violated" : "satisfied");
   }
   fm_text_free(&places.missing);
   fm_text_free(&places.silent);

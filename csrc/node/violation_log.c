@@ -184,7 +184,7 @@ static void settle(struct fm_violation_log * log, uint32_t requirement, int64_t 
   const bool was_violated = logged->is_violated || more > 0;
   logged->violations = counts.announced;
   const bool has_details = logged->has_violation || logged->has_recovery;
-  const bool is_violated = has_details ? !logged->has_recovery : was_violated && !counts.holds;
+  const bool is_violated = has_details ? !logged->has_recovery : was_violated && counts.is_violated;
   if (more == 0 && is_violated && !logged->is_violated) {
     more = 1;  // the counters were ahead of its detail
   }

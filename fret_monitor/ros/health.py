@@ -221,7 +221,7 @@ class Health:
         old = [place for place in item.inputs if place in silent]
         violating = [place for place in old
                      if self._manifest.inputs[place].stale is Stale.VIOLATE]
-        if violating and not counts.holds:
+        if violating and counts.is_violated:
             level = LEVELS[item.severity]
             message = f'violated: nothing comes of {self._named(violating)}'
         elif is_withheld_from_start(self._engine, index):
@@ -230,10 +230,10 @@ class Health:
             level, message = DiagnosticStatus.WARN, f'no value yet of {self._named(missing)}'
         elif not counts.steps:
             level, message = DiagnosticStatus.WARN, 'not evaluated yet'
-        elif counts.holds and old:
+        elif not counts.is_violated and old:
             level = DiagnosticStatus.WARN
             message = f'satisfied, on old values of {self._named(old)}'
-        elif counts.holds:
+        elif not counts.is_violated:
             level, message = DiagnosticStatus.OK, 'satisfied'
         else:
             level, message = LEVELS[item.severity], 'violated'

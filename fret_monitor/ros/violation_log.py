@@ -102,7 +102,7 @@ class ViolationLog:
         more, logged.violations = counts.announced - logged.violations, counts.announced
         was_violated = logged.is_violated or more > 0
         if logged.violation is None and logged.recovery is None:  # they may have no details
-            is_violated = was_violated and not counts.holds
+            is_violated = was_violated and counts.is_violated
         else:
             is_violated = logged.recovery is None
         if more <= 0 and is_violated and not logged.is_violated:

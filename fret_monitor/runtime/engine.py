@@ -471,7 +471,7 @@ class Engine:
         found = self._library.fm_engine_requirement_counts(self.pointer, index)
         return RequirementCounts(
             found.steps, found.violations, found.announced, bool(found.verdict),
-            bool(found.holds))
+            bool(found.holds), bool(found.is_violated))
 
     def input_counts(self, index: int) -> InputCounts:
         """Return the counters of an input."""

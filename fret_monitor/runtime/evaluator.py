@@ -71,6 +71,8 @@ class RequirementCounts:
     Counters of a requirement, through all resets; `verdict` is of the last step or timeout.
 
     `holds` is what reports look at: the verdict; of `H p` with `report: occurrence`, p.
+    `is_violated` says that the last violation is not over: of a gate, also one by a message that
+    was withheld, after which no message has passed.
     """
 
     steps: int
@@ -78,6 +80,7 @@ class RequirementCounts:
     announced: int
     verdict: bool
     holds: bool
+    is_violated: bool
 
 
 @dataclass(frozen=True)
@@ -421,7 +424,7 @@ class Evaluator:
         found = self._library.fm_evaluator_requirement_counts(self.pointer, index)
         return RequirementCounts(
             found.steps, found.violations, found.announced, bool(found.verdict),
-            bool(found.holds))
+            bool(found.holds), bool(found.is_violated))
 
     def input_counts(self, index: int) -> InputCounts:
         """Return the counters of an input."""

@@ -156,12 +156,19 @@ class MessageGate:
             self._found, self._count)
         return bool(is_sent), self._violations()
 
-    def note(self, found: Sequence[Violation], steady: int) -> bool:
-        """Note a step of another topic, or of what was due; return whether `due` has changed."""
+    def note(self, found: Sequence[Violation], steady: int) -> tuple[bool, list[Violation]]:
+        """
+        Note a step of another topic, or of what was due.
+
+        Return whether `due` has changed, and what of the step's findings is to be announced.
+        """
         for place, item in enumerate(found):
             self._found[place] = {
-                'requirement': item.requirement, 'is_recovery': item.is_recovery}
-        return bool(self._library.fm_gate_note(self.pointer, self._found, len(found), steady))
+                'step': item.step, 'stamp': item.stamp, 'requirement': item.requirement,
+                'is_recovery': item.is_recovery}
+        self._count[0] = len(found)
+        is_due = self._library.fm_gate_note(self.pointer, self._found, self._count, steady)
+        return bool(is_due), self._violations()
 
     @property
     def due(self) -> int:

@@ -28,7 +28,7 @@ class Log:
 
     def __init__(self) -> None:
         self.announced = [0, 0]
-        self.holds = [True, True]
+        self.is_violated = [False, False]
         self.lines: list[str] = []
         lines = [ViolationLines(self, name, 'x < 1', severity)  # type: ignore[arg-type]
                  for name, severity in (('R', Severity.ERROR), ('Q', Severity.WARN))]
@@ -36,12 +36,14 @@ class Log:
             detail.violation.step, detail.violation.stamp / 1e9, (('x', '2'),)))
 
     def counts(self, index: int) -> RequirementCounts:
-        return RequirementCounts(0, 0, self.announced[index], False, self.holds[index])
+        is_violated = self.is_violated[index]
+        return RequirementCounts(
+            0, 0, self.announced[index], False, not is_violated, is_violated)
 
     def happens(self, now: float, index: int = 0, *, is_over: bool = False,
                 has_detail: bool = True) -> None:
         self.announced[index] += not is_over
-        self.holds[index] = is_over
+        self.is_violated[index] = not is_over
         if has_detail:
             self.log.add(ViolationDetail(
                 Violation(index, int(now * 10), int(now * 1e9), is_over), 0, ()), now)

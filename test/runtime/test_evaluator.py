@@ -223,7 +223,7 @@ def test_a_reset_restarts_the_state_and_keeps_values_and_counters() -> None:
     evaluator.reset()
     assert evaluator.verdicts == [True, True] and evaluator.steps(0) == 0
     assert evaluator.step(1) == [Violation(LAMP, 0, 1), Violation(COOL, 0, 1)]
-    assert evaluator.requirement_counts(COOL) == RequirementCounts(2, 2, 2, False, False)
+    assert evaluator.requirement_counts(COOL) == RequirementCounts(2, 2, 2, False, False, True)
 
 
 def test_requirements_on_a_silent_input_are_violated_until_its_next_message() -> None:
@@ -238,7 +238,7 @@ def test_requirements_on_a_silent_input_are_violated_until_its_next_message() ->
     assert evaluator.silence(FLAG) == Silence(1, 20 * SECOND - 5, True)
     assert not evaluator.is_stale(LEVEL) and evaluator.deadline == NEVER
     assert evaluator.step(7) == [Violation(LAMP, 0, 7)], 'COOL reports its onset'
-    assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 2, 2, False, False)
+    assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 2, 2, False, False, True)
     evaluator.store(FLAG, True, now=21 * SECOND)
     assert evaluator.silence(FLAG) == Silence(1, 21 * SECOND - 5, False)
     assert evaluator.message(FLAG, 8) == [] and evaluator.verdicts == [True, True]
@@ -291,8 +291,8 @@ def test_everything_is_counted() -> None:
     evaluator.message(FLAG, 0)
     assert evaluator.input_counts(LEVEL) == InputCounts(received=3, unusable=1, overwritten=2)
     assert evaluator.topic_counts(LEVEL) == TopicCounts(messages=3, undecodable=1)
-    assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 0, 0, True, True)
-    assert evaluator.requirement_counts(COOL) == RequirementCounts(1, 1, 1, False, False)
+    assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 0, 0, True, True, False)
+    assert evaluator.requirement_counts(COOL) == RequirementCounts(1, 1, 1, False, False, True)
 
 
 # ---- rows ----------------------------------------------------------------------------------

@@ -75,8 +75,9 @@ class Relay:
         return self.note(self.evaluator.advance(now), now)
 
     def note(self, found: list[Violation], now: int) -> bool:
-        self.found += found
-        return self.gate.note(found, now)
+        is_due, left = self.gate.note(found, now)
+        self.found += left
+        return is_due
 
     def level(self, value: int | None, now: int) -> Judgement:
         judgement, found = self.gate.judge([value], now)
@@ -134,6 +135,21 @@ def test_a_message_that_is_withheld_ends_no_violation() -> None:
     assert relay.level(3, 6) is PASSED
     assert relay.ended() == [(LAMP, True), (COOL, True)]
     assert relay.gate.counts(6).violating == 1
+
+
+def test_a_replacement_ends_no_violation() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE, period=10)
+    assert relay.level(3, 1) is PASSED
+    assert relay.replace(20, 2)  # a substitute that violates
+    assert relay.replace(0, 3)  # and one that does not
+    relay.flag(False, 4)
+    relay.flag(True, 5)  # LAMP reads nothing that a replacement changes
+    assert relay.ended() == [(COOL, False), (LAMP, False), (LAMP, True)]
+    assert relay.level(30, 6) is VIOLATES
+    assert relay.replace(0, 7)
+    assert relay.level(3, 8) is PASSED
+    assert relay.level(4, 9) is PASSED
+    assert relay.ended() == [(COOL, False), (COOL, True)]
 
 
 def test_it_is_closed_until_each_other_input_has_a_value() -> None:
@@ -310,14 +326,18 @@ def test_the_last_message_that_passed_is_held_for_its_time() -> None:
     assert relay.gate.counts(13).replaced == 2
 
 
-def test_a_held_message_that_would_violate_is_not_sent() -> None:
+def test_a_held_message_that_would_violate_is_not_sent_and_not_counted() -> None:
     relay = Relay(Otherwise.HOLD, hold=10)
     relay.level(3, 1)
     relay.flag(False, 2)
     assert relay.level(3, 3) is VIOLATES
     before = relay.evaluator.save()
+    counts = [relay.evaluator.requirement_counts(index) for index in (LAMP, COOL)]
+    relay.ended()
     assert not relay.replace(3, 3)
     assert relay.evaluator.save() == before
+    assert counts == [relay.evaluator.requirement_counts(index) for index in (LAMP, COOL)]
+    assert relay.ended() == []
     assert relay.gate.due == NEVER
 
 
@@ -362,6 +382,17 @@ def test_a_message_that_violates_while_the_gate_is_closed_renews_the_latch() -> 
     assert relay.level(3, 2 * SECOND + 6) is LATCHED
     relay.flag(True, 3 * SECOND)
     assert relay.level(3, 3 * SECOND) is PASSED
+
+
+def test_a_message_that_violates_latches_also_while_the_gate_is_closed() -> None:
+    relay = Relay(latches=True, manifest=silent_flag(Stale.WARN))
+    relay.advance(SECOND)  # the flag is silent
+    assert relay.level(3, SECOND) is CLOSED
+    assert not relay.gate.counts(SECOND).is_latched
+    assert relay.level(30, SECOND + 1) is CLOSED
+    assert relay.ended() == [(COOL, False)]
+    relay.flag(True, SECOND + 2)
+    assert relay.level(3, SECOND + 3) is LATCHED
 
 
 JAMMED = """
@@ -653,6 +684,20 @@ def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_pat
         take(9.0)
         assert gated.send(value) is (VIOLATES if value else PASSED)
     assert gated.engine.time_counts().restarts == 0
+
+
+def test_what_waits_for_the_end_of_a_round_is_taken_before_a_message_is_judged(
+        tmp_path: Path) -> None:
+    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed')
+    gated = Guarded(tmp_path, text)
+    gated.engine.begin_round()
+    gated.sense(9.0)
+    gated.engine.end_round()
+    assert gated.send(1.0) is PASSED
+    gated.engine.begin_round()
+    gated.sense(0.5)
+    assert gated.send(1.0) is VIOLATES
+    gated.engine.end_round()
 
 
 def test_a_substitute_has_no_stamp_before_the_clock_has_a_time(tmp_path: Path) -> None:

@@ -23,7 +23,9 @@ from fret_monitor import build
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.serialize import serialize
 from fret_monitor.model.parts import NodePart
-from fret_monitor.runtime import Engine, Evaluator, MessageGate, RequirementState, State
+from fret_monitor.runtime import (
+    Engine, Evaluator, Judgement, MessageGate, RequirementState, State,
+)
 from fret_monitor.start import start
 import pytest
 
@@ -144,19 +146,92 @@ gates:
 """
 
 
+class Gated:
+    """An engine with the gate of a bundle, whose time is told."""
+
+    def __init__(self, folder: Path, text: str) -> None:
+        path = folder / 'bundle.yaml'
+        path.write_text(text, encoding='utf-8')
+        monitor = start(path, part=NodePart('drive')).monitor
+        evaluator = Evaluator(monitor, reports_recoveries=True)
+        self.engine = Engine(evaluator)
+        gate = monitor.manifest.gate
+        assert gate is not None and gate.topic is not None
+        self.other = 1 - gate.topic
+        self.engine.guard(MessageGate(evaluator, gate))
+        self.engine.follow_states()
+        self.engine.advance(SECOND)
+        self._now = SECOND
+
+    def _next(self) -> int:
+        self._now += SECOND
+        return self._now
+
+    def send(self, value: float) -> Judgement:
+        return self.engine.judge(serialize(FLOAT, {'data': value}), self._next())
+
+    def replace(self, value: float) -> bool:
+        return self.engine.replace(serialize(FLOAT, {'data': value})) is not None
+
+    def sense(self, value: float) -> None:
+        self.engine.message(self.other, serialize(FLOAT, {'data': value}), self._next())
+
+    def state(self, requirement: int = 0) -> tuple[State, int]:
+        """Return the state of a requirement, and how often a violation of it has begun."""
+        _, found = self.engine.states(0, 0.0)
+        is_violated = self.engine.requirement_counts(requirement).is_violated
+        assert is_violated == (found[requirement].state is VIOLATED)
+        return found[requirement].state, found[requirement].occurrences
+
+
 def test_a_message_that_a_gate_withholds_is_a_violation_until_one_passes(tmp_path: Path) -> None:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(GATED, encoding='utf-8')
-    monitor = start(path, part=NodePart('drive')).monitor
-    evaluator = Evaluator(monitor, reports_recoveries=True)
-    engine = Engine(evaluator)
-    assert monitor.manifest.gate is not None
-    engine.guard(MessageGate(evaluator, monitor.manifest.gate))
-    engine.follow_states()
-    engine.advance(SECOND)
+    gated = Gated(tmp_path, GATED)
     found = []
-    for number, value in enumerate((2.0, 0.0, 2.0, 3.0, 0.5)):
-        engine.judge(serialize(FLOAT, {'data': value}), 2 * SECOND + number)
-        _, (item,) = engine.states(0, 0.0)
-        found.append((item.state, item.occurrences))
+    for value in (2.0, 0.0, 2.0, 3.0, 0.5):
+        gated.send(value)
+        found.append(gated.state())
     assert found == [(VIOLATED, 1), (HOLDS, 1), (VIOLATED, 2), (VIOLATED, 2), (HOLDS, 2)]
+
+
+def test_a_requirement_is_unknown_while_all_that_was_judged_is_withheld(tmp_path: Path) -> None:
+    both = GATED.replace('gates:', '  - {id: Z, ptltl: "x < 3.0"}\ngates:')
+    gated = Gated(tmp_path, both.replace('[X]', '[X, Z]'))
+    assert gated.send(2.0) is Judgement.VIOLATES
+    assert (gated.state(0), gated.state(1)) == ((VIOLATED, 1), (UNKNOWN, 0))
+    assert gated.send(0.0) is Judgement.PASSED
+    assert (gated.state(0), gated.state(1)) == ((HOLDS, 1), (HOLDS, 0))
+
+
+NEAR = GATED.replace('H (x < 1.0)', 'H (x < y)').replace(
+    'requirements:', """report: REPORT
+requirements:""").replace(
+    'evaluation:', '  y: {topic: y, type: std_msgs/msg/Float32}\nevaluation:').replace(
+    'keep: [X]', 'keep: [X], otherwise: {substitute: {data: 0.1}, rate: 10}')
+
+
+@pytest.mark.parametrize('policy', ['relevant_message', 'timed'])
+def test_a_violation_is_one_from_its_step_through_substitutes_until_a_message_passes(
+        tmp_path: Path, policy: str) -> None:
+    gated = Gated(tmp_path, NEAR.replace('REPORT', 'occurrence').replace(
+        'relevant_message', policy))
+    gated.sense(9.0)
+    assert gated.send(1.0) is Judgement.PASSED
+    assert gated.state() == (HOLDS, 0)
+    gated.sense(0.2)  # an obstacle
+    for _ in range(3):
+        assert gated.state() == (VIOLATED, 1)
+        assert gated.replace(0.1)  # after which the requirement holds
+        assert gated.state() == (VIOLATED, 1)
+        assert gated.send(1.0) is Judgement.VIOLATES
+        assert gated.state() == (VIOLATED, 1)
+    gated.sense(0.05)  # so near that the substitute violates, too
+    gated.sense(9.0)  # the obstacle is away
+    assert gated.state() == (VIOLATED, 1)
+    assert gated.send(1.0) is Judgement.PASSED
+    assert gated.state() == (HOLDS, 1)
+    gated.sense(0.2)
+    assert gated.state() == (VIOLATED, 2)
+    gated.sense(9.0)  # nothing was replaced or withheld meanwhile
+    assert gated.state() == (HOLDS, 2)
+    recoveries = [item for item in gated.engine.take(0) if item.is_recovery]
+    assert recoveries == []  # the handler has violations only
