@@ -137,13 +137,14 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """
     Set ROS_DOMAIN_ID to a number that no other test on this machine uses, and return it.
 
-    Each user locks a file, and the lock ends with the process in any case. A number is not used
-    again soon, since messages may still be under way.
+    Each user locks a file, and the lock ends with the process in any case. The file is in /tmp
+    whatever TMPDIR is: runs with different ones would share a domain, and receive each other's
+    messages. A number is not used again soon, since messages may still be under way.
     """
     global _turns
     _turns += 1
     begin = (_turns + 31 * int(os.environ.get(_WORKER, 'gw0').removeprefix('gw'))) % len(_DOMAINS)
-    folder = Path(tempfile.gettempdir()) / f'fret_monitor-domains-{os.getuid()}'
+    folder = Path('/tmp') / f'fret_monitor-domains-{os.getuid()}'
     folder.mkdir(exist_ok=True)
     for number in (*_DOMAINS[begin:], *_DOMAINS[:begin]):
         with (folder / str(number)).open('w') as file:
