@@ -12,16 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishes the rows of a trace as messages, for tests of nodes."""
+"""
+Publishes the rows of a trace as messages, for tests of nodes.
+
+With `/clock` it also decides how much time passes for the monitor (`testgen/played.py`).
+"""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-import math
 from threading import Thread
 from time import monotonic, sleep
 from types import TracebackType
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, SECONDS
+from fret_monitor.model.playing import repeat_interval, stamp_of
 from fret_monitor.model.policies import Policy
 from fret_monitor.ros.fields import message_class
 import rclpy
@@ -72,14 +76,19 @@ class Player:
             if self.has_clock else None
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._repeated = 0  # ns: on all topics in `repeats` there was a message since then
+        self._repeats = [topic for topic, places in self._topics.items() if any(
+            manifest.inputs[place].timeout is not None for place in places)]
+        self._interval = repeat_interval(item.timeout for item in manifest.inputs)
         self._is_closing = False
         self._thread = Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     @property
     def has_clock(self) -> bool:
-        """Whether the time is simulated."""
-        return self._manifest.policy in (Policy.TIMED, Policy.PERIODIC)
+        """Whether the time is simulated: where a trace has times, or an input a timeout."""
+        return self._manifest.policy in (Policy.TIMED, Policy.PERIODIC) or any(
+            item.timeout is not None for item in self._manifest.inputs)
 
     def __enter__(self) -> 'Player':
         return self
@@ -117,6 +126,8 @@ class Player:
             missing = [f'{listener} does not subscribe to {topic}'
                        for topic, publisher in self._publishers.items()
                        if publisher.get_subscription_count() < listeners]
+            if self._clock is not None and not self._clock.get_subscription_count():
+                missing.append('the monitor does not subscribe to /clock')
             missing += [f'nobody publishes {topic}' for topic in sorted(others)
                         if not self.node.count_publishers(topic)]
             if not missing:
@@ -139,15 +150,24 @@ class Player:
         before: Sequence[Any] | None = None
         for number, row in enumerate(rows):
             if is_timed:
-                self._set_clock(times[number] - times[0])
+                self._pass_time(times[number] - times[0], before)
             self._publish(row, before if is_timed else None)
             before = row
             sleep(self._pause)
             if not is_timed and step:
-                self._set_clock((number + 1) * step)
+                self._pass_time((number + 1) * step, before)
         if is_timed:
-            self._set_clock(end - times[0])
+            self._pass_time(end - times[0], before)
         sleep(_END_S)
+
+    def _pass_time(self, until: int, row: Sequence[Any] | None) -> None:
+        """Let the time go on; publish inputs with a timeout again before they are silent."""
+        while self._interval is not None and row is not None \
+                and until - self._repeated > self._interval:
+            self._repeated += self._interval
+            self._set_clock(self._repeated)
+            self._publish_topics(self._repeats, row)
+        self._set_clock(until)
 
     def _set_clock(self, nanoseconds: int) -> None:
         if self._clock is None:
@@ -159,10 +179,12 @@ class Player:
         sleep(_SETTLE_S)
 
     def _publish(self, row: Sequence[Any], before: Sequence[Any] | None) -> None:
-        for topic, places in self._topics.items():
-            if before is not None and all(repr(row[place]) == repr(before[place])
-                                          for place in places):
-                continue
+        self._publish_topics([
+            topic for topic, places in self._topics.items() if before is None or any(
+                repr(row[place]) != repr(before[place]) for place in places)], row)
+
+    def _publish_topics(self, topics: Sequence[str], row: Sequence[Any]) -> None:
+        for topic in topics:
             self._publishers[topic].publish(self._message(topic, row))
             sleep(_BETWEEN_S)
         if self._clock is not None:
@@ -191,9 +213,19 @@ def _set(message: Any, item: ManifestInput, value: Any) -> None:
     holder = message
     for step in way:
         holder = getattr(holder, step)
+    old = getattr(holder, last)
     if item.reduction == SECONDS:
-        fraction, whole = math.modf(float(value))
-        stamp = getattr(holder, last)
-        stamp.sec, stamp.nanosec = int(whole), int(fraction * 1e9)
+        stamp = stamp_of(float(value))
+        if stamp is None:
+            raise ValueError(f"no stamp is {value} seconds, for '{item.name}'")
+        old.sec, old.nanosec = stamp
+    elif item.reduction == 'norm' and hasattr(old, 'get_fields_and_field_types'):
+        first, *others = old.get_fields_and_field_types()
+        setattr(old, first, value)
+        for name in others:
+            setattr(old, name, 0.0)
+    elif item.reduction:
+        rest = 0.0 if item.reduction == 'norm' else value
+        setattr(holder, last, [value, *[rest] * (len(old) - 1)])
     else:
-        setattr(holder, last, [value] if item.reduction else value)
+        setattr(holder, last, value)

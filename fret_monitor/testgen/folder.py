@@ -238,7 +238,7 @@ TRACES = json.loads((HERE / 'tests.json').read_text())['traces']
 def test_trace(trace):
     announced = [] if NODE else trace['announced']
     if announced is None:
-        pytest.skip('what is announced depends on nanoseconds')
+        pytest.skip('it cannot be played: see docs/tests.md')
     play_trace(BUNDLE, HERE / trace['trace'], announced, node=NODE or None, constants=CONSTANTS)
 '''
 

@@ -18,46 +18,113 @@ What a monitor announces when a trace is played to it over ROS topics.
 A row becomes a message on each topic, in the bundle's order. So it may be several steps, and under
 `timed` the messages after the first take effect a nanosecond later each. A message at the instant
 of a deadline may take effect before or after it: what depends on that is not known.
+
+The time of the monitor stands still between rows, and under `timed` and `periodic` goes on as the
+trace says. Inputs with a `timeout` are published again meanwhile, so that none becomes silent;
+under these policies an equal value changes nothing.
 """
 
 from collections.abc import Iterator, Sequence
+import math
 
 from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import FieldType
 from fret_monitor.model.manifest import SECONDS
+from fret_monitor.model.playing import repeat_interval, stamp_of
 from fret_monitor.model.policies import InputSource, Policy
+from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.testgen.recorded import history, merged, Recorded
 from fret_monitor.traces.trace import Row
 
-_SETTABLE = frozenset({'', SECONDS, 'min', 'max'})
+_SETTABLE = frozenset({'', SECONDS, 'min', 'max', 'norm'})
+_MOST_REPEATS = 100  # of a message with a timeout during a trace: each takes a tenth of a second
 
 
 def obstacle(specification: Specification) -> str:
     """Return why the inputs of a bundle cannot be published one by one; '' if they can."""
-    arrays: dict[tuple[str | None, object], str] = {}
+    known: list[Signal] = []
     for signal in specification.signals:
         if signal.topic is None:
             return f"'{signal.name}' has no topic"
         if signal.source is not InputSource.FIELD or signal.reduction not in _SETTABLE or not all(
-                isinstance(step, str) for step in signal.path):
+                isinstance(step, str) for step in signal.path) or (
+                signal.reduction == 'norm' and not _is_of_doubles(signal)):
             return f"'{signal.name}' is no field of its message"
-        other = arrays.setdefault((signal.topic, signal.path), signal.name)
-        if other != signal.name:
-            return f"'{signal.name}' and '{other}' are read from one field"
-        if signal.timeout is not None and specification.policy in (
-                Policy.TIMED, Policy.PERIODIC):
-            return f"'{signal.name}' has a timeout"
-    return '' if specification.signals else 'it has no inputs'
+        for other in known:
+            if _is_shared(signal, other):
+                return f"'{other.name}' and '{signal.name}' are read from one field"
+        known.append(signal)
+    return '' if known else 'it has no inputs'
+
+
+def _is_shared(one: Signal, other: Signal) -> bool:
+    """Whether one of two inputs is read from the field of the other, or a part of it."""
+    length = min(len(one.path), len(other.path))
+    return one.topic == other.topic and one.path[:length] == other.path[:length]
+
+
+def _is_of_doubles(signal: Signal) -> bool:
+    """Whether a norm is that of float64 numbers, so that it can have any value."""
+    kind = _type_at(signal)
+    if kind is None or not kind.is_message:
+        return kind is not None and kind.base == 'float64'
+    assert signal.layout is not None
+    return all(item.type.base == 'float64' for item in nested_layout(signal.layout, kind).fields)
+
+
+def _type_at(signal: Signal) -> FieldType | None:
+    """Return the type of the field that a path leads to."""
+    layout, kind = signal.layout, None
+    for name in signal.path:
+        if layout is None or not isinstance(name, str):
+            return None
+        found = layout.find_field(name)
+        if found is None:
+            return None
+        kind = found.type
+        layout = nested_layout(layout, kind) if kind.is_message else None
+    return kind
 
 
 def announced(specification: Specification, trace: Recorded) -> list[str] | None:
     """
     Return the ids of the requirements that are violated when a trace is played.
 
-    None if it depends on nanoseconds, which a message needs to arrive.
+    None if it depends on nanoseconds, which a message needs to arrive, or if the trace cannot be
+    played: no message gives an input one of the values, or messages with a timeout would have to
+    be published again too often.
     """
+    if not _is_playable(specification, trace):
+        return None
     found = [[item.id for item in specification.properties
               if _is_violated(item, specification, late)] for late in _late(specification, trace)]
     return found[0] if all(each == found[0] for each in found) else None
+
+
+def _is_playable(specification: Specification, trace: Recorded) -> bool:
+    return all(_has_message(signal, value) for row in trace.rows
+               for signal, value in zip(specification.signals, row, strict=True)) \
+        and _repeats(specification, trace) <= _MOST_REPEATS
+
+
+def _has_message(signal: Signal, value: object) -> bool:
+    """Whether there is a message from which an input gets a value."""
+    if signal.reduction == SECONDS:
+        return stamp_of(float(value)) is not None  # type: ignore[arg-type]
+    if signal.reduction == 'norm' and isinstance(value, float):
+        return math.isnan(value) or math.sqrt(value * value) == value
+    return True
+
+
+def _repeats(specification: Specification, trace: Recorded) -> int:
+    """Return how often messages with a timeout are published again during a trace."""
+    interval = repeat_interval(signal.timeout for signal in specification.signals)
+    if interval is None or specification.policy not in (Policy.TIMED, Policy.PERIODIC):
+        return 0
+    tick = int((specification.period or 0) * NANOSECONDS['s']) \
+        if specification.policy is Policy.PERIODIC else 1
+    return (trace.end - trace.ticks[0]) * tick // interval
 
 
 def _late(specification: Specification, trace: Recorded) -> Iterator[Recorded]:

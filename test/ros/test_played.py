@@ -39,6 +39,17 @@ inputs:
 requirements:
   - {id: STOP, fretish: "upon stop robot shall within 500 milliseconds satisfy speed < 0.1"}
 """
+WATCHED = """\
+format: 1
+component: robot
+evaluation: {evaluation}
+inputs:
+  stop: {{topic: stop, type: std_msgs/msg/Bool, timeout: 0.2, startup: 0.3, stale: violate}}
+  speed: {{topic: cmd_vel, type: geometry_msgs/msg/Twist, field: norm(linear), timeout: 0.2,
+          stale: violate}}
+requirements:
+  - {{id: STOP, fretish: "upon stop robot shall within {bound} satisfy speed < 0.1"}}
+"""
 
 
 def test_a_node_is_fed_and_its_violation_found(folder: Path, domain: int) -> None:
@@ -66,3 +77,20 @@ def test_the_monitor_announces_what_the_tests_expect(tmp_path: Path, domain: int
     play_trace(bundle, tmp_path / 'tests' / trace['trace'], trace['announced'])
     with pytest.raises(AssertionError, match='violated: STOP\nexpected: nothing'):
         play_trace(bundle, tmp_path / 'tests' / trace['trace'])
+
+
+@pytest.mark.parametrize(('evaluation', 'bound', 'times'), [
+    ('{policy: relevant_message}', '9 ticks', ('', '', '', '')),
+    ('{policy: periodic, rate: 2}', '2 seconds', ('', '', '', '')),
+    ('{policy: timed}', '2 seconds', ('0,', '0.1,', '0.25,', '1.5,')),
+])
+def test_inputs_with_a_timeout_are_silent_in_no_trace(
+    evaluation: str, bound: str, times: tuple[str, ...], tmp_path: Path, domain: int,
+) -> None:
+    bundle = tmp_path / 'stop.yaml'
+    bundle.write_text(WATCHED.format(evaluation=evaluation, bound=bound))
+    head = 'time,stop,speed' if times[0] else 'stop,speed'
+    rows = ['0,2.5', '1,2.5', '1,0.0625', '1,3.0']
+    trace = tmp_path / 'trace.csv'
+    trace.write_text('\n'.join([head, *(time + row for time, row in zip(times, rows))]) + '\n')
+    play_trace(bundle, trace)
