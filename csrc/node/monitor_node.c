@@ -45,6 +45,9 @@ static bool configure(void * context)
     fm_parameter_is_true(&monitor->parameters, "log_violations"), monitor->parameters.fixed};
   monitor->parameters.is_configured = fm_session_configure(
     &monitor->session, monitor->table, &monitor->node, &monitor->clock, &settings);
+  if (monitor->parameters.is_configured && monitor->table->judged_by_gates[0] != '\0') {
+    fm_log(&monitor->node, FM_WARN, "%s", monitor->table->judged_by_gates);
+  }
   return monitor->parameters.is_configured;
 }
 

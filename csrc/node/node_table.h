@@ -105,6 +105,7 @@ struct fm_node_table
   const char * component;
   const char * node_name;  // unless it is remapped
   const char * summary;    // of the log: requirements, inputs, topics, policy, bytes of state
+  const char * judged_by_gates;  // of the log: requirements that are left to gates; may be ""
   const struct fm_monitor * (* monitor)(void);
   const struct fm_readers * (* readers)(void);  // NULL: no topics
   const struct fm_topic * topic_inputs;         // a topic

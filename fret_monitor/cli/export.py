@@ -77,7 +77,8 @@ def run(options: Namespace) -> int:
     if name is not None and not is_name(name):
         options.refuse(f"'{name}' cannot begin names in C: "
                        'use a letter, then at most 99 letters, digits and _')
-    reading = read(existing_bundle(options.bundle), constants=dict(options.constants))
+    reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
+                   part=TARGETS[options.target].part)
     generated = generate_monitor(renamed(reading, name) if name is not None else reading)
     print_diagnostics(generated.warnings)
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))

@@ -82,7 +82,7 @@ def _ungated(specification: Specification) -> Specification:
         names = ', '.join(gate.name for gate in specification.gates)
         refuse(f"gates keep all requirements of '{specification.name}' ({names})",
                help='the node gate judges them: ros2 run fret_monitor gate; '
-                    'to compile one: --gate NAME')
+                    'to compile one: fret-monitor compile --gate NAME')
     return _with(replace(specification, kept=kept), properties)
 
 

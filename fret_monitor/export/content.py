@@ -25,6 +25,7 @@ from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.inputs import meaning
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems, refuse, Source, Span
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
+from fret_monitor.model.parts import judged_by_gates
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import csrc_directory
 
@@ -156,6 +157,8 @@ def unacted(generated: GeneratedMonitor) -> tuple[Diagnostic, ...]:
     for gate in generated.specification.gates:
         problems.warning(f"the gate '{gate.name}' is not part of an export", gate.place,
                          'no message passes through it')
+    if text := judged_by_gates(generated.manifest.kept, f'spec:={generated.sources[0]}'):
+        problems.warning(text)
     return problems.warnings
 
 

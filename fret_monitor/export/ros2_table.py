@@ -27,6 +27,7 @@ from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
 from fret_monitor.model.names import HANDLER_TOPIC
+from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.paths import path_text
 from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 
@@ -153,6 +154,7 @@ def _table(manifest: Manifest, node_name: str) -> Iterator[str]:
         'component': _text(manifest.component),
         'node_name': _text(node_name),
         'summary': _text(_summary(manifest)),
+        'judged_by_gates': _text(judged_by_gates(manifest.kept, FOLDER_OF_EACH)),
         'monitor': manifest.symbol,
         'readers': manifest.readers or 'NULL',
         **{name: name for name in ('topic_inputs', 'topics', 'inputs', 'requirements',

@@ -24,6 +24,7 @@ from fret_monitor.export.content import Content, Options
 from fret_monitor.export.copilot import copilot
 from fret_monitor.export.fprime import fprime
 from fret_monitor.export.ros2 import ros2
+from fret_monitor.model.parts import NodePart, UNGATED
 
 
 @dataclass(frozen=True)
@@ -31,11 +32,13 @@ class Target:
     """
     A target: a line for `--help`, and the function that makes its files.
 
-    The function raises a `CompileError` with places for a bundle that the target cannot do.
+    The function raises a `CompileError` with places for a bundle that the target cannot do. `part`
+    is what the target takes of a bundle; None: all requirements.
     """
 
     summary: str
     content: Callable[[GeneratedMonitor, Options], Content]
+    part: NodePart | None = None
 
 
 TARGETS = {
@@ -45,5 +48,6 @@ TARGETS = {
                       copilot),
     'fprime': Target('a component of F Prime: an event and a channel for each requirement',
                      fprime),
-    'ros2': Target('a package for colcon, with one node in C on rcl', ros2),
+    'ros2': Target('a package for colcon, with one node in C on rcl', ros2,
+                   UNGATED),
 }

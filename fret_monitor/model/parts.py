@@ -14,6 +14,7 @@
 
 """The parts of a bundle with gates, each of which is compiled as a monitor of its own."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -25,3 +26,17 @@ class NodePart:
 
 
 UNGATED = NodePart(None)
+
+FOLDER_OF_EACH = 'library:=FOLDER, of each gate'
+"""Where gates come from if what was compiled does not name its bundle."""
+
+
+def judged_by_gates(kept: Sequence[tuple[str, Sequence[str]]], origin: str) -> str:
+    """
+    Return what the log says of the requirements that gates keep; an empty text if none does.
+
+    `kept` are the gates and the ids; `origin` is the parameter that names the bundle or folder.
+    """
+    gates = '; '.join(f"the gate '{name}' judges {', '.join(ids)}" for name, ids in kept)
+    return (f'not monitored here: {gates}. '
+            f'Run it: ros2 run fret_monitor gate --ros-args -p {origin}') if kept else ''

@@ -30,7 +30,7 @@ from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import exact, fret_name
-from fret_monitor.model.parts import NodePart, UNGATED
+from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates, NodePart, UNGATED
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
@@ -267,11 +267,8 @@ def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
 
 def _kept_elsewhere(manifest: Manifest, origin: str) -> Iterator[str]:
     """Yield a warning if gates judge requirements of the bundle."""
-    if manifest.kept:
-        gates = '; '.join(f"the gate '{name}' judges {', '.join(ids)}"
-                          for name, ids in manifest.kept)
-        yield (f'not monitored here: {gates}. '
-               f'Run it: ros2 run fret_monitor gate --ros-args -p {origin}')
+    if text := judged_by_gates(manifest.kept, origin):
+        yield text
 
 
 def _open_library(settings: Settings, origin: Origin, directory: Path, part: NodePart) -> Opened:
@@ -288,7 +285,7 @@ def _open_library(settings: Settings, origin: Origin, directory: Path, part: Nod
     load_evaluator(private.evaluator, origin=folder.evaluator)  # refuses another version
     return Opened(monitor, private.evaluator, policy, folder.manifest.period,
                   f'compiled before, in {directory}',
-                  tuple(_kept_elsewhere(folder.manifest, 'library:=FOLDER, of each gate')))
+                  tuple(_kept_elsewhere(folder.manifest, FOLDER_OF_EACH)))
 
 
 def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest) -> None:

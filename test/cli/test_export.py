@@ -113,3 +113,29 @@ requirements:
     assert done.status == 0
     assert "acts.yaml:9:10: warning: no action follows 'R' in an export" in done.err
     assert "acts.yaml:7:3: warning: the gate 'cmd' is not part of an export" in done.err
+
+
+def test_an_exported_node_leaves_the_requirements_of_gates_to_the_node_gate(here: Here) -> None:
+    text = """\
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+gates:
+  cmd: {from: cmd_in, to: cmd_out, type: std_msgs/msg/Float32, keep: [KEPT, TOO]}
+requirements:
+  - {id: KEPT, ptltl: "x < 1.0"}
+  - {id: TOO, ptltl: "x < 2.0"}
+"""
+    more = '  - {id: OWN, ptltl: "x < 3.0"}\n'
+    bundle, out = here.file('gated.yaml', text + more), here.folder / 'out'
+    done = here.run('export', bundle, '--to', 'ros2', '--output', out, '--no-proof')
+    assert done.status == 0 and '1 requirement' in done.out
+    assert f"warning: not monitored here: the gate 'cmd' judges KEPT, TOO. Run it: ros2 run " \
+           f'fret_monitor gate --ros-args -p spec:={bundle}\n' in done.err
+    assert 'not part of an export' not in done.err
+    table = (out / 'src' / 'node_table.c').read_text(encoding='utf-8')
+    assert "not monitored here: the gate 'cmd' judges KEPT, TOO. Run it:" in table
+    assert 'handlerpropOWN' in table and 'handlerpropKEPT' not in table
+    all_kept = here.file('all.yaml', text)
+    done = here.run('export', all_kept, '--to', 'ros2', '--output', here.folder / 'none')
+    assert done.status == 1 and "gates keep all requirements of 'all' (cmd)" in done.err

@@ -39,6 +39,7 @@ from fret_monitor.export.content import Options
 from fret_monitor.export.folder import assemble
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import node_table, packages_of
+from fret_monitor.model.parts import UNGATED
 from fret_monitor.native import csrc_directory
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler
@@ -114,7 +115,7 @@ def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
 
 def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS) -> Path:
     """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
-    return exported_node(build.generate_monitor(build.read(bundle)), flags)
+    return exported_node(build.generate_monitor(build.read(bundle, part=UNGATED)), flags)
 
 
 def exported_parts(bundle: Path, name: str, wrapped: Sequence[str]) -> Path:
@@ -161,7 +162,7 @@ def has_ament_cmake() -> bool:
 
 def cmake_build(bundle: Path, folder: Path) -> Path:
     """Export a bundle, build the package with CMake, install it, and return its program."""
-    generated = build.generate_monitor(build.read(bundle))
+    generated = build.generate_monitor(build.read(bundle, part=UNGATED))
     files = assemble('ros2', generated, Options(), ros2(generated, Options()))
     for name, text in files.items():
         (folder / 'package' / name).parent.mkdir(parents=True, exist_ok=True)
