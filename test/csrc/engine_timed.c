@@ -598,6 +598,43 @@ static void when_the_clock_goes_back_no_deadline_is_taken_that_never_came(void)
   destroy(engine);
 }
 
+static void when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first(void)
+{
+  struct clock clock = {10000, false};
+  struct fm_engine * engine = make(50);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 9950, 1);
+  deliver(engine, TOPIC_X, true, 9960, 1);  // asked for an answer until 10060
+  clock.now = 10020;
+  take(engine, 0);
+  clock.now = 10150;
+  deliver(engine, TOPIC_Y, true, 20000, 1);  // the time is 10100, and nothing was taken since
+  clock.now = 500;
+  take(engine, 0);
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 10060, 100));
+  destroy(engine);
+}
+
+static void messages_that_wait_take_effect_before_another_clock_is_followed(void)
+{
+  struct clock clock = {10000, false};
+  struct clock other = {500, false};
+  struct fm_engine * engine = make(50);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 9940, 1);
+  deliver(engine, TOPIC_X, true, 9980, 1);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  fm_engine_follow_clock(engine, read_clock, &other, false);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
+  other.now = 20000;  // the stamp of the other clock has come, and means nothing
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));
+  destroy(engine);
+}
+
 static void a_message_without_a_stamp_cannot_be_decoded(void)
 {
   struct fm_engine * engine = make(50);
@@ -645,6 +682,8 @@ int main(void)
   when_too_many_wait_the_oldest_takes_effect();
   when_the_clock_of_stamps_goes_back_what_waits_takes_effect();
   when_the_clock_goes_back_no_deadline_is_taken_that_never_came();
+  when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first();
+  messages_that_wait_take_effect_before_another_clock_is_followed();
   a_message_without_a_stamp_cannot_be_decoded();
   a_wait_ends_when_a_message_takes_effect();
   return failures == 0 ? 0 : 1;
