@@ -55,46 +55,88 @@ static void withdraw(struct fm_session * session, rcl_publisher_t * publisher)
   }
 }
 
-// The topics that are read, then those of the handlers, then that of the details.
-static const char * topic_of(const struct fm_node_table * table, uint32_t k)
+enum kind { MONITORED, ANNOUNCED, OWN };  // topics of inputs; of violations; others of the node
+
+struct used
 {
+  const char * name;
+  const char * type;
+  enum kind kind;
+  char * full;  // after remapping
+};
+
+static const struct used own[] = {
+  {"/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", OWN, NULL},
+  {"~/alive", "std_msgs/msg/Header", OWN, NULL},
+  {"~/transition_event", "lifecycle_msgs/msg/TransitionEvent", OWN, NULL},
+  {"/parameter_events", "rcl_interfaces/msg/ParameterEvent", OWN, NULL},
+  {"/rosout", "rcl_interfaces/msg/Log", OWN, NULL},
+  {"/clock", "rosgraph_msgs/msg/Clock", OWN, NULL}};
+enum { N_OWN = sizeof(own) / sizeof(own[0]) };
+
+static struct used topic_of(const struct fm_node_table * table, uint32_t k)
+{
+  const uint32_t n = table->monitor()->n_requirements;
   if (k < table->n_topics) {
-    return table->topics[k].name;
+    return (struct used) {table->topics[k].name, table->topics[k].type, MONITORED, NULL};
   }
-  const uint32_t requirement = k - table->n_topics;
-  return requirement < table->monitor()->n_requirements ?
-         table->requirements[requirement].handler : FM_DETAILS_TOPIC;
+  k -= table->n_topics;
+  if (k < n) {
+    return (struct used) {
+      table->requirements[k].handler, "std_msgs/msg/Empty", ANNOUNCED, NULL};
+  }
+  return k > n ? own[k - n - 1u] : (struct used) {
+    FM_DETAILS_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", ANNOUNCED, NULL};
 }
 
-// Refuse remappings of two topics to one: each message would cause two steps, or have two meanings
-// for those who receive it.
+// Inputs may be read from a topic of the node itself, with its type.
+static bool is_conflict(const struct used * one, const struct used * other)
+{
+  const bool is_shared = (one->kind == OWN || other->kind == OWN) &&
+    one->kind != ANNOUNCED && other->kind != ANNOUNCED;
+  return strcmp(one->type, other->type) != 0 ||
+         (strcmp(one->name, other->name) != 0 && !is_shared);
+}
+
+// Refuse a topic that is one with an earlier one.
+static bool refuse_used(
+  const struct fm_session * session, const struct used * used, const struct used * topic)
+{
+  for (const struct used * other = used; other < topic; ++other) {
+    if (strcmp(topic->full, other->full) == 0 && is_conflict(other, topic)) {
+      fm_log(session->node, FM_ERROR, "'%s' and %s'%s' are both remapped to %s; %s", other->name,
+        topic->kind == OWN ? "the node's own " : "", topic->name, topic->full,
+        topic->kind == MONITORED ?
+        "if they are one topic, give the inputs that they feed one `topic:` in the bundle" :
+        "what the node announces needs a topic of its own");
+      return true;
+    }
+  }
+  return false;
+}
+
+// Refuse two topics that are one after remapping: each message would cause two steps, or have two
+// meanings for those who receive it.
 static bool refuse_merged(const struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  const uint32_t n = table->n_topics + table->monitor()->n_requirements + 1u;
-  char ** names = calloc(n, sizeof(*names));
-  bool is_good = names != NULL;
+  const uint32_t n = table->n_topics + table->monitor()->n_requirements + 1u + N_OWN;
+  struct used * used = calloc(n, sizeof(*used));
+  bool is_good = used != NULL;
   for (uint32_t k = 0; is_good && k < n; ++k) {
-    names[k] = fm_resolved_name(session->node, topic_of(table, k));
-    if (names[k] == NULL) {
+    used[k] = topic_of(table, k);
+    used[k].full = fm_resolved_name(session->node, used[k].name);
+    if (used[k].full == NULL) {
       fm_log_failure(session->node, "cannot subscribe or advertise");
       is_good = false;
-    }
-    for (uint32_t other = 0; is_good && other < k; ++other) {
-      const char * one = topic_of(table, other);
-      if (strcmp(names[k], names[other]) == 0 && strcmp(topic_of(table, k), one) != 0) {
-        fm_log(session->node, FM_ERROR, "'%s' and '%s' are both remapped to %s; %s", one,
-          topic_of(table, k), names[k], k < table->n_topics ?
-          "if they are one topic, give the inputs that they feed one `topic:` in the bundle" :
-          "what the node announces needs a topic of its own");
-        is_good = false;
-      }
+    } else {
+      is_good = !refuse_used(session, used, &used[k]);
     }
   }
-  for (uint32_t k = 0; names != NULL && k < n; ++k) {
-    free(names[k]);
+  for (uint32_t k = 0; used != NULL && k < n; ++k) {
+    free(used[k].full);
   }
-  free(names);
+  free(used);
   return is_good;
 }
 

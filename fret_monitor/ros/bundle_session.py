@@ -43,6 +43,7 @@ from fret_monitor.ros.node_time import NodeTime, PATIENCE_S, TimeLog
 from fret_monitor.ros.overrides import Overrides
 from fret_monitor.ros.parameters import BlackBoxSettings, Refusal
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH
+from fret_monitor.ros.shared_names import refuse_merged_topics
 from fret_monitor.ros.silences import SilenceLog
 from fret_monitor.ros.violation_lines import ViolationLines
 from fret_monitor.ros.violation_log import ViolationLog
@@ -103,7 +104,7 @@ class BundleSession:
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
-                self._refuse_merged_topics()
+                refuse_merged_topics(self._node, self.manifest)
                 self._read_overrides()
                 self._advertise(handler_depth)
             except InvalidTopicNameException as error:  # from the namespace or a remapping
@@ -427,23 +428,6 @@ class BundleSession:
         self._overrides.refuse_publishers([
             self._node.resolve_topic_name(name) for name in (
                 DETAILS_TOPIC, *map(handler_topic, self.manifest.requirements))])
-
-    def _refuse_merged_topics(self) -> None:
-        """
-        Refuse remappings of two topics to one.
-
-        Each message would cause two steps, or have two meanings for those who receive it.
-        """
-        read = [topic.name for topic in self.manifest.topics]
-        names: dict[str, str] = {}
-        for name in (*read, *map(handler_topic, self.manifest.requirements), DETAILS_TOPIC):
-            full = self._node.resolve_topic_name(name)
-            other = names.setdefault(full, name)
-            if other != name:
-                advice = ('if they are one topic, give the inputs that they feed one `topic:` in '
-                          'the bundle' if name in read else
-                          'what the node announces needs a topic of its own')
-                raise Refusal(f"'{other}' and '{name}' are both remapped to {full}; {advice}")
 
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:

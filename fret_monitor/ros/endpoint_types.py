@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.names import DIAGNOSTICS_TOPIC
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.parameters import Refusal
 
@@ -25,30 +26,45 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 
+OWN_TOPICS = {
+    DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
+    '~/alive': 'std_msgs/msg/Header',
+    '~/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
+    '/parameter_events': 'rcl_interfaces/msg/ParameterEvent',
+    '/rosout': 'rcl_interfaces/msg/Log',
+    '/clock': 'rosgraph_msgs/msg/Clock',
+}
+"""The topics of a node itself, with their types, besides those of violations."""
+
+_NODE = -1  # in place of the number of a bundle
+
+
 def refuse_two_types(node: Node, manifests: Sequence[Manifest], names: Sequence[str]) -> None:
     """
     Refuse two types for one topic or service, after remapping.
 
-    `names` are those of the bundles or gates, for the text. Of two inputs of one bundle nothing is
-    said: they cannot be remapped to one topic.
+    `names` are those of the bundles or gates, for the text. Of two inputs of one bundle, and of an
+    input and the node itself, nothing is said: see `shared_names.refuse_merged_topics`.
 
     Raises
     ------
     Refusal
         with all problems.
     """
-    first: dict[tuple[str, str], tuple[str, int]] = {}
+    first = {('topic', node.resolve_topic_name(name)): (interface, _NODE)
+             for name, interface in OWN_TOPICS.items()}
     problems = []
     for number, manifest in enumerate(manifests):
         kind = 'bundle' if manifest.gate is None else 'gate'
         for what, name, interface, is_input in _uses(node, manifest):
             other, owner = first.setdefault((what, name), (interface, number))
-            if other == interface or (is_input and owner == number):
+            if other == interface or (is_input and owner in (number, _NODE)):
                 continue
-            types = f'has the types {other} and {interface}' if owner == number else (
+            is_one = owner in (number, _NODE)
+            types = f'has the types {other} and {interface}' if is_one else (
                 f"has the type {other} in the {kind} '{names[owner]}' and {interface} in "
                 f"'{names[number]}'")
-            remedy = 'write different names' if owner == number else (
+            remedy = 'write different names' if is_one else (
                 f'start a {"monitor" if kind == "bundle" else "node"} for each {kind}')
             problems.append(f'the {what} {name} {types}: a process can use a {what} with one type '
                             f'only; correct the type, or {remedy}')

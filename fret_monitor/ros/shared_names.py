@@ -22,10 +22,64 @@ from fret_monitor.model.manifest import Manifest, ManifestGate
 from fret_monitor.model.names import DIAGNOSTICS_TOPIC
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.details import DETAILS_TOPIC
+from fret_monitor.ros.endpoint_types import OWN_TOPICS
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.parameters import Refusal
 
 from rclpy.node import Node
+
+
+_NODE = 'the node itself'
+_MONITORED, _ANNOUNCED, _OWN = range(3)  # topics of inputs; of violations; others of the node
+
+
+def refuse_merged_topics(node: Node, manifest: Manifest) -> None:
+    """
+    Refuse two topics of a bundle that are one after remapping, or one that the node itself uses.
+
+    Each message would cause two steps, or have two meanings for those who receive it. Inputs may
+    be read from a topic of the node itself, with its type.
+
+    Raises
+    ------
+    Refusal
+        with the first problem.
+    """
+    first: dict[str, _Topic] = {}
+    for topic in _topics(manifest):
+        full = node.resolve_topic_name(topic.name)
+        other = first.setdefault(full, topic)
+        if not _is_conflict(other, topic):
+            continue
+        own = "the node's own " if topic.kind == _OWN else ''
+        advice = ('if they are one topic, give the inputs that they feed one `topic:` in the '
+                  'bundle' if topic.kind == _MONITORED else
+                  'what the node announces needs a topic of its own')
+        raise Refusal(f"'{other.name}' and {own}'{topic.name}' are both remapped to {full}; "
+                      f'{advice}')
+
+
+class _Topic(NamedTuple):
+    name: str
+    interface: str
+    kind: int
+
+
+def _topics(manifest: Manifest) -> Iterator[_Topic]:
+    for topic in manifest.topics:
+        yield _Topic(topic.name, topic.message_type, _MONITORED)
+    for item in manifest.requirements:
+        yield _Topic(handler_topic(item), 'std_msgs/msg/Empty', _ANNOUNCED)
+    yield _Topic(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', _ANNOUNCED)
+    for name, interface in OWN_TOPICS.items():
+        yield _Topic(name, interface, _OWN)
+
+
+def _is_conflict(one: _Topic, other: _Topic) -> bool:
+    if one.interface != other.interface:
+        return True
+    is_shared = _OWN in (one.kind, other.kind) and _ANNOUNCED not in (one.kind, other.kind)
+    return one.name != other.name and not is_shared
 
 
 def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
@@ -33,7 +87,7 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
     Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
 
     Compares names after remapping, of everything that the node runs; a gate on a service must be
-    its only server, too.
+    its only server, too. What the node itself publishes is compared by `refuse_merged_topics`.
 
     Raises
     ------
@@ -51,7 +105,7 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
     owners: dict[tuple[str, str], _Use] = {}
     for use in sorted(used, key=lambda item: not item.is_alone):
         owner = owners.setdefault((use.verb, use.name), use)
-        if owner is not use and owner.is_alone:
+        if owner is not use and owner.is_alone and not owner.what == use.what == _NODE:
             first, second = (f"{item.what} of '{item.origin}'" if owner.what == use.what
                              else item.what for item in (owner, use))
             raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
@@ -72,7 +126,7 @@ def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[_Use]:
     """Yield what the node itself publishes; an action may publish on `/diagnostics` too."""
     handlers = [handler_topic(item) for manifest in manifests for item in manifest.requirements]
     for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
-        yield _Use('the node itself', '', 'publish on', node.resolve_topic_name(topic),
+        yield _Use(_NODE, '', 'publish on', node.resolve_topic_name(topic),
                    topic != DIAGNOSTICS_TOPIC)
 
 

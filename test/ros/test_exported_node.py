@@ -390,6 +390,11 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
      "'n' and 'copilot/handlerpropNEXT' are both remapped to /n; what the node announces"),
     (['-r', 'copilot/handlerpropNEXT:=v', '-r', 'copilot/handlerpropX_1:=v'],
      "'copilot/handlerpropNEXT' and 'copilot/handlerpropX_1' are both remapped to /v"),
+    (['-r', 'copilot/handlerpropNEXT:=/diagnostics'],
+     "'copilot/handlerpropNEXT' and the node's own '/diagnostics' are both remapped to"),
+    (['-r', 'copilot/handlerpropNEXT:=fret_monitor/alive'],
+     "'copilot/handlerpropNEXT' and the node's own '~/alive' are both remapped to"),
+    (['-r', '~/alive:=/n'], "'n' and the node's own '~/alive' are both remapped to /n; what the"),
     (['-r', 'n:=/one', '-r', 'state:=/one'], "'n' and 'state' are both remapped to /one"),
     (['spec:=x'], 'unknown ROS arguments'),
 ])

@@ -401,6 +401,7 @@ gates:
     (('braked:=b',), "the gate 'g' and the action 'brake' both publish on /b"),
     (('braked:=e_stop',), "the lock 'stop' and the action 'brake' both publish on /e_stop"),
     (('e_stop:=d',), "the gate 'h' and the lock 'stop' both publish on /d"),
+    (('c:=fret_gate/alive',), 'has the types std_msgs/msg/Header and std_msgs/msg/Float32'),
     (('d:=/diagnostics',), "the gate 'h' and the node itself both publish on /diagnostics"),
     (('braked:=copilot/handlerpropC',), "the node itself and the action 'brake' both publish on")])
 def test_remappings_that_lead_gates_together_are_refused(

@@ -223,6 +223,36 @@ def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Pat
         f"error: 'x' and '{handler}' are both remapped to /x; what the node announces")
 
 
+@pytest.mark.parametrize(('rule', 'first', 'own'), [
+    ('copilot/handlerpropR1:=/diagnostics', 'copilot/handlerpropR1', '/diagnostics'),
+    ('copilot/violations:=/diagnostics', 'copilot/violations', '/diagnostics'),
+    ('copilot/handlerpropR1:=fret_monitor/alive', 'copilot/handlerpropR1', '~/alive'),
+    ('copilot/handlerpropR1:=/rosout', 'copilot/handlerpropR1', '/rosout'),
+    ('x:=/diagnostics', 'x', '/diagnostics'),
+    ('~/alive:=/x', 'x', '~/alive'),
+    ('~/alive:=/diagnostics', '/diagnostics', '~/alive')])
+def test_a_topic_of_the_node_itself_is_not_used_for_anything_else(
+    rule: str, first: str, own: str, context: Context, tmp_path: Path,
+) -> None:
+    told = refusal(context, rule, spec=str(write(tmp_path)))
+    assert told.startswith(f"error: '{first}' and the node's own '{own}' are both remapped to /")
+
+
+def test_inputs_are_read_from_topics_of_the_node_itself(context: Context, tmp_path: Path) -> None:
+    bundle = write(tmp_path, """
+format: 1
+inputs:
+  sign: {topic: sign, type: std_msgs/msg/Header, field: stamp.sec}
+  level: {topic: status, type: diagnostic_msgs/msg/DiagnosticArray, field: "status[0].level"}
+requirements:
+  - {id: R, ptltl: sign > 0 & level < 2}
+""")
+    MonitorNode(
+        context=context, parameter_overrides=[Parameter('spec', value=str(bundle))],
+        cli_args=['--ros-args', '-r', 'sign:=fret_monitor/alive', '-r', 'status:=/diagnostics'],
+    ).destroy_node()
+
+
 def compiled(folder: Path, text: str = BUNDLE) -> str:
     bundle = write(folder, text)
     build.write(build.generate_monitor(build.read(bundle)), folder / 'library')
