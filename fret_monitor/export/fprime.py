@@ -21,6 +21,7 @@ generated are the model in FPP, the handlers of ports, and the choice of events 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+import re
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
@@ -34,6 +35,8 @@ from fret_monitor.model.values import ValueType
 
 _FPP = {ValueType.BOOL: 'bool', ValueType.FLOAT32: 'F32', ValueType.FLOAT64: 'F64'}
 _OF_HANDLERS = ('portNum', 'm_runner', 'm_isStarted', 'fm_stored')  # what a handler names itself
+# F Prime 3 copies annotations and formats into XML as they are.
+_IN_WORDS = {'<->': 'iff', '<=': 'at most', '<>': 'not equal', '<': 'less than', '&': 'and'}
 _PORTS = """\
     command recv port cmdIn
     command reg port cmdRegOut
@@ -138,7 +141,7 @@ class _FprimeWriter:
         yield '    guarded input port run: Svc.Sched'
         for topic in self._topics:
             yield ''
-            yield f'    @ {safe(topic.name)}'
+            yield f'    @ {_annotation(topic.name)}'
             yield f'    guarded input port topic_{topic.word}: {self._port_type(topic)}'
         yield ''
         yield '    @ Begin all requirements anew'
@@ -148,10 +151,10 @@ class _FprimeWriter:
         yield from ('', '  }', '', '}')
 
     def _port(self, topic: flight.FlightTopic) -> Iterator[str]:
-        yield f'  @ {safe(topic.name)}'
+        yield f'  @ {_annotation(topic.name)}'
         yield f'  port {self._port_type(topic)}('
         for index, name, kind in self._arguments(topic):
-            yield f'    ${name}: {kind} @< {safe(origin(self._manifest.inputs[index]))}'
+            yield f'    ${name}: {kind} @< {_annotation(origin(self._manifest.inputs[index]))}'
         yield '  )'
 
     def _events(self) -> Iterator[str]:
@@ -159,13 +162,13 @@ class _FprimeWriter:
                                                   self._requirements(), strict=True)):
             level = 'high' if item.severity is Severity.ERROR else 'low'
             yield ''
-            yield f'    @ {safe(item.title or item.text)}'
+            yield f'    @ {_annotation(item.title or item.text)}'
             yield f'    event violated_{word}(stamp: U64 @< nanoseconds'
             yield f'    ) severity warning {level} id {number} \\'
-            yield f'      format "{flight.label(item.id)} is violated at {{}} ns"'
+            yield f'      format "{_label(item.id)} is violated at {{}} ns"'
         first = len(self._manifest.requirements)
         for number, (index, word) in enumerate(self._silences()):
-            name = flight.label(self._manifest.inputs[index].name)
+            name = _label(self._manifest.inputs[index].name)
             yield ''
             yield f'    event silent_{word} severity warning low id {first + 2 * number} \\'
             yield f'      format "input {name} is silent"'
@@ -184,7 +187,7 @@ class _FprimeWriter:
         for number, (item, word) in enumerate(zip(self._manifest.requirements,
                                                   self._requirements(), strict=True)):
             yield ''
-            yield f'    @ Steps at which {safe(item.id)} was violated'
+            yield f'    @ Steps at which {_annotation(item.id)} was violated'
             yield f'    telemetry violations_{word}: U32 id {number} update on change'
 
     def ports(self) -> Iterator[str]:
@@ -269,6 +272,16 @@ class _FprimeWriter:
                 *self._silence_rows())),
             'WHEN': flight.when_evaluated(self._manifest, 'A call of `run`'),
         }
+
+
+def _annotation(text: str) -> str:
+    """Return a comment without characters of XML, of which formulas have words."""
+    shown = re.sub(r'<(backslash|U[+][0-9A-F]+)>', r'(\1)', safe(text))
+    return re.sub(r' ?(<->|<=|<>|<|&) ?', lambda found: f' {_IN_WORDS[found[1]]} ', shown).strip()
+
+
+def _label(text: str) -> str:
+    return flight.label(text).translate({ord('<'): '_', ord('&'): '_'})
 
 
 def _camel(name: str) -> str:

@@ -16,7 +16,8 @@
 Target `fprime`: the components of four bundles in one program, against stubs of F Prime.
 
 The base class of a component, which F Prime's autocoder writes, is written here from the model in
-FPP. A real F Prime is not built; `fpp-check` checks the models where it is installed.
+FPP. A real F Prime is not built here (docs/export_flight.md has a trial); `fpp-check` checks the
+models where it is installed.
 """
 
 from collections.abc import Iterator
@@ -221,6 +222,26 @@ def test_the_model_is_correct_fpp(deployment: Deployment, tmp_path: Path) -> Non
                           capture_output=True)
     assert len(models) == len(BUNDLES)
     assert (done.returncode, done.stderr) == (0, '')
+
+
+def test_texts_of_a_bundle_are_no_markup_in_annotations_and_formats(tmp_path: Path) -> None:
+    """F Prime 3 copies both into the XML from which it makes the dictionary, as they are."""
+    (tmp_path / 'bundle.yaml').write_text("""\
+format: 1
+inputs:
+  "\\"x&y\\"": {type: float64, timeout: 1}
+  q: {type: bool}
+requirements:
+  - {id: A<1 & B, ptltl: '"x&y"<=2.0 & q -> "x&y" < 1.5'}
+  - {id: R-2, title: 'a <b> \\ c', ptltl: 'q <-> "x&y" > 1.0'}
+""")
+    model = fprime(generate_monitor(read(tmp_path / 'bundle.yaml')), Options()).generated[
+        'BundleMonitor.fpp']
+    assert not re.search('[<&]', model.replace('@<', ''))
+    assert '@ "x and y" at most 2.0 and q -> "x and y" less than 1.5\n' in model
+    assert '@ a less than b> (backslash) c\n' in model
+    assert 'format "A_1 _ B is violated at {} ns"' in model
+    assert 'format "input x_y is silent"' in model
 
 
 @pytest.mark.parametrize(('text', 'expected'), [
