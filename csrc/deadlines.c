@@ -191,12 +191,12 @@ static void take_timeout(
 }
 
 // Leave out the first of more than FM_MOST_PERIODS_BEHIND due periods.
-static void miss_periods(struct fm_evaluator * evaluator)
+static void miss_periods(struct fm_evaluator * evaluator, int64_t last)
 {
   struct fm_instance_time * time = evaluator->instance.time;
-  if (time->next_period <= time->now && time->next_period != FM_NEVER) {
+  if (time->next_period <= last && time->next_period != FM_NEVER) {
     const uint64_t period = (uint64_t)evaluator->period;
-    const uint64_t due = ((uint64_t)time->now - (uint64_t)time->next_period) / period + 1;
+    const uint64_t due = ((uint64_t)last - (uint64_t)time->next_period) / period + 1;
     if (due > FM_MOST_PERIODS_BEHIND) {
       const uint64_t missed = due - FM_MOST_PERIODS_BEHIND;
       evaluator->counts.missed += missed;
@@ -256,23 +256,18 @@ static void move_time(struct fm_evaluator * evaluator, int64_t now)
   }
 }
 
-uint32_t fm_evaluator_advance(
-  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
+// Take the first thing that is due by `last`.
+static uint32_t take_first_due(
+  struct fm_evaluator * evaluator, int64_t last, struct fm_violation * out)
 {
-  struct fm_instance_time * time = evaluator->instance.time;
-  if (!time->has_begun) {
-    begin_time(evaluator, now);
+  const int64_t now = evaluator->instance.time->now;
+  if (evaluator->wake > last) {
     return 0;
   }
-  move_time(evaluator, now);
-  now = time->now;
-  if (evaluator->wake > now) {
-    return 0;
-  }
-  miss_periods(evaluator);
+  miss_periods(evaluator, last);
   const int64_t deadline = fm_evaluator_deadline(evaluator);
   struct fm_findings report = {out, deadline, 0};
-  if (deadline <= now && deadline != FM_NEVER) {
+  if (deadline <= last && deadline != FM_NEVER) {
     const uint32_t input = find_due(evaluator, deadline);
     if (input < evaluator->monitor->n_inputs) {
       take_timeout(evaluator, input, now, &report);
@@ -283,4 +278,26 @@ uint32_t fm_evaluator_advance(
     }
   }
   return report.n;
+}
+
+uint32_t fm_evaluator_advance(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
+{
+  if (!evaluator->instance.time->has_begun) {
+    begin_time(evaluator, now);
+    return 0;
+  }
+  move_time(evaluator, now);
+  return take_first_due(evaluator, evaluator->instance.time->now, out);
+}
+
+uint32_t fm_evaluator_advance_to(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
+{
+  if (!evaluator->instance.time->has_begun) {
+    begin_time(evaluator, now);
+    return 0;
+  }
+  move_time(evaluator, now);
+  return take_first_due(evaluator, fm_later(now, -1), out);
 }

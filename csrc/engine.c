@@ -460,6 +460,8 @@ const struct fm_field * fm_engine_prepare_locked(
     if (source == FM_RECEPTION) {
       field->value.i = 1;
       field->outcome = FM_FIELD_READ;
+    } else if (source == FM_AGE && engine->source == FM_CLOCK && received == 0) {
+      field->outcome = FM_FIELD_EMPTY;  // there is no time yet
     } else if (source == FM_AGE && field->outcome == FM_FIELD_READ) {
       field->value.f = (double)fm_between(field->value.i, received) / 1e9;
     }
@@ -586,14 +588,17 @@ static void deliver_timed_locked(
   }
 }
 
-// A message that is a step, if it is one, when it is delivered.
+// A message that is a step, if it is one, when it is delivered. Under FM_TIMED a step is an
+// instant of the evaluator.
 static void deliver_step_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
   int64_t now)
 {
+  const int64_t instant = fm_evaluator_is_timed(engine->options.evaluator) ? now : stamp;
   store_locked(engine, topic, fields, now);
   fm_engine_announce_locked(
-    engine, fm_evaluator_message(engine->options.evaluator, topic, stamp, engine->found), 0);
+    engine, fm_evaluator_message(engine->options.evaluator, topic, instant, engine->found),
+    fm_between(instant, stamp));
 }
 
 static void deliver_fields_locked(
@@ -604,15 +609,13 @@ static void deliver_fields_locked(
   const int64_t received = origin->received;
   int64_t now;
   const bool has_time = fm_engine_read_for_message_locked(engine, received, &now);
-  const int64_t stamp = has_time && engine->source == FM_CLOCK ?
-    fm_later(now, engine->options.reorder) : received;
+  const int64_t stamp = engine->source != FM_CLOCK ? received :
+    has_time ? fm_later(now, engine->options.reorder) : 0;
   const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
-  fm_engine_keep_message_locked(
-    engine, topic, reading, has_time || engine->source != FM_CLOCK ? stamp : 0, origin->sent);
+  fm_engine_keep_message_locked(engine, topic, reading, stamp, origin->sent);
   if (!has_time || !engine->has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
-    deliver_step_locked(
-      engine, topic, fields, fm_evaluator_is_timed(evaluator) ? now : stamp, now);
+    deliver_step_locked(engine, topic, fields, stamp, now);
   } else if (fm_evaluator_is_timed(evaluator)) {
     deliver_timed_locked(engine, topic, fields, reading, received, now);
   } else {

@@ -181,10 +181,11 @@ FM_EXPORT void fm_engine_advance(struct fm_engine * engine, int64_t now);
 FM_EXPORT void fm_engine_follow_steady(struct fm_engine * engine);
 
 /// Follow a clock that may stand still or jump; stamps are its times. `now` writes nanoseconds and
-/// returns 0. If it fails or writes 0 or less there is no time: nothing is due, and a message is
-/// stamped with its time of reception. So it is before the next fm_engine_wake if the clock
-/// `is_outdated`. Call fm_engine_wake whenever the clock has moved. The clock must live until
-/// another is followed, or the engine is destroyed.
+/// returns 0. If it fails or writes 0 or less there is no time: nothing is due, a message has the
+/// stamp 0, and its age cannot be used. So it is before the next fm_engine_wake if the clock
+/// `is_outdated`. Call fm_engine_wake whenever the clock has moved. What is due at the time at
+/// which the clock stands is due when it has moved on: until then a message at that time may come.
+/// The clock must live until another is followed, or the engine is destroyed.
 ///
 /// When one of these functions changes the source of the time, what was to come in a second still
 /// comes in a second. O(inputs + what is due).

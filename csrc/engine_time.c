@@ -117,11 +117,15 @@ static void join_source_locked(struct fm_engine * engine, int64_t now)
   FM_PAUSE();
 }
 
-static void advance_locked(struct fm_engine * engine, int64_t now)
+// Take what is due by `now`, or before it if the clock `stands` at `now`.
+static void advance_locked(struct fm_engine * engine, int64_t now, bool stands)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
+  const int64_t last = stands ? fm_later(now, -1) : now;
   do {
-    const uint32_t n = fm_evaluator_advance(evaluator, now, engine->found);
+    const uint32_t n = stands ?
+      fm_evaluator_advance_to(evaluator, now, engine->found) :
+      fm_evaluator_advance(evaluator, now, engine->found);
     if (engine->n_restarts != fm_evaluator_time_counts(evaluator).restarts) {
       engine->n_restarts = fm_evaluator_time_counts(evaluator).restarts;
       if (fm_evaluator_is_timed(evaluator)) {  // all groups have started afresh
@@ -129,7 +133,7 @@ static void advance_locked(struct fm_engine * engine, int64_t now)
       }
     }
     fm_engine_announce_locked(engine, n, n > 0 ? fm_engine_stamps_ahead_locked(engine) : 0);
-  } while (fm_evaluator_wake(evaluator) <= now && fm_evaluator_wake(evaluator) != FM_NEVER);
+  } while (fm_evaluator_wake(evaluator) <= last && fm_evaluator_wake(evaluator) != FM_NEVER);
 }
 
 // No waiting message is of the time that comes. One with a stamp ahead of the time that is over
@@ -160,7 +164,7 @@ void fm_engine_release_locked(struct fm_engine * engine, int64_t now)
 void fm_engine_take_due_by_locked(struct fm_engine * engine, int64_t now)
 {
   fm_engine_release_locked(engine, now);
-  advance_locked(engine, now);
+  advance_locked(engine, now, engine->source == FM_CLOCK);
 }
 
 void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now)
@@ -173,10 +177,13 @@ void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now)
 // A message at the instant of a deadline comes before what is due then.
 void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now)
 {
-  const struct fm_evaluator * evaluator = engine->options.evaluator;
-  const bool is_here = now == fm_evaluator_now(evaluator);
-  if (!is_here || !fm_evaluator_is_timed(evaluator)) {
-    advance_locked(engine, is_here ? now : fm_later(now, -1));
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  if (fm_evaluator_wake(evaluator) == INT64_MIN && fm_evaluator_deadline(evaluator) == INT64_MIN) {
+    advance_locked(engine, now, true);  // begins the time
+  } else if (now != fm_evaluator_now(evaluator)) {
+    advance_locked(engine, fm_later(now, -1), false);
+  } else if (!fm_evaluator_is_timed(evaluator) && engine->source != FM_CLOCK) {
+    advance_locked(engine, now, false);
   }
 }
 

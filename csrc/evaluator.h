@@ -283,11 +283,16 @@ FM_EXPORT int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator);
 FM_EXPORT uint32_t fm_evaluator_advance(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 
+/// As fm_evaluator_advance, for a clock that stands still at `now`: what is due at `now` itself is
+/// not taken, since a message may still come at that time.
+FM_EXPORT uint32_t fm_evaluator_advance_to(
+  struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
+
 /// The clock was changed: all times are `by` nanoseconds later on the new one. Nothing if the time
 /// has not begun. O(inputs + groups).
 FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 
-/// The time: the largest `now` of fm_evaluator_advance since it began or went back, or under
+/// The time: the largest `now` of the two functions since it began or went back, or under
 /// FM_TIMED of a later message; 0 before.
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 

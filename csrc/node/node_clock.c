@@ -20,6 +20,8 @@
 #include <rmw/qos_profiles.h>
 #include <rosgraph_msgs/msg/clock.h>
 
+enum { WARNING_S = 60 };  // between two log lines about negative times on /clock
+
 static bool subscribe(struct fm_node_clock * clock)
 {
   rcl_subscription_options_t options = rcl_subscription_get_default_options();
@@ -54,13 +56,28 @@ bool fm_clock_simulate(struct fm_node_clock * clock, bool is_simulated)
   return true;
 }
 
+static void warn_of_negative(
+  struct fm_node_clock * clock, const rosgraph_msgs__msg__Clock * message)
+{
+  const int64_t now = fm_steady_now();
+  if (now >= clock->next_warning) {
+    clock->next_warning = now + WARNING_S * FM_SECOND;
+    fm_log(clock->node, FM_WARN, "a message on /clock is ignored: its time is negative, %.3f s",
+      message->clock.sec + message->clock.nanosec / 1e9);
+  }
+}
+
 bool fm_clock_take(struct fm_node_clock * clock)
 {
   rosgraph_msgs__msg__Clock message;
   const int64_t before = __atomic_load_n(&clock->simulated, __ATOMIC_RELAXED);
   int64_t now = before;
   while (rcl_take(&clock->subscription, &message, NULL, NULL) == RCL_RET_OK) {
-    now = message.clock.sec * FM_SECOND + message.clock.nanosec;
+    if (message.clock.sec >= 0) {
+      now = message.clock.sec * FM_SECOND + message.clock.nanosec;
+    } else {
+      warn_of_negative(clock, &message);
+    }
   }
   rcl_reset_error();  // no message is left
   __atomic_store_n(&clock->simulated, now, __ATOMIC_RELAXED);

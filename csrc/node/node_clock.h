@@ -26,13 +26,15 @@ struct fm_node_clock
   struct fm_node * node;
   rcl_subscription_t subscription;  // to /clock
   int64_t simulated;                // ns, the last time on /clock; 0: none yet
+  int64_t next_warning;             // of a negative time, by the steady clock
   bool is_simulated;
 };
 
 /// Subscribe to /clock, or end the subscription. Returns false, with the error logged.
 bool fm_clock_simulate(struct fm_node_clock * clock, bool is_simulated);
 
-/// Take the messages on /clock. Returns whether the time has moved.
+/// Take the messages on /clock, without those of a negative time. Returns whether the time has
+/// moved.
 bool fm_clock_take(struct fm_node_clock * clock);
 
 /// The node's time in nanoseconds; 0 before the first message on /clock. O(1).

@@ -39,6 +39,7 @@ from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
 from fret_monitor.ros.feed import ErrorKeeper, Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
+from fret_monitor.ros.node_time import ClockNode
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.pairing import Pairing, ReceivedViolation, ViolationEnd
 from fret_monitor.ros.parameters import LOGGER_PARAMETERS, Parameters, read_settings, Refusal
@@ -48,7 +49,6 @@ from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.violation_lines import ViolationLines
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
@@ -69,7 +69,7 @@ class _Unknown:
     came: float
 
 
-class LoggerNode(Node):
+class LoggerNode(ClockNode):
     """
     Logs violations from its construction until `destroy_node`; this needs no executor.
 

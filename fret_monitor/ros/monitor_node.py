@@ -24,6 +24,7 @@ from fret_monitor.ros.bundle_session import BundleSession
 from fret_monitor.ros.compiled import open_monitors, Opened
 from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.endpoint_types import refuse_two_types
+from fret_monitor.ros.node_time import ClockNode
 from fret_monitor.ros.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.parameters import (
     Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
@@ -37,7 +38,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from std_srvs.srv import Trigger
 
 
-class MonitorNode(LifecycleNode):
+class MonitorNode(ClockNode, LifecycleNode):
     """
     A managed node that monitors one bundle or several while it is active.
 

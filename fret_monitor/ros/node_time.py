@@ -31,10 +31,13 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.runtime import Engine, TimeCounts
 
-from rclpy.clock import Clock, ClockType, JumpThreshold
+import rclpy.clock
+from rclpy.clock import ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.time_source import CLOCK_TOPIC
 from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
 
 PATIENCE_S = 0.0005
 """A timeout found later than this may be put off once: the process did not run (`evaluator.h`)."""
@@ -42,6 +45,7 @@ PATIENCE_S = 0.0005
 _SERVED_S = 0.1
 """How often the engine learns that the executor, which moves `/clock`, does not hang."""
 
+_NEGATIVE_S = 60.0  # between two log lines about negative times on `/clock`
 _NO_TIME_S = 5.0  # until a missing `/clock` is logged
 _PERIODS_S = 60.0  # between two log lines about late periods
 _MOST_LATE = 0.01  # of all periods, and
@@ -49,22 +53,48 @@ _FEWEST_LATE = 3  # late periods are worth reading
 _FEWEST_JUDGED = _FEWEST_LATE / _MOST_LATE  # periods; of fewer, three are too many
 
 
+class ClockNode(Node):
+    """A node that ignores negative times on `/clock`; rclpy would end the process."""
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., Any],
+                            *options: Any, **more: Any) -> Any:
+        """Create a subscription; rclpy makes that of `/clock` here too."""
+        if topic == CLOCK_TOPIC:
+            callback = self._skipping_negative(callback)
+        return super().create_subscription(msg_type, topic, callback, *options, **more)
+
+    def _skipping_negative(self, callback: Callable[[Clock], None]) -> Callable[[Clock], None]:
+        throttle = Throttle(_NEGATIVE_S)
+
+        def take(message: Clock) -> None:
+            if message.clock.sec >= 0:
+                callback(message)
+            elif throttle.passes():
+                seconds = message.clock.sec + message.clock.nanosec / 1e9
+                self.get_logger().warning(
+                    f'a message on /clock is ignored: its time is negative, {seconds:.3f} s')
+
+        return take
+
+
 class NodeTime:
     """Lets an engine follow a node's time, from its creation until `close`."""
 
     def __init__(self, node: Node, engine: Engine, clock_now: Any, *,
-                 on_move: Callable[[], None] | None) -> None:
+                 on_move: Callable[[], None], has_deadlines: bool) -> None:
         """
         Follow the clock.
 
         `clock_now` is the address of `rcl_clock_get_now`. `on_move` is called when `/clock` has
-        moved; None if the engine has no deadlines.
+        moved, if the engine has deadlines or waits for the time to begin anew.
         """
         self._node = node
         self._engine = engine
         self._serving: Timer | None = None  # while `/clock` is followed
         self._clock_now = clock_now
         self._on_move = on_move
+        self._has_deadlines = has_deadlines
+        self._is_outdated = False  # rcl has the time at which /clock was turned off
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._lock = RLock()
         self._held = ExitStack()
@@ -72,10 +102,9 @@ class NodeTime:
         self._held.enter_context(handle)
         self._pointer = ffi.cast('void *', handle.pointer)
         self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._change)
-        if on_move is not None:
-            self._listen(JumpThreshold(
-                min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
-                on_clock_change=False), None, on_move)
+        self._listen(JumpThreshold(
+            min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
+            on_clock_change=False), None, self._move)
         with self._lock:
             self._engine.follow_steady()
             self._follow(is_outdated=False)
@@ -94,17 +123,22 @@ class NodeTime:
                 self._stop_serving()
 
     def _change(self) -> None:
-        # rcl still has the time at which /clock was turned off.
         with self._lock:
-            self._follow(is_outdated=self._on_move is not None)
+            self._follow(is_outdated=True)
+
+    def _move(self) -> None:
+        if self._has_deadlines or self._is_outdated:
+            self._is_outdated = False
+            self._on_move()
 
     def _follow(self, *, is_outdated: bool) -> None:
         if self._clock.ros_time_is_active:
+            self._is_outdated = is_outdated
             self._engine.follow_clock(self._clock_now, self._pointer, is_outdated=is_outdated)
             if self._serving is None:
                 self._serving = self._node.create_timer(
                     _SERVED_S, self._engine.serve_clock,
-                    clock=Clock(clock_type=ClockType.STEADY_TIME))
+                    clock=rclpy.clock.Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
         """Stop following; the engine must not be used with this clock any more."""

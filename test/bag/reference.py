@@ -19,7 +19,7 @@ It is computed for one requirement at a time, in the simplest way, from messages
 deserialized. Nothing of the engine, of `bag` or of the extractors is used.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -80,11 +80,13 @@ def read_messages(path: Path) -> list[Message]:
 
 
 def findings(specification: Specification, messages: Sequence[Message], *,
-             reorder: int | None = None, more: int = 0) -> list[Found]:
+             reorder: int | None = None, more: int = 0,
+             carried: Mapping[str, Any] | None = None) -> list[Found]:
     """
     Return what is found about each requirement, which reports occurrences.
 
     With `reorder` (ns) the stamps in the headers count. `more` is the time after the last message.
+    `carried` are the values from before the time went back.
     """
     begin = messages[0].received - (reorder or 0)
     last = messages[-1].received
@@ -100,7 +102,7 @@ def findings(specification: Specification, messages: Sequence[Message], *,
         is_taken = any(initial.issuperset(item.inputs) for item in specification.properties)
         times = _apart(times, begin + 1 if is_taken else begin)
         end = max(end, times[-1])
-    return [_Alone(item, specification, begin).found(times, messages, end)
+    return [_Alone(item, specification, begin, dict(carried or {})).found(times, messages, end)
             for item in specification.properties]
 
 
@@ -154,8 +156,9 @@ class _Alone:
         self.reads = frozenset(self.item.inputs)
         self.signals = [item for item in self.specification.signals if item.name in self.reads]
         self.inputs = [_Input(item, self.begin) for item in self.signals]
-        self.values = {item.name: item.initial for item in self.signals
-                       if item.initial is not None}
+        self.values = {name: value for name, value in self.values.items() if name in self.reads}
+        self.values |= {item.name: item.initial for item in self.signals
+                        if item.initial is not None}
         period = self.specification.period
         self.period = None if period is None else int(period * 10**9)
         self.next_period = None if self.period is None else self.begin + self.period
@@ -204,7 +207,7 @@ class _Alone:
             self._end_receptions(time if self.policy is Policy.TIMED else None)
         was_stale = self._is_stale
         read = [number for number, item in enumerate(self.signals)
-                if f'/{item.topic}' == message.topic]
+                if item.topic is not None and '/' + item.topic.lstrip('/') == message.topic]
         for number in read:
             signal, state = self.signals[number], self.inputs[number]
             self.values[signal.name] = message.value(signal)

@@ -162,7 +162,7 @@ static void of_very_many_periods_the_last_are_taken(void)
   struct fm_engine * engine = make(FM_PERIODIC, 0, 0);
   fm_engine_follow_clock(engine, read_clock, &clock, false);
   fm_engine_begin(engine);
-  clock.now = 3001 * PERIOD;
+  clock.now = 3001 * PERIOD + 1;
   CHECK(take(engine) == FM_MOST_PERIODS_BEHIND && are_counted(engine, 1000, 2000, 0));
   for (uint32_t k = 0; k < FM_MOST_PERIODS_BEHIND; ++k) {
     CHECK(is_taken(k, BEAT, (2002 + (int64_t)k) * PERIOD));
@@ -181,12 +181,12 @@ static void a_clock_that_goes_back_loses_no_period_and_adds_none(void)
   clock.now = 5;
   CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 1));
   CHECK(fm_engine_deadline(engine) == 5 + PERIOD - 30);
-  clock.now = 5 + PERIOD - 30;
+  clock.now = 5 + PERIOD - 29;
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 5 + PERIOD - 30));
-  clock.now = 5 + TIMEOUT - 31;
-  CHECK(take(engine) == 8 && !fm_engine_silence(engine, 0).is_silent);
   clock.now = 5 + TIMEOUT - 30;
-  CHECK(take(engine) == 2 && is_taken(0, FED, clock.now) && is_taken(1, BEAT, clock.now));
+  CHECK(take(engine) == 8 && !fm_engine_silence(engine, 0).is_silent);
+  clock.now = 5 + TIMEOUT - 29;
+  CHECK(take(engine) == 2 && is_taken(0, FED, clock.now - 1) && is_taken(1, BEAT, clock.now - 1));
   deliver(engine, true, 3);
   clock.now = 1;
   deliver(engine, true, 3);
@@ -201,11 +201,11 @@ static void a_clock_without_time_lets_nothing_be_due(void)
   fm_engine_follow_clock(engine, read_clock, &clock, false);
   fm_engine_begin(engine);
   deliver(engine, false, 77);
-  CHECK(take(engine) == 2 && is_taken(0, BEAT, 77) && is_taken(1, FED, 77));
+  CHECK(take(engine) == 2 && is_taken(0, BEAT, 0) && is_taken(1, FED, 0));
   clock.now = 500;
   clock.fails = true;
   deliver(engine, false, 78);
-  CHECK(take(engine) == 2 && is_taken(1, FED, 78));
+  CHECK(take(engine) == 2 && is_taken(1, FED, 0));
   clock.fails = false;
   CHECK(take(engine) == 0 && fm_engine_deadline(engine) == 500 + TIMEOUT);
   deliver(engine, false, 79);
@@ -214,7 +214,7 @@ static void a_clock_without_time_lets_nothing_be_due(void)
   clock.fails = true;
   CHECK(take(engine) == 0);
   deliver(engine, true, 80);
-  CHECK(take(engine) == 1 && is_taken(0, BEAT, 80));
+  CHECK(take(engine) == 1 && is_taken(0, BEAT, 0));
   clock.fails = false;
   CHECK(take(engine) == 0 || fm_engine_silence(engine, 0).is_silent);
   destroy(engine);
@@ -237,13 +237,15 @@ static void a_message_at_the_instant_of_a_deadline_comes_first(void)
       deliver(engine, true, now);
     }
     CHECK(fm_engine_silence(engine, 0).count == 0);
-    clock.now += TIMEOUT - 1;
+    // What is due at the time at which a clock stands is due when it moves on.
+    clock.now += TIMEOUT - (is_told ? 1 : 0);
     fm_engine_advance(engine, clock.now);
     CHECK(!fm_engine_silence(engine, 0).is_silent);
     clock.now += 1;
     fm_engine_advance(engine, clock.now);
     const struct fm_silence silence = fm_engine_silence(engine, 0);
-    CHECK(silence.is_silent && silence.count == 1 && silence.lasted == TIMEOUT);
+    CHECK(silence.is_silent && silence.count == 1);
+    CHECK(silence.lasted == TIMEOUT + (is_told ? 0 : 1));
     destroy(engine);
   }
 }
@@ -299,9 +301,9 @@ static void another_source_of_the_time_puts_nothing_off(void)
   fm_engine_follow_clock(engine, read_clock, &other, false);
   fm_engine_begin(engine);
   CHECK(fm_engine_deadline(engine) == other.now + 40);
-  other.now += 40;
+  other.now += 41;
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 45));
-  other.now += 10;
+  other.now += 9;
   fm_engine_follow_clock(engine, read_clock, &none, false);
   fm_engine_begin(engine);
   CHECK(take(engine) == 0);
@@ -317,10 +319,12 @@ static void a_reset_finds_a_silent_input_anew(void)
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
   fm_engine_follow_clock(engine, read_clock, &clock, false);
   fm_engine_begin(engine);
-  clock.now += TIMEOUT;
+  clock.now += TIMEOUT + 1;
   CHECK(take(engine) == 1 && is_taken(0, FED, 100 + TIMEOUT));
   fm_engine_reset(engine);
-  CHECK(take(engine) == 1 && is_taken(0, FED, clock.now) && taken[0].step == 0);
+  CHECK(take(engine) == 0);
+  clock.now += 1;
+  CHECK(take(engine) == 1 && is_taken(0, FED, clock.now - 1) && taken[0].step == 0);
   CHECK(fm_engine_silence(engine, 0).count == 1 && take(engine) == 0);
   destroy(engine);
 }

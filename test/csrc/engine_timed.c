@@ -336,8 +336,64 @@ static void messages_at_one_time_of_a_clock_take_effect_one_by_one(void)
   CHECK(n_taken == 0);
   clock.now = 1101;
   take(engine, 0);
+  CHECK(n_taken == 0);  // a message may still come at that time
+  clock.now = 1102;
+  take(engine, 0);
   CHECK(is_taken(ANSWER, 1101, 100));  // asked by the second message, at 1001
   destroy(engine);
+}
+
+static void a_violation_before_another_clock_has_a_time_has_the_stamp_0(void)
+{
+  struct clock clock = {5000, false};
+  struct clock none = {0, false};
+  window = 2;
+  struct fm_engine * engine = make(-1);
+  fm_engine_follow_clock(engine, read_clock, &clock, false);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 0, 1);
+  deliver(engine, TOPIC_X, true, 0, 1);
+  fm_engine_follow_clock(engine, read_clock, &none, false);
+  for (int k = 0; k < 5; ++k) {
+    deliver(engine, TOPIC_Y, false, 0, 1);
+  }
+  take(engine, 0);
+  CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 0, 2));
+  destroy(engine);
+  window = 100;
+}
+
+// A simulator sends its messages after the tick of /clock to which they belong.
+static void an_answer_while_the_clock_stands_at_the_deadline_counts(void)
+{
+  for (int has_rounds = 0; has_rounds < 2; ++has_rounds) {
+    for (int64_t reorder = -1; reorder <= 0; ++reorder) {  // without and with stamps of headers
+      for (int64_t late = 0; late < 2; ++late) {
+        struct clock clock = {1000, false};
+        struct fm_engine * engine = make(reorder);
+        fm_engine_follow_clock(engine, read_clock, &clock, false);
+        fm_engine_begin(engine);
+        const int64_t times[] = {1000, 1000, 1101 + late, 1300};
+        for (int k = 0; k < 4; ++k) {
+          clock.now = times[k];
+          take(engine, 0);
+          if (has_rounds) {
+            fm_engine_begin_round(engine);
+          }
+          deliver(engine, k == 1 ? TOPIC_X : TOPIC_Y, k == 1 || k == 2, times[k], 1);
+          take(engine, 0);
+          if (has_rounds) {
+            fm_engine_end_round(engine);
+          }
+          take(engine, 0);
+        }
+        CHECK(count_of(ANSWER) == (uint32_t)late);  // asked at 1001
+        CHECK(late == 0 || is_taken(ANSWER, 1101, 100));
+        CHECK(fm_engine_time_counts(engine).restarts == 0);
+        destroy(engine);
+      }
+    }
+  }
 }
 
 static void without_a_time_messages_are_steps_of_the_last_instant(void)
@@ -352,10 +408,14 @@ static void without_a_time_messages_are_steps_of_the_last_instant(void)
   CHECK(n_taken == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 0);
   clock.now = 500;
   take(engine, 0);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  clock.now = 501;
+  take(engine, 0);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
   clock.fails = true;
   deliver(engine, TOPIC_X, false, 0, 1);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
+  CHECK(count_of(OLD) == 0 && fm_engine_input_counts(engine, AGE).unusable == 2);
   clock.fails = false;
   clock.now = 10000;
   take(engine, 0);
@@ -669,6 +729,8 @@ int main(void)
   a_recovery_is_a_detail_and_no_violation();
   a_clock_that_starts_again_starts_the_groups_afresh();
   messages_at_one_time_of_a_clock_take_effect_one_by_one();
+  a_violation_before_another_clock_has_a_time_has_the_stamp_0();
+  an_answer_while_the_clock_stands_at_the_deadline_counts();
   without_a_time_messages_are_steps_of_the_last_instant();
   the_messages_of_a_round_take_effect_in_order_at_its_end();
   a_wait_ends_at_the_deadline();

@@ -18,6 +18,7 @@ from time import monotonic
 from types import SimpleNamespace
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from fret_monitor.ros import node_time
 from fret_monitor.ros.node_time import are_worth_reading, NodeTime, TimeLog
 from fret_monitor.ros.throttle import Throttle
@@ -27,6 +28,8 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from ros.harness import wait_until
+from rosgraph_msgs.msg import Clock
 
 
 def test_a_throttle_lets_one_message_pass_per_interval() -> None:
@@ -203,6 +206,7 @@ class Served:
     """An engine that counts the signs of life of its clock."""
 
     signs = 0
+    is_outdated: bool
 
     def serve_clock(self) -> None:
         self.signs += 1
@@ -211,7 +215,15 @@ class Served:
         pass
 
     def follow_clock(self, now: Any, clock: Any, *, is_outdated: bool) -> None:
-        pass
+        self.is_outdated = is_outdated
+
+    def wake(self) -> None:
+        self.is_outdated = False
+
+
+def spun(executor: SingleThreadedExecutor) -> bool:
+    executor.spin_once(timeout_sec=0.05)
+    return True
 
 
 def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
@@ -223,7 +235,8 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     engine: Any = Served()
-    time = NodeTime(node, engine, None, on_move=None)
+    time = NodeTime(node, engine, None, on_move=engine.wake, has_deadlines=False)
+    simulator = node.create_publisher(Clock, '/clock', 1)
 
     def signs(seconds: float) -> int:
         before, end = engine.signs, monotonic() + seconds
@@ -233,9 +246,14 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
 
     try:
         assert signs(0.3) == 0
-        for is_simulated in (True, False, True):
+        for time_s, is_simulated in enumerate((True, False, True)):
             node.set_parameters([Parameter('use_sim_time', value=is_simulated)])
             assert (signs(0.6) > 1) is is_simulated
+            if is_simulated:  # also without deadlines: else messages have the time of before
+                assert engine.is_outdated
+                wait_until(lambda: simulator.get_subscription_count() > 0, 'a subscription')
+                simulator.publish(Clock(clock=Time(sec=7 + time_s)))
+                wait_until(lambda: spun(executor) and not engine.is_outdated, 'a new time')
         time.close()
         assert signs(0.3) == 0
     finally:
