@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Protocol
 
 from fret_monitor.bag.message_fit import MessageFit
-from fret_monitor.bag.moments import Moment
+from fret_monitor.bag.moments import LAST_TIME, Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.build import compile_monitor, generate_monitor, read, Reading
@@ -51,7 +51,6 @@ MOST_KEPT = 10_000
 _ALL = 2**32 - 1  # details a second
 _MOST_WITH_DETAILS = 64  # violations that wait; the queue of details is short
 _MOST_AHEAD_S = 10  # that a stamp may be ahead of the last message
-_LAST_TIME = 2**63 - 1  # ns
 _MOST_DEADLINES = 100_000  # that are looked at after the end, for verdicts that are open
 
 
@@ -111,7 +110,7 @@ class RecordingResult:
     `recorded` and `read` count the messages of each mapped topic, or the `ROWS` of a trace.
     `begin` and `end` are the judged time, `start` is that of the first message (ns). `errors` say
     what is missing or damaged: without any, all was seen. `warnings` say what was seen and could
-    not be used, or was out of order.
+    not be used, or was out of order. With `has_checksums`, damaged messages would be an error.
     """
 
     path: Path
@@ -125,6 +124,7 @@ class RecordingResult:
     start: int
     warnings: tuple[str, ...] = ()
     is_trace: bool = False
+    has_checksums: bool = False
 
     @property
     def amount(self) -> str:
@@ -270,9 +270,9 @@ class _Run:
 
     def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection
-        if recording.end > _LAST_TIME:
+        if recording.end > LAST_TIME:
             refuse(f"'{recording.path}' ends at {recording.end} ns: nanoseconds since 1970 must "
-                   'be less than 2**63, which is in the year 2262')
+                   f'not exceed {LAST_TIME}, which is in the year 2261')
         wanted = dict(self._wanted())
         begin = _at(selection.begin, recording, recording.start)
         self._is_part = selection.begin is not None
@@ -301,7 +301,7 @@ class _Run:
         return RecordingResult(
             recording.path, manifest, self._recorded, read, tuple(self._findings),
             tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
-            recording.is_trace)
+            recording.is_trace, recording.has_checksums)
 
     def _check_part(self, begin: int, last: int) -> None:
         selection, recording = self._selection, self._recording
@@ -318,7 +318,8 @@ class _Run:
 
     def _last(self, last: int) -> int:
         """Return the end of the time in which something was seen."""
-        if self._is_cut_off or sum(self._read) < sum(self._recorded.values()):
+        if self._is_cut_off or not self._recording.is_end_known \
+                or sum(self._read) < sum(self._recorded.values()):
             return max(self._latest, self._recording.start)  # silence after it is not its own
         waiting = self._engine.latest_waiting
         last = max(last, self._latest)
@@ -331,8 +332,11 @@ class _Run:
     def _end(self, last: int) -> int:
         """Return how far the time goes on."""
         until = self._selection.until
-        return last if until is None else max(
+        end = last if until is None else max(
             last, until.in_recording(self._recording.start, last))
+        if end > LAST_TIME:
+            refuse('--until is too late: time ends in the year 2261')
+        return end
 
     def _check_remaps(self) -> None:
         """Refuse a new name for a topic that the bundle does not have."""
@@ -510,6 +514,11 @@ class _Run:
 
     def _complain(self) -> None:
         """Say what could not be decoded or used, and what was out of order."""
+        if not self._recording.is_end_known:
+            self._errors.append('the recording says that it ends after the year 2261')
+        if self._recording.left_out:
+            self._errors.append(f'{counted(self._recording.left_out, "message")} left out: they '
+                                'have no bytes, or no time from 1970 to 2261 in whole nanoseconds')
         if self._fit is not None:
             self._errors.extend(self._fit.errors(self._names))
             self._warnings.extend(self._fit.warnings())

@@ -19,6 +19,9 @@ from decimal import Decimal
 from enum import Enum
 import re
 
+LAST_TIME = 92 * 10**17
+"""The last time of a message (ns since 1970, in 2261); later ones could not be counted from."""
+
 _FIRST_EPOCH_S = 1_000_000_000  # numbers from here on are seconds since 1970, smaller ones are not
 _NANOSECONDS = 10**9
 _TEXT = re.compile(r'(?:(start|end)(?:([+-])(\d+(?:\.\d{1,9})?))?|(\d+(?:\.\d{1,9})?))')

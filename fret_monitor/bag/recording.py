@@ -31,19 +31,24 @@ from operator import itemgetter
 from pathlib import Path, PurePath
 import sys
 from tempfile import mkdtemp, TemporaryDirectory
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
+from fret_monitor.bag.integrity import damage, has_checksums
+from fret_monitor.bag.moments import LAST_TIME
+from fret_monitor.bag.restarts import Restart, restarts
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.packages import search_path
 from fret_monitor.native.monitor import Monitor
+from fret_monitor.runtime.detail_text import seconds
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.thinning import Thinning
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
 import yaml
 
@@ -117,7 +122,9 @@ class Recording(AbstractContextManager['Recording']):
     number of its messages as the recording says it; `errors` names the files of a folder that are
     missing or cannot be opened, and are left out. `formats` has the topics that were not
     serialized as CDR, with their format. `start` and `end` are the times of the first and the
-    last message (ns; both 0 if there is none).
+    last message (ns; both 0 if there is none). With `has_checksums`, each message is under one;
+    without `is_end_known`, the recording says that it ends after `LAST_TIME`. `left_out` counts
+    messages so far without a time up to that.
     """
 
     is_trace = False
@@ -137,7 +144,22 @@ class Recording(AbstractContextManager['Recording']):
         self._is_ros1 = path.suffix == '.bag'
         self._check_path()
         self.errors: tuple[str, ...] = ()
-        self._reader = reader = self._open()
+        self._reader = self._open()
+        self._typestore = get_typestore(Stores.EMPTY)
+        self._definitions: Path | None = None
+        self.left_out = 0
+        try:
+            self._survey(self._reader)
+            found = restarts(self._storages)
+        except Exception as error:  # noqa: B902  # what a damaged file says may be of any type
+            self._refuse(error)
+        if found:
+            self._stack.close()
+            _refuse_runs(path, found)
+
+    def _survey(self, reader: Any) -> None:
+        """Find out what was recorded, and whether it is all there."""
+        path = self.path
         self.errors += tuple(_unfinished(path))
         if path.is_dir() and not self.errors:
             self.errors = tuple(_unlisted(path, reader))
@@ -145,22 +167,24 @@ class Recording(AbstractContextManager['Recording']):
         self._storages: list[Any] = getattr(
             getattr(reader, 'storage', None), 'storages', None) or [
                 reader if self._is_ros1 else reader.storage]
-        self._typestore = get_typestore(Stores.EMPTY)
-        self._definitions: Path | None = None
-        connections: list[Connection] = list(reader.connections)
         self.types: dict[str, set[str]] = {}
         self.recorded: Counter[str] = Counter()
         self.formats: dict[str, str] = {}
-        for item in connections:
+        for item in reader.connections:
             topic = full_name(item.topic)
             if (name := getattr(item.ext, 'serialization_format', _CDR)) != _CDR:
                 self.formats[topic] = name
                 continue
             self.types.setdefault(topic, set()).add(_full_type(item.msgtype))
             self.recorded[topic] += item.msgcount
-        times = [_times(item) for item in self._storages]  # metadata.yaml may be older
-        self.start = min((first for first, end in times if first < end), default=0)
-        self.end = max((end for first, end in times if first < end), default=1) - 1
+        self.errors += tuple(text for item in self._storages for text in damage(item))
+        self.has_checksums = all(map(has_checksums, self._storages))
+        self._spans = {id(item): _span(item) for item in self._storages}
+        spans = [(first, end) for first, end in self._spans.values() if first < end]
+        self.start = min((first for first, _ in spans), default=0)
+        end = max((end for _, end in spans), default=1) - 1
+        self.end = min(end, LAST_TIME)
+        self.is_end_known = end <= LAST_TIME
 
     def __enter__(self) -> Self:
         """Return the recording, which is open."""
@@ -193,12 +217,15 @@ class Recording(AbstractContextManager['Recording']):
         except Exception as error:  # noqa: B902  # of whichever library reads the format
             with suppress(Exception):
                 return self._open_others()
-            self._stack.close()
-            reason = _reason(error)
-            is_cut_off = any(word in reason.lower() for word in _CUT_OFF)
-            refuse(f"cannot read the recording '{self.path}': {reason}",
-                   help='a recording that was cut off can be repaired with `ros2 bag reindex` or '
-                   '`mcap recover`' if is_cut_off else '')
+            self._refuse(error)
+
+    def _refuse(self, error: Exception) -> NoReturn:
+        self._stack.close()
+        reason = _reason(error)
+        is_cut_off = any(word in reason.lower() for word in _CUT_OFF)
+        refuse(f"cannot read the recording '{self.path}': {reason}",
+               help='a recording that was cut off can be repaired with `ros2 bag reindex` or '
+               '`mcap recover`' if is_cut_off else '')
 
     def _open_others(self) -> Any:
         """Open those files of a folder that can be opened; raises any exception if none can."""
@@ -304,21 +331,36 @@ class Recording(AbstractContextManager['Recording']):
                 damage = error
             if not found:
                 break
-            batch = _batch(found, numbers)
+            batch = self._batch(found, numbers)
             size = max(1, len(batch.messages) // len(found))
             found.clear()
-            yield batch
+            if batch.times:
+                yield batch
             del batch  # large messages take the memory of those before
             count = min(_MOST_MESSAGES, max(1, _MOST_BYTES // size))
         if damage is not None:
             raise DamagedRecording(_reason(damage)) from None
 
+    def _batch(self, found: list[_Message], numbers: Mapping[int, int]) -> Batch:
+        """Return messages as a batch, without those that have no time, or are no bytes."""
+        try:
+            if found[-1][1] <= LAST_TIME:
+                return _batch(found, numbers)
+        except (TypeError, OverflowError):
+            pass
+        usable = [item for item in found
+                  if _are_times(item[1]) and isinstance(item[2], bytes)]
+        self.left_out += len(found) - len(usable)
+        return _batch(usable, numbers) if usable else Batch(
+            array('I'), array('q'), array('Q'), b'')
+
     def _messages(self, numbers: Mapping[int, int], stop: int | None) -> Iterator[_Message]:
-        storages = sorted((item for item in self._storages if _times(item)[0] < _times(item)[1]),
-                          key=_times)
+        storages = sorted((item for item in self._storages
+                           if self._spans[id(item)][0] < self._spans[id(item)][1]),
+                          key=lambda item: self._spans[id(item)])
         streams = [self._stream(storage, numbers, stop) for storage in storages]
-        times = [_times(storage) for storage in storages]
-        if all(end <= begin for (_, end), (begin, _) in pairwise(times)):
+        spans = [self._spans[id(storage)] for storage in storages]
+        if all(end <= begin for (_, end), (begin, _) in pairwise(spans)):
             return chain.from_iterable(streams)
         return merge(*streams, key=itemgetter(1))
 
@@ -353,6 +395,15 @@ def full_name(topic: str) -> str:
 def _full_type(name: str) -> str:
     """Return the name of a message type with `msg`, which the first recorders left out."""
     return name if name.count('/') != 1 else name.replace('/', '/msg/')
+
+
+def _refuse_runs(path: Path, found: Sequence[Restart]) -> NoReturn:
+    first = found[0]
+    refuse(f"time goes back in '{path}', {counted(len(found), 'restart')}: in {first.file}, a "
+           f'message of {first.topic} at {seconds(first.before)} s is followed by one at '
+           f'{seconds(first.after)} s',
+           help='these are runs whose times overlap, such as of a simulation that was reset: '
+           'record each by itself')
 
 
 def files_of(path: Path) -> list[Path]:
@@ -411,11 +462,22 @@ def _unlisted(path: Path, reader: Any) -> Iterator[str]:
                f'{by_topic:,} by topic')
 
 
-def _times(storage: Any) -> tuple[int, int]:
-    """Return the times of the first and after the last message of a storage."""
+def _span(storage: Any) -> tuple[int, int]:
+    """Return the times of the first and after the last message of a storage; 0, 0 without any."""
     if isinstance(storage, Reader1):
         return storage.start_time, storage.end_time
-    return storage.metadata.start_time, storage.metadata.end_time
+    first, end = storage.metadata.start_time, storage.metadata.end_time
+    if isinstance(storage, Sqlite3Reader) and not (_are_times(first, end) and first < end):
+        assert storage.dbconn is not None  # SQLite keeps values of any type in any column
+        (first, end), = storage.dbconn.execute(
+            'SELECT min(timestamp), max(timestamp) + 1 FROM messages '
+            "WHERE typeof(timestamp) = 'integer' AND timestamp <= ?", (LAST_TIME,))
+        return (0, 0) if first is None else (first, end)
+    return first, end
+
+
+def _are_times(*times: object) -> bool:
+    return all(isinstance(time, int) and time <= LAST_TIME for time in times)
 
 
 def _batch(found: list[_Message], numbers: Mapping[int, int]) -> Batch:

@@ -102,7 +102,9 @@ class _Report:
         for title, text in (
                 ('recording', str(result.path)), ('bundle', str(self._bundle)),
                 ('from', self._moment(result.begin)), ('to', self._moment(result.end)),
-                ('judged', f'{short_seconds(self._length)} s'), ('read', result.amount)):
+                ('judged', f'{short_seconds(self._length)} s'), ('read', result.amount),
+                *(() if result.has_checksums or result.is_trace else
+                  [('checksums', 'none: values that changed in the file are not noticed')])):
             yield f'<dt>{title}</dt><dd>{escaped(text)}</dd>'
         yield '</dl></header>'
         problems = (*result.errors, *result.warnings)

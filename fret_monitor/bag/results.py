@@ -36,6 +36,7 @@ def json_line(result: RecordingResult) -> str:
         'bag': str(result.path),
         'recorded': sum(result.recorded.values()),
         'read': sum(result.read.values()),
+        **({} if result.is_trace else {'checksums': result.has_checksums}),
         'requirements': {item.id: {
             'verdict': item.verdict,
             'violations': item.violations,
@@ -67,7 +68,9 @@ def table(result: RecordingResult) -> str:
               f'{short_seconds(item.longest)} s' if item.occurrences else '-')
              for item in result.findings]
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
-    lines = [f'{result.path}: {result.amount}, {short_seconds(result.end - result.begin)} s']
+    note = '' if result.has_checksums or result.is_trace else ', no checksums'
+    lines = [f'{result.path}: {result.amount}, '
+             f'{short_seconds(result.end - result.begin)} s{note}']
     return '\n'.join([*lines, *(_aligned(row, widths) for row in rows)])
 
 

@@ -84,6 +84,9 @@ class Trace:
     """
 
     is_trace = True
+    is_end_known = True
+    has_checksums = False
+    left_out = 0
 
     def __init__(self, path: Path) -> None:
         """Name a file, which is opened later."""

@@ -23,6 +23,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 import struct
 from typing import BinaryIO
+from zlib import crc32
 
 _MAGIC = b'\x89MCAP0\r\n'
 _CHUNK_BYTES = 1 << 20
@@ -32,6 +33,7 @@ _CHANNEL_BYTES = 35  # of a topic, in both
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE = 1, 2, 3, 4, 5
 _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA = 6, 7, 8, 11, 12
 _METADATA_INDEX, _DATA_END = 13, 15
+_FOOTER_BYTES = 20
 
 
 @dataclass
@@ -110,17 +112,15 @@ class McapWriter:
         """Write what waits, and the index; nothing can be added any more."""
         self._write_chunk()
         self._write(_record(_DATA_END, struct.pack('<I', 0)))
-        summary = self._written
-        for item in self._definitions:
-            self._write(item)
-        self._write(_record(_STATISTICS, struct.pack(
+        begin = self._written
+        statistics = _record(_STATISTICS, struct.pack(
             '<QHIIIIQQ', sum(self._counts), len(self._schemas), len(self._counts), 0,
             len(self._metadata_indices), len(self._chunk_indices), self._start, self._end)
-            + _array('<HQ', enumerate(self._counts))))
-        for item in [*self._chunk_indices, *self._metadata_indices]:
-            self._write(item)
-        self._write(_record(_FOOTER, struct.pack('<QQI', summary, 0, 0)))
-        self._write(_MAGIC)
+            + _array('<HQ', enumerate(self._counts)))
+        summary = b''.join([
+            *self._definitions, statistics, *self._chunk_indices, *self._metadata_indices,
+            struct.pack('<BQQQ', _FOOTER, _FOOTER_BYTES, begin, 0)])
+        self._write(summary + struct.pack('<I', crc32(summary)) + _MAGIC)
         self._has_ended = True
 
     def _define(self, record: bytes) -> None:
@@ -146,9 +146,10 @@ class McapWriter:
             offset += len(record)
         start, end = messages[0][0], messages[-1][0]
         place = self._written
+        content = b''.join(record for _, _, record in messages)
         self._write(_record(_CHUNK, b''.join([
-            struct.pack('<QQQI', start, end, offset, 0), _text(''), struct.pack('<Q', offset),
-            *(record for _, _, record in messages)])))
+            struct.pack('<QQQI', start, end, offset, crc32(content)), _text(''),
+            struct.pack('<Q', offset), content])))
         length = self._written - place
         places = {}
         for channel, entries in indices.items():

@@ -396,13 +396,6 @@ def test_a_time_after_2038_has_no_stamp(
             '2038') in capsys.readouterr().err
 
 
-def test_a_time_of_more_than_63_bits_is_refused(
-        tmp_path: Path, bundle: Path, capsys: Capture) -> None:
-    path = write(tmp_path / 'far', [('/level', 0, 0.7), ('/level', 2**63 - START, 0.7)])
-    assert main(['bag', str(bundle), str(path)]) == 1
-    assert f"'{path}' ends at {2**63} ns: nanoseconds since 1970" in capsys.readouterr().err
-
-
 def test_a_new_name_for_no_topic_is_refused(
         bundle: Path, recording: Path, capsys: Capture) -> None:
     arguments = ['bag', str(bundle), str(recording), '--remap']

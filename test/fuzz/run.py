@@ -24,6 +24,7 @@ from the failure; the exit status is 1 if there is one.
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from hashlib import sha256
+from importlib import import_module
 import importlib.util
 import os
 from pathlib import Path
@@ -39,6 +40,7 @@ CRASHES = Path('fuzz-crashes')
 LONGEST = 3000  # bytes of an input
 MESSAGES = 'messages'  # the target in C
 RECORDINGS = 'recordings'  # compared with the reference evaluators
+DAMAGE = 'damage'  # of recordings: the answer is the right one, or an error
 GUIDED = importlib.util.find_spec('atheris') is not None
 
 
@@ -55,7 +57,7 @@ def main() -> int:
 
 def _fuzz_all(options: Namespace) -> int:
     from fuzz.targets import TARGETS
-    known = [*TARGETS, MESSAGES, RECORDINGS]
+    known = [*TARGETS, MESSAGES, RECORDINGS, DAMAGE]
     chosen = options.targets or known
     unknown = [name for name in chosen if name not in known]
     if unknown:
@@ -68,8 +70,8 @@ def _fuzz_all(options: Namespace) -> int:
     for name in chosen:
         if name == MESSAGES:
             _fuzz_messages(share, options.seed)
-        elif name == RECORDINGS:
-            _fuzz_recordings(share, options.seed)
+        elif name in (RECORDINGS, DAMAGE):
+            _fuzz_recordings(name, share, options.seed)
         else:
             _fuzz_apart(name, share, options.seed)
     found = sorted(set(CRASHES.glob('*')) - before)
@@ -113,13 +115,13 @@ def _fuzz_messages(seconds: float, seed: int) -> None:
         _write(MESSAGES, f'{done.args}\n{report}'.encode(), f'status {done.returncode}')
 
 
-def _fuzz_recordings(seconds: float, seed: int) -> None:
-    from fuzz.recordings import fuzz
+def _fuzz_recordings(name: str, seconds: float, seed: int) -> None:
+    fuzz = import_module(f'fuzz.{name}').fuzz
     try:
-        print(f'{RECORDINGS}: {fuzz(seconds, seed or time.time_ns() % 2 ** 32):,} recordings')
+        print(f'{name}: {fuzz(seconds, seed or time.time_ns() % 2 ** 32):,} recordings')
     except AssertionError as error:
-        print(f'BUG in {RECORDINGS}: {error}')
-        _write(RECORDINGS, str(error).encode(), 'judged in another way')
+        print(f'BUG in {name}: {error}')
+        _write(name, str(error).encode(), 'judged in another way')
 
 
 class Recorder:
