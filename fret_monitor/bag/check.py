@@ -26,14 +26,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TYPE_CHECKING
 
 from fret_monitor.bag.message_fit import MessageFit
 from fret_monitor.bag.moments import LAST_TIME, Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
-from fret_monitor.build import compile_monitor, generate_monitor, read, Reading
-from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
 from fret_monitor.model.manifest import Manifest
@@ -44,6 +42,10 @@ from fret_monitor.runtime.detail_text import short_seconds
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED, ViolationDetail
 from fret_monitor.runtime.evaluator import Evaluator, NEVER, RequirementCounts, Violation
 from fret_monitor.start import manifest_of, start
+
+if TYPE_CHECKING:  # a bundle in the cache needs no parser
+    from fret_monitor.build import Reading
+    from fret_monitor.elaboration.signals import FindMessage
 
 MOST_KEPT = 10_000
 """Occurrences of a requirement whose times are kept; the others are counted."""
@@ -180,7 +182,7 @@ def check_recording(
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[tuple[AnyRecording, FindMessage]]:
+def opened(path: Path) -> Iterator[tuple[AnyRecording, 'FindMessage']]:
     """Yield a recording, and a function that finds message types in it, or what is installed."""
     if path.suffix == TRACE_SUFFIX:
         yield Trace(path), find_message
@@ -196,7 +198,7 @@ def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
     return _Run(monitor, recording, selection, changes, watch, progress).result()
 
 
-def _compiled(bundle: Path, selection: Selection, find: FindMessage) -> CompiledMonitor:
+def _compiled(bundle: Path, selection: Selection, find: 'FindMessage') -> CompiledMonitor:
     """Compile a bundle for the message definitions of a recording."""
     if selection.stamp is None:
         try:
@@ -211,8 +213,9 @@ def _compiled(bundle: Path, selection: Selection, find: FindMessage) -> Compiled
     return compiled(read_bundle(bundle, selection, find))
 
 
-def read_bundle(bundle: Path, selection: Selection, find: FindMessage) -> Reading:
+def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage') -> 'Reading':
     """Read a bundle for a recording; all requirements report occurrences."""
+    from fret_monitor.build import read
     reading = read(bundle, stamp=selection.stamp, constants=selection.constants,
                    find_message=find)
     properties = tuple(replace(item, report=Report.OCCURRENCE)
@@ -223,13 +226,15 @@ def read_bundle(bundle: Path, selection: Selection, find: FindMessage) -> Readin
 
 def requirement_texts(bundle: Path, path: Path, selection: Selection) -> dict[str, str]:
     """Return the requirements' texts of a bundle, by id; errors as of `check_recording`."""
+    from fret_monitor.build import generate_monitor
     with opened(path) as (_, find):
         reading = read_bundle(bundle, selection, find)
     return {item.id: item.text for item in generate_monitor(reading).manifest.requirements}
 
 
-def compiled(reading: Reading) -> CompiledMonitor:
+def compiled(reading: 'Reading') -> CompiledMonitor:
     """Compile what was read; raises `NativeError` if the compiler fails."""
+    from fret_monitor.build import compile_monitor, generate_monitor
     return compile_monitor(generate_monitor(reading))
 
 

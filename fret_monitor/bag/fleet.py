@@ -38,7 +38,6 @@ from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import json_line
 from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
-from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, Problems, refuse
 from fret_monitor.model.progress import no_progress, Progress
@@ -120,6 +119,7 @@ def settings_of(bundle: Path, selection: Selection) -> str:
 
 def _written(bundle: Path) -> list[str]:
     """Return the texts of a bundle's files, and its message types as far as they are installed."""
+    from fret_monitor.bundle.reader import survey_bundle
     survey = survey_bundle(bundle, Problems())
     if survey is None:
         return []  # no recording can be checked

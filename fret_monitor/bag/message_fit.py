@@ -51,6 +51,10 @@ class MessageFit:
 
         Returns the topics whose first message was among them and does not fit.
         """
+        topics = {*batch.topics}
+        lengths = {*batch.sizes}
+        if all(lengths <= self._lengths[topic] for topic in topics):
+            return []
         new = {(topic, size) for topic, size in {*zip(batch.topics, batch.sizes)}
                if size not in self._lengths[topic] and len(self._lengths[topic]) < _MOST_LENGTHS}
         unknown = {topic for topic, _ in new if not self._lengths[topic]}

@@ -69,7 +69,8 @@ _UNFINISHED = ('-wal', '-journal')  # what SQLite has not put into its file yet
 _CUT_OFF = ('magic', 'footer', 'truncated', 'malformed', 'not a database', 'index', 'end of file')
 _METADATA, _INFORMATION, _NAMES = (
     'metadata.yaml', 'rosbag2_bagfile_information', 'relative_file_paths')
-_Message = tuple[Connection, int, bytes]
+_Message = tuple[Connection, int, bytes] | tuple[int, int, bytes]
+"""A connection or the number of its topic, a time (ns), and a serialized message."""
 
 
 class DamagedRecording(Exception):
@@ -369,8 +370,10 @@ class Recording(AbstractContextManager['Recording']):
         chosen = [item for item in storage.connections if id(item) in numbers]
         if not chosen:
             return iter(())
-        messages: Iterator[_Message] = storage.messages(chosen, None, stop)
         convert = self._conversion(chosen)
+        if convert is None and getattr(storage, 'dbconn', None) is not None:
+            return _rows(storage.dbconn, {item.id: numbers[id(item)] for item in chosen}, stop)
+        messages: Iterator[tuple[Connection, int, bytes]] = storage.messages(chosen, None, stop)
         if convert is None:
             return messages
         return ((item, time, convert(data, item.msgtype)) for item, time, data in messages)
@@ -480,11 +483,25 @@ def _are_times(*times: object) -> bool:
     return all(isinstance(time, int) and time <= LAST_TIME for time in times)
 
 
+def _rows(database: Any, numbers: Mapping[int, int], stop: int | None) -> Iterator[_Message]:
+    """Yield messages of topics of a file of SQLite, as rosbags does; without a loop of Python."""
+    cases = ' '.join('WHEN ? THEN ?' for _ in numbers)
+    wanted = ','.join('?' for _ in numbers)
+    before = '' if stop is None else 'AND timestamp < ? '
+    rows: Iterator[_Message] = database.execute(
+        f'SELECT CASE topic_id {cases} END, timestamp, data FROM messages '
+        f'WHERE topic_id IN ({wanted}) {before}ORDER BY timestamp',
+        [*chain.from_iterable(numbers.items()), *numbers, *(() if stop is None else (stop,))])
+    return rows
+
+
 def _batch(found: list[_Message], numbers: Mapping[int, int]) -> Batch:
     # No loop of Python over the messages: it would take as long as reading them.
     connections, times, parts = zip(*found)
     if len(numbers) == 1:
         topics = array('I', numbers.values()) * len(parts)
+    elif isinstance(connections[0], int):
+        topics = array('I', connections)
     else:
         topics = array('I', map(numbers.__getitem__, map(id, connections)))
     return Batch(topics, array('q', times), array('Q', map(len, parts)), b''.join(parts))

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from fret_monitor.bag.fleet import Outcome
     from fret_monitor.bag.results_file import ResultsFile
 
+_OUTPUTS = ('junit', 'csv', 'mcap', 'report', 'results')
 _PAGES = ('.html', '.htm')
 _MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
 
@@ -107,8 +108,9 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
     require_packages('`bag`', {'rosbags': 'rosbags'})
     from fret_monitor.bag.recording import files_of
     bundle = existing_bundle(options.bundle)
-    _check_outputs(options, [*_files_of_bundle(bundle),
-                             *(file for path in options.bags for file in files_of(path))])
+    if any(getattr(options, name) is not None for name in _OUTPUTS):
+        _check_outputs(options, [*_files_of_bundle(bundle),
+                                 *(file for path in options.bags for file in files_of(path))])
     is_page = options.report is not None and options.report.suffix in _PAGES
     for name, path in (('--csv', options.csv), ('--mcap', options.mcap),
                        (f'--report {options.report}', options.report if is_page else None)):
@@ -128,7 +130,7 @@ def _files_of_bundle(bundle: Path) -> list[Path]:
 def _check_outputs(options: Namespace, read: Sequence[Path]) -> None:
     """Refuse to write over a file that is read, or two results to one file."""
     options_of: dict[str, str] = {}
-    for name in ('junit', 'csv', 'mcap', 'report', 'results'):
+    for name in _OUTPUTS:
         path = getattr(options, name)
         if path is None:
             continue

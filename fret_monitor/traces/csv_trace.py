@@ -34,15 +34,17 @@ from itertools import islice
 import math
 from pathlib import Path
 import re
-from typing import Any, BinaryIO, NoReturn, TypeAlias
+from typing import Any, BinaryIO, NoReturn, TYPE_CHECKING, TypeAlias
 
-from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import CompileError, counted, refuse, Source, Span
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import CData
 from fret_monitor.runtime.csv_rows import CsvColumn, CsvRows
+
+if TYPE_CHECKING:  # a trace is read without the mathematics
+    from fret_monitor.logic.specification import Signal
 
 _BLOCK_ROWS = 4096
 _READ_BYTES = 1 << 20  # at once
@@ -86,7 +88,7 @@ def open_trace(path: Path) -> Iterator[BinaryIO]:
         yield file
 
 
-def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | float]],
+def trace_text(signals: 'Sequence[Signal]', rows: Iterable[Sequence[bool | int | float]],
                times: Sequence[str] | None = None) -> str:
     """
     Return rows as CSV; the value of a string input is its index in `signal.values`.
@@ -102,7 +104,7 @@ def trace_text(signals: Sequence[Signal], rows: Iterable[Sequence[bool | int | f
     return text.getvalue()
 
 
-def _cell(value: bool | int | float, signal: Signal) -> str:
+def _cell(value: bool | int | float, signal: 'Signal') -> str:
     if signal.type is ValueType.BOOL:
         return str(int(value))
     if signal.is_string:
