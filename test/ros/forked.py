@@ -23,6 +23,7 @@ have to differ between nodes.
 
 import atexit
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 import ctypes
 from functools import cache
 import gc
@@ -131,6 +132,14 @@ class ForkedScript(ForkedProcess):
         super().__init__(name, [name, *arguments], {0: reading, 1: writing}, environment)
         os.close(reading)
         os.close(writing)
+
+    def kill(self) -> None:
+        """Kill it, wait for its end, and close the pipes."""
+        super().kill()
+        self.wait()
+        with suppress(BrokenPipeError):  # something was left to be written
+            self.stdin.close()
+        self.stdout.close()
 
 
 def run(program: str, *arguments: str,

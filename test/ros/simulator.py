@@ -55,7 +55,6 @@ class Simulator:
     def end(self) -> None:
         """End the process."""
         self.process.stdin.close()
-        self.process.stdout.close()
         assert self.process.wait(30) == 0
 
 
@@ -67,9 +66,7 @@ def simulating() -> Iterator[Simulator]:
         yield simulator
         simulator.end()
     finally:
-        if simulator.process.poll() is None:
-            simulator.process.kill()
-            simulator.process.wait()
+        simulator.process.kill()
 
 
 def main() -> None:

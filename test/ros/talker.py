@@ -82,13 +82,11 @@ class Talker:
     def kill(self) -> None:
         """Kill the process at once, so that it cannot leave the graph in order."""
         self.process.kill()
-        self.close()
 
     def close(self) -> None:
         """End the process; it leaves the graph in order."""
         self.process.stdin.close()
         self.process.wait(30)
-        self.process.stdout.close()
 
     def _tell(self, line: str) -> None:
         self.process.stdin.write(f'{line}\n')
@@ -111,9 +109,7 @@ def talking(folder: Path, topic: str = 'n', message: str = 'Int32',
         if talker.process.poll() is None:
             talker.close()
     finally:
-        if talker.process.poll() is None:
-            talker.process.kill()
-            talker.process.wait()
+        talker.process.kill()
 
 
 def main() -> None:

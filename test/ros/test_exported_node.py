@@ -19,7 +19,7 @@ Both receive the same messages, with faults; their violations, details and diagn
 The node is built once for each bundle of this module.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,8 @@ import signal
 from time import sleep
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fret_monitor.ros.details import read_detail
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
@@ -81,13 +82,22 @@ inputs:
   request: {topic: request, type: std_msgs/msg/Bool}
   done: {topic: done, type: std_msgs/msg/Bool, timeout: 30.0, stale: violate}
   delay: {topic: sent, type: std_msgs/msg/Header, field: age(stamp)}
+  got_request: {topic: request, type: std_msgs/msg/Bool, field: received()}
+  got_done: {topic: done, type: std_msgs/msg/Bool, field: received(), timeout: 30.0,
+             stale: violate}
+  got_sent: {topic: sent, type: std_msgs/msg/Header, field: received()}
+  got_probe: {topic: probe, type: std_msgs/msg/Bool, field: received()}
 evaluation: {policy: timed}
 requirements:
   - {id: ANSWER, fretish: "when request the robot shall within 3 seconds satisfy done"}
   - {id: EDGE, ptltl: "request -> O[0, 2500 ms] (request & Y !request)"}
   - {id: FRESH, ptltl: "delay < 1.5"}
+  - {id: GOT_request, ptltl: "!got_request", report: every_step}  # acknowledges each message
+  - {id: GOT_done, ptltl: "!got_done", report: every_step}
+  - {id: GOT_sent, ptltl: "!got_sent", report: every_step}
+  - {id: GOT_probe, ptltl: "!got_probe", report: every_step}
 """
-OF_TIMED = ('ANSWER', 'EDGE', 'FRESH')
+OF_TIMED = ('ANSWER', 'EDGE', 'FRESH', 'GOT_request', 'GOT_done', 'GOT_sent', 'GOT_probe')
 
 
 def written(folder: Path, text: str) -> Path:
@@ -141,7 +151,13 @@ class Both:
         return {item.name.partition(': ')[2]: (
             item.level, re.sub(r'for [0-9.]+ s', 'for long', item.message),
             {pair.key: pair.value for pair in item.values if pair.key not in self._left_out(item)})
-            for item in self.reports[node].status}
+            for item in self.reports[node].status if not item.name.endswith('GOT_probe')}
+
+    def acknowledged(self, topic: str) -> list[list[int]]:
+        """Return when each node evaluated a message of a topic, by its details of GOT_*."""
+        return [[stamp.sec * 10**9 + stamp.nanosec for stamp, item in found
+                 if item.name == f'GOT_{topic}' and _is_of_message(item)]
+                for found in self.details.values()]
 
     @staticmethod
     def _left_out(status: Any) -> tuple[str, ...]:
@@ -166,6 +182,11 @@ class Both:
                          if ours.get(name) != theirs.get(name)}
             raise AssertionError(f'they differ: {differing}') from None
         return dict(found[-1][0])
+
+
+def _is_of_message(status: DiagnosticStatus) -> bool:
+    detail = read_detail(status)
+    return detail is not None and not detail.is_recovery and not detail.silent
 
 
 @contextmanager
@@ -275,39 +296,52 @@ def test_timed_requirements_are_violated_at_the_same_instants_of_a_simulated_clo
     with simulating() as clock, both(
             partner, written(tmp_path, TIMED), OF_TIMED, '-p', 'use_sim_time:=true',
     ) as (nodes, node):
-        request, done = partner.publisher(Bool, 'request'), partner.publisher(Bool, 'done')
-        sent = partner.publisher(Header, 'sent')
-        partner.wait_for_listener(request, done, sent)
-        for topic in ('request', 'done', 'sent', '/clock'):
+        publishers = {topic: partner.publisher(kind, topic) for topic, kind in (
+            ('request', Bool), ('done', Bool), ('sent', Header), ('probe', Bool))}
+        partner.wait_for_listener(*publishers.values())
+        for topic in (*publishers, '/clock'):
             wait_for_subscriptions(partner, topic)
 
-        def at(seconds: float, publish: Callable[[], None]) -> None:
-            clock.jump(seconds)
-            sleep(0.1)
-            publish()
-            sleep(0.1)
+        def send(topic: str, message: Any) -> None:
+            count = max(map(len, nodes.acknowledged(topic))) + 1
+            publishers[topic].publish(message)
+            wait_until(lambda: [*map(len, nodes.acknowledged(topic))] == [count, count], topic)
 
-        at(10.0, lambda: request.publish(Bool(data=False)))
-        at(1.0, lambda: done.publish(Bool(data=False)))
-        at(1.0, lambda: request.publish(Bool(data=True)))
-        at(10.0, lambda: request.publish(Bool(data=True)))  # both are violated meanwhile
-        at(1.0, lambda: done.publish(Bool(data=True)))
+        def at(seconds: float, topic: str = '', message: Any = None) -> None:
+            now = round(clock.jump(seconds) * 1e9)
+            send('probe', Bool())
+            while not all(0 <= stamps[-1] - now < 10**9
+                          for stamps in nodes.acknowledged('probe')):
+                sleep(0.02)  # there are at most 100 details a second
+                send('probe', Bool())
+            if topic:
+                send(topic, message)
+
+        at(10.0, 'request', Bool(data=False))
+        at(1.0, 'done', Bool(data=False))
+        at(1.0, 'request', Bool(data=True))
+        at(10.0, 'request', Bool(data=True))  # both are violated meanwhile
+        at(1.0, 'done', Bool(data=True))
         stamp = Header()
         stamp.stamp.sec = 20
-        at(1.0, lambda: sent.publish(stamp))
-        at(40.0, lambda: None)  # `done` is silent
-        at(-30.0, lambda: done.publish(Bool(data=False)))  # time goes back
-        at(2.0, lambda: None)
+        at(1.0, 'sent', stamp)
+        at(40.0)  # `done` is silent
+        at(-30.0, 'done', Bool(data=False))  # time goes back
+        at(2.0)
         report = nodes.expect_equal()
         assert report['time of bundle'][2]['restarts'] == '1'
         node.wait_for('time went back, to 34.000 s')
     details = [[(stamp, item.name, item.level, [(pair.key, pair.value) for pair in item.values])
-                for stamp, item in nodes.details[place]] for place in ('copilot', 'exported')]
-    assert [str(item) for item in details[0]] == [str(item) for item in details[1]]
+                for stamp, item in nodes.details[place] if item.name != 'GOT_probe']
+               for place in ('copilot', 'exported')]
+    # Each probe at one time of the clock delays what follows it there by a nanosecond.
+    shown = [[re.sub(r'(?<=nanosec=)\d\b|\.0{8}\d\b', '', str(item)) for item in found]
+             for found in details]
+    assert shown[0] == shown[1]
     times = {item.values[0].value for _, item in nodes.details['exported']
              if item.name == 'ANSWER'}
     assert '4' in times  # three seconds after the request at 1 s
-    for name in OF_TIMED:
+    for name in OF_TIMED[:-1]:  # without GOT_probe
         assert int(report[name][2]['announced']) > 0
 
 
