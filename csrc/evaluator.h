@@ -285,7 +285,7 @@ FM_EXPORT uint32_t fm_evaluator_advance(
 
 /// As fm_evaluator_advance, for a clock that stands still at `now`: what is due at `now` itself is
 /// not taken, since a message may still come at that time.
-FM_EXPORT uint32_t fm_evaluator_advance_to(
+FM_INTERNAL uint32_t fm_evaluator_advance_to(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 
 /// The clock was changed: all times are `by` nanoseconds later on the new one. Nothing if the time
