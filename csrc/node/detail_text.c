@@ -149,7 +149,7 @@ void fm_add_detail(
   struct fm_text text = {NULL, 0, 0};
   fm_status * status = fm_status_add(
     array, level_of(requirement, detail), requirement->id, requirement->text, table->component,
-    4u + requirement->n_inputs);
+    4u + requirement->n_inputs + requirement->n_constants);
   if (table->policy == FM_TIMED) {
     fm_text_add_short_seconds(&text, (int64_t)detail->violation.step);
     fm_status_value(status, "time", "%s", fm_text_get(&text));
@@ -167,6 +167,10 @@ void fm_add_detail(
     fm_text_clear(&text);
     fm_add_input(&text, table, detail, requirement->inputs[k]);
     fm_status_value(status, table->inputs[requirement->inputs[k]].key, "%s", fm_text_get(&text));
+  }
+  for (uint32_t k = 0; k < requirement->n_constants; ++k) {
+    const struct fm_constant * constant = &table->constants[requirement->constants[k]];
+    fm_status_value(status, constant->key, "%s", constant->value);
   }
   fm_text_free(&text);
 }

@@ -88,6 +88,8 @@ struct fm_node_requirement
   const char * sentence;  // of the log: title and text
   const uint32_t * inputs;
   uint32_t n_inputs;
+  const uint32_t * constants;  // that its text names, itself or in definitions
+  uint32_t n_constants;
   bool is_warning;        // its severity; otherwise error
   bool shows_verdict;     // in /diagnostics: it reports occurrences
 };
@@ -96,6 +98,7 @@ struct fm_node_requirement
 struct fm_constant
 {
   const char * name;
+  const char * key;    // of its value in details
   const char * value;
 };
 

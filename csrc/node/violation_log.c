@@ -100,7 +100,13 @@ static void add_shown(
     fm_text_add(text, "%s%s = ", k == 0 ? ": " : ", ", table->inputs[requirement->inputs[k]].name);
     fm_add_input(text, table, detail, requirement->inputs[k]);
   }
-  fm_text_add(text, "%s]", requirement->n_inputs == 0 ? ": " : "");
+  for (uint32_t k = 0; k < requirement->n_constants; ++k) {
+    const struct fm_constant * constant = &table->constants[requirement->constants[k]];
+    fm_text_add(text, "%s%s = %s", k == 0 && requirement->n_inputs == 0 ? ": " : ", ",
+      constant->name, constant->value);
+  }
+  fm_text_add(text, "%s]",
+    requirement->n_inputs == 0 && requirement->n_constants == 0 ? ": " : "");
   fm_text_free(&silent);
 }
 

@@ -21,7 +21,7 @@ from fret_monitor.bag.check import AnyBatch, Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.detail_text import show
+from fret_monitor.runtime.detail_text import constants_of, show
 from fret_monitor.runtime.engine import Engine, ViolationDetail
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.thinning import Thinning, TimeWindow
@@ -37,7 +37,7 @@ _MOST_DETAILS = 5_000  # changes of which details are looked at
 
 @dataclass(frozen=True)
 class Start:
-    """The begin of an occurrence: time (ns), step, and the values of the inputs, if known."""
+    """The begin of an occurrence: time (ns), step, values of inputs and constants, if known."""
 
     time: int
     step: int
@@ -96,11 +96,12 @@ class Overview:
     def _start(self, violation: Violation, detail: ViolationDetail | None) -> Start:
         if detail is None:
             return Start(violation.stamp, violation.step)
-        read = self._manifest.requirements[violation.requirement].inputs
-        inputs = self._manifest.inputs
+        requirement = self._manifest.requirements[violation.requirement]
+        read, inputs = requirement.inputs, self._manifest.inputs
         return Start(
             violation.stamp, violation.step,
-            tuple((inputs[k].name, show(inputs[k], detail.values[k])) for k in read),
+            (*((inputs[k].name, show(inputs[k], detail.values[k])) for k in read),
+             *constants_of(self._manifest, requirement)),
             tuple(inputs[k].name for k in read if k in detail.stale))
 
     def end(self, time: int) -> None:

@@ -181,7 +181,7 @@ class _Report:
             yield f'<br>Nothing came of {escaped(", ".join(item.start.silent))}.'
         if item.start.values:
             values = ', '.join(f'{name} = {value}' for name, value in item.start.values)
-            yield f'<br>Inputs: <code>{escaped(values)}</code>'
+            yield f'<br>Values: <code>{escaped(values)}</code>'
         yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
                f'aria-label="inputs and propositions around it"></svg></figure>')
 

@@ -46,6 +46,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
     values = {signal.name: signal.values for signal in program.signals if signal.values}
+    constant_of = {name: index for index, (name, _) in enumerate(constants)}
     signal_of = {signal.name: index for index, signal in enumerate(program.signals)}
     return Manifest(
         # A file name may hold bytes that are not valid UTF-8.
@@ -59,7 +60,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         groups=tuple(ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
                                    layout.operations) for layout in layouts),
         requirements=tuple(
-            _requirement(item, group_of[number], signal_of, action_of,
+            _requirement(item, group_of[number], signal_of, constant_of, action_of,
                          to_smv(item.formula, _LONGEST_FORMULA, values,
                                 is_timed=program.policy is Policy.TIMED))
             for number, item in enumerate(program.properties)),
@@ -90,7 +91,8 @@ def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
 
 
 def _requirement(item: Property, group: int, signal_of: dict[str, int],
-                 action_of: dict[str, int], formula: str) -> ManifestRequirement:
+                 constant_of: dict[str, int], action_of: dict[str, int],
+                 formula: str) -> ManifestRequirement:
     return ManifestRequirement(
         id=item.id,
         handler=item.handler,
@@ -101,6 +103,7 @@ def _requirement(item: Property, group: int, signal_of: dict[str, int],
         severity=item.severity,
         group=group,
         inputs=tuple(sorted(signal_of[name] for name in item.inputs)),
+        constants=tuple(constant_of[name] for name in item.constants if name in constant_of),
         on_violation=tuple(action_of[name] for name in item.on_violation),
         on_end=tuple(action_of[name] for name in item.on_end),
     )

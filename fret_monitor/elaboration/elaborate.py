@@ -102,15 +102,19 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     return specification, reading.problems.warnings
 
 
-def _references(tree: Expression | Equations | None,
-                vocabulary_of: FindVocabulary) -> dict[str, Span]:
+def _references(tree: Expression | Equations | Sentence | None,
+                vocabulary_of: FindVocabulary, in_bounds: bool = False) -> dict[str, Span]:
     if tree is None:
         return {}
+    if isinstance(tree, Sentence):
+        return {name: span for part in tree.expressions
+                for name, span in references(
+                    part, vocabulary_of, in_bounds=in_bounds).items()}
     if not isinstance(tree, Equations):
-        return references(tree, vocabulary_of)
+        return references(tree, vocabulary_of, in_bounds=in_bounds)
     found: dict[str, Span] = {}
     for equation in tree.equations:
-        found = {**references(equation.expression, vocabulary_of), **found}
+        found = {**references(equation.expression, vocabulary_of, in_bounds=in_bounds), **found}
     for equation in tree.equations:
         found.pop(equation.name, None)
     return found
@@ -125,6 +129,7 @@ class _Reading:
         self._scale = TimeScale(bundle.policy, bundle.period, bundle.unit)
         self._scope = Scope(is_cut=bool(bundle.cut & set(DECLARING)))
         self._feedback: dict[Feedback, Formula] = {}
+        self._names_of: dict[str, set[str]] = {}  # that a definition refers to, by its FRET name
 
     def skip(self, names: Iterable[str]) -> None:
         """Declare names whose entries the parser refused, so that uses are not reported."""
@@ -163,6 +168,10 @@ class _Reading:
         known = {item.name.value: item for item in definitions}
         trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
         uses = self._uses(trees)
+        vocabulary_of = self._vocabularies(trees)
+        self._names_of = {
+            fret_name(name): {*map(fret_name, _references(tree, vocabulary_of, True))}
+            for name, tree in trees.items()}
         graph = {name: list(used) for name, used in uses.items()}
         for component in components(graph):
             if is_cyclic(component, graph):
@@ -234,9 +243,22 @@ class _Reading:
             sentence=tree if isinstance(tree, Sentence) else None,
             id_place=item.id.span,
             is_assumption=item.is_assumption,
+            constants=self._constants_of(tree),
             on_violation=tuple(name.value for name in item.on_violation),
             on_end=tuple(name.value for name in item.on_end),
         )
+
+    def _constants_of(self, tree: Expression | Equations | Sentence | None) -> tuple[str, ...]:
+        """Return the constants that a text names, itself or in definitions, as declared."""
+        found: set[str] = set()
+        waiting = [*map(fret_name, _references(
+            tree, self._scope.vocabulary_of, True))]
+        while waiting:
+            name = waiting.pop()
+            if name not in found:
+                found.add(name)
+                waiting.extend(self._names_of.get(name, ()))
+        return tuple(name for name in self._scope.constants if fret_name(name) in found)
 
     def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:
         try:

@@ -94,13 +94,13 @@ def gives_truth(node: Expression) -> bool:
 
 
 def references(root: Expression, vocabulary_of: FindVocabulary,
-               through_delays: bool = True) -> dict[str, Span]:
+               through_delays: bool = True, in_bounds: bool = False) -> dict[str, Span]:
     """
     Return the names that an expression refers to, each with the place of its first use.
 
     `vocabulary_of` returns the names of an input's values, if it has any: if LANDING is a value of
     `state`, then `state = LANDING` does not refer to a name LANDING. Without `through_delays`,
-    names below a delay are left out.
+    names below a delay are left out; those in bounds are found with `in_bounds` alone.
     """
     found: dict[str, Span] = {}
     seen: set[Expression] = set()
@@ -112,6 +112,9 @@ def references(root: Expression, vocabulary_of: FindVocabulary,
         seen.add(node)
         if isinstance(node, Name):
             found.setdefault(node.text, node.span)
+        if in_bounds and isinstance(node, Prefix | Infix) and node.bound is not None:
+            stack.extend(end for end in (node.bound.low, node.bound.high)
+                         if end is not None and not isinstance(end, str))
         parts = _without_values(node, vocabulary_of)
         if not through_delays and delayed(node) is not None:
             parts = parts[:-1]

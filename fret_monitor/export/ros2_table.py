@@ -126,6 +126,8 @@ def _topic(item: ManifestTopic) -> str:
 def _requirements(manifest: Manifest) -> Iterator[str]:
     for index, item in enumerate(manifest.requirements):
         yield from _array('uint32_t', f'read_{index}', (f'{place}u' for place in item.inputs))
+        if item.constants:
+            yield from _array('uint32_t', f'named_{index}', (f'{k}u' for k in item.constants))
     yield from _array('struct fm_node_requirement', 'requirements', (
         _requirement(index, item) for index, item in enumerate(manifest.requirements)))
     yield from _array('uint8_t', 'reports', (
@@ -137,13 +139,19 @@ def _requirement(index: int, item: ManifestRequirement) -> str:
     return ', '.join((
         f'{{{_text(item.id)}', _text(f'{HANDLER_TOPIC}{item.handler}'), _text(title or text),
         _text(f'{title} ({text})' if title else text), f'read_{index}', f'{len(item.inputs)}u',
+        f'named_{index}' if item.constants else 'NULL', f'{len(item.constants)}u',
         _truth(item.severity is Severity.WARN),
         f'{_truth(item.report is Report.OCCURRENCE)}}}'))
 
 
 def _constants(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_constant', 'constants', (
-        f'{{{_text(name)}, {_text(value)}}}' for name, value in manifest.constants))
+        f'{{{_text(name)}, {_text(_constant_key(name))}, {_text(value)}}}'
+        for name, value in manifest.constants))
+
+
+def _constant_key(name: str) -> str:
+    return f'constant {name}' if name in _OF_ALL else name
 
 
 def _table(manifest: Manifest, node_name: str) -> Iterator[str]:

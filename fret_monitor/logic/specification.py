@@ -87,6 +87,7 @@ class Property:
     of the formula's text. `bounds` are, in ascending order, the largest few of the numbers of
     steps in that text and in the definitions it uses; the formula of a FRETish sentence contains
     further bounds. `sentence` is the parsed text if it is FRETish. `id_place` is that of the id.
+    `constants` are the names of those in the text and in the definitions it uses.
     `is_assumption`: it constrains the environment instead of the system. `on_violation` and
     `on_end` are names of actions.
     """
@@ -106,6 +107,7 @@ class Property:
     is_assumption: bool = field(default=False, repr=False)
     on_violation: tuple[str, ...] = ()
     on_end: tuple[str, ...] = ()
+    constants: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def roots(self) -> tuple[Formula, ...]:

@@ -34,7 +34,7 @@ from fret_monitor.model.policies import (
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 5
+FORMAT = 6
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -115,6 +115,7 @@ class ManifestRequirement:
     """
     A requirement, with the texts that the run-time shows. `inputs` and `group` are indices.
 
+    `constants` are those that its text names, itself or in definitions, as indices.
     `on_violation` and `on_end` are the actions that follow a violation and its end, as indices. A
     lock, which follows both, is in `on_violation`.
     """
@@ -130,6 +131,7 @@ class ManifestRequirement:
     inputs: tuple[int, ...]
     on_violation: tuple[int, ...] = ()
     on_end: tuple[int, ...] = ()
+    constants: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -446,6 +448,7 @@ def _manifest(content: _Value) -> Manifest:
     topics = content['topics'].items()
     actions = tuple(_action(item) for item in content['actions'].items())
     policy = content['policy'].choice(Policy)
+    constants = tuple((name.text(), value.text()) for name, value in content['constants'].pairs())
     return Manifest(
         name=content['name'].text(),
         symbol=content['symbol'].symbol(),
@@ -455,8 +458,9 @@ def _manifest(content: _Value) -> Manifest:
         inputs=inputs,
         topics=tuple(_topic(item, len(inputs)) for item in topics),
         groups=tuple(_group(item, len(inputs), len(requirements)) for item in groups),
-        requirements=tuple(_requirement(item, len(inputs), len(groups), len(actions))
-                           for item in requirements),
+        requirements=tuple(
+            _requirement(item, len(inputs), len(groups), len(actions), len(constants))
+            for item in requirements),
         state_bytes=content['state_bytes'].natural(),
         bundle_hash=content['bundle_hash'].text(),
         source_hash=content['source_hash'].text(),
@@ -464,8 +468,7 @@ def _manifest(content: _Value) -> Manifest:
         readers=content['readers'].symbol_or_empty(),
         stamp=content['stamp'].choice(Stamp),
         reorder=content['reorder'].nanoseconds(),
-        constants=tuple((name.text(), value.text())
-                        for name, value in content['constants'].pairs()),
+        constants=constants,
         actions=actions,
         gate=None if content['gate'].found is None else _gate(content['gate'], len(topics)),
         kept=tuple((name.text(), tuple(item.text() for item in ids.items()))
@@ -510,7 +513,8 @@ def _group(item: _Value, inputs: int, requirements: int) -> ManifestGroup:
     )
 
 
-def _requirement(item: _Value, inputs: int, groups: int, actions: int) -> ManifestRequirement:
+def _requirement(item: _Value, inputs: int, groups: int, actions: int,
+                 constants: int) -> ManifestRequirement:
     return ManifestRequirement(
         id=item['id'].text(),
         handler=item['handler'].text(),
@@ -521,6 +525,7 @@ def _requirement(item: _Value, inputs: int, groups: int, actions: int) -> Manife
         severity=item['severity'].choice(Severity),
         group=item['group'].index(groups),
         inputs=item['inputs'].indices(inputs),
+        constants=item['constants'].indices(constants),
         on_violation=item['on_violation'].indices(actions),
         on_end=item['on_end'].indices(actions),
     )

@@ -15,10 +15,10 @@
 """
 The details of violations: `copilot/violations` (docs/ros.md, Topics).
 
-A detail has the requirement, the step and time of the violation, and the values of its inputs;
-under the policy timed, the time since the requirement began in place of the step. A status with
-the level OK says that a violation is over. Details are built only while the topic has a
-subscriber or violations are logged. The handler's message does not wait for them.
+A detail has the requirement, the step and time of the violation, and the values of its inputs and
+constants; under the policy timed, the time since the requirement began in place of the step. A
+status with the level OK says that a violation is over. Details are built only while the topic has
+a subscriber or violations are logged. The handler's message does not wait for them.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ from fret_monitor.model.policies import Severity
 from fret_monitor.ros.qos import DEFAULT_HANDLER_DEPTH, violation_profile
 from fret_monitor.runtime import ViolationDetail
 from fret_monitor.runtime.detail_text import (
-    detail_text, input_name, OF_STEPS, OF_TIMES, WITHHELD_BY,
+    detail_text, OF_STEPS, OF_TIMES, value_name, WITHHELD_BY,
 )
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -49,7 +49,7 @@ _TIME = re.compile(r'[0-9]{1,12}(\.[0-9]{1,9})?')
 @dataclass(frozen=True)
 class Detail:
     """
-    A violation as published: step, time in seconds, names and values of inputs.
+    A violation as published: step, time in seconds, names and values of inputs and constants.
 
     Under the policy timed `step` is None, and `time` the seconds since the requirement began, as
     text. `silent` names the stale inputs, if they are the reason; `suppressed` counts the details
@@ -78,7 +78,7 @@ def read_detail(status: DiagnosticStatus) -> Detail | None:
     if not (_TIME if is_timed else _COUNT).fullmatch(place) or not _STAMP.fullmatch(stamp) \
             or not _COUNT.fullmatch(suppressed):
         return None
-    values = tuple((input_name(key), value) for key, value in pairs[4:] if key != WITHHELD_BY)
+    values = tuple((value_name(key), value) for key, value in pairs[4:] if key != WITHHELD_BY)
     return Detail(
         None if is_timed else int(place), float(stamp), values, pairs[3][1], int(suppressed),
         place if is_timed else None, status.level == DiagnosticStatus.OK,

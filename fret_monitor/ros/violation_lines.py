@@ -15,7 +15,8 @@
 """
 What the ROS log says of a violation and of its end; monitor and logger write the same lines.
 
-Each requirement is logged with its title, its sentence or formula, and the values of its inputs.
+Each requirement is logged with its title, its sentence or formula, and the values of its inputs
+and constants.
 """
 
 from dataclasses import dataclass

@@ -21,7 +21,7 @@ A node publishes it, and a recording of violations contains it.
 from dataclasses import dataclass
 
 from fret_monitor.model.floats import shortest_float32
-from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement
 from fret_monitor.model.policies import Policy, Severity
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import ViolationDetail
@@ -72,8 +72,15 @@ def detail_text(manifest: Manifest, detail: ViolationDetail) -> DetailText:
         (*zip(OF_TIMES if is_timed else OF_STEPS, of_all),
          *((_key(inputs[index].name), show(inputs[index], detail.values[index]))
            for index in requirement.inputs),
+         *((_key(name, 'constant'), value) for name, value in constants_of(manifest, requirement)),
          *([(WITHHELD_BY, manifest.gate.name)]
            if violation.is_withheld and manifest.gate is not None else [])))
+
+
+def constants_of(manifest: Manifest,
+                 requirement: ManifestRequirement) -> tuple[tuple[str, str], ...]:
+    """Return the names and values of the constants that the text of a requirement names."""
+    return tuple(manifest.constants[index] for index in requirement.constants)
 
 
 def short_seconds(nanoseconds: int) -> str:
@@ -87,14 +94,14 @@ def seconds(nanoseconds: int) -> str:
     return f"{'-' if nanoseconds < 0 else ''}{whole}.{rest:09d}"
 
 
-def _key(name: str) -> str:
-    """Return the key of an input: its name, with a prefix if all details have such a key."""
-    return f'input {name}' if name in _OF_ALL else name
+def _key(name: str, prefix: str = 'input') -> str:
+    """Return the key of a value: its name, with a prefix if all details have such a key."""
+    return f'{prefix} {name}' if name in _OF_ALL else name
 
 
-def input_name(key: str) -> str:
-    """Return the name of the input with a key of a detail."""
-    name = key.removeprefix('input ')
+def value_name(key: str) -> str:
+    """Return the name of the input or constant with a key of a detail."""
+    name = key.removeprefix('input ').removeprefix('constant ')
     return name if name in _OF_ALL else key
 
 

@@ -515,3 +515,23 @@ requirements:
 """)
     assert len(result.properties) == 1000
     assert time.process_time() - begin < 60
+
+
+def test_a_requirement_knows_the_constants_that_its_text_names() -> None:
+    specification = specified("""\
+component: robot
+constants: {unused: 1, far: 9.0, STOP: 3, n: 4, v.max: 0.5, t: 2}
+inputs:
+  x: {type: float64}
+  mode: {type: int32, values: {STOP: 0, GO: 1}}
+definitions:
+  slow: x <= v.max
+  near: slow & x < far
+requirements:
+  - {id: A, fretish: "while near robot shall within 3 ticks satisfy x > t"}
+  - {id: B, ptltl: "O[0, n] (x = 0.0)"}
+  - {id: C, ptltl: "mode = STOP | v_DOT_max < x"}
+  - {id: D, cocospec: "x < 1.0 and pre slow"}
+""")
+    assert [(item.id, item.constants) for item in specification.properties] == [
+        ('A', ('far', 'v.max', 't')), ('B', ('n',)), ('C', ('v.max',)), ('D', ('v.max',))]

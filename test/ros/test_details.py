@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Details of violations can be read for any name of an input."""
+"""Details of violations can be read for any name of an input or a constant."""
 
 from pathlib import Path
 from typing import Any
@@ -29,12 +29,14 @@ format: 1
 inputs:
   step: {topic: gait, type: std_msgs/msg/Int32}
   stamp: {topic: imu, type: std_msgs/msg/Int32, initial: 7}
+constants: {time: 2.50, silent: 0, other: 1}
+definitions: {few: step + stamp < time}
 requirements:
-  - {id: R, ptltl: "step + stamp < 0"}
+  - {id: R, ptltl: "few & step < silent"}
 """
 
 
-def test_an_input_may_have_the_name_of_a_key_of_every_detail(
+def test_an_input_or_a_constant_may_have_the_name_of_a_key_of_every_detail(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
@@ -55,5 +57,6 @@ def test_an_input_may_have_the_name_of_a_key_of_every_detail(
     assert len({*keys}) == len(keys)
     found = read_detail(heard[0].status[0])
     assert found is not None
-    assert (found.step, found.values) == (0, (('step', '42'), ('stamp', '7')))
+    assert (found.step, found.values) == (
+        0, (('step', '42'), ('stamp', '7'), ('time', '2.50'), ('silent', '0')))
     node.destroy_node()
