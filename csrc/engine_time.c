@@ -106,10 +106,26 @@ int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, in
   return instant < earliest ? earliest : instant;
 }
 
+// With stamps of headers: note that the system time was set back, also by less than has passed
+// since it was last read. What waits has stamps of before, and takes effect.
+static void note_set_back_locked(struct fm_engine * engine)
+{
+  if (engine->source != FM_STEADY || !uses_headers(engine)) {
+    return;
+  }
+  const int64_t before = engine->system_ahead;
+  const int64_t step = fm_between(system_ahead_locked(engine), before);
+  if (engine->has_begun && !engine->is_new_source && step > CLOSE_NS) {
+    const int64_t now = fm_evaluator_now(engine->options.evaluator);
+    fm_engine_take_due_by_locked(engine, fm_later(now, -step));
+  }
+}
+
 // Shift the evaluator's times to a source that is read for the first time.
 static void join_source_locked(struct fm_engine * engine, int64_t now)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
+  note_set_back_locked(engine);
   if (engine->is_new_source && engine->has_begun) {
     fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), now));
     engine->is_new_source = false;

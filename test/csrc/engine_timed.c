@@ -226,6 +226,22 @@ static int read_clock(void * clock, int64_t * nanoseconds)
   return ((struct clock *)clock)->fails ? 1 : 0;
 }
 
+// The linker puts it in place of clock_gettime: a system time that the test sets back.
+static int64_t set_back = 0;
+
+int __real_clock_gettime(clockid_t clock, struct timespec * out);
+int __wrap_clock_gettime(clockid_t clock, struct timespec * out);
+
+int __wrap_clock_gettime(clockid_t clock, struct timespec * out)
+{
+  const int result = __real_clock_gettime(clock, out);
+  const int64_t back = clock == CLOCK_REALTIME ? set_back : 0;
+  const int64_t time = (int64_t)out->tv_sec * 1000 * MS + (int64_t)out->tv_nsec - back;
+  out->tv_sec = (time_t)(time / (1000 * MS));
+  out->tv_nsec = (long)(time % (1000 * MS));
+  return result;
+}
+
 static int64_t time_of(clockid_t clock)
 {
   struct timespec now;
@@ -722,8 +738,30 @@ static void a_wait_ends_when_a_message_takes_effect(void)
   destroy(engine);
 }
 
+// A step that is smaller than the time since the last reading is one all the same.
+static void a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect(void)
+{
+  struct fm_engine * engine = make(100 * MS);
+  const struct timespec pause = {0, 30 * MS};
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, time_of(CLOCK_REALTIME), time_of(CLOCK_REALTIME));
+  deliver(engine, TOPIC_X, true, time_of(CLOCK_REALTIME), time_of(CLOCK_REALTIME));
+  CHECK(fm_engine_requirement_counts(engine, OLD).steps == 0);
+  nanosleep(&pause, NULL);
+  set_back = 20 * MS;
+  deliver(engine, TOPIC_Y, false, time_of(CLOCK_REALTIME), time_of(CLOCK_REALTIME));
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  // At the message that waited, and at the start after it.
+  CHECK(fm_engine_requirement_counts(engine, OLD).steps == 2);
+  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
+  set_back = 0;
+  destroy(engine);
+}
+
 int main(void)
 {
+  a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect();
   deadlines_before_a_message_come_first();
   ages_are_seconds_from_the_stamp_to_the_reception();
   a_recovery_is_a_detail_and_no_violation();
