@@ -379,8 +379,9 @@ def test_angles_that_are_none_of_a_scan_have_no_sectors(scan: tuple[Topic, Monit
     for least, increment, count in (
             (0, 0, 5), (0, -0.0, 5), (nan, 0.1, 5), (0, nan, 5), (infinity, 0.1, 5),
             (0, infinity, 1), (0, -infinity, 5), (0, 7, 1), (12.6, 0.1, 9), (0, 1e-10, 9),
-            (0, 1e-45, 9), (0, 0.1, 128), (0, 0.1, 0)):
+            (0, 1e-45, 9), (0, 0.1, 128), (0, 0.1, 0), (0, math.tau / 4, 10)):
         assert set(sectors(scan, least, increment, count).values()) == {None}
+    assert sectors(scan, 0, 0.1, 126)['-180 deg : 180 deg'] == 126  # of almost two turns
 
 
 @settings(max_examples=2 * EXAMPLES, suppress_health_check=list(HealthCheck), deadline=None)

@@ -69,6 +69,13 @@ def test_what_is_said_to_settle_stays_as_it_is_while_its_inputs_do(data: st.Data
     assert len({repr(value) for value in values[3:]}) == 1
 
 
+def test_an_equation_that_turns_between_two_terms_is_not_said_to_settle() -> None:
+    d, e, zero = REALS
+    is_below = Binary(BinaryOperator.LT, LEVEL, zero)
+    assert not settles(LEVEL, Choice(is_below, d, e), [LEVEL])
+    assert settles(LEVEL, Choice(is_below, d, LEVEL), [LEVEL])
+
+
 def test_equations_that_depend_on_one_another_are_not_said_to_settle() -> None:
     other = Feedback('b', BOOL)
     both = Binary(BinaryOperator.OR, LATCH, other)

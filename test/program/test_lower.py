@@ -14,16 +14,22 @@
 
 """Lowering of formulas: which terms are shared, which rewritten, and which remain."""
 
+from pathlib import Path
 from random import Random
 
 from differential.compiled import Compiled
+from fret_monitor.build import build, build_specification
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Specification
+from fret_monitor.native.monitor import Monitor
 from fret_monitor.program.lower import lower
+from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
+from fret_monitor.traces.simulate import simulate
 from program.written import operations, specified
 import pytest
 from strategies import random_trace, Trace
+from traces.timed_traces import timed
 
 # Terms of one group that must become one equation.
 SAME = [
@@ -176,3 +182,39 @@ def test_sharing_and_rewriting_preserve_the_meaning() -> None:
             expected = evaluate_all([item.formula for item in specification.properties], cut)
             for number, formula in enumerate(formulas):
                 assert compiled[number][start:stop] == expected[number], formula
+
+
+BURSTS = """format: 1
+evaluation: {policy: timed}
+inputs:
+  r: {topic: t, type: std_msgs/msg/Bool, field: received(), max_rate: 4}
+requirements:
+  - {id: R, ptltl: "O[=1 s] r"}
+"""
+
+
+def true_ticks(monitor: Monitor, folder: Path, text: str, until: int) -> list[int]:
+    """Return the times (ns) in a trace at which a requirement becomes true."""
+    (folder / 'trace.csv').write_text(text, encoding='utf-8')
+    simulate(monitor, folder / 'trace.csv', folder / 'out.csv', until=until)
+    _, *rows = (folder / 'out.csv').read_text(encoding='utf-8').splitlines()
+    cells = [row.split(',') for row in rows]
+    return [parse_seconds(time) for time, flag in cells if flag == '1']
+
+
+def test_a_window_keeps_all_messages_that_max_rate_allows(tmp_path: Path) -> None:
+    (tmp_path / 'bursts.yaml').write_text(BURSTS, encoding='utf-8')
+    # The last of one second and the first of the next, two nanoseconds apart.
+    times = range(10 ** 9 - 8, 10 ** 9 + 8, 2)
+    text = 'time,r\n' + ''.join(f'{seconds_text(time)},1\n' for time in times)
+    monitor = build(tmp_path / 'bursts.yaml').monitor
+    assert true_ticks(monitor, tmp_path, text, 3 * 10 ** 9) == [
+        time + 10 ** 9 for time in times]
+
+
+def test_a_window_keeps_what_windows_within_it_add(tmp_path: Path) -> None:
+    pulses = ' | '.join(f'{"Y " * steps}FTP' for steps in (1, 3, 5, 7))
+    monitor = build_specification(timed(specified(f'O[=400] ({pulses}) | p & !p'))).monitor
+    names = [item.name for item in monitor.manifest.inputs]
+    text = ','.join(['time', *names]) + '\n' + ','.join(['0'] * (len(names) + 1)) + '\n'
+    assert true_ticks(monitor, tmp_path, text, 1000) == [401, 403, 405, 407]

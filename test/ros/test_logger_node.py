@@ -196,6 +196,21 @@ def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation(
     assert all(place == step for place, step in claimed)
 
 
+def test_details_that_come_after_their_violations_were_reported_are_all_passed_over() -> None:
+    pairing = Pairing()
+    pairing.add_violation('R', 0, MS, now=0.0)
+    pairing.add_detail('R', Detail(0, 0.001, ()), MS)
+    assert paired(pairing) == [0]
+    for step in (1, 2, 3):
+        pairing.add_violation('R', 0, step * 10 * MS, now=0.0)
+    assert paired(pairing) == [None] * 3
+    for step in (1, 2, 3):
+        pairing.add_detail('R', Detail(step, step * 0.01, ()), step * 10 * MS)
+    pairing.add_violation('R', 0, 40 * MS, now=0.0)
+    pairing.add_detail('R', Detail(4, 0.04, ()), 40 * MS)
+    assert paired(pairing) == [4]
+
+
 def released(pairing: Pairing, now: float) -> list[str]:
     """Return what is due, in its order: steps, with a + if a violation is over."""
     found: Any = iter(lambda: pairing.take(now), None)

@@ -124,6 +124,18 @@ def test_details_are_limited_and_the_omitted_ones_counted(engine: Engine) -> Non
     assert found == 301
 
 
+def test_details_are_queued_again_in_the_next_second(engine: Engine) -> None:
+    engine.want_details(True, 1)
+    found = set()
+    begin = int(monotonic())
+    while int(monotonic()) < begin + 3:
+        engine.message(0, a_float(2.0), received=0)
+        if engine.take_detail(0) is not None:
+            found.add(int(monotonic()))
+        engine.take(0)
+    assert len(found) >= 2
+
+
 def test_silence_is_reported_with_its_detail(engine: Engine) -> None:
     engine.want_details(True)
     engine.advance(0)

@@ -19,6 +19,7 @@ from pathlib import Path
 from random import Random
 import struct
 from time import monotonic_ns
+from typing import Any
 
 from fret_monitor import build
 from fret_monitor.native.binding import ffi
@@ -77,6 +78,23 @@ def test_messages_are_kept_as_they_came(engine: Engine) -> None:
     assert ring.counts() == KeptCounts(kept=3)
     (place, _), *_ = ring.read(0)
     assert [item.time for _, item in ring.read(place)] == [8, 9]
+
+
+def test_a_message_that_comes_before_the_clock_is_kept_without_a_time(engine: Engine) -> None:
+    @ffi.callback('int(void *, int64_t *)')
+    def stopped(_: Any, nanoseconds: Any) -> int:
+        nanoseconds[0] = 5
+        return 0
+
+    ring = ring_for(engine, 1 << 16)
+    engine.follow_clock(stopped, ffi.NULL, is_outdated=True)
+    engine.message(0, a_float(0.5), received=7)
+    engine.message(1, b'\0\1\0\0', received=8)
+    engine.wake()
+    engine.message(0, a_float(0.5), received=9)
+    assert [item.time for item in read(ring)] == [0, 0, 5]
+    engine.close()
+    engine.follow_steady()  # before the callback is gone
 
 
 @pytest.mark.parametrize('size', [97, 1000, 200_000])

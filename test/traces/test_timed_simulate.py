@@ -94,6 +94,13 @@ def test_a_verdict_changes_between_the_rows_and_after_them(tmp_path: Path) -> No
         ['1.5000001', '1'], ['1.500000101', '1'], ['1.500000111', '0']]
 
 
+@pytest.mark.parametrize(('until', 'more'), [(10, []), (11, [['0.000000011', '0']])])
+def test_a_violation_at_exactly_the_end_is_written(
+        tmp_path: Path, until: int, more: list[list[str]]) -> None:
+    assert run(tmp_path, 'time,p\n0,1\n0.000000001,0\n', until=until) == [
+        ['time', 'R'], ['0', '1'], ['0.000000001', '1'], *more]
+
+
 def test_nothing_is_written_after_the_last_row_without_until(tmp_path: Path) -> None:
     assert run(tmp_path, 'time,p\n0,1\n0.000000001,0\n') == [
         ['time', 'R'], ['0', '1'], ['0.000000001', '1']]
