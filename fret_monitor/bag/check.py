@@ -84,14 +84,15 @@ class Findings:
     What was found about one requirement; `since` it is violated (ns).
 
     `verdict` is None if it was never evaluated, or if it is open: it would become false with no
-    further message. `occurrences` are counted; of the first `MOST_KEPT` the times are in `spans`:
-    begin and end (ns), None while it lasts. `violations` counts violating steps, None under the
-    policy timed. `longest` is in nanoseconds.
+    further message, at the time `due`. `occurrences` are counted; of the first `MOST_KEPT` the
+    times are in `spans`: begin and end (ns), None while it lasts. `violations` counts violating
+    steps, None under the policy timed. `longest` is in nanoseconds.
     """
 
     id: str
     verdict: bool | None = None
     is_open: bool = False
+    due: int | None = None
     violations: int | None = 0
     occurrences: int = 0
     longest: int = 0
@@ -501,7 +502,7 @@ class _Run:
     def _finish(self, end: int) -> None:
         """Set the verdicts."""
         is_timed = self._manifest.policy is Policy.TIMED
-        is_open = self._open() if is_timed else set()
+        due = self._open() if is_timed else {}
         for index, (findings, before) in enumerate(zip(self._findings, self._before)):
             counts = self._engine.requirement_counts(index)
             violations = counts.violations - before.violations
@@ -511,9 +512,10 @@ class _Run:
                 continue
             if violations or findings.occurrences:
                 findings.verdict = False
-            elif counts.steps > before.steps and index not in is_open:
+            elif counts.steps > before.steps and index not in due:
                 findings.verdict = True
             findings.is_open = findings.verdict is None and counts.steps > before.steps
+            findings.due = due.get(index) if findings.is_open else None
             if findings.since is not None:
                 findings.longest = max(findings.longest, end - findings.since)
 
@@ -557,18 +559,19 @@ class _Run:
             self._warnings.append(
                 f'{counted(counts.unusable, "message")} of {topic} without a value of {name}')
 
-    def _open(self) -> set[int]:
-        """Return the requirements that would be violated if no further message came."""
+    def _open(self) -> dict[int, int]:
+        """Return when requirements would be violated if no further message came."""
         forgiving = replace(self._monitor, manifest=replace(self._monitor.manifest, inputs=tuple(
             replace(item, stale=Stale.WARN) for item in self._monitor.manifest.inputs)))
         later = Evaluator(forgiving)
         later.restore(self._evaluator.save())
-        found: set[int] = set()
+        found: dict[int, int] = {}
         for _ in range(_MOST_DEADLINES):
             deadline = later.deadline
             if deadline == NEVER:
                 break
-            found.update(item.requirement for item in later.advance(deadline))
+            for item in later.advance(deadline):
+                found.setdefault(item.requirement, item.stamp)
         return found
 
     def _compare(self, read: Mapping[str, int]) -> None:

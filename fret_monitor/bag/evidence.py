@@ -44,7 +44,7 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Report, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import Engine, ViolationDetail
-from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.evaluator import NEVER, Violation
 from fret_monitor.runtime.thinning import Thinning, TimeWindow, WindowPart
 
 _LABEL = 90
@@ -73,7 +73,8 @@ class Occurrence:
     What is shown of an occurrence; times in nanoseconds.
 
     `lanes` are (label, kind, lane), the kind `trigger`, `proposition` or `verdict`. With
-    `is_deadline` it begins when the time after the `trigger` is over.
+    `is_deadline` it begins when the time after the `trigger` is over. With `is_open` it has not
+    begun when the recording ends.
     """
 
     start: Start
@@ -84,6 +85,7 @@ class Occurrence:
     lanes: tuple[tuple[str, str, str], ...]
     trigger: int | None
     is_deadline: bool
+    is_open: bool
 
 
 @dataclass
@@ -118,7 +120,7 @@ def evidence(
     reading: Reading, meanings: Mapping[str, Meaning], recording: AnyRecording,
     selection: Selection, result: RecordingResult, starts: Sequence[Sequence[Start]],
 ) -> list[list[Occurrence]]:
-    """Return, for each requirement, what is to be shown of its first occurrences."""
+    """Return, for each requirement, what is shown of its first occurrences, or why it is open."""
     specification = reading.specification
     shown = [list(_shown(item, findings, found, result, specification, meanings[item.id]))
              for item, findings, found in zip(
@@ -162,6 +164,9 @@ def _shown(item: Property, findings: Findings, starts: Sequence[Start], result: 
         window = (max(result.begin, begin - lead),
                   min(result.end, begin + max(lead // 3, min(lasts + lasts // 4, lead))))
         yield _Shown(item, findings, start, end, window, formulas, inputs, plots)
+    if findings.due is not None:
+        window = (max(result.begin, findings.due - lead), result.end)
+        yield _Shown(item, findings, Start(findings.due, 0), None, window, formulas, inputs, plots)
 
 
 def _lead(item: Property, result: RecordingResult, specification: Specification) -> int:
@@ -335,7 +340,7 @@ class _LaneChanges:
         """End the run."""
         for number in range(len(self._lanes)):
             self._paint(number, time)
-            self._pass(number, time + 1)
+            self._pass(number, NEVER)
 
     def _paint(self, number: int, until: int) -> None:
         since, lanes = self._since[number], self._lanes[number]
@@ -358,6 +363,9 @@ def _occurrence(shown: _Shown, parts: int, thinning: Thinning | None, place: int
     trigger, is_deadline = _trigger(shown, specification)
     verdict = Lane(*shown.window, parts)
     _paint_verdict(verdict, shown)
+    is_open = shown.findings.is_open
+    if is_open:
+        verdict.leave_open()
     lanes = [*shown.lanes, _Lane(shown.item.id, 'verdict', shown.item.formula, verdict)]
     plots: tuple[Plot, ...] = ()
     if thinning is not None:
@@ -367,7 +375,8 @@ def _occurrence(shown: _Shown, parts: int, thinning: Thinning | None, place: int
             for number, index in enumerate(shown.inputs) if index in shown.plots)
     return Occurrence(
         shown.start, shown.end, shown.window, parts, plots,
-        tuple((lane.label, lane.kind, lane.lane.text()) for lane in lanes), trigger, is_deadline)
+        tuple((lane.label, lane.kind, lane.lane.text()) for lane in lanes), trigger, is_deadline,
+        is_open)
 
 
 def _ready(shown: _Shown, thinning: Thinning, place: int) -> int | None:

@@ -25,13 +25,20 @@ from fret_monitor.bag.page import badge, document, escaped
 from fret_monitor.bag.results import verdict_text
 from fret_monitor.model.diagnostics import counted
 
+_MOST_WORDS = 8  # requirements whose verdicts are words; those of more are signs
+_SIGNS = {'VIOLATED': '✗', 'satisfied': '✓', 'open': '…', 'not judged': '–'}
+_SHORT_LEGEND = '<p class="legend">' + ''.join(
+    f'<span>{badge(verdict, sign)} {verdict.lower()}</span>'
+    for verdict, sign in _SIGNS.items()) + '<span>a number: occurrences of violations</span></p>'
+
 
 def index_page(title: str, lines: Iterable[str], folder: Path) -> str:
     """Return the index of recordings, each a line of JSON; it links to the pages in `folder`."""
     recordings = [json.loads(line) for line in lines]
     ids = list(dict.fromkeys(key for item in recordings for key in item['requirements']))
-    head = ''.join(f'<th>{escaped(key)}</th>' for key in ids)
-    rows = ''.join(_row(item, ids, folder) for item in recordings)
+    head = ''.join(f'<th class="id" title="{escaped(key)}">{escaped(key)}</th>' for key in ids)
+    is_short = len(ids) > _MOST_WORDS
+    rows = ''.join(_row(item, ids, folder, is_short=is_short) for item in recordings)
     violated = sum(any(found['verdict'] is False for found in item['requirements'].values())
                    for item in recordings)
     failed = sum(bool(item['errors']) for item in recordings)
@@ -39,22 +46,27 @@ def index_page(title: str, lines: Iterable[str], folder: Path) -> str:
         f'<h1>{escaped(title)}</h1>',
         f'<p>{counted(len(recordings), "recording")}: {violated:,} with violations, '
         f'{failed:,} with errors.</p>',
-        f'<div class="card wide"><table class="index"><tr><th>recording</th><th>messages</th>'
-        f'{head}<th>errors</th></tr>{rows}</table></div>'])
+        f'<div class="card wide"><table class="index{" many" if is_short else ""}"><tr>'
+        f'<th>recording</th><th>messages</th>{head}<th>errors</th></tr>{rows}</table>',
+        _SHORT_LEGEND if is_short else '', '</div>'], is_broad=True)
 
 
-def _row(item: dict[str, Any], ids: Iterable[str], folder: Path) -> str:
+def _row(item: dict[str, Any], ids: Iterable[str], folder: Path, *, is_short: bool) -> str:
     name = page_name(Path(item['bag']))
     shown = escaped(item['bag'])
     if (folder / name).is_file():
         shown = f'<a href="{quote(name)}">{shown}</a>'
-    cells = ''.join(f'<td>{_cell(item["requirements"].get(key))}</td>' for key in ids)
+    cells = ''.join(f'<td>{_cell(item["requirements"].get(key), is_short=is_short)}</td>'
+                    for key in ids)
     errors = '<br>'.join(map(escaped, item['errors']))
     return f'<tr><td>{shown}</td><td>{item["read"]:,}</td>{cells}<td>{errors}</td></tr>'
 
 
-def _cell(found: dict[str, Any] | None) -> str:
+def _cell(found: dict[str, Any] | None, *, is_short: bool) -> str:
     if found is None:
         return ''
-    times = f' {found["occurrences"]:,}' if found['occurrences'] else ''
-    return badge(verdict_text(found['verdict'], is_open='open' in found)) + times
+    verdict = verdict_text(found['verdict'], is_open='open' in found)
+    count = found['occurrences']
+    if is_short:
+        return badge(verdict, f'{count:,}' if count else _SIGNS[verdict])
+    return badge(verdict) + (f' {count:,}' if count else '')

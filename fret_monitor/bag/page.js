@@ -53,7 +53,6 @@ const WORDS = {
 
 function drawLane(svg, text, kind, width, y, height) {
   const step = width / total(text);
-  const isShort = (state) => state !== 't' && state !== 'u';
   const found = [];
   let place = 0;
   for (const [state, length] of runs(text)) {
@@ -64,15 +63,19 @@ function drawLane(svg, text, kind, width, y, height) {
     class: name, x: x.toFixed(2), width: length.toFixed(2),
     y: y + height * (1 - part) / 2, height: height * part});
   // What may be short comes last and is at least two pixels wide, so that nothing hides it.
-  for (const [state, x, length] of found.filter((item) => !isShort(item[0]))) {
+  const isBackground = (state) => state === 'u' || state === (kind === 'verdict' ? 't' : 'f');
+  for (const [state, x, length] of found.filter((item) => isBackground(item[0]))) {
     band(KINDS[kind][state], x, length, state === 'u' ? 0.4 : 1);
   }
-  for (const [state, x, length] of found.filter((item) => isShort(item[0]))) {
+  for (const [state, x, length] of found.filter((item) => !isBackground(item[0]))) {
     const isMixed = state === 'm' && kind === 'proposition';
-    band(isMixed ? 'false' : KINDS[kind][state], x, state === 'f' && kind !== 'verdict' ?
-      length : Math.max(2, length), 1);
+    band(isMixed ? 'false' : KINDS[kind][state], x, Math.max(2, length), 1);
     if (isMixed) {
-      band('true', x, length, 0.5);
+      band('true', x, Math.max(2, length), 0.5);
+    }
+    if (kind === 'trigger' && state !== 'o' && length < 8) {  // as an arrow: it may be one instant
+      const at = Math.max(5, Math.min(width - 5, x + length / 2));
+      add(svg, 'path', {class: 'fired', d: `M${at - 5} ${y}h10l-5 ${height}z`});
     }
   }
 }
@@ -131,6 +134,21 @@ function extent(plot) {
   return {least, most, real};
 }
 
+// Heights of labels, moved apart so that none covers another.
+function spread(heights, least, most) {
+  const order = heights.map((_, k) => k).sort((a, b) => heights[a] - heights[b]);
+  const found = heights.slice();
+  order.forEach((k, place) => {
+    found[k] = place ? Math.max(found[k], found[order[place - 1]] + 12) : Math.max(found[k], least);
+  });
+  let limit = most;
+  for (const k of order.reverse()) {
+    found[k] = Math.min(found[k], limit);
+    limit = found[k] - 12;
+  }
+  return found;
+}
+
 function drawPlot(svg, input, plot, parts, width, y) {
   const {least, most, real} = extent(plot);
   const place = (value) => {
@@ -176,10 +194,11 @@ function drawPlot(svg, input, plot, parts, width, y) {
   }
   hold(width);
   add(svg, 'path', {class: 'curve', d: path});
-  for (const [value, label] of plot.h || []) {
-    add(svg, 'text', {class: 'limit inside end', x: width - 4,
-      y: place(value) < y + 14 ? place(value) + 12 : place(value) - 3}, label);
-  }
+  const heights = spread((plot.h || []).map(([value]) =>
+    (place(value) < y + 14 ? place(value) + 12 : place(value) - 3)), y + 11, y + PLOT - 4);
+  (plot.h || []).forEach(([, label], k) => {
+    add(svg, 'text', {class: 'limit inside end', x: width - 4, y: heights[k]}, label);
+  });
   if (real[0] !== real[1]) {
     add(svg, 'text', {class: 'inside', x: 4, y: y + 12}, shortened(input, real[1]));
   }
@@ -280,14 +299,14 @@ function drawOccurrence(svg) {
   const [begin, end] = item.w;
   const length = Math.max(1, end - begin);
   const values = [];
-  const marks = [[0, 'violated', item.d ? 'deadline, violated' : 'violated']];
-  if (item.g !== null && item.g >= begin && item.g < 0) {
+  const marks = item.o ? [] : [[0, 'violated', item.d ? 'deadline, violated' : 'violated']];
+  if (item.g !== null && item.g >= begin && (item.g < 0 || item.o)) {
     marks.unshift([item.g, 'trigger', 'trigger']);
   }
   if (item.e !== null && item.e <= end) {
     marks.push([item.e, 'over', 'over']);
   }
-  let y = 14 * marks.length + 4;
+  let y = 14 * Math.max(1, marks.length) + 4;
   for (const plot of item.p) {
     const input = DATA.inputs[plot.i];
     add(svg, 'text', {class: 'name', x: 0, y: y + 11}, input.name);
@@ -315,6 +334,7 @@ function drawOccurrence(svg) {
       y: 14 * row + 12}, time === 0 ? label : `${label} ${time < 0 ? '−' : '+'}` +
       `${inSeconds(Math.abs(time))}`);
   });
+  svg.querySelectorAll('text.name, text.value').forEach((node) => svg.append(node));  // over marks
   drawAxis(svg, begin, length, width, y);
   const at = add(svg, 'text', {class: 'value', x: width, y: 11}, '');
   finish(svg, width, y + 20);

@@ -36,8 +36,9 @@ LEGEND = (
 """What the colours of verdicts mean."""
 
 
-def document(title: str, body: Iterable[str], data: Mapping[str, Any] | None = None) -> str:
-    """Return a page; with `data` it has the script that draws them."""
+def document(title: str, body: Iterable[str], data: Mapping[str, Any] | None = None, *,
+             is_broad: bool = False) -> str:
+    """Return a page, as broad as the window if wanted; with `data` it has the script for them."""
     style = _file('page.css')
     script = '' if data is None else _file('page.js')
     policy = (f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; "
@@ -47,7 +48,8 @@ def document(title: str, body: Iterable[str], data: Mapping[str, Any] | None = N
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         '<link rel="icon" href="data:,">', f'<title>{escaped(title)}</title>',
-        f'<style>{style}</style>', '</head>', '<body>', *body]
+        f'<style>{style}</style>', '</head>',
+        '<body class="broad">' if is_broad else '<body>', *body]
     if data is not None:
         parts += [f'<script type="application/json" id="data">{_embedded(data)}</script>',
                   f'<script>{script}</script>']
@@ -65,10 +67,13 @@ def _is_allowed(character: str) -> bool:
                                    and not 0xd800 <= code < 0xe000)
 
 
-def badge(verdict: str) -> str:
-    """Return a verdict in its colour."""
+def badge(verdict: str, sign: str = '') -> str:
+    """Return a verdict in its colour, or a sign that stands for it."""
     kind = _KINDS.get(verdict, 'unjudged')
-    return f'<span class="badge {kind}">{escaped(verdict.lower())}</span>'
+    word = escaped(verdict.lower())
+    if sign:
+        return f'<span class="badge {kind}" title="{word}">{escaped(sign)}</span>'
+    return f'<span class="badge {kind}">{word}</span>'
 
 
 def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -162,11 +162,28 @@ class _Report:
                 f'the longest {short_seconds(item.longest)} s.</p>')
 
     def _figure(self, number: int, item: Occurrence, place: int) -> Iterator[str]:
+        yield '<figure><figcaption>'
+        yield from self._open(item) if item.is_open else self._occurred(number, item)
+        yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
+               f'aria-label="inputs and propositions around it"></svg></figure>')
+
+    def _open(self, item: Occurrence) -> Iterator[str]:
+        due = item.start.time
+        later = short_seconds(due - self._result.end)
+        yield (f'<strong>Open at the end</strong>: violated if nothing comes until '
+               f'{self._since(due)}, {later} s after the end of the recording.')
+        if item.trigger is not None:
+            which = 'The trigger' if item.is_deadline else 'The last trigger before it'
+            yield (f'<br>{which} came at {self._since(item.trigger)} '
+                   f'<span class="time"><code>{self._moment(item.trigger)}</code> '
+                   '<button class="copy">copy</button></span>')
+
+    def _occurred(self, number: int, item: Occurrence) -> Iterator[str]:
         time = item.start.time
         lasts = 'until the end' if item.end is None else \
             f'for {short_seconds(item.end - time)} s'
         moment = self._moment(time)
-        yield (f'<figure><figcaption><strong>Occurrence {number}</strong> at '
+        yield (f'<strong>Occurrence {number}</strong> at '
                f'{self._since(time)}, {lasts}<br><span class="time"><code>{moment}</code> '
                '<button class="copy">copy</button></span>')
         if not self._result.is_trace:
@@ -178,16 +195,14 @@ class _Report:
         elif item.trigger is not None:
             yield f'<br>The last trigger before it came at {self._since(item.trigger)}.'
         if item.start.silent:
-            yield f'<br>Nothing came of {escaped(", ".join(item.start.silent))}.'
+            yield f'<br>No message for {escaped(", ".join(item.start.silent))}.'
         if item.start.values:
             values = ', '.join(f'{name} = {value}' for name, value in item.start.values)
             yield f'<br>Values: <code>{escaped(values)}</code>'
-        yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
-               f'aria-label="inputs and propositions around it"></svg></figure>')
 
     def _others(self, index: int) -> Iterator[str]:
         item = self._result.findings[index]
-        drawn = len(self._occurrences[index])
+        drawn = sum(not occurrence.is_open for occurrence in self._occurrences[index])
         others = [begin for begin, _ in item.spans[drawn:drawn + _MOST_LISTED]]
         if others:
             times = ', '.join(map(self._since, others))
@@ -232,11 +247,14 @@ class _Report:
 
     def _occurrence(self, item: Occurrence) -> dict[str, Any]:
         time = item.start.time
+        if item.is_open:  # what is drawn ends before the deadline
+            time = self._result.end if item.trigger is None else item.trigger
         return {
             'w': [item.window[0] - time, item.window[1] - time],
             'e': None if item.end is None else item.end - time,
             'g': None if item.trigger is None else item.trigger - time,
             'd': int(item.is_deadline),
+            'o': int(item.is_open),
             'n': item.parts,
             'p': [self._plot(plot) for plot in item.plots],
             'l': item.lanes,

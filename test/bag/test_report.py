@@ -173,7 +173,50 @@ requirements:
     assert lanes[0].startswith('u')
     assert lanes[0].endswith('o14')
     assert lanes[1] == 't720'
-    assert found.data['occurrences'] == []
+
+
+def test_an_open_requirement_has_its_trigger_and_the_time_at_which_it_is_due(
+        tmp_path: Path) -> None:
+    found = report(tmp_path, answer('timed', '20 seconds'), [
+        ('/level', 0, 0.5), ('/flow', 5 * SECOND, 0.0), ('/flow', 8 * SECOND, 2.0),
+        ('/level', 10 * SECOND, 0.5)])
+    assert 'Open at the end' in found.of('strong')
+    page = (tmp_path / 'page.html').read_text(encoding='utf-8')
+    assert 'violated if nothing comes until 28 s, 18 s after the end' in page
+    assert 'The trigger came at 8 s' in page
+    shown, = found.data['occurrences']
+    assert (shown['o'], shown['d'], shown['g'], shown['e']) == (1, 1, 0, None)
+    assert shown['w'] == [-5 * SECOND, 2 * SECOND] or shown['w'] == [-8 * SECOND, 2 * SECOND]
+    trigger, *_, verdict = shown['l']
+    assert trigger[1] == 'trigger' and 'm' in trigger[2]
+    assert verdict[2].endswith(('o9', 'o2', 'o1')), verdict
+    assert 'Further occurrences' not in page
+
+
+def test_an_open_end_without_a_trigger_of_its_own_is_shown(tmp_path: Path) -> None:
+    text = answer('timed', '2 seconds').replace(
+        'requirements:', 'requirements:\n  - {id: WITHIN, ptltl: "O[0, 20 s] level > 0.2"}')
+    found = report(tmp_path, text, [('/level', 0, 0.5), ('/flow', 1, 0.0),
+                                    ('/level', 2 * SECOND, 0.1)])
+    shown, = found.data['occurrences']
+    assert (shown['o'], shown['w'][1] <= 2 * SECOND) == (1, True)
+    assert 'violated if nothing comes until 22 s' in (
+        tmp_path / 'page.html').read_text(encoding='utf-8')
+
+
+def test_an_index_of_many_requirements_has_signs_and_short_heads(tmp_path: Path) -> None:
+    file, reports = tmp_path / 'b.yaml', tmp_path / 'out'
+    ids = ['A_LONG_' * 9, *(f'R-{k}' for k in range(8))]
+    file.write_text(answer('timed', '2 seconds') + ''.join(
+        f'  - {{id: {name}, ptltl: "level < {number}"}}\n' for number, name in enumerate(ids)),
+        encoding='utf-8')
+    paths = [write(tmp_path / name, answers(5)) for name in ('one', 'two')]
+    assert main(['bag', str(file), *map(str, paths), '--report', str(reports)]) == 0
+    found = Outline((reports / 'index.html').read_text(encoding='utf-8'))
+    heads = [values.get('title') for tag, values in found.tags if tag == 'th']
+    assert heads == [None, None, 'ANSWER', 'LOW', 'SOON', *ids, None]
+    assert [cell for cell in found.of('span') if cell in ('1', '✓', '✗')][:12] == [
+        '✓', '✓', '✓', '1', *8 * '✓']
 
 
 def test_a_recording_of_one_instant_is_shown(tmp_path: Path) -> None:
@@ -414,6 +457,9 @@ def test_a_browser_draws_it_without_network_or_errors(tmp_path: Path) -> None:
               if tag == 'path' and values.get('class') == 'curve']
     assert len(curves) == 4
     assert all(curve and 'NaN' not in curve for curve in curves)
+    arrows = [values['d'] for tag, values in shown.tags
+              if tag == 'path' and values.get('class') == 'fired']
+    assert len(arrows) == 1  # the trigger lasts a nanosecond
     texts = shown.of('text')
     assert 'deadline, violated' in texts
     assert texts[texts.index('flow') + 1] == '2.5'  # under the pointer
