@@ -5,14 +5,14 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo demo-gate test thorough lint bench bench-ros bench-bags bench-copilot bench-analysis soak fuzz coverage prove clean
+.PHONY: help setup setup-test demo demo-gate test thorough lint bench bench-ros bench-bags bench-copilot bench-analysis soak fuzz coverage prove mutants clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
 	@echo 'make demo-gate  a vehicle that runs into a wall, and with a gate does not'
 	@echo 'make test    all tests'
-	@echo 'make thorough  all tests, with ten times the random examples, and the longest'
+	@echo 'make thorough  all tests, with ten times the random examples, and the longest; mutants'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
@@ -23,6 +23,7 @@ help:
 	@echo 'make fuzz    hostile inputs for SECONDS=60 (docs/assurance.md)'
 	@echo 'make coverage  lines of the package and of csrc that the tests run'
 	@echo 'make prove   prove the bundles in config/, and kill mutants of their C (docs/prove.md)'
+	@echo 'make mutants  change csrc and the package in one place each, and run the tests (hours)'
 	@echo 'make clean   remove .venv and build products'
 
 setup:
@@ -44,6 +45,7 @@ test: setup-test
 # Ten times the random examples of those tests that leave their number to hypothesis.
 thorough: setup-test
 	@FRET_MONITOR_EXAMPLES=500 $(PYTHON) -m pytest -n 4 $(TESTS)
+	@$(if $(TESTS),:,$(MAKE) --no-print-directory mutants)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py
@@ -75,6 +77,10 @@ soak: setup
 prove: setup-test
 	@$(PYTHON) -m bench.proofs
 	@$(PYTHON) -m bench.mutants
+
+# Goes on where it was stopped; ROOMS is a part, such as csrc (bench/mutation.py).
+mutants: setup-test
+	@nice -n 15 $(PYTHON) -m bench.mutation $(ROOMS)
 
 # Guided by coverage with atheris; where it cannot be installed, by the error messages.
 SECONDS := 60

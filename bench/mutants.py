@@ -33,6 +33,7 @@ import time
 from typing import Any
 
 from bench.equivalence import verify_edited
+from bench.source_mutants import OPERATORS
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.proving.c_source import CFunction, CProgram, shown
 from fret_monitor.proving.contracts import prove_function
@@ -43,9 +44,6 @@ from fret_monitor.smt.solver import ProofAnswer
 from pycparser import c_ast, CParser
 from pycparser.c_generator import CGenerator
 
-_OPERATORS = {'&': '|', '|': '&', '^': '&', '==': '!=', '!=': '==', '<': '<=', '<=': '<',
-              '>': '>=', '>=': '>', '+': '-', '-': '+', '*': '+', '/': '*', '<<': '>>',
-              '>>': '<<', '&&': '||', '||': '&&'}
 _CELLS = {'once_within': 'always_within', 'always_within': 'once_within',
           'since_within': 'since_before', 'since_before': 'since_within',
           'once_before': 'once_within', 'add': 'sub', 'sub': 'add', 'mul': 'add', 'div': 'mod',
@@ -170,8 +168,8 @@ def _changes(function: CFunction, code: CProgram) -> Iterator[tuple[str, str, _C
     fields = _fields_of(function.body)
     for node in _nodes(function.body):
         match node:
-            case c_ast.BinaryOp() if node.op in _OPERATORS:
-                yield _setting('operator', node, 'op', _OPERATORS[node.op])
+            case c_ast.BinaryOp() if node.op in OPERATORS:
+                yield _setting('operator', node, 'op', OPERATORS[node.op])
             case c_ast.Assignment(op='|='):
                 yield _setting('operator', node, 'op', '&=')
             case c_ast.UnaryOp(op='!'):

@@ -272,6 +272,17 @@ def test_names_are_typed_by_their_use() -> None:
     assert kinds['k'] is ValueType.INT64
 
 
+def test_a_duration_is_less_than_the_longest_bound(tmp_path: Path) -> None:
+    def within(nanoseconds: int) -> Formula:
+        time = f'{nanoseconds // 1000}.{nanoseconds % 1000:03} microseconds'
+        return formula(tmp_path, f'the robot shall within {time} satisfy p',
+                       'evaluation: {policy: timed}')
+
+    within(2**62 - 1)
+    with pytest.raises(CompileError, match='a duration is at most'):
+        within(2**62)
+
+
 def test_formalize_prints_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     sentence = 'in m mode the sw shall always satisfy x > 3'
     assert main(['formalize', sentence]) == 0

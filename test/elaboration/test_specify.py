@@ -379,6 +379,20 @@ requirements:
     assert caught.value.diagnostics[0].help == 'a number between -3.4e38 and 3.4e38'
 
 
+def test_the_elements_of_a_list_of_a_message_are_published() -> None:
+    text = """format: 1
+inputs:
+  go: {topic: a, type: my_msgs/msg/Go, field: go}
+actions:
+  send: {publish: {topic: c, type: my_msgs/msg/Go, message: {steps: [1, -2]}}}
+requirements:
+  - {id: R, ptltl: go, on_violation: [send]}
+"""
+    result, _ = specify(parse_bundle(Source('bundle.yaml', text), Path()),
+                        lambda name: parse_message('bool go\nint32[] steps', 'my_msgs', 'Go'))
+    assert result.actions[0].payload[8:] == struct.pack('<Iii', 2, 1, -2)
+
+
 def test_messages_come_from_where_the_caller_says() -> None:
     asked = []
 

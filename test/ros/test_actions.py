@@ -302,6 +302,21 @@ def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
     assert running._last_start == {0: 1.0}
 
 
+def test_a_delayed_action_starts_after_the_end_and_not_after_a_violation_that_is_over() -> None:
+    running: Any = object.__new__(actions._ActionThread)
+    watched = actions._Watched()
+    running._watched, running._runners = [watched], {0: None, 1: None}
+    running._manifest = SimpleNamespace(
+        actions=[SimpleNamespace(after=10**9), SimpleNamespace(after=2 * 10**9)],
+        requirements=[SimpleNamespace(on_violation=(0,), on_end=(1,))])
+    running._follow(0, 1, True, 10.0)
+    assert watched.scheduled == [(11.0, 0)]
+    running._follow(0, 1, False, 10.5)
+    assert watched.scheduled == [(12.5, 1)]
+    running._follow(0, 2, False, 20.0)  # a violation that began and ended between two looks
+    assert watched.scheduled == [(22.0, 1)]
+
+
 def test_each_change_of_a_lock_is_logged_once_also_one_between_two_looks() -> None:
     lines: list[str] = []
     followed: Any = object.__new__(actions.Actions)

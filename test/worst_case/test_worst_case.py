@@ -259,6 +259,14 @@ def test_every_kind_of_equation_has_exactly_one_cost() -> None:
     assert found == COSTS.keys() | LIBRARY_COSTS.keys()
 
 
+def test_each_group_is_counted_once() -> None:
+    def groups(*operands: Variable) -> int:
+        return kinds(layouts_of(specification_of(
+            [property_of(f'R-{item.name}', item) for item in operands], operands)))['group']
+
+    assert (groups(P), groups(P, Q)) == (1, 2)
+
+
 def test_the_costs_in_the_documentation_are_those_in_use() -> None:
     page = ROOT / 'docs' / 'worst_case.md'
     if not page.is_file():

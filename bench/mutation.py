@@ -1,0 +1,586 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Mutants of csrc, ros, program and elaboration, judged by the tests of their room.
+
+    python -m bench.mutation [ROOM...] [--mutants N] [--only TEXT]
+
+Each mutant is put into a copy of the repository, where the tests of its file run until one fails.
+A test with ROS 2 that fails is run on the unchanged copy too, and counts only if it passes there;
+the others are those of `make test`. The programs of test/csrc run first, without pytest.
+
+Results are kept in `.mutation/`: a run that was stopped goes on, and a mutant whose file and tests
+have not changed since is not judged again. The status is 1 if a room has fewer than 90 % of its
+mutants noticed; those of `equivalent_mutants.txt` are not counted.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import cache
+from hashlib import sha256
+import importlib
+import json
+import os
+from pathlib import Path
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+
+from bench.source_mutants import all_changes, sample, SourceMutant
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / '.mutation'
+EQUIVALENT = Path(__file__).with_name('equivalent_mutants.txt')
+GOAL = 0.9
+_TEST_S = 100  # for one test; mutants that loop for ever are noticed
+_MUTANT_S = 900.0
+_MEMORY_BYTES = 8 << 30
+# About text alone, or as long as all the others and the same but for the preemption.
+_LEFT_OUT = ('without_warnings', 'without_a_warning', 'header_compiles', 'threads-True',
+             'addresses-True')
+# With their arguments; of those without, each of the scenarios that they print is run.
+_PROGRAMS: dict[str, tuple[str, ...]] = {
+    'evaluator_scenarios': (), 'timed_scenarios': (), 'evaluator_edges': ('',),
+    'evaluator_model': ('0 300', '1 300', '2 300'), 'engine_time': ('',), 'engine_timed': ('',),
+    'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'), 'engine_threads': ('',),
+    'engine_clock': ('',), 'locks': ('',)}
+_OTHER_LIBRARIES = ('benchmark.c', 'trials.c')
+_BROKEN = 70  # the status of a child that could not run pytest
+_COPIED = ('bench', 'config', 'csrc', 'docs', 'examples', 'fret_monitor', 'launch', 'resource',
+           'test', 'tools')
+# Imported once, before the fork for each mutant. Nothing that a mutant may change.
+_PRELOADED = ('hypothesis', 'numpy', 'cffi', 'yaml', 'lark', 'pycparser', 'xdist')
+
+
+@dataclass(frozen=True)
+class Room:
+    """A part of the repository: its files, how many mutants are judged, and their tests."""
+
+    files: tuple[str, ...]
+    mutants: int
+    tests: dict[str, str]
+    """The tests by the name of a file, those first that are quick or likely to fail."""
+
+    def tests_of(self, path: str) -> tuple[str, ...]:
+        """Return the tests of a file; the last pattern is `*`."""
+        return tuple(next(tests for pattern, tests in self.tests.items()
+                          if fnmatch(Path(path).name, pattern)).split())
+
+
+def _ros(names: str) -> str:
+    return ' '.join(f'test/ros/test_{name}.py' for name in names.split())
+
+
+_EVALUATOR = 'test/csrc/test_evaluator.py'
+_THREADS = 'test/csrc/test_engine.py::test_threads[threads-engine_threads]'
+_SPECIFY = 'test/elaboration/test_specify.py'
+ROOMS = {
+    'csrc': Room(('csrc/*.c',), 110, {
+        'gate.c': 'test/runtime/test_gate.py test/runtime/test_states.py '
+                  'test/traces/test_gated.py',
+        'engine*.c': f'test/runtime {_THREADS}',
+        'states.c': 'test/runtime/test_states.py test/runtime',
+        'handover.c': 'test/runtime ' + _ros('raw_topic feed'),
+        'outbox.c': 'test/runtime ' + _ros('violation_log'),
+        'blackbox.c': f'test/runtime {_THREADS} ' + _ros('blackbox'),
+        'reorder.c': 'test/runtime test/bag',
+        'records.c': 'test/runtime test/traces test/bag',
+        'csv*.c': 'test/traces',
+        'thinning.c': 'test/runtime test/bag',
+        'benchmark.c': 'test/traces/test_benchmark.py',
+        'trials.c': 'test/traces',
+        '*': 'test/runtime/test_evaluator.py test/runtime'}),
+    'headers': Room(('csrc/*.h',), 15, {
+        'fret_cells.h': 'test/csrc/test_cells.py test/differential test/proving/test_cells.py',
+        '*': f'test/codegen/test_extractors.py test/codegen test/runtime {_EVALUATOR}'}),
+    'csrc/ros': Room(('csrc/ros/*.c',), 20, {
+        'relay.c': _ros('gate'),
+        'announcer.c': _ros('actions monitor_node'),
+        'in_place.c': _ros('hot_path'),
+        '*': _ros('feed hot_path raw_topic monitor_node')}),
+    'csrc/node': Room(('csrc/node/*.c',), 30, {
+        'text.c': 'test/csrc/test_node_text.py ' + _ros('exported_node'),
+        '*': 'test/csrc ' + _ros('exported_node')}),
+    'ros': Room(('fret_monitor/ros/*.py', 'fret_monitor/ros/*/*.py'), 50, {
+        'action*.py': _ros('actions'),
+        'announce*.py': _ros('logger_node violation_log'),
+        'handlers.py': _ros('logger_node refusals'),
+        'pairing.py': _ros('logger_node'),
+        'blackbox.py': _ros('blackbox'),
+        'compiled.py': _ros('parts constants usage refusals several'),
+        'constants.py': _ros('constants parameters'),
+        'detail*.py': _ros('details violation_log monitor_node'),
+        'duplicate_nodes.py': _ros('several'),
+        'endpoint_types.py': _ros('missing refusals'),
+        'feed.py': _ros('feed monitor_node'),
+        'fields.py': _ros('fields'),
+        'gate*.py': _ros('gate parts'),
+        'relay.py': _ros('gate'),
+        'health.py': _ros('missing monitor_node faults'),
+        'hot_path.py': _ros('hot_path monitor_node'),
+        'in_place.py': _ros('hot_path'),
+        'logger*.py': _ros('logger_node'),
+        'loaded.py': _ros('several'),
+        'look_ups.py': _ros('look_ups'),
+        'native_lifetimes.py': _ros('interrupts shutdown'),
+        'node_time.py': _ros('node_time time timed'),
+        'next_report.py': _ros('node_time'),
+        'overrides.py': _ros('overrides'),
+        'parameters.py': _ros('parameters overrides usage'),
+        'player.py': _ros('played'),
+        'process.py': _ros('usage interrupts'),
+        'signals.py': _ros('interrupts'),
+        'qos.py': _ros('qos publishers'),
+        'raw_topic.py': _ros('raw_topic'),
+        'rcl_*.py': _ros('feed monitor_node'),
+        'service_gate.py': _ros('service_gate services'),
+        'shared_names.py': _ros('several refusals'),
+        'sign_of_life.py': _ros('sign_of_life'),
+        'silences.py': _ros('silences'),
+        'throttle.py': _ros('violation_log node_time'),
+        'violation_l*.py': _ros('violation_log logger_node'),
+        '*': _ros('monitor_node lifecycle parameters missing faults')}),
+    'program': Room(('fret_monitor/program/*.py',), 40, {
+        'cost.py': 'test/worst_case test/cli/test_check.py test/program/test_layout.py',
+        'rewriting.py': 'test/program/test_lower.py test/fret '
+                        'test/differential/test_timed_formulas.py',
+        '*': 'test/program/test_lower.py test/program/test_layout.py test/codegen/test_shape.py '
+             'test/differential/test_timed_formulas.py test/differential/test_random_formulas.py '
+             'test/program/test_parts.py'}),
+    'elaboration': Room(('fret_monitor/elaboration/*.py',), 60, {
+        'acting*.py': f'{_SPECIFY} test/lint/test_actions.py test/lint/test_gates.py '
+                      'test/elaboration/test_elaborate.py test/bundle/test_bundle.py '
+                      'test/runtime/test_gate.py',
+        'signals.py': f'{_SPECIFY} test/elaboration test/bundle/test_bundle.py '
+                      'test/codegen/test_extractors.py',
+        '*': f'{_SPECIFY} test/elaboration/test_times.py test/elaboration/test_types_by_use.py '
+             'test/lint test/elaboration test/cli/test_check.py'}),
+}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the tests said of a mutant: `noticed`, `missed`, or `invalid` (it does not compile)."""
+
+    key: str
+    answer: str
+    by: str
+    """The test that failed, or how the tests ended."""
+    seconds: float
+    version: str
+    """The hash of the mutant's file and of its tests."""
+
+
+# ---- the copy that mutants are put into --------------------------------------------------------
+
+# An object of the same text and flags is compiled once: a mutant costs the one file that changed.
+# A warning would be noticed by a test of its own, and says nothing about the others.
+_COMPILER = """\
+import hashlib, os, shutil, subprocess, sys
+
+REAL, KEPT = {real!r}, {kept!r}
+arguments = [*sys.argv[1:], '-w']
+sources = [word for word in arguments if word.endswith('.c')]
+if '-c' not in arguments or not sources:
+    os.execv(REAL, [REAL, *arguments])
+target = arguments[arguments.index('-o') + 1] if '-o' in arguments else None
+flags, skip = [], False
+for word in arguments:
+    if not skip and word not in ('-c', '-o') and word not in sources:
+        flags.append(word)
+    skip = word == '-o'
+status = 0
+for source in sources:
+    made = target or os.path.basename(source)[:-2] + '.o'
+    places = [word[2:] for word in flags if word.startswith('-I')]
+    texts = [source]
+    for place in {{os.path.dirname(source) or '.', *places}}:
+        texts += sorted(e.path for e in os.scandir(place) if e.name.endswith('.h'))
+    seen = hashlib.sha256(repr([word for word in flags if not word.startswith('-I')]).encode())
+    for text in texts:
+        seen.update(os.path.basename(text).encode() + open(text, 'rb').read())
+    kept = os.path.join(KEPT, seen.hexdigest())
+    if os.path.exists(kept):
+        shutil.copyfile(kept, made)
+        continue
+    done = subprocess.run([REAL, *flags, '-c', source, '-o', made], capture_output=True)
+    sys.stdout.buffer.write(done.stdout)
+    sys.stderr.buffer.write(done.stderr)
+    status = status or done.returncode
+    if done.returncode == 0 and not done.stdout + done.stderr:
+        shutil.copyfile(made, f'{{kept}}.{{os.getpid()}}')
+        os.rename(f'{{kept}}.{{os.getpid()}}', kept)
+sys.exit(status)
+"""
+
+
+class Copy:
+    """A copy of the repository, one file of which may be changed."""
+
+    def __init__(self, folder: Path) -> None:
+        self.root = folder / 'repository'
+        self._folder = folder
+        self._moment = int(time.time()) - 10**6
+        self.root.mkdir()
+        for name in _COPIED:
+            shutil.copytree(ROOT / name, self.root / name,
+                            ignore=shutil.ignore_patterns('__pycache__'))
+        for file in ROOT.iterdir():
+            if file.is_file():
+                shutil.copy2(file, self.root)
+        (self.root / '.venv').symlink_to(ROOT / '.venv')
+        self._wrap_compiler()
+
+    def _wrap_compiler(self) -> None:
+        programs, kept = self._folder / 'bin', self._folder / 'objects'
+        programs.mkdir()
+        kept.mkdir()
+        for name in ('cc', 'gcc'):
+            real = shutil.which(name)
+            if real is not None:
+                file = programs / name
+                file.write_text(f'#!{sys.executable} -SE\n'
+                                + _COMPILER.format(real=real, kept=str(kept)), encoding='utf-8')
+                file.chmod(0o755)
+
+    def environment(self) -> dict[str, str]:
+        """Return the variables with which processes import the copy, and find the compiler."""
+        path = os.pathsep.join([str(self._folder / 'bin'), os.environ['PATH']])
+        return {'PYTHONPATH': str(self.root), 'PATH': path, 'FRET_MONITOR_EXAMPLES': '15'}
+
+    @contextmanager
+    def changed(self, mutant: SourceMutant) -> Iterator[None]:
+        """Put a mutant in."""
+        file = self.root / mutant.path
+        text = file.read_text(encoding='utf-8')
+        self._write(file, mutant.applied(text))
+        try:
+            yield
+        finally:
+            self._write(file, text)
+
+    def _write(self, file: Path, text: str) -> None:
+        """Write a file with a date of its own: Python compares dates in seconds, and sizes."""
+        self._moment += 2
+        file.write_text(text, encoding='utf-8')
+        os.utime(file, (self._moment, self._moment))
+
+
+# ---- judging -----------------------------------------------------------------------------------
+
+
+class _FirstFailure:
+    """A plugin of pytest that writes the test that failed to a file."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self._file.write_text(report.nodeid, encoding='utf-8')
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        if report.failed:
+            self._file.write_text(report.nodeid, encoding='utf-8')
+
+
+def run_tests(copy: Copy, tests: Sequence[str]) -> str | None:
+    """Run tests in the copy; return the first that fails or how they ended, None if all pass."""
+    with tempfile.TemporaryDirectory(prefix='judged-') as name:
+        failed = Path(name) / 'failed'
+        child = os.fork()
+        if child == 0:
+            try:
+                os._exit(_run_here(copy, tests, failed, Path(name)))
+            except BaseException:
+                traceback.print_exc()
+            os._exit(_BROKEN)
+        status = _wait(child)
+        if status in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+            return None
+        if status in (pytest.ExitCode.INTERNAL_ERROR, pytest.ExitCode.USAGE_ERROR, _BROKEN):
+            raise RuntimeError((Path(name) / 'output').read_text(encoding='utf-8'))
+        if failed.is_file():
+            return failed.read_text(encoding='utf-8')
+        return 'the time was over' if status is None else f'status {status}'
+
+
+def _run_here(copy: Copy, tests: Sequence[str], failed: Path, folder: Path) -> int:
+    """Run pytest in this process, a child, as if it had been started in the copy."""
+    os.setsid()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    output = os.open(folder / 'output', os.O_WRONLY | os.O_CREAT)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    os.chdir(copy.root)
+    os.environ.update({**copy.environment(), 'TMPDIR': str(folder)})
+    tempfile.tempdir = None
+    sys.path[:] = [str(copy.root), *(path for path in sys.path if path not in ('', str(ROOT)))]
+    for name in [name for name in sys.modules if name.split('.')[0] in ('bench', 'fret_monitor')]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    # A failure is enough: the smallest one takes minutes to find.
+    next(module for name, module in sys.modules.items()
+         if name.endswith('.conjecture.engine')).__dict__['MAX_SHRINKS'] = 1
+    if not any(test.startswith(('test/csrc', 'test/codegen')) for test in tests):
+        # The address sanitizer reserves more than any limit.
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    try:
+        return int(pytest.main(
+            ['-x', '-q', '-p', 'no:cacheprovider',
+             f'--timeout={_TEST_S}', f'--basetemp={folder / "pytest"}',
+             '-k', ' and '.join(f'not {name}' for name in _LEFT_OUT),
+             '-W', 'ignore::pytest.PytestAssertRewriteWarning', *tests],
+            plugins=[_FirstFailure(failed)]))
+    finally:
+        sys.stdout.flush()
+
+
+def _wait(child: int) -> int | None:
+    """Wait for a child and end all that it has started; None if it took too long."""
+    end = time.monotonic() + _MUTANT_S
+    status = None
+    try:
+        while status is None and time.monotonic() < end:
+            ended, result = os.waitpid(child, os.WNOHANG)
+            if ended:
+                status = os.waitstatus_to_exitcode(result)
+            else:
+                time.sleep(0.02)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        if status is None:
+            os.waitpid(child, 0)
+    return status
+
+
+class Programs:
+    """The programs of test/csrc, which notice most mutants of C, without sanitizers and pytest."""
+
+    def __init__(self, copy: Copy, folder: Path) -> None:
+        """Compile the engine, and the programs, in a folder."""
+        self._folder = folder
+        self._csrc = copy.root / 'csrc'
+        folder.mkdir()
+        self._engine = {source: self._object(source) for source in sorted((
+            *self._csrc.glob('*.c'), *self._csrc.glob('ros/*.c')))
+            if source.name not in _OTHER_LIBRARIES}
+        self._programs = {
+            name: self._object(copy.root / 'test' / 'csrc' / f'{name}.c', f'program_{name}')
+            for name in _PROGRAMS}
+
+    def failing(self, path: Path) -> str | None:
+        """Return the first program that fails with the text that a file of the engine now has."""
+        if path not in self._engine:
+            return None
+        objects = [*(made for source, made in self._engine.items() if source != path),
+                   self._object(path, 'changed')]
+        for name, arguments in _PROGRAMS.items():
+            program = self._folder / name
+            subprocess.run(['gcc', self._programs[name], *objects, '-o', program, '-pthread',
+                            '-lm'], check=True, capture_output=True)
+            for argument in arguments or self._scenarios(program):
+                if not self._succeeds(program, argument):
+                    return f'{name} {argument}'.strip()
+        return None
+
+    def _scenarios(self, program: Path) -> list[str]:
+        done = subprocess.run([program], check=False, capture_output=True, text=True)
+        return done.stdout.split()
+
+    def _succeeds(self, program: Path, argument: str) -> bool:
+        try:
+            return subprocess.run([program, *argument.split()], check=False, timeout=_TEST_S,
+                                  capture_output=True).returncode == 0
+        except subprocess.TimeoutExpired:
+            return False
+
+    def _object(self, source: Path, name: str = '') -> Path:
+        made = self._folder / f'{name or source.stem}.o'
+        subprocess.run(['gcc', '-std=c99', '-O0', '-w', f'-I{self._csrc}', f'-I{self._csrc}/ros',
+                        '-c', source, '-o', made], check=True)
+        return made
+
+
+class Judge:
+    """Judges mutants in a copy; knows which tests pass there."""
+
+    def __init__(self, copy: Copy, programs: Programs) -> None:
+        self._copy = copy
+        self._programs = programs
+        self._passing: set[str] = set()
+        self._failing: list[str] = []
+
+    def judged(self, mutant: SourceMutant, tests: tuple[str, ...], version: str) -> Result:
+        """Return the result for a mutant."""
+        before = time.monotonic()
+        with self._copy.changed(mutant):
+            answer, by = self._first_answer(mutant) or self._answer(tests)
+        while answer == 'noticed' and by.startswith('test/ros/') and not self._passes(by):
+            with self._copy.changed(mutant):
+                answer, by = self._answer(tests)
+        return Result(mutant.key, answer, by, round(time.monotonic() - before, 1), version)
+
+    def _first_answer(self, mutant: SourceMutant) -> tuple[str, str] | None:
+        if not self._compiles(mutant):
+            return 'invalid', ''
+        program = self._programs.failing(self._copy.root / mutant.path)
+        return None if program is None else ('noticed', program)
+
+    def _answer(self, tests: tuple[str, ...]) -> tuple[str, str]:
+        left_out = [f'--deselect={test}' for test in self._failing]
+        failed = run_tests(self._copy, [*left_out, *tests])
+        return ('missed', '') if failed is None else ('noticed', failed)
+
+    def _passes(self, test: str) -> bool:
+        """Return whether a test passes without a mutant; leave it out from now on if not."""
+        if test not in self._passing:
+            failed = run_tests(self._copy, [test])
+            if failed is None:
+                self._passing.add(test)
+            else:
+                print(f'  left out, it fails without a mutant: {test}', flush=True)
+                self._failing.append(test)
+        return test in self._passing
+
+    def _compiles(self, mutant: SourceMutant) -> bool:
+        if not mutant.path.endswith('.c'):
+            return True
+        root = self._copy.root
+        done = subprocess.run(
+            ['gcc', '-std=c99', '-fsyntax-only', '-w', *(f'-I{root / place}' for place in
+                                      ('csrc', 'csrc/ros', 'csrc/node')),
+             *_headers_of_ros(), root / mutant.path], check=False, capture_output=True)
+        return done.returncode == 0
+
+
+@cache
+def _headers_of_ros() -> list[str]:
+    done = subprocess.run(
+        [sys.executable, '-c', 'import bench.ros, json; print(json.dumps(bench.ros.searched()))'],
+        check=True, capture_output=True, text=True, cwd=ROOT)
+    found: list[str] = json.loads(done.stdout)
+    return found
+
+
+# ---- the run -----------------------------------------------------------------------------------
+
+
+def equivalent() -> dict[str, str]:
+    """Return the mutants that mean the same, with the reason why."""
+    found: dict[str, str] = {}
+    key = ''
+    for line in EQUIVALENT.read_text(encoding='utf-8').splitlines():
+        if line.startswith('    '):
+            found[key] = f'{found.get(key, "")} {line.strip()}'.strip()
+        elif line and not line.startswith('#'):
+            key = line
+    return found
+
+
+def mutants_of(room: Room, count: int) -> list[SourceMutant]:
+    """Return the mutants of a room."""
+    paths = sorted({str(path.relative_to(ROOT)) for pattern in room.files
+                    for path in ROOT.glob(pattern)})
+    return sample(all_changes(ROOT, paths), count)
+
+
+@cache
+def _version(path: str, tests: tuple[str, ...]) -> str:
+    """Return a hash of a source file and its tests."""
+    files = [ROOT / path]
+    for test in tests:
+        place = ROOT / test.partition('::')[0]
+        files += sorted(place.rglob('*.[pc]*')) if place.is_dir() else [place]
+    texts = [file.read_bytes() for file in files if file.suffix in ('.py', '.c', '.h')]
+    return sha256(b'\0'.join(texts)).hexdigest()[:16]
+
+
+def kept_results() -> dict[str, Result]:
+    """Return the last result of each mutant."""
+    if not (RESULTS / 'results.jsonl').is_file():
+        return {}
+    lines = (RESULTS / 'results.jsonl').read_text(encoding='utf-8').splitlines()
+    results = [Result(**json.loads(line)) for line in lines]
+    return {result.key: result for result in results}
+
+
+def _keep(result: Result) -> None:
+    RESULTS.mkdir(exist_ok=True)
+    with (RESULTS / 'results.jsonl').open('a', encoding='utf-8') as file:
+        file.write(json.dumps(result.__dict__) + '\n')
+
+
+def judge_room(name: str, judge: Judge, count: int | None, only: str) -> bool:
+    """Judge the mutants of a room and print what was missed; return whether enough was noticed."""
+    room = ROOMS[name]
+    known, same = kept_results(), equivalent()
+    counts = {'noticed': 0, 'missed': 0, 'invalid': 0, 'equivalent': 0}
+    missed = []
+    for mutant in mutants_of(room, count or room.mutants):
+        if mutant.key in same:
+            counts['equivalent'] += 1
+            continue
+        if only not in mutant.key:
+            continue
+        tests = room.tests_of(mutant.path)
+        version = _version(mutant.path, tests)
+        result = known.get(mutant.key)
+        if result is None or result.version != version:
+            result = judge.judged(mutant, tests, version)
+            _keep(result)
+            print(f'  {result.answer} {result.seconds:.0f} s {mutant.path}:{mutant.line} '
+                  f'{mutant.before} => {mutant.after}  [{result.by}]', flush=True)
+        counts[result.answer] += 1
+        if result.answer == 'missed':
+            missed.append(mutant)
+    judged = counts['noticed'] + counts['missed']
+    print(f'{name}: {judged} mutants, {counts["noticed"]} noticed, {counts["missed"]} missed; '
+          f'{counts["equivalent"]} mean the same, {counts["invalid"]} do not compile')
+    for mutant in missed:
+        print(f'  missed: {mutant.path}:{mutant.line}\n    {mutant.key}', flush=True)
+    return counts['noticed'] >= GOAL * judged
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Judge the rooms that are named, all without a name."""
+    parser = argparse.ArgumentParser(prog='python -m bench.mutation')
+    parser.add_argument('rooms', nargs='*', metavar='ROOM', help=' '.join(ROOMS))
+    parser.add_argument('--mutants', type=int, metavar='N', help='of each room')
+    parser.add_argument('--only', default='', metavar='TEXT', help='those with this in their key')
+    options = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what it has started
+    for name in _PRELOADED:
+        importlib.import_module(name)
+    with tempfile.TemporaryDirectory(prefix='fret_monitor-mutation-') as folder:
+        copy = Copy(Path(folder))
+        judge = Judge(copy, Programs(copy, Path(folder) / 'programs'))
+        enough = [judge_room(name, judge, options.mutants, options.only)
+                  for name in options.rooms or ROOMS]
+    return 0 if all(enough) else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
