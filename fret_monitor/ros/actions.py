@@ -32,11 +32,11 @@ from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.action_calls import ActionCall, CallError
 from fret_monitor.ros.endpoint_types import one_type
-from fret_monitor.ros.feed import ErrorKeeper
 from fret_monitor.ros.fields import message_class
 from fret_monitor.ros.hot_path import Lock
 from fret_monitor.ros.reasons import why_locked
 from fret_monitor.ros.throttle import Throttle
+from fret_monitor.ros.watch import ErrorKeeper
 from fret_monitor.runtime import Engine, State
 
 from rclpy.node import Node
@@ -124,6 +124,9 @@ class Actions:
 
     def start(self, engine: Engine) -> None:
         """Follow an engine, in a thread; after `prepare`."""
+        for runner in self._runners.values():
+            if isinstance(runner, _Calling):
+                runner.kept = ErrorKeeper()
         if self._runners:
             self._running = _ActionThread(engine, self._manifest, self._runners)
 
@@ -144,9 +147,12 @@ class Actions:
         return None if self._running is None else self._running.turns
 
     @property
-    def failure(self) -> BaseException | None:
-        """The error that ended the thread, if any."""
-        return None if self._running is None else self._running.kept.error
+    def failure(self) -> Exception | None:
+        """The error that ended the thread or a call, if any."""
+        kept = [runner.kept for runner in self._runners.values() if isinstance(runner, _Calling)]
+        if self._running is not None:
+            kept.append(self._running.kept)
+        return next((item.error for item in kept if item.error is not None), None)
 
     def counts(self) -> Iterator[tuple[ManifestAction, ActionCounts]]:
         """Yield all actions but locks, with their counts."""
@@ -275,6 +281,7 @@ class _Calling:
         self._node = node
         self._call = call
         self._mutex = Mutex()  # guards the counts
+        self.kept = ErrorKeeper()
         self._thread: Thread | None = None
 
     @property
@@ -299,6 +306,10 @@ class _Calling:
         return True
 
     def _run(self, is_over: Event) -> None:
+        with self.kept:
+            self._run_call(is_over)
+
+    def _run_call(self, is_over: Event) -> None:
         try:
             self._call.run(is_over)
         except CallError as error:

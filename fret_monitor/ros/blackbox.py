@@ -34,6 +34,7 @@ from fret_monitor.model.mcap import McapWriter
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.details import as_time
 from fret_monitor.ros.parameters import BlackBoxSettings, Refusal
+from fret_monitor.ros.watch import ErrorKeeper
 from fret_monitor.runtime import Engine, KeptCounts, KeptMessage, MessageRing, Occurrences
 
 from rclpy.node import Node
@@ -86,6 +87,7 @@ class BlackBox:
         self._pending: _Pending | None = None
         self._written = self._failed = 0
         self._is_over = Event()
+        self._kept = ErrorKeeper()
         self._thread: Thread | None = None
         prepare_folder(settings.folder)
 
@@ -109,6 +111,7 @@ class BlackBox:
     def start(self) -> None:
         """Start the thread."""
         self._is_over.clear()
+        self._kept = ErrorKeeper()
         self._thread = Thread(target=self._run, name='blackbox', daemon=True)
         native_lifetimes.keep(self)
         self._thread.start()
@@ -120,12 +123,24 @@ class BlackBox:
             self._thread.join()
         native_lifetimes.release(self)
 
+    @property
+    def failure(self) -> Exception | None:
+        """The error that ended the thread, if any; no file is written after it."""
+        return self._kept.error
+
     def counts(self) -> BlackBoxCounts:
         """Return what was written so far."""
         messages = _NO_MESSAGES if self._ring is None else self._ring.counts()
         return BlackBoxCounts(self._written, self._failed, messages)
 
     def _run(self) -> None:
+        with self._kept:
+            self._loop()
+        if self._pending is not None:
+            self._pending.discard()
+            self._pending = None
+
+    def _loop(self) -> None:
         is_over = False
         while not is_over:
             is_over = self._is_over.wait(_POLL_S)

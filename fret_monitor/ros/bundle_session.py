@@ -47,6 +47,7 @@ from fret_monitor.ros.shared_names import refuse_merged_topics
 from fret_monitor.ros.silences import SilenceLog
 from fret_monitor.ros.violation_lines import ViolationLines
 from fret_monitor.ros.violation_log import ViolationLog
+from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator, OrderCounts
 from fret_monitor.runtime.fields import read_fields, ReadOutcome
 
@@ -67,12 +68,12 @@ class BundleSession:
     `close` releases everything. The node's executor runs the timers; messages need no executor.
     """
 
-    def __init__(self, node: Node, opened: Opened, *, hot_path: str = 'auto',
+    def __init__(self, node: Node, opened: Opened, watch: Watch, *, hot_path: str = 'auto',
                  log_violations: bool = True, name: str = '',
                  handler_depth: int = DEFAULT_HANDLER_DEPTH,
                  blackbox: BlackBoxSettings | None = None) -> None:
         """
-        Prepare to monitor.
+        Prepare to monitor; `watch` is told of threads and timers that fail.
 
         `hot_path` decides whether C takes the messages (auto, on, off), `log_violations` whether
         the node logs the violations; `name` is the bundle's name in diagnostics, empty if the
@@ -85,6 +86,7 @@ class BundleSession:
         """
         self.opened = opened
         self._node = node
+        self._watch = watch
         self._hot_path = hot_path
         self._logs_violations = log_violations
         self._name = name
@@ -171,12 +173,14 @@ class BundleSession:
             has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
             reorder=self.manifest.reorder)
         self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
-                              self._look_up_log, self._blackbox, self._gate, self._actions)
+                              self._look_up_log, self._blackbox, self._gate, self._actions,
+                              self._watch)
         self._running.callback(self._health.close)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
         self._missing_timer = self._node.create_timer(
-            _PATIENCE, self._log_missing, clock=steady)
+            _PATIENCE, lambda: self._watch.run(self._part('log'), self._log_missing),
+            clock=steady)
         self._keep(self._missing_timer)
 
     def _forget_timers(self) -> None:
@@ -332,18 +336,30 @@ class BundleSession:
         return found[:len(self.manifest.topics)]
 
     def _report_health(self) -> None:
-        # Raised in the executor, so that the error reaches the program that spins the node.
-        for thread in (self._feed, self._detail_publisher, self._actions):
-            if thread is not None and thread.failure is not None:
-                raise thread.failure
-        if self._health is not None:  # None: stopped meanwhile
-            self._time_log.review()
-            self._silence_log.review()
-            self._look_up_log.review()
-            if self._gate is not None:
-                self._gate.review()
-            self._actions.review(self._engine)
+        if self._health is None:  # stopped meanwhile
+            return
+        threads = {'feed': self._feed, 'details': self._detail_publisher,
+                   'actions': self._actions, 'black box': self._blackbox}
+        for name, thread in threads.items():
+            self._watch.note(self._part(name), None if thread is None else thread.failure)
+        self._watch.run(self._part('log'), self._review)
+        self._watch.run(self._part('diagnostics'), self._publish_health)
+
+    def _part(self, name: str) -> str:
+        return f'{name} of {self._name}' if self._name else name
+
+    def _publish_health(self) -> None:
+        if self._health is not None:
             self._health.publish(self._statuses())
+
+    def _review(self) -> None:
+        """Log what is new."""
+        self._time_log.review()
+        self._silence_log.review()
+        self._look_up_log.review()
+        if self._gate is not None:
+            self._gate.review()
+        self._actions.review(self._engine)
         self._log_unpublished()
         for topic in range(len(self.manifest.topics)):
             if self._engine.topic_counts(topic).undecodable:

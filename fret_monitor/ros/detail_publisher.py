@@ -18,8 +18,8 @@ from threading import Event, Thread
 
 from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.details import Details
-from fret_monitor.ros.feed import ErrorKeeper
 from fret_monitor.ros.violation_log import LOGGED_PER_S, ViolationLog
+from fret_monitor.ros.watch import ErrorKeeper
 from fret_monitor.runtime import Engine, MOST_DETAILS_PER_S, ViolationDetail
 
 _WAIT_MS = 200  # longest wait for a detail; closing the engine ends it at once
@@ -52,7 +52,7 @@ class DetailPublisher:
         native_lifetimes.release(self)
 
     @property
-    def failure(self) -> BaseException | None:
+    def failure(self) -> Exception | None:
         """The error that ended the thread, if any; no detail is published or logged after it."""
         return self._kept.error
 

@@ -25,7 +25,7 @@ The subscriptions are used by the feed's thread only, and not by an executor.
 
 from collections import deque
 from collections.abc import Mapping, Sequence, Set
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack
 from dataclasses import dataclass
 from heapq import merge
 from itertools import islice
@@ -37,6 +37,7 @@ from fret_monitor.ros import native_lifetimes, qos
 from fret_monitor.ros.endpoint_types import one_type
 from fret_monitor.ros.rcl_subscription import RclSubscription
 from fret_monitor.ros.throttle import Throttle
+from fret_monitor.ros.watch import ErrorKeeper
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -244,12 +245,11 @@ class Feed:
         return [topic.status for topic in self._topics]
 
     @property
-    def failure(self) -> BaseException | None:
+    def failure(self) -> Exception | None:
         """The error that ended the thread, if any; nothing is delivered after it."""
         return self._kept.error
 
     def _run(self) -> None:
-        # The error is kept for `failure`: otherwise the node would run on without monitoring.
         with self._kept:
             self._loop()
 
@@ -346,17 +346,6 @@ class Feed:
 
 def _received(taken: _Taken) -> int:
     return taken[1].received
-
-
-class ErrorKeeper(AbstractContextManager[None]):
-    """Catches and keeps an exception that is raised inside the block."""
-
-    def __init__(self) -> None:
-        self.error: BaseException | None = None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        self.error = error
-        return True
 
 
 class _Subscribed:

@@ -17,9 +17,9 @@ The state of the monitor on `/diagnostics`, once a second (docs/ros.md, Topics).
 
 There is a status for each requirement and each topic, one for the periods with the policy
 periodic, one for the time with the policy timed, one for a gate, one for a black box, one for each
-action and lock, and one for violations that could not be published. Each is named `NODE: ITEM`, as
-diagnostic aggregators expect. `describe_missing` makes the log line about requirements that are
-not evaluated yet.
+action and lock, one for violations that could not be published, and one for threads that failed.
+Each is named `NODE: ITEM`, as diagnostic aggregators expect. `describe_missing` makes the log line
+about requirements that are not evaluated yet.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -37,6 +37,7 @@ from fret_monitor.ros.look_ups import LIMIT_S, LookUpLog
 from fret_monitor.ros.node_time import are_worth_reading
 from fret_monitor.ros.reasons import is_withheld_from_start
 from fret_monitor.ros.silences import SilenceLog, some
+from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, OrderCounts, Silence
 
 from rclpy.node import Node
@@ -51,7 +52,7 @@ class Health:
                  silences: SilenceLog | None = None, period: float | None = None,
                  bundle: str = '', look_ups: LookUpLog | None = None,
                  blackbox: BlackBox | None = None, gate: RunningGate | None = None,
-                 actions: Actions | None = None) -> None:
+                 actions: Actions | None = None, watch: Watch | None = None) -> None:
         """
         Advertise the topic; the caller then calls `publish` once per `PERIOD`.
 
@@ -74,6 +75,7 @@ class Health:
         self._gate = gate
         self._blackbox_counts = BlackBoxCounts()
         self._actions = actions
+        self._watch = watch
         self._failed: dict[str, int] = {}  # by action
         self._period = period
         self._time_counts = engine.time_counts()
@@ -100,7 +102,7 @@ class Health:
                 *self._of_silence(index, silent),
                 *self._of_messages(index, unusable, lost[index]), *order[index]])
               for index, status in enumerate(statuses)),
-            *self._of_gate(), *actions, *periods, *blackbox, *unpublished]
+            *self._of_gate(), *actions, *periods, *blackbox, *unpublished, *self._of_failures()]
         self._publisher.publish(array)
 
     def close(self) -> None:
@@ -167,6 +169,12 @@ class Health:
         gate = self._manifest.gate
         if self._gate is not None and gate is not None:
             yield self._status(f'gate {gate.name}', *self._gate.status())
+
+    def _of_failures(self) -> Iterator[DiagnosticStatus]:
+        """Yield a status if threads or timers of the node have failed."""
+        if self._watch is not None and (failures := self._watch.failures):
+            yield self._status('threads', DiagnosticStatus.ERROR, f'failed: {", ".join(failures)}',
+                               dict(failures))
 
     def _of_unpublished(self) -> Iterator[DiagnosticStatus]:
         """Yield a status if violations could not be published; none if all were published."""

@@ -36,7 +36,7 @@ from fret_monitor.ros import native_lifetimes
 from fret_monitor.ros.announced import Announced, News
 from fret_monitor.ros.compiled import open_manifests
 from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
-from fret_monitor.ros.feed import ErrorKeeper, Feed
+from fret_monitor.ros.feed import Feed
 from fret_monitor.ros.fields import UNDECODABLE
 from fret_monitor.ros.handlers import handler_topic
 from fret_monitor.ros.node_time import ClockNode
@@ -47,6 +47,7 @@ from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.violation_lines import ViolationLines
+from fret_monitor.ros.watch import ErrorKeeper
 
 from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message

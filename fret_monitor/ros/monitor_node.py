@@ -15,7 +15,7 @@
 """The monitor node: parameters and life cycle; a `BundleSession` runs each bundle."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack
 import traceback
 from typing import Any
 
@@ -32,6 +32,7 @@ from fret_monitor.ros.parameters import (
 from fret_monitor.ros.shared_names import refuse_shared_names
 from fret_monitor.ros.sign_of_life import SignOfLife
 from fret_monitor.ros.signals import uninterrupted
+from fret_monitor.ros.watch import ErrorKeeper, Watch
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -68,6 +69,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._is_starting = False
         self._failure: Exception | None = None
         super().__init__(node_name, **options)
+        self._watch = Watch(self)
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
@@ -127,7 +129,7 @@ class MonitorNode(ClockNode, LifecycleNode):
 
         rclpy drops its error, so it is kept here: `_start` raises it; otherwise it is logged.
         """
-        attempt = _Attempt()
+        attempt = ErrorKeeper()
         with attempt:
             step()
         self._failure = attempt.error
@@ -152,7 +154,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             undo.callback(self._release)
             for item, name in zip(opened, self._names(opened)):
                 self._sessions.append(BundleSession(
-                    self, item, hot_path=settings.hot_path, name=name,
+                    self, item, self._watch, hot_path=settings.hot_path, name=name,
                     handler_depth=settings.handler_depth,
                     log_violations=settings.log_violations, blackbox=settings.blackbox))
             undo.pop_all()
@@ -176,10 +178,12 @@ class MonitorNode(ClockNode, LifecycleNode):
     def _activate(self) -> None:
         with uninterrupted(), ExitStack() as undo:
             undo.callback(self._deactivate)
+            self._watch.forget()
             for session in self._sessions:
                 session.start()
             self._is_active = True
-            self._sign_of_life = SignOfLife(self, [session.turns for session in self._sessions])
+            self._sign_of_life = SignOfLife(
+                self, [session.turns for session in self._sessions], self._watch)
             undo.pop_all()
         for session in self._sessions:
             if line := session.describe_actions():
@@ -246,18 +250,6 @@ def distinct_names(given: Sequence[str]) -> list[str]:
             name = f'{stem} {number}'
         names.append(name)
     return names
-
-
-class _Attempt(AbstractContextManager[None]):
-    """Catches and keeps an error that is raised inside the block."""
-
-    def __init__(self) -> None:
-        self.error: Exception | None = None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
-        if isinstance(error, Exception):
-            self.error = error
-        return isinstance(error, Exception)
 
 
 def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

@@ -16,14 +16,15 @@
 The sign of life of a monitor: `~/alive`, once a second while all of its threads go round.
 
 The executor publishes it, and only if the threads of every bundle have looked for work since the
-last sign. The liveliness of the publisher is asserted by nothing else, so that a subscriber learns
-of a monitor that hangs as of one that has ended.
+last sign, and nothing has failed (`watch`). The liveliness of the publisher is asserted by nothing
+else, so that a subscriber learns of a monitor that hangs as of one that has ended.
 """
 
 from collections.abc import Callable, Sequence
 from time import monotonic
 
 from fret_monitor.ros.throttle import Throttle
+from fret_monitor.ros.watch import Watch
 
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -41,9 +42,10 @@ Turns = Callable[[], tuple[int, ...]]
 class SignOfLife:
     """Publishes the sign of life from its creation until `close`."""
 
-    def __init__(self, node: Node, turns: Sequence[Turns]) -> None:
+    def __init__(self, node: Node, turns: Sequence[Turns], watch: Watch) -> None:
         """Begin; `turns` return counters, each of which grows within a second."""
         self._node = node
+        self._watch = watch
         self._turns = turns
         self._before = [turns() for turns in turns]
         self._published = monotonic()
@@ -54,11 +56,14 @@ class SignOfLife:
             liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
             liveliness_lease_duration=Duration(seconds=_LEASE_S)))
         self._timer = node.create_timer(
-            _PERIOD_S, self.beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            _PERIOD_S, lambda: watch.run('sign of life', self.beat),
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
 
     def beat(self, now: float | None = None) -> None:
         """Publish the sign if all threads have looked for work since the last sign."""
+        if self._watch.failures:
+            return
         now = monotonic() if now is None else now
         found = [turns() for turns in self._turns]
         if any(old == new for pair in zip(self._before, found) for old, new in zip(*pair)):

@@ -21,10 +21,18 @@ from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fret_monitor.ros import actions
+from fret_monitor.ros.actions import Actions
+from fret_monitor.ros.blackbox import BlackBox
+from fret_monitor.ros.feed import Feed
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.sign_of_life import SignOfLife
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.ros.violation_log import ViolationLog
+from fret_monitor.ros.watch import Watch
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -76,7 +84,7 @@ def test_there_is_no_sign_of_life_while_a_thread_hangs(partner: Partner) -> None
     turns = {'announcer': 0, 'feed': 0, 'details': 0}
     heard: list[Header] = []
     partner.node.create_subscription(Header, '/guard/alive', heard.append, RELIABLE)
-    life = SignOfLife(node, [lambda: tuple(turns.values())])
+    life = SignOfLife(node, [lambda: tuple(turns.values())], Watch(node))
     node.destroy_timer(life._timer)  # the test itself beats
     errors: list[str] = []
     node.get_logger = lambda: SimpleNamespace(error=errors.append)
@@ -112,7 +120,7 @@ def test_a_stall_is_no_thread_that_hangs(partner: Partner) -> None:
     node.get_logger = lambda: SimpleNamespace(error=errors.append)
     now = start = monotonic()
     turned = [0]
-    life = SignOfLife(node, [lambda: tuple(turned)])
+    life = SignOfLife(node, [lambda: tuple(turned)], Watch(node))
     life._publish = lambda: signs.append(round(now - start, 2))  # type: ignore[method-assign]
     for now, has_turned in ((start + 1.0, True), (start + 3.75, True),  # the executor was busy
                             (start + 4.0, False), (start + 5.0, True),
@@ -157,6 +165,69 @@ def test_a_monitor_without_the_thread_that_logs_is_not_alive(
     goes_on.set()
     details: Any = session._detail_publisher
     wait_until(lambda: details.failure is not None, 'the error')
-    with pytest.raises(ValueError, match='oh'):
-        session._report_health()
+    assert monitor._watch.failures == {}
+    session._report_health()
+    assert monitor._watch.failures == {'details': 'ValueError: oh'}
+    monitor.destroy_node()
+
+
+ALL_PARTS = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: "x < 0.5", on_violation: [warn]}
+actions:
+  warn: {publish: {topic: warned, type: std_msgs/msg/Float32, message: {}}}
+"""
+
+
+def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
+    partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*_: Any) -> None:
+        raise ValueError('oh')
+
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(ALL_PARTS, encoding='utf-8')
+    signs: list[Header] = []
+    reports: list[DiagnosticArray] = []
+    partner.node.create_subscription(Header, '/fret_monitor/alive', signs.append, RELIABLE)
+    partner.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, RELIABLE)
+    monitor = MonitorNode(context=partner.context, parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('blackbox', value=str(tmp_path))])
+    partner._executor.add_node(monitor)
+
+    def failed() -> dict[str, str]:
+        """Return what the next report says has failed."""
+        reports.clear()
+        wait_until(lambda: bool(reports), 'a report')
+        found = [item for item in reports[0].status if item.name == 'fret_monitor: threads']
+        assert all(item.level == DiagnosticStatus.ERROR for item in found)
+        return {value.key: value.value for item in found for value in item.values}
+
+    wait_until(lambda: bool(signs), 'a sign of life')
+    assert failed() == {}
+    with monkeypatch.context() as patch:
+        for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (BlackBox, '_look'),
+                           (Actions, 'review'), (SignOfLife, 'beat')):
+            patch.setattr(kind, name, fail)
+        patch.setattr(actions, 'monotonic', fail)
+        names = ('actions', 'black box', 'details', 'feed', 'log', 'sign of life')
+        wait_until(lambda: sorted(failed()) == [*names], 'what has failed')
+        before = len(signs)
+    assert {*failed().values()} == {'ValueError: oh'}
+    assert {*failed().values()} == {'ValueError: oh'}  # a second later
+    assert len(signs) == before
+    log = capfd.readouterr().err
+    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 6
+    client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
+    wait_until(client.service_is_ready, 'the service')
+    for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+        answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+        wait_until(answer.done, 'a transition')
+    assert failed() == {}
+    wait_until(lambda: len(signs) > before + 1, 'signs of life')
+    partner._executor.remove_node(monitor)
     monitor.destroy_node()

@@ -1,0 +1,70 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Watches the threads and timers of a monitor: no error ends or stops one of them unseen.
+
+The first error of each is logged. From then on the monitor gives no sign of life, and
+`/diagnostics` has a status with the level ERROR, until the node is activated again. What has not
+failed goes on.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+import traceback
+
+from rclpy.node import Node
+
+
+class ErrorKeeper(AbstractContextManager[None]):
+    """Catches and keeps an error that is raised inside the block."""
+
+    def __init__(self) -> None:
+        self.error: Exception | None = None
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        if isinstance(error, Exception):
+            self.error = error
+        return isinstance(error, Exception)
+
+
+class Watch:
+    """What has failed since the node was activated; for the thread of the executor."""
+
+    def __init__(self, node: Node) -> None:
+        """Log to the node's log."""
+        self._node = node
+        self.failures: dict[str, str] = {}
+        """What has failed, by name, and its error."""
+
+    def note(self, name: str, error: Exception | None) -> None:
+        """Note the error of a thread or timer, if there is one; log the first one of each."""
+        if error is None or name in self.failures:
+            return
+        self.failures[name] = f'{type(error).__name__}: {error}'
+        self._node.get_logger().error(
+            f'the part of the monitor that is called {name} has failed: no sign of life on '
+            '~/alive until the node is activated again\n'
+            f'{"".join(traceback.format_exception(error)).rstrip()}')
+
+    def run(self, name: str, callback: Callable[[], None]) -> None:
+        """Call a timer's callback, and note its error."""
+        kept = ErrorKeeper()
+        with kept:
+            callback()
+        self.note(name, kept.error)
+
+    def forget(self) -> None:
+        """Forget what has failed: all of it begins anew."""
+        self.failures.clear()
