@@ -123,13 +123,18 @@ def _build(path: Path, overrides: _Overrides, note: Path | None) -> CompiledMoni
     return compiled
 
 
+def _absolute(path: Path) -> Path:
+    """Return the path from the root; the working directory may be gone, if nothing is in it."""
+    return path if path.is_absolute() else Path.cwd() / path
+
+
 def _note(path: Path, overrides: _Overrides) -> Path | None:
     """Return the file of the note on a bundle; None if the bundle cannot be read."""
     try:
         text = path.read_bytes()
     except OSError:
         return None
-    parts = [os.fsencode(Path.cwd() / path), os.fsencode(path), text,
+    parts = [os.fsencode(_absolute(path)), os.fsencode(path), text,
              find_compiler().identity.encode(), _package(),
              *(item.encode('utf-8', 'surrogatepass') for item in overrides.texts())]
     # Each part with its length, so that different parts never give the same text.
@@ -188,7 +193,7 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
 
 def _unchanged(path: Path, files: Any) -> list[Source] | None:
     """Return the files of a bundle; None if one has changed since it was built."""
-    if str(Path.cwd() / path) != files[0][0]:
+    if str(_absolute(path)) != files[0][0]:
         return None
     sources = []
     for place, name, digest in files:
@@ -227,7 +232,7 @@ def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None
             'library': str(compiled.library),
             'warnings': [_packed(item, names) for item in compiled.warnings],
             # The hashes are of what was read; the files may have changed since.
-            'files': [[str(Path.cwd() / file), str(file), digest]
+            'files': [[str(_absolute(file)), str(file), digest]
                       for file, digest in reading.files],
             'messages': dict(reading.messages),
         })

@@ -71,8 +71,15 @@ def refuse_missing(path: Path) -> None:
         return
     folders = [path.parent, *(config_folders() if _is_name(path) else ())]
     place = '' if path.is_absolute() else ' in ' + ' nor in '.join(
-        map(str, [Path.cwd(), *folders[1:]]))
+        [_working_directory(), *map(str, folders[1:])])
     refuse(f'there is no file {shown(str(path), LONGEST_PATH)}{place}', help=_near(path, folders))
+
+
+def _working_directory() -> str:
+    try:
+        return str(Path.cwd())
+    except FileNotFoundError:
+        return 'the current folder (it was deleted)'
 
 
 def config_folders() -> list[Path]:

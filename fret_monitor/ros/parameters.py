@@ -349,7 +349,13 @@ def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings
         problems.append(f"parameter 'blackbox' is {folder!r}, and has to be the path of a folder")
     if not folder or problems:
         return None
-    return BlackBoxSettings(Path(folder).expanduser().absolute(), float(seconds or 10), *numbers)
+    try:
+        path = Path(folder).expanduser().absolute()
+    except FileNotFoundError:
+        problems.append(f"parameter 'blackbox' is '{folder}', in a working directory that was "
+                        'deleted: give the whole path')
+        return None
+    return BlackBoxSettings(path, float(seconds or 10), *numbers)
 
 
 def _count(given: Mapping[str, Any], name: str, unit: str, least: int,

@@ -253,6 +253,24 @@ requirements:
     ).destroy_node()
 
 
+def test_a_working_directory_that_was_deleted_is_needed_for_relative_paths_alone(
+    context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle = str(write(tmp_path))
+    for _ in range(2):  # built, and found as it was built
+        (tmp_path / 'gone').mkdir()
+        monkeypatch.chdir(tmp_path / 'gone')
+        (tmp_path / 'gone').rmdir()
+        MonitorNode(context=context, parameter_overrides=[Parameter('spec', value=bundle)]
+                    ).destroy_node()
+    assert refusal(context, spec='none.yaml').startswith(
+        "error: there is no file 'none.yaml' in the current folder (it was deleted) nor in /")
+    assert refusal(context, spec=bundle, blackbox='box') == (
+        "error: parameter 'blackbox' is 'box', in a working directory that was deleted: give the "
+        'whole path')
+    monkeypatch.chdir(tmp_path)
+
+
 def compiled(folder: Path, text: str = BUNDLE) -> str:
     bundle = write(folder, text)
     build.write(build.generate_monitor(build.read(bundle)), folder / 'library')
