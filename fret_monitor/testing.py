@@ -55,7 +55,7 @@ _VIOLATED = re.compile(
     r'\[(?:ERROR|WARN)\] (?P<line>(?P<id>\S+) violated at (?P<stamp>-?\d+\.\d+): .*)')
 _UNSEEN = re.compile(
     r'\[ERROR\] (.* its messages are not received|.* does not match the subscription to .*)')
-_SILENT = ', nothing comes of '  # in the line of a violation by an input that is too old
+_SILENT = ', no message for '  # in the line of a violation by an input that is too old
 _REORDERED = re.compile(r'reordered within (?P<seconds>[\d.e+-]+) s')
 _NAME = 'fret_monitor'
 _NUMBERS = count(1)  # of the monitors of this process

@@ -125,7 +125,7 @@ static uint8_t describe_requirement(
   uint8_t level = WARN;
   if (places.violating.length > 0 && counts->is_violated) {
     level = violated;
-    fm_text_add(message, "violated: nothing comes of %s", fm_text_get(&places.violating));
+    fm_text_add(message, "violated: no message for %s", fm_text_get(&places.violating));
   } else if (places.missing.length > 0) {
     fm_text_add(message, "no value yet of %s", fm_text_get(&places.missing));
   } else if (counts->steps == 0) {

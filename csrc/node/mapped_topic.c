@@ -392,8 +392,8 @@ static void log_unmatched(
     fm_text_list(&remedy, " and ", "`durability`");
   }
   fm_log(topic->node, FM_ERROR,
-    "%s does not match the subscription to %s: it offers %s, and what is requested, by `qos` or "
-    "`qos_overrides`, is %s%s%s%s", fm_text_get(&who), topic->name,
+    "%s does not match the subscription to %s: it offers %s; the subscription requests %s, by "
+    "`qos` or `qos_overrides`%s%s%s", fm_text_get(&who), topic->name,
     fm_describe_profile(&publisher->qos_profile), fm_describe_profile(&topic->current.profile),
     remedy.length > 0 ? ": leave " : "", fm_text_get(&remedy),
     remedy.length > 0 ? " out there" : "");

@@ -94,7 +94,7 @@ static void add_shown(
   }
   fm_add_silent(&silent, table, detail);
   if (silent.length > 0) {
-    fm_text_add(text, ", nothing comes of %s", fm_text_get(&silent));
+    fm_text_add(text, ", no message for %s", fm_text_get(&silent));
   }
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     fm_text_add(text, "%s%s = ", k == 0 ? ": " : ", ", table->inputs[requirement->inputs[k]].name);

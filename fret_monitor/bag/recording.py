@@ -203,7 +203,8 @@ class Recording(AbstractContextManager['Recording']):
             within = sorted(item for item in path.iterdir()
                             if item.suffix in _FILES or (item / _METADATA).is_file())
             refuse(f"'{path}' is not a recording: it has no metadata.yaml",
-                   help=f"name the recordings in it, such as '{within[0]}'" if within else '')
+                   help=f'name the recordings in it: {path}/*' if len(within) > 1 else
+                   f"name the recording in it: '{within[0]}'" if within else '')
         if path.is_file() and path.suffix == _COMPRESSED:
             refuse(f"'{path}' is a compressed file of a recording",
                    help=f'name its folder, or decompress it: zstd -d {path.name}')

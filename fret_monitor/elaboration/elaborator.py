@@ -275,7 +275,9 @@ class Elaborator:
             return
         owners = self._scope.owners.get(name)
         known = dict.fromkeys([*vocabulary.numbers, *self._scope.known()])
-        help_ = f"it is a value of '{owners[0]}'" if owners else did_you_mean(name, known)
+        meant = next((value for value, text in vocabulary.named if text == name), '')
+        help_ = f"it is a value of '{owners[0]}'" if owners else \
+            f'write its name: {meant}' if meant else did_you_mean(name, known)
         self._problems.error(
             f"'{name}' is neither declared nor a value of the other operand", span,
             'unknown name', help_ or f'the values are {vocabulary}')

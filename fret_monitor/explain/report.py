@@ -344,7 +344,8 @@ def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
     return timeline(title, labels, [[bool(value) for value in column] for column in truths],
                     verdicts, context.period(subject.item.id),
                     tuple(value_lines(subject.signals, trace,
-                                      context.grids.get(subject.item.id))))
+                                      context.grids.get(subject.item.id))),
+                    is_grid=context.grids.get(subject.item.id) is not None)
 
 
 def as_dict(found: Explanation) -> dict[str, object]:

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 import re
 from xml.sax.saxutils import escape
 
-from fret_monitor.explain.timeline import Band, marked_steps, shown_time, Timeline
+from fret_monitor.explain.timeline import Band, scales, Timeline
 
 _CELL = 14
 _ROW = 22
@@ -54,7 +54,7 @@ def to_svg(title: str, lines: Sequence[Timeline]) -> str:
 
 
 def _height(line: Timeline) -> int:
-    rows = len(line.bands) + 2 + (line.period is not None) + len(line.values)
+    rows = len(line.bands) + 1 + len(scales(line)) + len(line.values)
     return _ROW * (rows + 2)
 
 
@@ -67,7 +67,7 @@ def _timeline(line: Timeline, left: int, y: int) -> Iterator[str]:
     yield from _band(line, line.verdict, left, y, ('satisfied', 'violated'))
     y += _ROW
     yield from _scale(line, left, y)
-    y += _ROW * (1 + (line.period is not None))
+    y += _ROW * len(scales(line))
     for text in line.values:
         yield _text(_MARGIN, y + 8, text, colour='faint')
         y += _ROW
@@ -84,19 +84,16 @@ def _band(line: Timeline, band: Band, left: int, y: int, kinds: tuple[str, str])
 
 
 def _scale(line: Timeline, left: int, y: int) -> Iterator[str]:
-    yield _text(_MARGIN, y + 8, 'step', colour='faint')
-    if line.period is not None:
-        yield _text(_MARGIN, y + 8 + _ROW, 'seconds', colour='faint')
+    for row, (name, _) in enumerate(scales(line)):
+        yield _text(_MARGIN, y + 8 + row * _ROW, name, colour='faint')
     free = 0.0
-    for column, step in marked_steps(line):
-        x = left + _CELL * column
-        time = '' if line.period is None else shown_time(step, line.period)
+    for marks in zip(*(marks for _, marks in scales(line)), strict=True):
+        x = left + _CELL * marks[0][0]
         if x < free:
             continue
-        yield _text(x, y + 8, str(step), colour='faint')
-        if time:
-            yield _text(x, y + 8 + _ROW, time, colour='faint')
-        free = x + _LETTER * (max(len(str(step)), len(time)) + 1)
+        for row, (_, mark) in enumerate(marks):
+            yield _text(x, y + 8 + row * _ROW, mark, colour='faint')
+        free = x + _LETTER * (max(len(mark) for _, mark in marks) + 1)
 
 
 def _text(x: int, y: int, text: str, colour: str = 'text', weight: str = 'normal') -> str:

@@ -50,7 +50,7 @@ class Timeline:
     The propositions and the verdict, and the step of each column.
 
     A column with step None represents omitted steps. With a `period` (seconds), there is also a
-    scale of time. `values` are lines about the inputs.
+    scale of time; on a grid (`timed`) only that. `values` are lines about the inputs.
     """
 
     title: str
@@ -59,11 +59,12 @@ class Timeline:
     steps: tuple[int | None, ...]
     period: Fraction | None
     values: tuple[str, ...]
+    is_grid: bool = False
 
 
 def timeline(title: str, labels: Sequence[str], truths: Sequence[Sequence[bool]],
              verdicts: Sequence[bool], period: Fraction | None,
-             values: Sequence[str] = ()) -> Timeline:
+             values: Sequence[str] = (), is_grid: bool = False) -> Timeline:
     """Return the timeline of a trace; `truths` and `verdicts` hold a value for each step."""
     columns = list(zip(*truths, verdicts, strict=True))
     places = _columns(columns)
@@ -74,7 +75,7 @@ def timeline(title: str, labels: Sequence[str], truths: Sequence[Sequence[bool]]
         tuple(Band(_cut(label), tuple(row)) for label, row in zip(labels, rows, strict=True)),
         Band('verdict', tuple(verdict)),
         tuple(place if place >= 0 else None for place in places),
-        period, tuple(values))
+        period, tuple(values), is_grid)
 
 
 def _cut(label: str) -> str:
@@ -98,13 +99,13 @@ def _columns(columns: Sequence[tuple[bool, ...]]) -> list[int]:
 
 def drawn(line: Timeline) -> Iterator[str]:
     """Yield the lines of a timeline: `#` true, `.` false, `~` omitted."""
-    scales = _scales(line)
+    below = scales(line)
     labels = [band.label for band in (*line.bands, line.verdict)]
-    width = max(len(label) for label in (*labels, *(name for name, _ in scales)))
+    width = max(len(label) for label in (*labels, *(name for name, _ in below)))
     for band in line.bands:
         yield f'{band.label:<{width}}  {_signs(line, band, "#.")}'
     yield f'{line.verdict.label:<{width}}  {_signs(line, line.verdict, "#x")}'
-    for name, marks in scales:
+    for name, marks in below:
         yield f'{name:<{width}}  {_ruled(marks)}'
     yield from line.values
 
@@ -130,13 +131,14 @@ def shown_time(step: int, period: Fraction) -> str:
     return f'{float(step * period):g}'
 
 
-def _scales(line: Timeline) -> list[tuple[str, list[tuple[int, str]]]]:
+def scales(line: Timeline) -> list[tuple[str, list[tuple[int, str]]]]:
+    """Return the scales below the verdict: the name of each, and its marks with their columns."""
     marks = marked_steps(line)
-    scales = [('step', [(column, str(step)) for column, step in marks])]
-    if line.period is not None:
-        period = line.period
-        scales.append(('seconds', [(column, shown_time(step, period)) for column, step in marks]))
-    return scales
+    steps = ('step', [(column, str(step)) for column, step in marks])
+    if line.period is None:
+        return [steps]
+    seconds = ('seconds', [(column, shown_time(step, line.period)) for column, step in marks])
+    return [seconds] if line.is_grid else [steps, seconds]
 
 
 def _ruled(marks: Sequence[tuple[int, str]]) -> str:

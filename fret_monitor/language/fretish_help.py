@@ -478,11 +478,26 @@ def _help(misfit: Misfit) -> str:
         return _quoted_name(misfit)
     if 'SHALL' in misfit.fitting or {'THE', 'NAME'} <= misfit.fitting:
         return misfit.example
+    if 'SATISFY' in misfit.fitting and found.type == 'NAME':
+        return _verb_help(misfit)
     if misfit.fitting <= {'SATISFY', 'COMMA'} and found.type in OPERAND_STARTS:
         return f'write satisfy before {misfit.written(found)}'
     if 'NUMBER' in misfit.fitting and 'LPAR' not in misfit.fitting:
         return _number_help(misfit)
     return ''
+
+
+def _verb_help(misfit: Misfit) -> str:
+    """Return what to write for `shall keep x < 1` and `shall stop within 3 seconds`."""
+    word, text = misfit.written(misfit.found), misfit.text.value
+    after = misfit.lexemes[misfit.index + 1:]
+    if after and after[0].type in OPERAND_STARTS:
+        return f'write satisfy in place of {word}'
+    if not misfit.fitting <= {'SATISFY', 'COMMA'} or not after:
+        timing = text[after[0].start:].strip() if after else ''
+        before = text[:misfit.found.start].strip()
+        return 'say what holds: ' + ' '.join(filter(None, (before, timing, 'satisfy', word)))
+    return f'write satisfy before {word}'
 
 
 def _number_help(misfit: Misfit) -> str:

@@ -67,7 +67,8 @@ _WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '->', 'iff': '<->', 'xor
           'unequal': '!='}
 _REFUSED = {
     **{word: f'write {_WRITE[word]}' for word in ('and', 'or', 'not')},
-    **dict.fromkeys(('if', 'then', 'else'), 'write ite(condition, yes, no), or if -> then'),
+    **dict.fromkeys(('if', 'then', 'else'), 'write p -> q for "if p then q", and ite(p, x, y) '
+                    'for a choice of values'),
     'pre': 'write Y for a Boolean, preInt(init, x) or preReal(init, x) for a number',
     '%': 'the remainder is mod: x mod 3',
     ';': 'a formula of this language ends without a semicolon',

@@ -548,9 +548,8 @@ class _Subscribed:
             self._node.get_logger().error(
                 f'{_who(publisher)} does not match the subscription to '
                 f'{self._current.topic_name}: it offers '
-                f'{qos.describe(publisher.qos_profile)}, and what is requested, by `qos` or '
-                '`qos_overrides`, is '
-                f'{qos.describe(self._current.qos_profile)}'
+                f'{qos.describe(publisher.qos_profile)}; the subscription requests '
+                f'{qos.describe(self._current.qos_profile)}, by `qos` or `qos_overrides`'
                 f'{self._remedy(publisher)}')
 
     def _remedy(self, publisher: TopicEndpointInfo) -> str:

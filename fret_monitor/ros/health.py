@@ -231,7 +231,7 @@ class Health:
                      if self._manifest.inputs[place].stale is Stale.VIOLATE]
         if violating and counts.is_violated:
             level = LEVELS[item.severity]
-            message = f'violated: nothing comes of {self._named(violating)}'
+            message = f'violated: no message for {self._named(violating)}'
         elif is_withheld_from_start(self._engine, index):
             level, message = LEVELS[item.severity], 'violated since the first message'
         elif missing:

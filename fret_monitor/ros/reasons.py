@@ -50,7 +50,7 @@ def missing_inputs(engine: Engine, inputs: Sequence[int], *,
     if unknown:
         yield f'no value yet of {", ".join(names[index] for index in unknown)}'
     if silent:
-        yield f'nothing comes of {", ".join(names[index] for index in silent)}'
+        yield f'no message for {", ".join(names[index] for index in silent)}'
 
 
 def why_closed(engine: Engine, counts: GateCounts) -> str:

@@ -70,7 +70,7 @@ class ViolationLines:
 
 def _shown(detail: Detail) -> str:
     values = ', '.join(f'{name} = {value}' for name, value in detail.values)
-    silent = f', nothing comes of {detail.silent}' if detail.silent else ''
+    silent = f', no message for {detail.silent}' if detail.silent else ''
     place = f'step {detail.step}' if detail.time is None else f'{detail.time} s after its start'
     withheld = f", withheld by gate '{detail.gate}'" if detail.gate else ''
     return f'[{place}{silent}: {values}]{withheld}'

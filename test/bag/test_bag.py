@@ -508,6 +508,10 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
                           ('cut.mcap', 'cannot read the recording')):
         with pytest.raises(CompileError, match=message):
             check_recording(file, tmp_path / name, Selection())
+    write(tmp_path / 'bags' / 'two', [('/level', 0, 0.0)])
+    with pytest.raises(CompileError) as caught:
+        check_recording(file, tmp_path / 'bags', Selection())
+    assert caught.value.diagnostics[0].help == f'name the recordings in it: {tmp_path}/bags/*'
 
 
 def split(folder: Path, parts: list[list[Message]]) -> Path:

@@ -531,6 +531,17 @@ requirements:
     assert time.process_time() - begin < 60
 
 
+def test_a_string_in_place_of_its_name_is_answered_with_the_name() -> None:
+    with pytest.raises(CompileError) as caught:
+        specified("""\
+inputs:
+  state: {topic: s, type: std_msgs/msg/String, values: {DRIVING: driving, IDLE: idle}}
+requirements:
+  - {id: A, ptltl: 'state = "driving"'}
+""")
+    assert [item.help for item in caught.value.diagnostics] == ['write its name: DRIVING']
+
+
 def test_a_requirement_knows_the_constants_that_its_text_names() -> None:
     specification = specified("""\
 component: robot

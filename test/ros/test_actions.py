@@ -133,9 +133,9 @@ def test_a_lock_follows_its_requirements_and_is_silent_with_its_process(
             assert lock.wait_for(expected, now) - now < 0.35, kind
         monitor.wait_for("lock 'stop' is free")
         lock.wait_for(True, monotonic())  # x is silent
-        diagnostics.wait_for_message('stop', 'locked: nothing comes of x')
+        diagnostics.wait_for_message('stop', 'locked: no message for x')
         y.publish(Float32(data=2.0))
-        diagnostics.wait_for_message('stop', 'locked: violated: Y; nothing comes of x')
+        diagnostics.wait_for_message('stop', 'locked: violated: Y; no message for x')
         y.publish(Float32(data=0.0))
         now = monotonic()
         x.publish(Float32(data=0.0))

@@ -141,7 +141,7 @@ def test_a_violation_counts_until_the_end_of_the_block_and_a_message_a_moment_lo
     monitor._output = """
 [ERROR] A violated at 10.000: x [step 2: x = 1]
 [WARN] B violated at 10.050: x [step 2: x = 1]
-[ERROR] C violated at 10.050: x [step 3, nothing comes of x: x = 1]
+[ERROR] C violated at 10.050: x [step 3, no message for x: x = 1]
 [ERROR] D violated at 10.200: x [step 2: x = 1]
 [INFO] A satisfied again at 9.000: x [step 2: x = 1]
 """

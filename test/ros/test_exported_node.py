@@ -267,7 +267,7 @@ def test_both_nodes_report_the_same_violations_and_counters_on_all_faults(
         level.publish(UInt8(data=200))
         node.wait_for("for 'x': X-1, X-2 violated until one comes")
         report = nodes.expect_equal()
-        assert report['X-1'][1] == 'violated: nothing comes of x'
+        assert report['X-1'][1] == 'violated: no message for x'
         assert report['topic /level'][1] == 'a publisher of std_msgs/msg/Int32, and not ' \
             'std_msgs/msg/UInt8'
         assert report['topic /fixed'][1] == 'not received: /partner'

@@ -224,7 +224,7 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         commands.publish(twist(-2.0))
         sleep(0.3)
         assert -2.0 not in speeds(arrived)
-        assert 'nothing comes of distance' in status().message
+        assert 'no message for distance' in status().message
         # Somebody else publishes on the target.
         other = stranger.publisher(TwistStamped, 'cmd')
         node.wait_for('/partner publishes on /cmd too')

@@ -201,7 +201,7 @@ def test_a_stopped_process_loses_no_period_and_finds_no_silence(
         # 125000 us; microseconds, since a detail's time is read as a float
         assert all(abs(later - stamp - 125000) <= 2 for stamp, later in pairwise(stamps))
         partner.node.destroy_timer(timer)
-        operator.wait_for('X', b'\2', 'violated: nothing comes of x')
+        operator.wait_for('X', b'\2', 'violated: no message for x')
         assert partner.heard['X'] > 0
 
 
@@ -257,7 +257,7 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
         assert silence(node) == 1
         assert "for 'x': X, ONSET, XZ violated until one comes" in node.output
         assert "value on /y within the timeout of 1 s for 'y'" in node.output
-        operator.wait_for('X', b'\2', 'violated: nothing comes of x')
+        operator.wait_for('X', b'\2', 'violated: no message for x')
         operator.wait_for('Y', b'\1', 'satisfied, on old values of y')
         values = operator.wait_for('topic /x', b'\2', 's of x')
         assert (values['silences x'], values['received']) == ('1', '1')
@@ -292,7 +292,7 @@ def test_in_real_time_an_input_without_messages_is_reported_and_one_with_message
         partner.listen('X', 'ONSET', 'XZ', 'Y')
         y = partner.publisher(Float32, 'y')
         partner.node.create_timer(0.1, lambda: y.publish(Float32(data=1.0)))
-        operator.wait_for('X', b'\2', 'violated: nothing comes of x')
+        operator.wait_for('X', b'\2', 'violated: no message for x')
         operator.wait_for('Y', b'\0', 'satisfied')
         node.wait_for("for 'x': X, ONSET, XZ violated until one comes")
         assert 'no usable value on /x within the startup of 1.5 s' in node.output
