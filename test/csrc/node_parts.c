@@ -531,6 +531,7 @@ static void happen(double seconds, bool is_over, bool has_detail)
   now = (int64_t)(seconds * 1e9);
   requirement_counts.announced += is_over ? 0u : 1u;
   requirement_counts.holds = is_over;
+  requirement_counts.is_violated = !is_over;
   if (has_detail) {
     struct fm_detail * detail = calloc(1, fm_detail_bytes(node.table->monitor()));
     detail->violation.step = (uint64_t)(seconds * 10.0);

@@ -116,6 +116,19 @@ def test_violations_without_details_are_counted_and_their_end_is_logged() -> Non
     assert log.taken(20.0) == []
 
 
+def test_a_violation_that_was_counted_before_its_detail_came_is_logged_after_an_end() -> None:
+    log = Log()
+    log.happens(10.0)
+    log.happens(10.1, is_over=True)
+    log.happens(10.2, has_detail=False)  # it is on its way
+    assert log.taken(11.0)[1:] == ['error: R violated once more, without details: x < 1',
+                                   'info: R satisfied again at 10.100: x < 1 [step 101: x = 2]']
+    log.log.add(ViolationDetail(Violation(0, 102, 10_200_000_000, False), 0, ()), 11.1)
+    assert log.taken(12.0) == ['error: R violated at 10.200: x < 1 [step 102: x = 2]']
+    log.happens(13.5, is_over=True)
+    assert log.taken(13.5) == ['info: R satisfied again at 13.500: x < 1 [step 135: x = 2]']
+
+
 def test_a_requirement_of_which_no_detail_came_is_logged_too() -> None:
     log = Log()
     log.happens(10.0)
