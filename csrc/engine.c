@@ -197,13 +197,28 @@ static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
   }
 }
 
+static void note_conditions_locked(struct fm_engine * engine)
+{
+  bool is_known = false;
+  bool is_latched = false;
+  if (engine->gate != NULL) {
+    const struct fm_gate_counts counts = fm_gate_counts(engine->gate, fm_engine_steady_time());
+    is_known = counts.is_known;
+    is_latched = counts.is_latched;
+  }
+  fm_states_note_conditions(
+    &engine->states, engine->options.evaluator, engine->options.monitor, is_known, is_latched);
+}
+
 void fm_engine_update_states_locked(struct fm_engine * engine)
 {
-  if (!engine->has_states) {
-    return;
+  if (engine->has_states) {
+    fm_states_update(
+      &engine->states, engine->options.evaluator, engine->options.monitor, engine->are_violated);
   }
-  fm_states_update(
-    &engine->states, engine->options.evaluator, engine->options.monitor, engine->are_violated);
+  if (engine->has_states || engine->gate != NULL) {
+    note_conditions_locked(engine);
+  }
   if (engine->states.changes != engine->noted_changes) {
     engine->noted_changes = engine->states.changes;
     pthread_cond_signal(&engine->violation_queued);
@@ -291,6 +306,24 @@ uint64_t fm_engine_states(
   const uint64_t changes = engine->states.changes;
   fm_engine_unlock(engine);
   return changes;
+}
+
+void fm_engine_conditions(struct fm_engine * engine, uint8_t * out)
+{
+  fm_engine_lock(engine);
+  fm_engine_take_due_now_locked(engine);
+  fm_engine_look_for_hang_locked(engine);
+  note_conditions_locked(engine);
+  memcpy(out, fm_states_conditions(&engine->states), engine->states.condition_bytes);
+  fm_engine_unlock(engine);
+}
+
+bool fm_engine_take_conditions(struct fm_engine * engine, uint8_t * out, uint64_t * missed)
+{
+  fm_engine_lock(engine);
+  const bool has_one = fm_states_take_conditions(&engine->states, out, missed);
+  fm_engine_unlock(engine);
+  return has_one;
 }
 
 void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t most_per_s)

@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 10u
+#define FM_ENGINE_ABI 11u
 
 struct fm_engine;
 
@@ -132,6 +132,14 @@ FM_EXPORT void fm_engine_follow_states(struct fm_engine * engine);
 FM_EXPORT uint64_t fm_engine_states(
   struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
   struct fm_requirement_state * out);
+
+/// The present conditions (states.h), into FM_CONDITION_BYTES + n_requirements + n_inputs bytes;
+/// and the next change of them, false if there is none. While there is a gate, or states are
+/// followed, FM_MOST_CONDITIONS changes are kept; `missed` came after the last one that was kept.
+/// O(requirements + inputs).
+FM_EXPORT void fm_engine_conditions(struct fm_engine * engine, uint8_t * out);
+FM_EXPORT bool fm_engine_take_conditions(
+  struct fm_engine * engine, uint8_t * out, uint64_t * missed);
 
 /// Keep each message that is delivered from now on in a black box, and note there when a
 /// violation begins; the evaluator must report recoveries. Call it before messages are delivered.

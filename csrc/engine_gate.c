@@ -37,6 +37,7 @@ void fm_engine_look_for_hang_locked(struct fm_engine * engine)
   if (engine->gate != NULL) {
     fm_gate_note_hang(engine->gate, fm_engine_hangs_locked(engine, HANG_NS));
     (void)fm_engine_note_gate_locked(engine, 0);
+    fm_engine_update_states_locked(engine);
   }
 }
 

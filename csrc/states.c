@@ -17,6 +17,7 @@
 #include "states.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "tables.h"
 
@@ -24,13 +25,16 @@ bool fm_states_init(struct fm_states * states, const struct fm_monitor * monitor
 {
   states->requirements =
     calloc(monitor->n_requirements + (size_t)1, sizeof(*states->requirements));
-  states->changes = 0;
-  return states->requirements != NULL;
+  states->condition_bytes =
+    FM_CONDITION_BYTES + monitor->n_requirements + (size_t)monitor->n_inputs;
+  states->conditions = calloc(FM_MOST_CONDITIONS + (size_t)2, states->condition_bytes);
+  return states->requirements != NULL && states->conditions != NULL;
 }
 
 void fm_states_free(struct fm_states * states)
 {
   free(states->requirements);
+  free(states->conditions);
 }
 
 void fm_states_begin_violation(struct fm_states * states, uint32_t requirement)
@@ -63,4 +67,72 @@ void fm_states_update(
       states->changes += 1;
     }
   }
+}
+
+// ---- conditions --------------------------------------------------------------------------------
+
+static uint8_t * place_of(const struct fm_states * states, uint32_t k)
+{
+  return states->conditions + k * states->condition_bytes;
+}
+
+static uint8_t * latest(const struct fm_states * states)
+{
+  return place_of(states, FM_MOST_CONDITIONS);
+}
+
+const uint8_t * fm_states_conditions(const struct fm_states * states) {return latest(states);}
+
+static uint8_t flags_of(
+  const struct fm_states * states, const struct fm_evaluator * evaluator, uint32_t r)
+{
+  const struct fm_requirement_counts counts = fm_evaluator_requirement_counts(evaluator, r);
+  const unsigned is_false = counts.holds ? 0u : FM_IS_FALSE;
+  const unsigned was_always_false =
+    counts.holds && counts.violations > 0 && counts.steps == counts.violations ?
+    FM_WAS_ALWAYS_FALSE : 0u;
+  return (uint8_t)(states->requirements[r].state | is_false | was_always_false);
+}
+
+void fm_states_note_conditions(
+  struct fm_states * states, const struct fm_evaluator * evaluator,
+  const struct fm_monitor * monitor, bool is_known, bool is_latched)
+{
+  uint8_t * next = place_of(states, FM_MOST_CONDITIONS + 1u);
+  uint8_t * inputs = next + FM_CONDITION_BYTES + monitor->n_requirements;
+  next[FM_GATE_IS_KNOWN] = is_known ? 1u : 0u;
+  next[FM_GATE_IS_LATCHED] = is_latched ? 1u : 0u;
+  for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
+    next[FM_CONDITION_BYTES + r] = flags_of(states, evaluator, r);
+  }
+  for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
+    const struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+    inputs[i] = (uint8_t)(
+      (cell->has_value ? FM_HAS_VALUE : 0) | (cell->is_silent ? FM_IS_SILENT : 0));
+  }
+  if (memcmp(next, latest(states), states->condition_bytes) == 0) {
+    return;
+  }
+  memcpy(latest(states), next, states->condition_bytes);
+  if (states->n == FM_MOST_CONDITIONS) {
+    states->missed += 1;
+    return;
+  }
+  memcpy(
+    place_of(states, (states->begin + states->n) % FM_MOST_CONDITIONS), next,
+    states->condition_bytes);
+  states->n += 1;
+}
+
+bool fm_states_take_conditions(struct fm_states * states, uint8_t * out, uint64_t * missed)
+{
+  if (states->n == 0) {
+    return false;
+  }
+  memcpy(out, place_of(states, states->begin), states->condition_bytes);
+  states->begin = (states->begin + 1) % FM_MOST_CONDITIONS;
+  states->n -= 1;
+  *missed = states->n == 0 ? states->missed : 0;
+  states->missed = states->n == 0 ? 0 : states->missed;
+  return true;
 }

@@ -36,6 +36,7 @@ struct lock
 {
   struct fm_lock settings;
   int64_t due;     // of the next message
+  uint64_t occurrences;  // of its requirements, when they were looked at last
   bool is_locked;  // as published last
 };
 
@@ -86,7 +87,26 @@ static bool is_locked(const struct fm_lock * lock, const struct fm_requirement_s
   return !all_hold;
 }
 
-// Publish the locks that have changed, and those whose next message is due.
+// Whether a violation has begun since the last look, which may be over by now.
+static bool note_occurrences(struct lock * lock, const struct fm_requirement_state * states)
+{
+  uint64_t occurrences = 0;
+  for (uint32_t k = 0; k < lock->settings.n_requirements; ++k) {
+    occurrences += states[lock->settings.requirements[k]].occurrences;
+  }
+  const bool has_begun = occurrences != lock->occurrences;
+  lock->occurrences = occurrences;
+  return has_begun;
+}
+
+static void publish_lock(struct fm_announcer * announcer, struct lock * lock, bool state)
+{
+  publish(announcer, lock->settings.publisher, &state);  // as std_msgs/msg/Bool
+  lock->is_locked = state;
+}
+
+// Publish the locks that have changed, also those that were locked in between, and those whose
+// next message is due.
 static void publish_locks(struct fm_announcer * announcer)
 {
   if (announcer->n_locks == 0) {
@@ -96,13 +116,15 @@ static void publish_locks(struct fm_announcer * announcer)
   (void)fm_engine_states(announcer->engine, UINT64_MAX, 0, announcer->states);
   for (uint32_t k = 0; k < announcer->n_locks; ++k) {
     struct lock * lock = &announcer->locks[k];
-    const bool state = is_locked(&lock->settings, announcer->states);  // as std_msgs/msg/Bool
+    const bool state = is_locked(&lock->settings, announcer->states);
+    if (note_occurrences(lock, announcer->states) && !state && !lock->is_locked) {
+      publish_lock(announcer, lock, true);
+    }
     const int64_t periods = LOCK_PERIODS * lock->settings.period;
     if (!state && fm_engine_hangs(announcer->engine, periods > HANG_NS ? periods : HANG_NS)) {
       lock->due = now + lock->settings.period;  // silent: what would lock it is not noticed
     } else if (state != lock->is_locked || lock->due <= now) {
-      publish(announcer, lock->settings.publisher, &state);
-      lock->is_locked = state;
+      publish_lock(announcer, lock, state);
       lock->due = now + lock->settings.period;
     }
   }

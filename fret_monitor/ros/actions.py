@@ -20,9 +20,10 @@ thread, which waits in C for a change of a requirement's state; services are cal
 each action, so that a slow one delays no other. No verdict waits for an action.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 import struct
 from threading import Event, Lock as Mutex, Thread
 from time import monotonic
@@ -37,7 +38,7 @@ from fret_monitor.ros.hot_path import Lock
 from fret_monitor.ros.reasons import why_locked
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.ros.watch import ErrorKeeper
-from fret_monitor.runtime import Engine, State
+from fret_monitor.runtime import Conditions, Engine, State
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -89,7 +90,6 @@ class Actions:
         self._manifest = manifest
         self._owned = ExitStack()
         self.locks: list[Lock] = []
-        self._reviewed: dict[str, LockState] = {}
         self._running: _ActionThread | None = None
         self._runners: dict[int, _Publishing | _Calling] = {}
         with ExitStack() as undo:
@@ -118,7 +118,6 @@ class Actions:
 
     def prepare(self, engine: Engine) -> None:
         """Let an engine keep the states that actions follow; before messages are delivered."""
-        self._reviewed.clear()
         if self._manifest.actions:
             engine.follow_states()
 
@@ -159,26 +158,11 @@ class Actions:
         for index, runner in self._runners.items():
             yield self._manifest.actions[index], runner.counts
 
-    def lock_states(self, engine: Engine) -> Iterator[tuple[str, 'LockState']]:
-        """Yield the name and the state of each lock."""
+    def lock_states(self) -> Iterator[tuple[str, Callable[[Conditions], str]]]:
+        """Yield each lock, and what says whether it is `free`, or `locked` with the reason."""
         names = [item.name for item in self._manifest.actions if item.kind is ActionKind.LOCK]
-        _, states = engine.states(0, 0.0) if names else (0, [])
         for name, lock in zip(names, self.locks):
-            occurrences = sum(states[index].occurrences for index in lock.requirements)
-            yield name, LockState(why_locked(engine, states, lock.requirements), occurrences)
-
-    def review(self, engine: Engine) -> None:
-        """Log the locks that have changed, also those that were locked in between."""
-        for name, state in self.lock_states(engine):
-            before = self._reviewed.get(name)
-            if before == state:
-                continue
-            self._reviewed[name] = state
-            if state.why or before is None or before.why:
-                self._node.get_logger().info(f"lock '{name}' is {state.text}")
-            else:
-                self._node.get_logger().info(
-                    f"lock '{name}' is free again, after a violation that was over at once")
+            yield name, partial(_lock_text, self._manifest, lock.requirements)
 
     def describe(self) -> str:
         """Return the log line at the start: all locks and actions; '' if there are none."""
@@ -190,17 +174,9 @@ class Actions:
         return '; '.join(parts)
 
 
-@dataclass(frozen=True)
-class LockState:
-    """Why a lock is locked, '' if it is free; how often one of its requirements was violated."""
-
-    why: str
-    occurrences: int
-
-    @property
-    def text(self) -> str:
-        """The state in the log and in diagnostics."""
-        return f'locked: {self.why}' if self.why else 'free'
+def _lock_text(manifest: Manifest, requirements: Sequence[int], conditions: Conditions) -> str:
+    why = why_locked(manifest, conditions, requirements)
+    return f'locked: {why}' if why else 'free'
 
 
 def _effect(node: Node, action: ManifestAction) -> str:

@@ -22,6 +22,7 @@ otherwise the feed's thread does. Closing a session removes from the node all th
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
@@ -29,11 +30,12 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.ros.actions import Actions
 from fret_monitor.ros.blackbox import BlackBox
 from fret_monitor.ros.compiled import Opened
+from fret_monitor.ros.condition_log import ConditionLog
 from fret_monitor.ros.detail_publisher import DetailPublisher
 from fret_monitor.ros.details import Details, DETAILS_TOPIC
 from fret_monitor.ros.feed import Feed, PublisherStatus, Topic
 from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
-from fret_monitor.ros.gate_session import gate_of, RunningGate
+from fret_monitor.ros.gate_session import gate_of, gate_text, RunningGate
 from fret_monitor.ros.handlers import handler_topic, Handlers
 from fret_monitor.ros.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
@@ -168,6 +170,7 @@ class BundleSession:
         period = self.opened.period if self.opened.policy is Policy.PERIODIC else None
         self._silence_log = SilenceLog(self._node, self.manifest, self._engine)
         self._look_up_log = LookUpLog(self._node, self.manifest, self._engine)
+        self._condition_log = self._new_condition_log()
         self._time_log = TimeLog(
             self._node, self._engine, period, is_timed=self._engine.is_timed,
             has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
@@ -182,6 +185,12 @@ class BundleSession:
             _PATIENCE, lambda: self._watch.run(self._part('log'), self._log_missing),
             clock=steady)
         self._keep(self._missing_timer)
+
+    def _new_condition_log(self) -> ConditionLog | None:
+        states = {f"lock '{name}'": text for name, text in self._actions.lock_states()}
+        if self.manifest.gate is not None:
+            states[f"gate '{self.manifest.gate.name}'"] = partial(gate_text, self.manifest)
+        return ConditionLog(self._node.get_logger(), self._engine, states) if states else None
 
     def _forget_timers(self) -> None:
         self._health = self._missing_timer = None
@@ -359,7 +368,8 @@ class BundleSession:
         self._look_up_log.review()
         if self._gate is not None:
             self._gate.review()
-        self._actions.review(self._engine)
+        if self._condition_log is not None:
+            self._condition_log.review()
         self._log_unpublished()
         for topic in range(len(self.manifest.topics)):
             if self._engine.topic_counts(topic).undecodable:

@@ -30,7 +30,7 @@ from fret_monitor.ros.relay import Relay
 from fret_monitor.ros.service_gate import ServiceGate
 from fret_monitor.ros.shared_names import ends_of
 from fret_monitor.ros.throttle import Throttle
-from fret_monitor.runtime import Engine, Evaluator, MessageGate
+from fret_monitor.runtime import Conditions, Engine, Evaluator, MessageGate
 
 from rclpy.node import Node
 
@@ -76,6 +76,12 @@ def _latch(gate: ManifestGate) -> str:
     return f'; after a violation closed until {latch_end(gate)}' if gate.latches else ''
 
 
+def gate_text(manifest: Manifest, conditions: Conditions) -> str:
+    """Return the state of a gate: `open`, or `closed` with the reason."""
+    why = why_closed(manifest, conditions)
+    return f'closed: {why}' if why else 'open'
+
+
 class RunningGate:
     """A gate between `BundleSession.start` and `stop`."""
 
@@ -97,7 +103,6 @@ class RunningGate:
             'others', 'unpublished', 'violating')}
         self._before = engine.gate_counts()
         self._unpublished = 0
-        self._state = ''
 
     @property
     def topic(self) -> Topic | None:
@@ -120,7 +125,7 @@ class RunningGate:
                 part.close()
 
     def review(self) -> None:
-        """Log what is wrong, and when the gate opens or closes; called once a second."""
+        """Log what is wrong; called once a second."""
         logger, name = self._node.get_logger(), self._settings.name
         counts = self._engine.gate_counts()
         if (others := self._others()) and self._throttles['others'].passes():
@@ -135,10 +140,6 @@ class RunningGate:
                            'the substitute itself violates it, or nothing on this topic '
                            'satisfies it now')
         self._before = counts
-        state = why_closed(self._engine, counts)
-        if state != self._state:
-            logger.info(f"gate '{name}' is {f'closed: {state}' if state else 'open'}")
-            self._state = state
 
     def _others(self) -> str:
         """Return who is where only the gate should be; an empty text for nobody."""
@@ -154,10 +155,8 @@ class RunningGate:
     def status(self) -> tuple[bytes, str, dict[str, object]]:
         """Return level, message and values for diagnostics."""
         counts = self._engine.gate_counts()
-        closed = why_closed(self._engine, counts)
-        level, message = DiagnosticStatus.OK, 'open'
-        if closed:
-            level, message = DiagnosticStatus.WARN, f'closed: {closed}'
+        message = gate_text(self._engine.monitor.manifest, self._engine.conditions())
+        level = DiagnosticStatus.OK if message == 'open' else DiagnosticStatus.WARN
         if others := self._others():
             level, message = DiagnosticStatus.ERROR, others
         found: dict[str, object] = {

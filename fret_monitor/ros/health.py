@@ -215,9 +215,11 @@ class Health:
             yield self._status(f'action {item.name}', level, message, {
                 'started': counts.started, 'sent': counts.sent, 'failed': counts.failed,
                 'skipped': counts.skipped})
-        for name, state in self._actions.lock_states(self._engine) if self._actions else ():
-            level = DiagnosticStatus.WARN if state.why else DiagnosticStatus.OK
-            yield self._status(f'lock {name}', level, state.text, {})
+        conditions = self._engine.conditions()
+        for name, text in self._actions.lock_states() if self._actions else ():
+            state = text(conditions)
+            level = DiagnosticStatus.OK if state == 'free' else DiagnosticStatus.WARN
+            yield self._status(f'lock {name}', level, state, {})
 
     def _named(self, places: Collection[int]) -> str:
         return ', '.join(self._manifest.inputs[place].name for place in places)

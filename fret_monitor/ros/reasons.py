@@ -14,70 +14,69 @@
 
 """Why a lock is locked, or a gate closed, in words."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
-from fret_monitor.model.manifest import ManifestGate
-from fret_monitor.runtime import Engine, GateCounts, RequirementState, State
+from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.runtime import Conditions, Engine, State
 
 
-def why_locked(engine: Engine, states: Sequence[RequirementState],
-               requirements: Sequence[int]) -> str:
+def why_locked(manifest: Manifest, conditions: Conditions, requirements: Sequence[int]) -> str:
     """Return why a lock of some requirements is locked; an empty text if it is free."""
-    manifest = engine.monitor.manifest
-    closing = [index for index in requirements if states[index].state is not State.HOLDS]
+    states = conditions.states
+    closing = [index for index in requirements if states[index] is not State.HOLDS]
     reads = {index: manifest.groups[manifest.requirements[index].group].inputs
              for index in closing}
-    violated = [manifest.requirements[index].id for index in closing
-                if states[index].state is State.VIOLATED]
-    reasons = [f'violated: {", ".join(violated)}'] if violated else []
-    reasons += missing_inputs(engine, sorted(set().union(*reads.values())))
-    unexplained = [manifest.requirements[index].id for index in closing
-                   if states[index].state is State.UNKNOWN
-                   and not any(missing_inputs(engine, reads[index]))]
+    violated = [index for index in closing if states[index] is State.VIOLATED]
+    reasons = [f'violated: {_ids(manifest, violated)}'] if violated else []
+    reasons += missing_inputs(manifest, conditions, set().union(*reads.values()))
+    unexplained = [index for index in closing if states[index] is State.UNKNOWN
+                   and not any(missing_inputs(manifest, conditions, reads[index]))]
     if unexplained:
         reasons.append('not evaluated since the start, ~/reset or a pause of this node: '
-                       f'{", ".join(unexplained)}')
+                       f'{_ids(manifest, unexplained)}')
     return '; '.join(reasons)
 
 
-def missing_inputs(engine: Engine, inputs: Sequence[int], *,
+def _ids(manifest: Manifest, requirements: Collection[int]) -> str:
+    return ', '.join(manifest.requirements[index].id for index in sorted(requirements))
+
+
+def missing_inputs(manifest: Manifest, conditions: Conditions, inputs: Collection[int], *,
                    with_silent: bool = True) -> Iterator[str]:
     """Yield which of some inputs have no value yet, and which are silent."""
-    names = [item.name for item in engine.monitor.manifest.inputs]
-    unknown = [index for index in inputs if engine.value(index) is None]
-    silent = [index for index in inputs if with_silent
-              and index not in unknown and engine.silence(index).is_silent]
+    def names(which: Collection[int]) -> str:
+        return ', '.join(manifest.inputs[index].name for index in sorted(which))
+
+    unknown = conditions.unknown & set(inputs)
+    silent = (conditions.silent - unknown) & set(inputs) if with_silent else set()
     if unknown:
-        yield f'no value yet of {", ".join(names[index] for index in unknown)}'
+        yield f'no value yet of {names(unknown)}'
     if silent:
-        yield f'no message for {", ".join(names[index] for index in silent)}'
+        yield f'no message for {names(silent)}'
 
 
-def why_closed(engine: Engine, counts: GateCounts) -> str:
-    """Return why the gate of an engine is closed; an empty text if it is open."""
-    return '; '.join(_reasons(engine, counts))
+def why_closed(manifest: Manifest, conditions: Conditions) -> str:
+    """Return why the gate of a manifest is closed; an empty text if it is open."""
+    return '; '.join(_reasons(manifest, conditions))
 
 
-def _reasons(engine: Engine, counts: GateCounts) -> Iterator[str]:
-    manifest = engine.monitor.manifest
+def _reasons(manifest: Manifest, conditions: Conditions) -> Iterator[str]:
     gate = manifest.gate
     assert gate is not None
     own = () if gate.topic is None else manifest.topics[gate.topic].inputs
-    other = [index for index in range(len(manifest.inputs)) if index not in own]
-    missing = list(missing_inputs(engine, other, with_silent=not gate.is_open_when_stale))
+    other = set(range(len(manifest.inputs))).difference(own)
+    missing = list(missing_inputs(
+        manifest, conditions, other, with_silent=not gate.is_open_when_stale))
     yield from missing
-    if not counts.is_known and not missing:
+    if not conditions.is_known and not missing:
         yield 'this node stood still: whether an input is silent is not known yet'
-    if counts.is_latched:
+    if conditions.is_latched:
         yield f'latched by a violation, until {latch_end(gate)}'
-    ids = [item.id for index, item in enumerate(manifest.requirements)
-           if not engine.requirement_counts(index).holds]
-    if ids:
-        yield f'violated: {", ".join(ids)}'
-    ids = [item.id for index, item in enumerate(manifest.requirements)
-           if is_withheld_from_start(engine, index)]
-    if ids:
-        yield f'violated since the first message: {", ".join(ids)}'
+    if conditions.violated:
+        yield f'violated: {_ids(manifest, conditions.violated)}'
+    if conditions.withheld_from_start:
+        from_start = _ids(manifest, conditions.withheld_from_start)
+        yield f'violated since the first message: {from_start}'
 
 
 def latch_end(gate: ManifestGate) -> str:
@@ -87,6 +86,5 @@ def latch_end(gate: ManifestGate) -> str:
 
 def is_withheld_from_start(engine: Engine, index: int) -> bool:
     """Return whether a gate has withheld each message so far on which a requirement was judged."""
-    counts = engine.requirement_counts(index)
-    return engine.monitor.manifest.gate is not None and counts.holds and \
-        counts.steps == counts.violations > 0
+    return engine.monitor.manifest.gate is not None \
+        and index in engine.conditions().withheld_from_start

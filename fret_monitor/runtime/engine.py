@@ -69,6 +69,46 @@ class State(Enum):
 
 
 @dataclass(frozen=True)
+class Conditions:
+    """
+    What decides whether a lock is locked, or the gate of an engine open (`csrc/states.h`).
+
+    `is_known` and `is_latched` are those of the gate. `violated` are the requirements that do not
+    hold after the last step that stayed, `withheld_from_start` those of which each message was
+    withheld on which they were judged; `unknown` are the inputs without a value, `silent` those
+    that are silent: all as indices.
+    """
+
+    is_known: bool
+    is_latched: bool
+    states: tuple[State, ...]
+    violated: frozenset[int]
+    withheld_from_start: frozenset[int]
+    unknown: frozenset[int]
+    silent: frozenset[int]
+
+    @classmethod
+    def of(cls, found: bytes, requirements: int) -> 'Conditions':
+        """Read what C writes, of so many requirements."""
+        begin = ffi.integer_const('FM_CONDITION_BYTES')
+        of_requirements, of_inputs = found[begin:][:requirements], found[begin + requirements:]
+
+        def which(flags: bytes, flag: str, is_set: bool = True) -> frozenset[int]:
+            mask = ffi.integer_const(flag)
+            return frozenset(
+                place for place, byte in enumerate(flags) if bool(byte & mask) is is_set)
+
+        mask = ffi.integer_const('FM_STATE_MASK')
+        return cls(bool(found[ffi.integer_const('FM_GATE_IS_KNOWN')]),
+                   bool(found[ffi.integer_const('FM_GATE_IS_LATCHED')]),
+                   tuple(State(byte & mask) for byte in of_requirements),
+                   which(of_requirements, 'FM_IS_FALSE'),
+                   which(of_requirements, 'FM_WAS_ALWAYS_FALSE'),
+                   which(of_inputs, 'FM_HAS_VALUE', is_set=False),
+                   which(of_inputs, 'FM_IS_SILENT'))
+
+
+@dataclass(frozen=True)
 class RequirementState:
     """The state of a requirement, and how often a violation has begun."""
 
@@ -194,6 +234,26 @@ class Engine:
         return int(changes), [
             RequirementState(int(found[k].occurrences), State(found[k].state))
             for k in range(count)]
+
+    def conditions(self) -> Conditions:
+        """Return what locks and the gate depend on, now."""
+        found = self._room_for_conditions()
+        self._library.fm_engine_conditions(self.pointer, found)
+        return self._conditions(found)
+
+    def changed_conditions(self) -> Iterator[tuple[Conditions, int]]:
+        """Take each change of the conditions that was kept; how many after it were not."""
+        found, missed = self._room_for_conditions(), ffi.new('uint64_t *')
+        while self._library.fm_engine_take_conditions(self.pointer, found, missed):
+            yield self._conditions(found), int(missed[0])
+
+    def _room_for_conditions(self) -> Any:
+        manifest = self._monitor.manifest
+        return ffi.new('uint8_t[]', ffi.integer_const('FM_CONDITION_BYTES')
+                       + len(manifest.requirements) + len(manifest.inputs))
+
+    def _conditions(self, found: Any) -> Conditions:
+        return Conditions.of(bytes(ffi.buffer(found)), len(self._monitor.manifest.requirements))
 
     @property
     def is_closed(self) -> bool:

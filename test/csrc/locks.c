@@ -35,6 +35,7 @@ static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static int lock_publisher;
 static int slow_publisher;        // of a lock of 1 Hz
 static uint64_t n_published = 0;  // of the lock
+static uint64_t n_locked = 0;     // of these, how often it was locked
 static uint64_t n_slow_free = 0;
 static bool last = false;
 static bool fails = false;
@@ -47,6 +48,7 @@ static int publish(const void * publisher, const void * message, void * allocati
   if (publisher == &lock_publisher) {
     memcpy(&last, message, sizeof(last));
     n_published += 1;
+    n_locked += last ? 1u : 0u;
   }
   n_slow_free += publisher == &slow_publisher && !*(const bool *)message ? 1u : 0u;
   pthread_mutex_unlock(&mutex);
@@ -102,6 +104,19 @@ static bool comes(bool state, uint64_t seen)
     pause_ns(1000000);
   }
   return count(&found) > seen && found == state;
+}
+
+// Wait until the lock was locked once more than `seen` times. Returns whether it was.
+static bool is_locked_again(uint64_t seen)
+{
+  uint64_t found = 0;
+  for (int k = 0; k < 10000 && found <= seen; ++k) {
+    pthread_mutex_lock(&mutex);
+    found = n_locked;
+    pthread_mutex_unlock(&mutex);
+    pause_ns(1000000);
+  }
+  return found > seen;
 }
 
 // ---- a monitor: x < 1 --------------------------------------------------------------------------
@@ -194,6 +209,15 @@ int main(void)
     const uint64_t seen = count(&state);
     deliver(engine, values[k]);
     CHECK(comes(values[k] > 0, seen));
+  }
+  for (int k = 0; k < 20; ++k) {  // violations that are over at once
+    pthread_mutex_lock(&mutex);
+    const uint64_t seen = n_locked;
+    pthread_mutex_unlock(&mutex);
+    deliver(engine, 1);
+    deliver(engine, 0);
+    CHECK(is_locked_again(seen));
+    CHECK(comes(false, 0));
   }
   CHECK(comes(true, count(&state)));  // silent
   const uint64_t silent = count(&state);

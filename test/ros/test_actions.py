@@ -315,20 +315,3 @@ def test_a_delayed_action_starts_after_the_end_and_not_after_a_violation_that_is
     assert watched.scheduled == [(12.5, 1)]
     running._follow(0, 2, False, 20.0)  # a violation that began and ended between two looks
     assert watched.scheduled == [(22.0, 1)]
-
-
-def test_each_change_of_a_lock_is_logged_once_also_one_between_two_looks() -> None:
-    lines: list[str] = []
-    followed: Any = object.__new__(actions.Actions)
-    followed._node = SimpleNamespace(get_logger=lambda: SimpleNamespace(info=lines.append))
-    followed._reviewed = {}
-    for why, occurrences in (('', 0), ('', 0), ('', 1), ('violated: X', 2), ('violated: X', 2),
-                             ('', 2)):
-        state = actions.LockState(why, occurrences)
-        followed.lock_states = lambda engine, state=state: [('stop', state)]
-        followed.review(None)
-    assert lines == [
-        "lock 'stop' is free",
-        "lock 'stop' is free again, after a violation that was over at once",
-        "lock 'stop' is locked: violated: X",
-        "lock 'stop' is free"]

@@ -469,11 +469,12 @@ def test_a_requirement_that_is_false_at_its_first_step_is_named(tmp_path: Path) 
     engine = Engine(evaluator)
     engine.guard(MessageGate(evaluator, settings))
 
-    assert why_closed(engine, engine.gate_counts()) == ''
+    assert why_closed(monitor.manifest, engine.conditions()) == ''
     for step in range(4):
         engine.judge(b'\0\1\0\0' + struct.pack('<f', 9.0), step)
     assert engine.gate_counts().violates == 4
-    assert why_closed(engine, engine.gate_counts()) == 'violated since the first message: A'
+    why = why_closed(monitor.manifest, engine.conditions())
+    assert why == 'violated since the first message: A'
     assert describe_missing(engine, [PublisherStatus(1)], str) is None
 
 
