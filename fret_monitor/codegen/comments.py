@@ -20,18 +20,21 @@ import textwrap
 import unicodedata
 
 _WIDTH = 90
+_NOT_PLAIN = re.compile(r'[^ -\[\]-~]')
+_LONG_WORD = re.compile(r'\S{10000}(?=\S)')  # `textwrap` copies the rest of a word for each line
 
 
 def comment(text: str, indent: str = '', first: str = '', rest: str = '') -> Iterator[str]:
     """Yield a text as `//` lines; `first` and `rest` come before its first and other lines."""
-    lines = textwrap.wrap(safe(text), _WIDTH - len(rest), break_on_hyphens=False) or ['']
+    shown = _LONG_WORD.sub(r'\g<0> ', safe(text))
+    lines = textwrap.wrap(shown, _WIDTH - len(rest), break_on_hyphens=False) or ['']
     for number, line in enumerate(lines):
         yield f'{indent}// {rest if number else first}{line}'.rstrip()
 
 
 def safe(text: str) -> str:
     """Replace text that could end or continue a comment, or change the writing direction."""
-    shown = ''.join(_safe_character(char) for char in ' '.join(text.split()))
+    shown = _NOT_PLAIN.sub(lambda found: _safe_character(found[0]), ' '.join(text.split()))
     apart = re.sub(r'\?(?=\?)', '? ', shown)  # no trigraphs, not even in `???/`
     return apart.replace('*/', '* /').replace('/*', '/ *')
 

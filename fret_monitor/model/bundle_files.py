@@ -22,6 +22,7 @@ file in this package's `config/`.
 from collections.abc import Iterable
 import os
 from pathlib import Path
+import stat
 
 from fret_monitor.model.diagnostics import close_matches, did_you_mean, refuse, suggestion
 from fret_monitor.model.names import LONGEST_PATH, shown
@@ -60,14 +61,21 @@ def existing_bundle(name: str) -> Path:
 
 
 def refuse_missing(path: Path) -> None:
-    """Raise `CompileError` if there is no such file: where it was searched, and what is there."""
+    """
+    Raise `CompileError` if there is no such file: where it was searched, and what is there.
+
+    A named pipe is refused too: to open it would wait for a process that writes to it.
+    """
     try:
-        path.stat()
+        status = path.stat()
     except (FileNotFoundError, NotADirectoryError):
         pass
     except (OSError, ValueError):
         return  # reading it gives the reason
     else:
+        # The shell's `<(command)` is a pipe without a name, and its writer is there.
+        if stat.S_ISFIFO(status.st_mode) and not os.path.realpath(path).startswith('/proc/'):
+            refuse(f'{shown(str(path), LONGEST_PATH)} is a named pipe, not a file')
         return
     folders = [path.parent, *(config_folders() if _is_name(path) else ())]
     place = '' if path.is_absolute() else ' in ' + ' nor in '.join(

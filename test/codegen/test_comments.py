@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 import unicodedata
 
 from codegen.workbench import assert_clean_and_right, specify
@@ -108,3 +109,15 @@ def test_the_texts_do_not_reach_the_compiler(tmp_path: Path) -> None:
 def test_a_constant_formula_has_its_heading(tmp_path: Path) -> None:
     module = assert_clean_and_right(specify([FALSE, Once(Window(0, 0), P)]))
     assert '// R-0: R-0' in module.sources[0][1]
+
+
+def test_a_long_text_takes_time_in_proportion_to_its_length() -> None:
+    def seconds(count: int) -> float:
+        begin = process_time()
+        lines = list(comment('m' * count))
+        taken = process_time() - begin
+        assert sum(line.count('m') for line in lines) == count
+        return taken
+
+    assert min(seconds(2_000_000) for _ in range(3)) < 16 * min(
+        seconds(250_000) for _ in range(3)) + 0.1
