@@ -96,6 +96,16 @@ def test_a_violation_does_not_wait_for_its_detail(engine: Engine) -> None:
     assert (detail.violation.step, detail.values, detail.stale) == (0, (2.0, None), frozenset())
 
 
+def test_a_detail_is_waited_for_until_the_engine_is_closed(engine: Engine) -> None:
+    begin = monotonic()
+    assert engine.take_detail(50) is None
+    assert monotonic() - begin >= 0.05
+    engine.close()
+    begin = monotonic()
+    assert engine.take_detail(60_000) is None
+    assert monotonic() - begin < 50
+
+
 def test_old_details_do_not_reach_a_later_listener(engine: Engine) -> None:
     engine.want_details(True)
     engine.message(0, a_float(2.0), received=7)
