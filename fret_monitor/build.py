@@ -39,6 +39,7 @@ from fret_monitor.lint.instants import doubtful_instants, reports_once
 from fret_monitor.lint.not_a_number import weaker_with_nan
 from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.topics import doubtful_topics
+from fret_monitor.lint.units import doubtful_units
 from fret_monitor.lint.unread import unread_topics
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.installed import find_message as find_installed, fingerprint
@@ -122,6 +123,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
                          *doubtful_topics(bundle, specification),
+                         *doubtful_units(bundle, specification),
                          *gate_warnings(bundle, specification),
                          *action_warnings(bundle, specification),
                          *weaker_with_nan(specification),
