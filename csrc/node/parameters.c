@@ -24,6 +24,7 @@
 #include <rcutils/logging.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "mapped_topic.h"
 #include "offers.h"
@@ -327,16 +328,22 @@ static bool read_choice(
   const char * text, const char * weaker, const char * stronger, bool may_follow,
   enum fm_choice * choice)
 {
-  if (strcmp(text, weaker) == 0) {
+  if (strcasecmp(text, weaker) == 0) {
     *choice = FM_WEAKER;
-  } else if (strcmp(text, stronger) == 0) {
+  } else if (strcasecmp(text, stronger) == 0) {
     *choice = FM_STRONGER;
-  } else if (may_follow && strcmp(text, "best_available") == 0) {
+  } else if (may_follow && strcasecmp(text, "best_available") == 0) {
     *choice = FM_FOLLOW;
   } else {
     return false;
   }
   return true;
+}
+
+static void refuse_name(const char * name, const char * why, struct fm_text * problems)
+{
+  fm_text_add(
+    problems, "%sparameter '%s' %s", problems->length > 0 ? "\n" : "", name, why);
 }
 
 // Apply an override of a policy.
@@ -366,25 +373,67 @@ static void apply(
       refuse_value(given->name, value, "one of keep_last, keep_all", problems);
     }
   } else {
-    fm_text_add(problems,
-      "%sparameter '%s' cannot be given: there are reliability, durability, history, depth",
-      problems->length > 0 ? "\n" : "", given->name);
+    refuse_name(given->name, "is none: there are reliability, durability, history, depth",
+      problems);
+  }
+}
+
+// Whether a part of a name, up to the next dot, is this endpoint, possibly with an id.
+static bool is_endpoint(const char * part, const char * endpoint)
+{
+  const size_t length = strlen(endpoint);
+  return begins_with(part, endpoint) && (part[length] == '.' || part[length] == '_');
+}
+
+static bool is_of_rcl(const char * topic)
+{
+  return begins_with(topic, "/clock.") || begins_with(topic, "/parameter_events.") ||
+         begins_with(topic, "/rosout.");
+}
+
+// Refuse an override that cannot be one, of whatever topic.
+static void check_override(const struct fm_parameter * given, struct fm_text * problems)
+{
+  static const char * const timed[] = {
+    "deadline", "lifespan", "liveliness", "liveliness_lease_duration"};
+  const char * topic = given->name + strlen(OVERRIDES);
+  const char * endpoint = strchr(topic, '.');
+  const char * policy = endpoint == NULL ? NULL : strchr(endpoint + 1, '.');
+  struct fm_fixed_qos unused;
+  if (is_of_rcl(topic)) {
+    return;
+  }
+  if (policy == NULL || strchr(policy + 1, '.') != NULL || *topic != '/' ||
+    !(is_endpoint(endpoint + 1, "subscription") || is_endpoint(endpoint + 1, "publisher")))
+  {
+    refuse_name(given->name, "is none; write '" OVERRIDES "/TOPIC" SUBSCRIPTION "POLICY', with "
+      "the topic's full name", problems);
+  } else if (begins_with(endpoint, ".subscription_")) {
+    refuse_name(given->name, "is none: subscriptions here have no id, write '" SUBSCRIPTION "'",
+      problems);
+  } else if (begins_with(endpoint, SUBSCRIPTION)) {
+    if (is_among(policy + 1, timed, sizeof(timed) / sizeof(timed[0]))) {
+      refuse_name(given->name, "cannot be given: it would keep out publishers that do not offer "
+        "it; use the `timeout` of the input in the bundle", problems);
+    } else {
+      apply(given, policy + 1, &unused, problems);
+    }
   }
 }
 
 // Apply what was given for a topic, and show its policies as parameters.
 static void apply_overrides(
-  struct fm_parameters * parameters, uint32_t index, const char * topic,
-  struct fm_text * problems)
+  struct fm_parameters * parameters, uint32_t index, const char * topic)
 {
   struct fm_fixed_qos * fixed = &parameters->fixed[index];
   struct fm_text prefix = {NULL, 0, 0};
   struct fm_text name = {NULL, 0, 0};
+  struct fm_text checked = {NULL, 0, 0};  // what is wrong is known already
   fm_text_add(&prefix, OVERRIDES "%s" SUBSCRIPTION, topic);
   for (size_t k = 0; k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
       apply(
-        &parameters->given[k], parameters->given[k].name + prefix.length, fixed, problems);
+        &parameters->given[k], parameters->given[k].name + prefix.length, fixed, &checked);
     }
   }
   const struct {const char * policy; struct fm_parameter_value value;} shown[] = {
@@ -403,6 +452,7 @@ static void apply_overrides(
   }
   fm_text_free(&prefix);
   fm_text_free(&name);
+  fm_text_free(&checked);
 }
 
 static void refuse_publishers(
@@ -428,11 +478,16 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
   const struct fm_node_table * table = parameters->table;
   const uint32_t n = table->monitor()->n_requirements;
   parameters->fixed = calloc(table->n_topics + 1u, sizeof(*parameters->fixed));
+  for (size_t k = 0; k < parameters->n_given; ++k) {
+    if (begins_with(parameters->given[k].name, OVERRIDES)) {
+      check_override(&parameters->given[k], problems);
+    }
+  }
   for (uint32_t k = 0; parameters->fixed != NULL && k < table->n_topics; ++k) {
     char * topic = fm_resolved_name(parameters->node, table->topics[k].name);
     parameters->fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
-      apply_overrides(parameters, k, topic, problems);
+      apply_overrides(parameters, k, topic);
     } else {
       rcl_reset_error();  // refused when the node is configured
     }
@@ -554,13 +609,27 @@ static bool is_constant(const struct fm_parameters * parameters, const char * na
   return false;
 }
 
+static void warn_of_override(const struct fm_parameters * parameters, const char * name)
+{
+  const char * topic = name + strlen(OVERRIDES);
+  const char * endpoint = strchr(topic, '.');
+  if (endpoint != NULL && begins_with(endpoint, SUBSCRIPTION)) {
+    fm_log(parameters->node, FM_WARN, "ignored parameter '%s': the topic %.*s is not subscribed to",
+      name, (int)(endpoint - topic), topic);
+  } else {
+    fm_log(parameters->node, FM_WARN,
+      "ignored parameter '%s': only subscriptions can be changed", name);
+  }
+}
+
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
     "spec", "library", "policy", "period", "rate", "hot_path"};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
-    if (fm_parameter_find(parameters, name) != NULL || begins_with(name, OVERRIDES "/clock.") ||
+    if (fm_parameter_find(parameters, name) != NULL ||
+      (begins_with(name, OVERRIDES) && is_of_rcl(name + strlen(OVERRIDES))) ||
       strcmp(name, "start_type_description_service") == 0)
     {
       continue;
@@ -572,8 +641,7 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, name);
     } else if (begins_with(name, OVERRIDES)) {
-      fm_log(parameters->node, FM_WARN,
-        "ignored parameter '%s': it names no subscription of this node", name);
+      warn_of_override(parameters, name);
     } else {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': this node has use_sim_time, log_level, handler_depth, "

@@ -182,8 +182,7 @@ def _problems(item: _Override) -> Iterator[str]:
         yield (f'{where} cannot be given: it would keep out publishers that do not offer it; '
                'use the `timeout` of the input in the bundle')
     elif item.policy not in _POLICIES:
-        yield (f'{where} is none: '
-               + (did_you_mean(item.policy, _POLICIES) or f'there are {", ".join(_POLICIES)}'))
+        yield f'{where} is none: there are {", ".join(_POLICIES)}'
     elif item.policy == 'depth':
         if not isinstance(item.value, int) or isinstance(item.value, bool) \
                 or not 0 < item.value <= LARGEST_DEPTH:

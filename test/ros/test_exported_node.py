@@ -350,7 +350,12 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
 ) -> None:
     with running(exported_bundle(faults), *renamed(HANDLERS), '-p', 'handler_depth:=10',
                  '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
-                 '-p', 'qos_overrides./n.subscription.depth:=7') as node:
+                 '-p', 'qos_overrides./n.subscription.depth:=7',
+                 '-p', 'qos_overrides./n.subscription.reliability:=RELIABLE',
+                 '-p', 'qos_overrides./clock.subscription.depth:=1',
+                 '-p', 'qos_overrides./none.subscription.depth:=1') as node:
+        assert "depth': the topic /none is not subscribed to" in node.output
+        assert '/clock.' not in node.output
         assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output
         assert "ignored parameter 'odd': did you mean 'constants.odd'?" in node.output
         node.process.send_signal(signal.SIGPIPE)  # nobody reads its log any more
@@ -415,6 +420,15 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     (['-p', 'constants.limit:=0.5'], 'compiled into this node, as 0.7'),
     (['-p', 'qos_overrides./n.subscription.reliability:=high'],
      "is 'high', and has to be one of reliable, best_effort, best_available"),
+    (['-p', 'qos_overrides./other.subscription.relability:=reliable'],
+     "relability' is none: there are reliability, durability, history, depth"),
+    (['-p', 'qos_overrides./other.subscription.reliability:=high'],
+     "is 'high', and has to be one of reliable, best_effort, best_available"),
+    (['-p', 'qos_overrides./n.subscription.deadline:=1.0'],
+     'it would keep out publishers that do not offer it; use the `timeout`'),
+    (['-p', 'qos_overrides./n.subscription_a.depth:=7'], 'subscriptions here have no id, write'),
+    (['-p', 'qos_overrides.n.subscription.depth:=7'],
+     "is none; write 'qos_overrides./TOPIC.subscription.POLICY', with the topic's full name"),
     (['-p', 'qos_overrides./copilot/handlerpropNEXT.publisher.depth:=1'],
      'violations are announced reliable and volatile'),
     (['-p', 'constants.odd:=9007199254740992'], 'compiled into this node, as 9007199254740993'),

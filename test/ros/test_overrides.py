@@ -67,7 +67,6 @@ def test_an_override_beats_the_bundle_and_leaves_other_topics_alone() -> None:
     ('/x.subscription.depth', True, 'is True, and has to be a number of messages'),
     ('/x.subscription.depth', '7', "is '7', and has to be a number of messages"),
     ('/x.subscription.depth', 2**40, 'has to be a number of messages'),
-    ('/x.subscription.reliabilty', 'reliable', "is none: did you mean 'reliability' or"),
     ('/x.subscription.colour', 'red', 'is none: there are reliability, durability, history, de'),
     ('/x.subscription.deadline', 10**9, 'use the `timeout` of the input'),
     ('/x.subscription_left.depth', 1, "subscriptions here have no id, write '.subscription.'"),
