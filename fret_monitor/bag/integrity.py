@@ -83,8 +83,9 @@ def _damage_of_mcap(storage: McapReader) -> Iterator[str]:
             and _checksum(file, 0, begin - len(_DATA_END) - _CRC_BYTES) != expected:
         yield f'{name} is damaged: the checksum of its records is another one'
     if (statistics := storage.statistics) is not None and storage.chunks:
+        # Some writers give chunks no begin but 0.
         filled = [item for item in storage.chunks if any(item.channel_count.values())]
-        times = (min(item.message_start_time for item in filled),
+        times = (min(item.message_start_time for item in filled) or statistics.start_time,
                  max(item.message_end_time for item in filled)) if filled else (0, 0)
         if filled and times != (statistics.start_time, statistics.end_time):
             yield (f'{name} is damaged: its messages are from {statistics.start_time} to '

@@ -142,6 +142,17 @@ def test_two_ends_of_a_file_without_checksums_are_an_error(tmp_path: Path, bundl
         bundle, path).errors[0]
 
 
+def test_a_chunk_whose_writer_gave_it_no_begin_is_not_damaged(
+        tmp_path: Path, bundle: Path) -> None:
+    path = write(tmp_path / 'bag', [('/level', 0, 0.25), ('/level', 9, 0.25)]) / 'bag.mcap'
+    content = path.read_bytes()
+    span = struct.pack('<QQ', START, START + 9)
+    place = content.index(span, content.index(span) + 1)  # after that of the chunk, its index
+    path.write_bytes(content[:place] + bytes(8) + content[place + 8:])
+    result = checked(bundle, path)
+    assert (result.errors, result.findings[0].verdict) == ((), True)
+
+
 @pytest.mark.parametrize('copy', [0, 1])
 def test_a_time_that_was_changed_in_sqlite_is_an_error(
         tmp_path: Path, bundle: Path, copy: int) -> None:
