@@ -43,7 +43,7 @@ from fret_monitor.traces.subject import renamed_formulas
 PRIME = "'"  # after the name of an input: its value in the second trace
 _MAX_TRIGGERS = 4
 _WIDTH = 60
-_MAX_COUNTED = 40  # propositions, and ends of windows, that get obligations
+_MAX_COUNTED = 40  # propositions, operators, and ends of windows, that get obligations
 
 Equations = tuple[tuple[Feedback, Formula], ...]
 
@@ -54,6 +54,7 @@ class Kind(Enum):
     VERDICT = 'verdict'
     TIMING = 'timing'
     BOUND = 'bounds'
+    OPERATOR = 'operators'
     COMPARISON = 'comparisons'
     CONDITION = 'conditions'
 
@@ -121,6 +122,7 @@ class _Obligations:
         if self._variants is not None:
             yield from self._timing(self._variants)
         yield from self._bounds()
+        yield from self._operators()
         known = propositions(self._item)
         for number, node in enumerate(known[:_MAX_COUNTED]):
             yield from self._comparison(node)
@@ -227,6 +229,21 @@ class _Obligations:
         low, high = (moved, high) if is_low else (low, moved)
         return None if high is not None and high < low else Window(low, high)
 
+    # -- operators -----------------------------------------------------------------------------
+
+    def _operators(self) -> Iterator[Obligation]:
+        """Yield for each operator what another one in its place would change."""
+        nodes = [node for node in postorder(self._item.roots) if self._is_written(node)]
+        for node in [each for each in nodes if _swapped(each) is not None][:_MAX_COUNTED]:
+            formula, feedback = self._with(node, lambda new: _swapped(new) or new)
+            yield self._made(
+                Kind.OPERATOR, f'{self._shown(node)}: {_swap_in_words(node)} differs',
+                _differ(self._item.formula, formula), feedback)
+
+    def _is_written(self, node: Formula) -> bool:
+        """Whether a node may be the user's own: those over time of a sentence are FRETish's."""
+        return bool(variables(node)) and (self._item.sentence is None or is_pointwise(node))
+
     # -- propositions --------------------------------------------------------------------------
 
     def _comparison(self, node: Formula) -> Iterator[Obligation]:
@@ -328,6 +345,47 @@ def mapped(item: Obligation, change: Callable[[Iterable[Formula]], Mapping[Formu
     found = change([item.goal, *(equation for _, equation in item.feedback)])
     return replace(item, goal=found[item.goal], feedback=tuple(
         (node, found[equation]) for node, equation in item.feedback))
+
+
+_SWAPPED = {_OP.IMPLIES: _OP.IFF, _OP.IFF: _OP.IMPLIES, _OP.AND: _OP.OR, _OP.OR: _OP.AND,
+            _OP.XOR: _OP.OR}
+
+
+def _swapped(node: Formula) -> Formula | None:
+    """Return what a person may have meant by another operator; None if there is none."""
+    match node:
+        case Since(window, left, right):
+            return Triggered(window, left, right)
+        case Triggered(window, left, right):
+            return Since(window, left, right)
+        case Once(window, argument) if not _is_present(window):
+            return Historically(window, argument)
+        case Historically(window, argument) if not _is_present(window):
+            return Once(window, argument)
+        case Binary(operator, left, right) if operator in _SWAPPED:
+            return Binary(_SWAPPED[operator], left, right)
+        case Unary(UnaryOperator.NOT, argument):
+            return argument
+        case _:
+            return None
+
+
+def _swap_in_words(node: Formula) -> str:
+    match node:
+        case Since() | Triggered() | Once() | Historically():
+            name = _NAMES[type(node)]
+            return f'{_NAMES[type(_swapped(node))]} in place of {name}'
+        case Binary(operator):
+            return f'{_SWAPPED[operator].value} in place of {operator.value}'
+        case _:
+            return 'without !'
+
+
+_NAMES: dict[type, str] = {Since: 'S', Triggered: 'T', Once: 'O', Historically: 'H'}
+
+
+def _is_present(window: Window) -> bool:
+    return (window.low, window.high) == (0, 0)
 
 
 def _windowed(node: Formula, window: Window) -> Formula:

@@ -45,11 +45,11 @@ def test_simulate_gives_the_expected_verdicts_on_each_trace(here: Here) -> None:
     done = here.run('tests', bundle, '--output', output)
     assert (done.status, done.err) == (0, '')
     assert done.out.splitlines()[:3] == [
-        'requirement  verdict  timing  bounds  comparisons  conditions  traces',
-        'V,1              3/3     6/6       -          1/1         2/2       6',
-        'V2               3/3       -       -            -         2/2       3']
+        'requirement  verdict  timing  bounds  operators  comparisons  conditions  traces',
+        'V,1              3/3     6/6       -        2/2          1/1         2/2       7',
+        'V2               3/3       -       -        2/2            -         2/2       3']
     index = json.loads((output / 'tests.json').read_text())
-    assert len(index['traces']) == 9
+    assert len(index['traces']) == 10
     for trace in index['traces']:
         found = here.run('simulate', bundle, '--trace', output / trace['trace'])
         assert found.out == (output / trace['verdicts']).read_text()

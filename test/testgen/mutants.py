@@ -38,7 +38,7 @@ class Mutant:
 
 
 def mutants(item: Property, delta: int = 1) -> Iterator[Mutant]:
-    """Yield mutants with a swapped comparison, a dropped condition, or another bound."""
+    """Yield mutants with a swapped operator, a dropped condition, or another bound."""
     known = set(propositions(item))
     for node in postorder(item.roots):
         match node:
@@ -54,7 +54,11 @@ def mutants(item: Property, delta: int = 1) -> Iterator[Mutant]:
             case Unary(operator, argument) if node.type is argument.type and (
                     operator.value == '!'):
                 yield made(item, node, argument, 'negation dropped')
+            case Binary(OP.IMPLIES | OP.IFF, left, right):
+                swapped = OP.IFF if node.operator is OP.IMPLIES else OP.IMPLIES
+                yield made(item, node, Binary(swapped, left, right), swapped.value)
             case Once() | Historically() | Since() | Triggered():
+                yield made(item, node, dual(node), f'{type(dual(node)).__name__}')
                 for window in moved(node.window, delta):
                     yield made(item, node, with_window(node, window), f'{window}')
             case _:
@@ -66,6 +70,18 @@ def made(item: Property, node: Formula, other: Formula, what: str) -> Mutant:
     for each in postorder(item.roots):
         found[each] = other if each is node else rebuilt(each, found)
     return Mutant(what, replace(item, formula=found[item.formula]))
+
+
+def dual(node: Once | Historically | Since | Triggered) -> Formula:
+    match node:
+        case Once(window, argument):
+            return Historically(window, argument)
+        case Historically(window, argument):
+            return Once(window, argument)
+        case Since(window, left, right):
+            return Triggered(window, left, right)
+        case Triggered(window, left, right):
+            return Since(window, left, right)
 
 
 def moved(window: Window, delta: int) -> Iterator[Window]:

@@ -14,7 +14,9 @@
 
 """The tests of a bundle: what the traces show, what is proved, and which mutants they notice."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from random import Random
 
 from fret_monitor.build import read, Reading
 from fret_monitor.logic.evaluate import evaluate, verdicts
@@ -255,6 +257,43 @@ def test_mistakes_in_formulas_are_noticed(pump: Suite) -> None:
     item = next(each for each in pump.specification.properties if each.id == 'PAST')
     missed = [mutant.what for mutant in mutants(item) if not noticed(pump, item, mutant.item)]
     assert missed == []
+
+
+# Of such formulas, traces that showed verdicts, bounds, comparisons and conditions alone missed a
+# fifth of all swapped operators.
+OPERATORS = """\
+format: 1
+inputs: {p: {type: bool}, q: {type: bool}, x: {type: float64}}
+requirements:
+  - {id: R0, ptltl: "((Y x <= 2.0) S (O[0,1] p)) -> ((x > 1.0 -> q) <-> p)"}
+  - {id: R1, ptltl: "H (Y p) & (O[0,1] x <= 2.0 <-> (x <= 2.0 | q))"}
+  - {id: R2, ptltl: "Y ((q T x > 1.0) T (H q))"}
+  - {id: R3, ptltl: "Y (O (q S[0,1] p))"}
+  - {id: R4, ptltl: "O[2,2] (x > 1.0 S[0,2] (x > 1.0 -> q))"}
+  - {id: R5, ptltl: "H[0,2] ((q | x <= 2.0) -> !(!q S x > 1.0))"}
+  - {id: R6, fretish: "upon p & !q the system shall within 2 ticks satisfy q -> x > 1.0"}
+"""
+
+
+def test_swapped_operators_are_noticed(tmp_path_factory: pytest.TempPathFactory) -> None:
+    suite = made(tmp_path_factory, OPERATORS)[1]
+    for item in suite.specification.properties:
+        own = [each for each in suite.covered if each.requirement == item.id
+               and each.kind is Kind.OPERATOR]
+        assert own and all(each.answer in (CoverageAnswer.COVERED, CoverageAnswer.UNREACHABLE)
+                           for each in own), item.id
+        for mutant in mutants(item):
+            if item.sentence is None and not noticed(suite, item, mutant.item):
+                assert all(verdicts(item.formula, each) == verdicts(mutant.item.formula, each)
+                           for each in random_columns()), (item.id, mutant.what)
+
+
+def random_columns() -> Iterator[dict[str, list[Value]]]:
+    rng = Random(1)
+    for _ in range(300):
+        steps = range(rng.choice((1, 2, 3, 4, 6, 9)))
+        yield {'p': [rng.random() < 0.5 for _ in steps], 'q': [rng.random() < 0.5 for _ in steps],
+               'x': [rng.choice((0.5, 1.5, 2.5)) for _ in steps]}
 
 
 def test_when_the_time_is_over_the_answers_are_marked(
