@@ -27,7 +27,8 @@ import time
 
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.component import (
-    build_component, by_inputs, by_outputs, Component, output_names, Part, unrelated_assumptions,
+    build_component, by_inputs, by_outputs, calls_library, Component, output_names, Part,
+    unrelated_assumptions,
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.diagrams import MemoryErrors
@@ -180,8 +181,8 @@ class _PartAnalysis:
         found = known or self._confirmed_on_grid(blank, place) or self._attempt(blank, place)
         if found.holds is None and not self._deadline.is_over and self._is_timed \
                 and not self._is_on_grid:
-            return self._on_grid(found, place)
-        return found
+            found = self._on_grid(found, place)
+        return self._without_calls(found, place) if found.holds is None else found
 
     def _attempt(self, blank: Answer, place: int | None) -> Answer:
         try:
@@ -239,6 +240,40 @@ class _PartAnalysis:
             if found.conflicts else ''
         return replace(unknown, reason=f'{unknown.reason}; if all happens on a grid of '
                        f'{time_text(component.grid)}, {what}{sets}', example=found.example)
+
+    @cached_property
+    def _of_solvable(self) -> '_PartAnalysis':
+        """The analysis of this part without the requirements that call library functions."""
+        kept = tuple(item for item in self._part.properties if not calls_library(item))
+        task = replace(self._task, part=Part(kept))
+        return _PartAnalysis(self._context, task, self._is_on_grid)
+
+    def _without_calls(self, unknown: Answer, place: int | None) -> Answer:
+        """
+        Answer by fewer requirements, where some call functions whose values no solver knows.
+
+        What contradicts itself, is implied or is never violated stays so with more requirements.
+        Everything else is added to the unknown answer.
+        """
+        rest = self._of_solvable
+        left_out = [item for item in self._part.properties if calls_library(item)]
+        names = [item.id for item in left_out]
+        if not names or not rest._part.required or self._deadline.is_over or (
+                place is not None and self._part.ids[place] in names):
+            return unknown
+        found = rest._attempt(replace(unknown, reason=''), None if place is None else
+                              rest._part.ids.index(self._part.ids[place]))
+        if found.holds is None:
+            return unknown
+        without = f'without {", ".join(names)}'
+        is_final = found.holds if place is not None else not found.holds and (
+            unknown.question is Question.CONSISTENCY
+            or unknown.question is Question.REALIZABILITY
+            and not any(item.is_assumption for item in left_out))
+        if is_final:
+            return replace(found, method=f'{found.method}; {without}', are_all=False)
+        return replace(unknown, reason=f'{unknown.reason}; {without}, '
+                       f'{"yes" if found.holds else "no"}')
 
     def _answer(self, blank: Answer, place: int | None) -> Answer:
         if self._is_timed:

@@ -61,6 +61,21 @@ class Part:
         return tuple(item.id for item in self.properties if not item.is_assumption)
 
 
+def calls_library(item: Property) -> bool:
+    """Whether a requirement calls a function of the C library, whose values no solver knows."""
+    for node in postorder(item.roots):
+        match node:
+            case Unary(UnaryOperator() as operator) if operator.value in t.LIBRARY:
+                return True
+            case Binary(BinaryOperator.POW | BinaryOperator.ATAN2):
+                return True
+            case Binary(BinaryOperator.MOD) if node.type.is_float:
+                return True
+            case _:
+                pass
+    return False
+
+
 def parts(properties: Sequence[Property], names: Callable[[Property], Iterable[str]]
           ) -> list[Part]:
     """Return the requirements in groups that share names, in the order of the first of each."""

@@ -152,22 +152,31 @@ class _Enumeration:
             shown = [translation(item) for item in self._terms]
         except NotLinear:
             self._is_real = False
+            self._doubt_calls()
             translation = Translation(False)
             shown = [translation(item) for item in self._terms]
         variables_shown = dict(translation.variables)
-        ranges = [*getattr(translation, 'ranges', []), *self._ranges(variables_shown)]
+        ranges = [*getattr(translation, 'ranges', []),
+                  *self._ranges(variables_shown, self._is_real)]
         letters = self._letters(shown, variables_shown, ranges)
         return Block(
             tuple(self._environment), tuple(self._others), tuple(self._given), tuple(letters),
             self._classes(shown, variables_shown, ranges, letters), tuple(self._doubts),
             tuple(self._gaps))
 
-    def _ranges(self, shown: Mapping[Term, Any]) -> Iterator[Any]:
+    def _doubt_calls(self) -> None:
+        """Note functions whose values the solver does not know: a letter may have none."""
+        names = _calls(self._terms)
+        if names:  # the environment cannot choose each of its letters, so that a no is in doubt
+            found = self._gaps if _calls(self._environment) else self._doubts
+            found[f'the solver does not know the values of {", ".join(names)}'] = None
+
+    def _ranges(self, shown: Mapping[Term, Any], is_real: bool) -> Iterator[Any]:
         for item, found in shown.items():
             if item in self._domains:
                 count = self._domains[item]
                 yield found >= 0 if count is None else z3.And(found >= 0, found < count)
-            if not self._is_real and item.sort[0] == 'real':
+            if not is_real and item.sort[0] == 'real':
                 yield z3.Not(z3.Or(z3.fpIsNaN(found), z3.fpIsInf(found)))
 
     def _letters(self, shown: Sequence[Any], names: Mapping[Term, Any],
@@ -201,7 +210,7 @@ class _Enumeration:
                     if exact is None:
                         continue
                 else:
-                    exact = self._unrounded(letter)
+                    exact = self._unrounded(letter) if self._is_real else None
                     if exact is None or tuple(map(bool, evaluate(
                             *(exact[item] for item in self._inputs)))) != letter:
                         self._doubts[ROUNDED] = None
@@ -229,7 +238,7 @@ class _Enumeration:
         solver = new_solver(_QUERY_S)
         for item, value in zip(self._terms, letter):
             solver.add(translation(item) if value else z3.Not(translation(item)))
-        solver.add(*translation.ranges, *self._ranges(translation.variables))
+        solver.add(*translation.ranges, *self._ranges(translation.variables, True))
         if solver.check() != z3.sat:
             return None
         return _witness(solver.model(), translation.variables, True)
@@ -240,9 +249,7 @@ class _Enumeration:
         solver = new_solver(self._deadline.at_most(_QUERY_S))
         for item, value in zip(self._terms, letter):
             solver.add(translation(item) if value else z3.Not(translation(item)))
-        self._is_real = False
-        solver.add(*self._ranges(translation.variables))
-        self._is_real = True
+        solver.add(*self._ranges(translation.variables, False))
         answer = solver.check()
         if answer == z3.unknown:
             self._gaps['the solver does not decide which comparisons hold together'] = None
@@ -324,6 +331,11 @@ class _Enumeration:
             self._doubts['a comparison relates inputs to outputs'] = None
             return None
         return tuple(found)
+
+
+def _calls(terms: Sequence[Term]) -> list[str]:
+    """Return the names of the library functions that terms call."""
+    return sorted({each.op for each in t.postorder(terms) if each.op in t.LIBRARY})
 
 
 def _witness(model: Any, names: Mapping[Term, Any], is_real: bool) -> Values:

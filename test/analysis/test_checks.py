@@ -121,6 +121,31 @@ def test_a_norm_is_never_negative() -> None:
     assert found.listed(Question.VACUITY) == ['R0']
 
 
+@pytest.mark.parametrize('formula', [
+    'H (w = cos(v) * cos(v))', 'H (sin(v) > 2.0)', 'H (sin(v) + w > 2.0)', 'H (v ^ w > 1.0)',
+])
+def test_a_function_that_no_solver_knows_loses_no_other_answer(formula: str) -> None:
+    specification = bundle(formula, 'H (a -> x)', 'H (a & v > 1.0 -> x)')
+    found = {(item.question, item.requirements): item
+             for item in analyzed(specification).answers}
+    consistent, = (item for item in found.values() if item.question is Question.CONSISTENCY)
+    assert consistent.holds is None and consistent.reason.endswith('; without R0, yes')
+    assert 'the solver does not know the values of' in consistent.reason
+    redundant = found[Question.REDUNDANCY, ('R2',)]
+    assert redundant.holds is True and redundant.method.startswith('implied by the others')
+    assert found[Question.REDUNDANCY, ('R1',)].reason.endswith('; without R0, no')
+    assert found[Question.VACUITY, ('R1',)].reason.endswith('; without R0, no')
+    assert found[Question.REDUNDANCY, ('R0',)].holds is None
+
+
+@pytest.mark.parametrize('formula', ['H (w = cos(v) | x)', 'H (sin(v) + v < 9.0 | x)'])
+def test_a_conflict_beside_a_function_that_no_solver_knows_is_found(formula: str) -> None:
+    specification = bundle(formula, 'H x', 'H (O[0,3] !x)')
+    for question in (Question.CONSISTENCY, Question.REALIZABILITY):
+        no = only(analyzed(specification, question), question)
+        assert (no.holds, no.conflicts) == (False, (('R1', 'R2'),))
+
+
 def test_what_others_imply_is_redundant() -> None:
     specification = bundle('H (a -> x)', 'H x', 'H (b -> y)', 'H (!y -> !b)', 'H (a | y)')
     found = analyzed(specification, Question.REDUNDANCY)
