@@ -224,6 +224,41 @@ def test_the_model_is_correct_fpp(deployment: Deployment, tmp_path: Path) -> Non
     assert (done.returncode, done.stderr) == (0, '')
 
 
+# As F Prime 3: a module is a library, and a topology links it and includes its header by its path.
+PROJECT = """\
+cmake_minimum_required(VERSION 3.16)
+project(project C CXX)
+set(CMAKE_CXX_STANDARD 14)
+include_directories(STUBS)
+function(register_fprime_module)
+  list(FILTER SOURCE_FILES EXCLUDE REGEX fpp$)
+  add_library(${FPRIME_CURRENT_MODULE} ${SOURCE_FILES})
+endfunction()
+set(FPRIME_CURRENT_MODULE component)
+add_subdirectory(component)
+add_library(topology topology.cpp)
+target_include_directories(topology PRIVATE ${CMAKE_CURRENT_LIST_DIR})
+target_link_libraries(topology component)
+"""
+
+
+def test_a_topology_finds_the_header_of_the_component(deployment: Deployment,
+                                                      tmp_path: Path) -> None:
+    cmake = shutil.which('cmake')
+    if cmake is None:
+        pytest.skip('needs cmake')
+    shutil.copytree(deployment.folders['cycles'], tmp_path / 'component')
+    (tmp_path / 'build' / 'component').mkdir(parents=True)
+    made = 'CyclesMonitorComponentAc.hpp'  # the autocoder writes it into the folder of the build
+    (tmp_path / 'component' / made).rename(tmp_path / 'build' / 'component' / made)
+    (tmp_path / 'topology.cpp').write_text('#include "component/CyclesMonitor.hpp"\n')
+    (tmp_path / 'CMakeLists.txt').write_text(PROJECT.replace('STUBS', str(STUBS)))
+    for words in (f'-S {tmp_path} -B {tmp_path}/build', f'--build {tmp_path}/build'):
+        done = subprocess.run([cmake, *words.split()], capture_output=True, text=True,
+                              check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_texts_of_a_bundle_are_no_markup_in_annotations_and_formats(tmp_path: Path) -> None:
     """F Prime 3 copies both into the XML from which it makes the dictionary, as they are."""
     (tmp_path / 'bundle.yaml').write_text("""\
