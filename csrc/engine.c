@@ -66,19 +66,26 @@ static bool make_locks(struct fm_engine * engine)
   if (pthread_mutex_init(&engine->mutex, NULL) != 0) {
     return false;
   }
+  if (pthread_mutex_init(&engine->catching, NULL) != 0) {
+    pthread_mutex_destroy(&engine->mutex);
+    return false;
+  }
   if (!fm_make_condition(&engine->violation_queued)) {
     pthread_mutex_destroy(&engine->mutex);
+    pthread_mutex_destroy(&engine->catching);
     return false;
   }
   if (!fm_make_condition(&engine->detail_queued)) {
     pthread_cond_destroy(&engine->violation_queued);
     pthread_mutex_destroy(&engine->mutex);
+    pthread_mutex_destroy(&engine->catching);
     return false;
   }
   if (!fm_make_condition(&engine->state_changed)) {
     pthread_cond_destroy(&engine->detail_queued);
     pthread_cond_destroy(&engine->violation_queued);
     pthread_mutex_destroy(&engine->mutex);
+    pthread_mutex_destroy(&engine->catching);
     return false;
   }
   return true;
@@ -155,6 +162,7 @@ void fm_engine_destroy(struct fm_engine * engine)
   pthread_cond_destroy(&engine->detail_queued);
   pthread_cond_destroy(&engine->state_changed);
   pthread_mutex_destroy(&engine->mutex);
+  pthread_mutex_destroy(&engine->catching);
   free_memory(engine);
 }
 
@@ -555,7 +563,8 @@ static void wait_locked(
   int64_t now)
 {
   if (engine->waiting.n == engine->waiting.capacity) {
-    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows += 1;
+    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows +=
+      engine->options.uses_header_stamps ? 1u : 0u;  // else they come in order
     fm_engine_put_waiting_locked(engine, now);
   }
   fm_reorder_add(
@@ -652,6 +661,9 @@ static void deliver_fields_locked(
   } else if (fm_evaluator_is_timed(evaluator)) {
     deliver_timed_locked(engine, topic, fields, reading, received, now);
   } else {
+    if (engine->in_round) {
+      now = fm_engine_instant_locked(engine, received, now);
+    }
     if (!engine->has_rounds) {
       fm_engine_take_due_before_locked(engine, now);
     }
@@ -759,8 +771,8 @@ struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_
 
 struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)
 {
+  (void)fm_engine_catch_up(engine);  // brings the time up to date
   fm_engine_lock(engine);
-  fm_engine_take_due_now_locked(engine);  // brings the time up to date
   const struct fm_silence silence = fm_evaluator_silence(engine->options.evaluator, input);
   fm_engine_unlock(engine);
   return silence;

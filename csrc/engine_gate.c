@@ -92,6 +92,7 @@ static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t r
   if (!fm_engine_read_now_locked(engine, received, &now) || !engine->has_begun) {
     step.now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
   } else {
+    now = engine->queues != NULL && engine->has_round ? engine->round : now;
     step.source = now;
     step.stamp = engine->source == FM_CLOCK ? now : received;
     step.now = now;
@@ -174,10 +175,12 @@ uint32_t fm_engine_judge(
   struct fm_engine * engine, const uint8_t * message, size_t size,
   const struct fm_origin * origin, int64_t * due)
 {
+  fm_engine_begin_order(engine);
   fm_engine_lock(engine);
   const uint32_t judgement = judge_locked(engine, message, size, origin);
   *due = due_locked(engine);
   fm_engine_unlock(engine);
+  fm_engine_end_order(engine);
   return judgement;
 }
 
@@ -225,10 +228,12 @@ static bool replace_locked(
 bool fm_engine_replace(
   struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at, int64_t * due)
 {
+  fm_engine_begin_order(engine);
   fm_engine_lock(engine);
   const bool is_sent = replace_locked(engine, message, size, stamp_at);
   *due = due_locked(engine);
   fm_engine_unlock(engine);
+  fm_engine_end_order(engine);
   return is_sent;
 }
 
@@ -243,8 +248,8 @@ int64_t fm_engine_replacement_due(struct fm_engine * engine)
 struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine)
 {
   struct fm_gate_counts counts = {0, 0, 0, 0, 0, 0, 0, false, false, true};
+  (void)fm_engine_catch_up(engine);
   fm_engine_lock(engine);
-  fm_engine_take_due_now_locked(engine);
   fm_engine_look_for_hang_locked(engine);
   if (engine->gate != NULL) {
     counts = fm_gate_counts(engine->gate, fm_engine_steady_time());

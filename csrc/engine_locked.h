@@ -57,6 +57,38 @@ uint32_t fm_engine_deliver_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 
+/// A queue of the middleware, from which the engine takes what callbacks leave there. The receiver
+/// owns it; what is below `deliver_locked` is the engine's.
+struct fm_queue
+{
+  void * receiver;
+  bool (* take)(void * receiver, int64_t * received);  // and keep it; false: none is queued
+  void (* deliver_locked)(void * receiver);            // what was taken
+  struct fm_queue * next;
+  int64_t received;
+  bool has_one;        // it was taken, and not delivered
+};
+
+/// Add a queue: callbacks leave its messages until the next fm_engine_catch_up. Remove it: a catch
+/// up has ended, and the queue is used no more; a second call does nothing. Without the lock, and
+/// not within a callback. O(1), O(queues).
+void fm_engine_add_queue(struct fm_engine * engine, struct fm_queue * queue);
+void fm_engine_remove_queue(struct fm_engine * engine, struct fm_queue * queue);
+
+/// Begin to take messages in a callback. Returns false if they are to be left in their queue:
+/// others are taken from the queues now, or something is due, before which older messages of other
+/// topics may wait, or callbacks take too much of the middleware's time. Otherwise the lock is
+/// held until fm_engine_end_taking, with the time that was `began`. `is_behind`: messages were
+/// left. O(1), O(inputs + groups) once a deadline is over.
+bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began);
+void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behind);
+
+/// Deliver what waits in the queues, at most 1000 messages, in the order of reception, each after
+/// what was due before it; then take what is due by the time at which all that was received was
+/// delivered. Returns false if the limit came first: the next call goes on. Without the lock, and
+/// not within a callback. Without queues it takes what is due. O(queues) for each message.
+bool fm_engine_catch_up(struct fm_engine * engine);
+
 /// Call a function with the lock held whenever a replacement of the gate's may be due earlier than
 /// it was said last; NULL: call none. It must not block, nor call a function of the engine.
 void fm_engine_on_due(

@@ -34,6 +34,15 @@ enum fm_source_of_time
   FM_CLOCK    // `now`
 };
 
+/// When a clock that is followed has moved, and to where.
+struct fm_clock_mark
+{
+  int64_t system;
+  int64_t clock;
+};
+
+#define FM_MOST_MARKS 64u
+
 struct fm_engine_topic
 {
   struct fm_arrivals arrivals;
@@ -71,6 +80,9 @@ struct fm_engine
   void (* on_due)(void * argument);  // NULL: nobody waits for replacements
   void * on_due_argument;
   int64_t system_ahead;  // of the steady clock, ns
+  int64_t ahead_before;  // the same before the system time was set last
+  int64_t ahead_read;    // by CLOCK_MONOTONIC: when `system_ahead` was found to hold
+  int64_t set_after;     // by CLOCK_MONOTONIC: the system time was set then, or later
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
   int64_t round;         // the time of the round
   int64_t round_ended;   // by CLOCK_MONOTONIC
@@ -82,6 +94,21 @@ struct fm_engine
   bool has_begun;        // the time
   bool is_new_source;    // its time was not read yet
   bool is_closed;
+  pthread_mutex_t catching;     // see engine_backlog.c; locked before `mutex`
+  struct fm_queue * queues;     // changed with both locked
+  uint32_t is_catching_up;      // atomic: callbacks take nothing
+  uint32_t has_left;            // atomic: callbacks have left messages
+  int64_t received_by;          // by system time: what the round of a catch up delivers
+  int64_t caught_up;            // by CLOCK_MONOTONIC: the last one ended
+  int64_t busy;                 // ns in callbacks since `busy_since`
+  int64_t busy_since;
+  int64_t catching_busy;        // ns in catch ups since `catching_since`
+  int64_t catching_since;
+  struct fm_clock_mark marks[FM_MOST_MARKS];  // the last, as a ring
+  uint64_t n_marks;
+  bool in_round;                // of a catch up; `round` is its time
+  bool has_announcer;           // a thread calls fm_engine_take
+  bool is_overloaded;           // callbacks leave all messages
 };
 
 // ---- engine_time.c -----------------------------------------------------------------------------
@@ -97,7 +124,7 @@ bool fm_engine_read_for_message_locked(
 /// The same at any time, also within a round.
 bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int64_t * now);
 
-/// When a message was received, by the source's time; `now` if that cannot be told.
+/// When a message was received, by the source's time: between the evaluator's and `now`.
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now);
 
 /// How much later stamps are than the evaluator's times.
@@ -174,6 +201,16 @@ void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant,
 void fm_engine_keep_message_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
   int64_t sent);
+
+// ---- engine_backlog.c --------------------------------------------------------------------------
+
+/// As fm_engine_catch_up, if something is due or was left, or that was long ago. The lock is
+/// released meanwhile. Returns whether messages are left.
+bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine);
+
+/// Catch up with all that was received so far, and keep others from it until the second call.
+void fm_engine_begin_order(struct fm_engine * engine);
+void fm_engine_end_order(struct fm_engine * engine);
 
 // ---- engine_gate.c -----------------------------------------------------------------------------
 

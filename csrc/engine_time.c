@@ -26,6 +26,7 @@
 #define SECOND_NS 1000000000
 #define CLOSE_NS 10000  // two readings of clocks without a preemption in between
 #define MOST_READINGS 10
+#define SET_NS 1000000  // a change of the system time by more is no error of a measurement
 
 // Tests sleep between two steps of the handling of time.
 #ifndef FM_PAUSE
@@ -58,11 +59,18 @@ static int64_t system_ahead_locked(struct fm_engine * engine)
     after = read_clock(CLOCK_MONOTONIC);
     readings += 1;
   } while (after - before > CLOSE_NS && readings < MOST_READINGS);
-  if (engine->system_ahead < system - after) {
+  const int64_t found = engine->system_ahead;
+  if (found < system - after) {
     engine->system_ahead = system - after;
-  } else if (engine->system_ahead > system - before) {
+  } else if (found > system - before) {
     engine->system_ahead = system - before;
   }
+  const int64_t change = fm_between(found, engine->system_ahead);
+  if (engine->ahead_read == 0 || change > SET_NS || change < -SET_NS) {
+    engine->ahead_before = engine->ahead_read == 0 ? engine->system_ahead : found;
+    engine->set_after = engine->ahead_read;
+  }
+  engine->ahead_read = before;
   return engine->system_ahead;
 }
 
@@ -92,18 +100,24 @@ int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine)
   return engine->source == FM_STEADY && !uses_headers(engine) ? system_ahead_locked(engine) : 0;
 }
 
-// The time of reception is system time, which somebody may have set since.
+// The time of reception is system time, which somebody may have set since: a time before that, or
+// in the future, was read before.
+static int64_t steady_of_locked(struct fm_engine * engine, int64_t received, int64_t now)
+{
+  const int64_t ahead = system_ahead_locked(engine);
+  const int64_t instant = fm_between(ahead, received);
+  return instant < engine->set_after || instant > now ?
+         fm_between(engine->ahead_before, received) : instant;
+}
+
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now)
 {
   if (engine->source != FM_STEADY || received <= 0) {
     return now;
   }
-  const int64_t instant = fm_between(system_ahead_locked(engine), received);
+  const int64_t instant = steady_of_locked(engine, received, now);
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
-  if (instant > now || fm_between(instant, now) > SECOND_NS) {
-    return now;
-  }
-  return instant < earliest ? earliest : instant;
+  return instant > now ? now : instant < earliest ? earliest : instant;
 }
 
 // With stamps of headers: note that the system time was set back, also by less than has passed
@@ -221,10 +235,40 @@ void fm_engine_take_due_now_locked(struct fm_engine * engine)
   }
 }
 
+static void mark_clock_locked(struct fm_engine * engine)
+{
+  int64_t now;
+  if (engine->source == FM_CLOCK && read_source_locked(engine, 0, &now)) {
+    const struct fm_clock_mark mark = {read_clock(CLOCK_REALTIME), now};
+    engine->marks[engine->n_marks % FM_MOST_MARKS] = mark;
+    engine->n_marks += 1;
+  }
+}
+
+// What the clock said when a message was received that is delivered in a round: it may have moved
+// since. Between the evaluator's time and the round's.
+static int64_t clock_at_locked(const struct fm_engine * engine, int64_t received)
+{
+  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  const uint64_t n = engine->n_marks < FM_MOST_MARKS ? engine->n_marks : FM_MOST_MARKS;
+  int64_t clock = engine->round;
+  for (uint64_t k = 1; k <= n && received > 0; ++k) {
+    const struct fm_clock_mark * mark = &engine->marks[(engine->n_marks - k) % FM_MOST_MARKS];
+    clock = mark->clock;
+    if (mark->system <= received) {
+      break;
+    }
+    clock = k == n ? earliest : clock;
+  }
+  clock = clock < earliest ? earliest : clock;
+  return clock < engine->round ? clock : engine->round;
+}
+
 bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
 {
-  if (engine->has_rounds && engine->source != FM_TOLD) {
-    *now = engine->round;
+  if ((engine->has_rounds || engine->in_round) && engine->source != FM_TOLD) {
+    *now = engine->in_round && engine->source == FM_CLOCK ?
+      clock_at_locked(engine, received) : engine->round;
     return engine->has_round;
   }
   return fm_engine_read_now_locked(engine, received, now);
@@ -275,6 +319,8 @@ static void follow(
   engine->clock_served = read_clock(CLOCK_MONOTONIC);
   engine->is_new_source = true;
   engine->has_round = false;
+  engine->n_marks = 0;
+  mark_clock_locked(engine);
   fm_engine_take_due_now_locked(engine);
   pthread_cond_signal(&engine->violation_queued);
   fm_engine_unlock(engine);
@@ -368,6 +414,8 @@ void fm_engine_wake(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   engine->is_outdated = false;
+  engine->caught_up = 0;  // it may have gone back
+  mark_clock_locked(engine);
   pthread_cond_signal(&engine->violation_queued);
   fm_engine_unlock(engine);
 }
@@ -420,12 +468,15 @@ void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t mil
 {
   const int64_t end =
     read_clock(CLOCK_MONOTONIC) + (int64_t)milliseconds * (SECOND_NS / 1000);
-  fm_engine_take_due_now_locked(engine);
+  engine->has_announcer = true;
+  bool is_behind = fm_engine_catch_up_if_due_locked(engine);
   while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
     engine->states.changes == engine->taken_changes &&
     read_clock(CLOCK_MONOTONIC) < end)
   {
-    wait_for_deadline_locked(engine, end);
-    fm_engine_take_due_now_locked(engine);
+    if (!is_behind) {
+      wait_for_deadline_locked(engine, end);
+    }
+    is_behind = fm_engine_catch_up_if_due_locked(engine);
   }
 }

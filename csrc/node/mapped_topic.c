@@ -490,9 +490,6 @@ void fm_topic_review(struct fm_mapped_topic * topic)
 {
   rmw_topic_endpoint_info_array_t publishers = rmw_get_zero_initialized_topic_endpoint_info_array();
   let_go(topic);
-  if (topic->current.receiver != NULL) {
-    fm_receiver_poll(topic->current.receiver);
-  }
   if (rcl_get_publishers_info_by_topic(
       &topic->node->node, &topic->node->allocator, topic->name, false, &publishers) != RCL_RET_OK)
   {

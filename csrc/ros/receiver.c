@@ -14,11 +14,11 @@
 
 /// receiver.c: see receiver.h for the contract.
 ///
-/// Lock order. The middleware calls `on_message` while it holds its own locks for the
-/// subscription, and `on_message` then locks the engine's mutex. To take a message needs the same
-/// locks of the middleware. A thread outside a callback must therefore not take while it holds the
-/// engine's mutex: it could deadlock with a callback. `fm_receiver_drain` sets `is_draining` under
-/// the mutex, which keeps callbacks from taking, and then takes without the mutex.
+/// Two threads take from a subscription: one of the middleware, within `on_message`, with the
+/// engine's mutex held; or one that catches up, without it (csrc/engine_backlog.c), while callbacks
+/// leave their messages. The middleware calls `on_message` while it holds its own locks for the
+/// subscription, and to take a message needs the same locks: a thread outside a callback must not
+/// take while it holds the engine's mutex.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -32,14 +32,14 @@
 #include "serialized.h"
 
 #define MOST_AT_ONCE 1000u  // messages; other topics wait for the mutex meanwhile
-#define QUIET_POLLS 16u       // one in 16 polls without a callback drains
 
 struct fm_receiver
 {
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
   void * subscription;
-  // Used only by the thread that takes: a callback under the mutex, or the drain.
+  struct fm_queue queue;
+  // Used only by the thread that takes.
   struct fm_serialized message;  // as taken; read in place: a copy, if it is needed
   struct fm_field * fields;
   struct fm_reading reading;
@@ -49,12 +49,6 @@ struct fm_receiver
   // Guarded by the engine's mutex.
   bool is_retired;
   bool is_stopped;
-  bool is_draining;
-  bool is_awaited;    // a callback came during the drain
-  bool is_behind;     // the last callback or drain stopped at its limit
-  bool probes;        // the next callback takes more messages than its count
-  bool was_notified;  // a callback came since the last poll
-  uint32_t quiet;     // polls since the last callback
 };
 
 // ---- reading -----------------------------------------------------------------------------------
@@ -161,12 +155,11 @@ static void deliver_locked(struct fm_receiver * receiver)
   (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
 }
 
-// Take the `count` messages of a notification, or up to the limit when catching up or probing.
-// Asking for one more each time would cost a tenth of a message; a later one has its own callback.
-static void take_locked(struct fm_receiver * receiver, size_t count)
+// Take the `count` messages of a notification, at most MOST_AT_ONCE. Asking for one more each time
+// would cost a tenth of a message; a later one has its own callback. Returns whether some are left.
+static bool take_locked(struct fm_receiver * receiver, size_t count)
 {
-  const bool takes_all = receiver->is_behind || receiver->probes;
-  const size_t most = takes_all || count > MOST_AT_ONCE ? MOST_AT_ONCE : count;
+  const size_t most = count > MOST_AT_ONCE ? MOST_AT_ONCE : count;
   enum result result = TAKEN;
   for (size_t k = 0; k < most && result != EMPTY; ++k) {
     result = take(receiver);
@@ -174,70 +167,56 @@ static void take_locked(struct fm_receiver * receiver, size_t count)
       deliver_locked(receiver);
     }
   }
-  receiver->is_behind = result != EMPTY && (takes_all || count > most);
-  receiver->probes = false;
+  return result != EMPTY && count > most;
 }
 
 // Called in a thread of the middleware.
 static void on_message(const void * user_data, size_t count)
 {
   struct fm_receiver * receiver = (struct fm_receiver *)user_data;
+  int64_t began;
   if (receiver->middleware->has_error()) {
     receiver->middleware->forget_error();  // left by other code: this may be a publisher's thread
   }
-  fm_engine_lock(receiver->engine);
-  receiver->was_notified = true;
-  if (receiver->is_draining) {
-    receiver->is_awaited = true;
-  } else if (!receiver->is_stopped) {
-    take_locked(receiver, count);
+  if (fm_engine_begin_taking(receiver->engine, &began)) {
+    const bool is_behind = !receiver->is_stopped && take_locked(receiver, count);
+    fm_engine_end_taking(receiver->engine, began, is_behind);
   }
-  fm_engine_unlock(receiver->engine);
 }
 
-// End the drain, unless a callback came meanwhile and left its messages to it. With `is_enough` it
-// always ends, and the next callback or poll takes the rest. Returns whether it ended.
-static bool end_draining(struct fm_receiver * receiver, bool is_enough)
+static enum result take_any(struct fm_receiver * receiver)
 {
-  fm_engine_lock(receiver->engine);
-  const bool is_over = is_enough || !receiver->is_awaited;
-  receiver->is_behind = is_enough;
-  receiver->is_awaited = false;
-  receiver->is_draining = !is_over;
-  fm_engine_unlock(receiver->engine);
-  return is_over;
+  enum result result = DROPPED;
+  while (result == DROPPED) {
+    result = take(receiver);
+  }
+  return result;
+}
+
+static bool take_for_queue(void * argument, int64_t * received)
+{
+  struct fm_receiver * receiver = argument;
+  receiver->middleware->forget_error();  // left by earlier calls in this thread
+  const bool is_taken = take_any(receiver) == TAKEN;
+  *received = receiver->info.info.received_timestamp;
+  return is_taken;
+}
+
+static void deliver_of_queue_locked(void * argument)
+{
+  deliver_locked(argument);
 }
 
 bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out)
 {
-  enum result result = DROPPED;
   receiver->middleware->forget_error();  // left by earlier calls in this thread
-  while (result == DROPPED) {
-    result = take(receiver);
-  }
+  const enum result result = take_any(receiver);
   out->message = receiver->message.buffer;
   out->size = receiver->message.length;
   fm_engine_lock(receiver->engine);  // for is_retired
   out->origin = origin_of(receiver);
   fm_engine_unlock(receiver->engine);
   return result == TAKEN;
-}
-
-static void drain(struct fm_receiver * receiver)
-{
-  uint32_t left = MOST_AT_ONCE;
-  receiver->middleware->forget_error();  // left by earlier calls in this thread
-  do {
-    enum result result = EMPTY;
-    while (left > 0 && (result = take(receiver)) != EMPTY) {
-      left -= 1;
-      if (result == TAKEN) {
-        fm_engine_lock(receiver->engine);
-        deliver_locked(receiver);
-        fm_engine_unlock(receiver->engine);
-      }
-    }
-  } while (!end_draining(receiver, left == 0));
 }
 
 // ---- life --------------------------------------------------------------------------------------
@@ -266,16 +245,23 @@ bool fm_receiver_start(
   receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
   receiver->reading.fields = receiver->fields;
   const bool listens = taking != FM_WHEN_ASKED;
-  receiver->is_draining = true;  // the middleware may call back at once, from within `listen`
-  if (receiver->fields == NULL ||
-    (listens && middleware->listen(subscription, on_message, receiver) != 0))
-  {
-    middleware->forget_error();
+  receiver->queue.receiver = receiver;
+  receiver->queue.take = take_for_queue;
+  receiver->queue.deliver_locked = deliver_of_queue_locked;
+  if (receiver->fields == NULL) {
     free_receiver(receiver);
     return false;
   }
   if (listens) {
-    drain(receiver);
+    fm_engine_add_queue(engine, &receiver->queue);  // the middleware may call back at once
+    if (middleware->listen(subscription, on_message, receiver) != 0) {
+      middleware->forget_error();
+      fm_engine_remove_queue(engine, &receiver->queue);
+      (void)fm_engine_catch_up(engine);
+      free_receiver(receiver);
+      return false;
+    }
+    (void)fm_engine_catch_up(engine);
   }
   *started = receiver;
   return true;
@@ -283,32 +269,7 @@ bool fm_receiver_start(
 
 void fm_receiver_drain(struct fm_receiver * receiver)
 {
-  fm_engine_lock(receiver->engine);
-  receiver->is_draining = true;
-  fm_engine_unlock(receiver->engine);
-  drain(receiver);
-}
-
-// While a topic is drained, its callbacks leave their messages to the drain, and later messages of
-// other topics may be delivered first. A quiet topic is therefore drained on few polls only.
-static bool begin_poll(struct fm_receiver * receiver)
-{
-  fm_engine_lock(receiver->engine);
-  const bool is_quiet = !receiver->was_notified;
-  const bool is_due = receiver->is_behind || (is_quiet && receiver->quiet % QUIET_POLLS == 0);
-  receiver->quiet = is_quiet ? receiver->quiet + 1u : 0;
-  receiver->probes = receiver->probes || !is_quiet;
-  receiver->was_notified = false;
-  receiver->is_draining = is_due;
-  fm_engine_unlock(receiver->engine);
-  return is_due;
-}
-
-void fm_receiver_poll(struct fm_receiver * receiver)
-{
-  if (begin_poll(receiver)) {
-    drain(receiver);
-  }
+  (void)fm_engine_catch_up(receiver->engine);
 }
 
 void fm_receiver_retire(struct fm_receiver * receiver)
@@ -331,7 +292,11 @@ bool fm_receiver_stop(struct fm_receiver ** started)
     fm_engine_lock(receiver->engine);
     receiver->is_stopped = true;
     fm_engine_unlock(receiver->engine);
+    fm_engine_remove_queue(receiver->engine, &receiver->queue);
     return false;
+  }
+  if (receiver->taking != FM_WHEN_ASKED) {
+    fm_engine_remove_queue(receiver->engine, &receiver->queue);
   }
   *started = NULL;
   free_receiver(receiver);

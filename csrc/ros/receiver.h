@@ -15,9 +15,9 @@
 /// receiver.h: takes the messages of a subscription for an engine, without Python.
 ///
 /// A receiver that listens takes and delivers the messages inside the middleware's new-message
-/// callback, at most 1000 in one. The next callback takes the rest of a longer burst, or
-/// fm_receiver_poll if none follows. From one that does not listen, the caller takes each message
-/// with fm_receiver_take, and delivers it with fm_engine_message.
+/// callback, at most 1000 in one; what is left is taken by the thread in fm_engine_take. From one
+/// that does not listen, the caller takes each message with fm_receiver_take, and delivers it with
+/// fm_engine_message.
 
 #ifndef RECEIVER_H_
 #define RECEIVER_H_
@@ -65,15 +65,9 @@ FM_EXPORT bool fm_receiver_start(
 /// the middleware failed.
 FM_EXPORT bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out);
 
-/// Take and deliver the queued messages of a receiver that listens, at most 1000. Callbacks that
-/// come meanwhile take nothing, which keeps the messages in order.
+/// As fm_engine_catch_up: take and deliver the queued messages of all receivers of the engine, at
+/// most 1000. Callbacks that come meanwhile take nothing, which keeps the messages in order.
 FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
-
-/// Poll a receiver that listens; to be called a few times a second. Drains if the last callback or
-/// drain stopped at its limit. Recovers messages whose notification was lost: the next callback
-/// takes more messages than its notification counts, and every 16th poll without a callback
-/// drains.
-FM_EXPORT void fm_receiver_poll(struct fm_receiver * receiver);
 
 /// A new subscription replaces this one: see fm_origin.is_retired. O(1).
 FM_EXPORT void fm_receiver_retire(struct fm_receiver * receiver);

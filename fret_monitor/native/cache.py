@@ -56,8 +56,8 @@ from fret_monitor.native.monitor import is_cut_short, Library
 EVALUATOR_SOURCES = (
     'instance.c', 'tables.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c', 'handover.c',
     'outbox.c', 'reorder.c', 'blackbox.c', 'states.c', 'thread.c', 'engine_time.c',
-    'engine_gate.c', 'engine.c', 'records.c', 'thinning.c', 'csv.c', 'ros/serialized.c',
-    'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c', 'ros/relay.c',
+    'engine_backlog.c', 'engine_gate.c', 'engine.c', 'records.c', 'thinning.c', 'csv.c',
+    'ros/serialized.c', 'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c', 'ros/relay.c',
 )
 
 _SEAL = 'seal.json'

@@ -176,7 +176,8 @@ class Feed:
         self._thread = Thread(target=self._run, name='feed', daemon=True)
         self._guard = _rclpy.GuardCondition(node.context.handle)
         self._held: list[_Taken] = []
-        self._is_behind = False  # more messages wait than were taken in the last round
+        self._is_behind = False  # more messages of the round wait than were taken
+        self._until = 0  # when the round began, as `time_ns`
         self._waited: list[Any] = []  # handles of the subscriptions from which this thread takes
         self._wait_set: Any = None
         self._kept = ErrorKeeper()
@@ -266,17 +267,22 @@ class Feed:
                 self._closing.wait(_REVIEW_PERIOD)
 
     def _take_round(self) -> None:
-        is_busy = self._held or self._is_behind
-        self._is_behind = False
-        if self._rounds is None:
-            self._wait(0 if is_busy else _WAIT_NS)
-            self._deliver()
-        else:
-            self._wait(0 if is_busy else self._rounds.time_left(_WAIT_NS))
-            self._rounds.begin_round()
-            self._deliver()
-            if not self._closing.is_set() and not self._is_behind:
-                self._rounds.end_round()
+        """
+        Deliver all that was received before the round began; with a long queue, a part of it.
+
+        What is due is taken at the end of a round only, which a flood does not put off: the next
+        call goes on with the same round.
+        """
+        if not self._is_behind:
+            is_busy = bool(self._held)
+            left = _WAIT_NS if self._rounds is None else self._rounds.time_left(_WAIT_NS)
+            self._wait(0 if is_busy else left)
+            if self._rounds is not None:
+                self._rounds.begin_round()
+            self._until = time_ns()
+        self._deliver()
+        if self._rounds is not None and not self._closing.is_set() and not self._is_behind:
+            self._rounds.end_round()
 
     def _add_and_remove(self) -> None:
         while self._added:
@@ -314,34 +320,45 @@ class Feed:
 
     def _deliver(self) -> None:
         """
-        Deliver the received messages, oldest first.
+        Deliver the messages that were received before the round began, oldest first.
 
-        A message received after this call began is held until the next call: a topic that was
-        emptied before it may have an older one by then. It is held only once, since the clock may
-        have been set back.
+        If more wait than are taken at once, what may come after one of these is held as well.
         """
-        now = time_ns()
         # Sorting is stable, so it keeps the order of a topic.
-        batches = [sorted(self._held, key=_received)]
-        self._held = []
+        waiting = sorted(self._held, key=_received)
+        self._held = [item for item in waiting if self._is_later(item)]
+        batches = [[item for item in waiting if not self._is_later(item)]]
+        last: int | None = None
         for topic in [item for item in self._topics if not item.topic.listens]:
             for receiver in topic.receivers():
-                batches.append(self._take_all(topic, receiver, now))
+                batch = self._take_all(topic, receiver)
+                if len(batch) == _MOST_AT_ONCE:
+                    received = batch[-1][1].received
+                    last = received if last is None else min(last, received)
+                batches.append(batch)
+        self._is_behind = last is not None
         filled = [batch for batch in batches if batch]
-        for topic, record in filled[0] if len(filled) == 1 else merge(*filled, key=_received):
+        for item in filled[0] if len(filled) == 1 else merge(*filled, key=_received):
             if self._closing.is_set():
                 return
-            topic.topic.deliver(record)
+            topic, record = item
+            if last is not None and record.received > last:
+                self._held.append(item)
+            else:
+                topic.topic.deliver(record)
 
-    def _take_all(self, topic: '_Subscribed', receiver: Receiver, now: int) -> list[_Taken]:
+    def _take_all(self, topic: '_Subscribed', receiver: Receiver) -> list[_Taken]:
         batch: list[_Taken] = []
         for record in islice(iter(receiver.take, None), _MOST_AT_ONCE):
-            if record.received > now:
+            if self._is_later((topic, record)):
                 self._held.append((topic, record))
                 break
             batch.append((topic, record))
-        self._is_behind = self._is_behind or len(batch) == _MOST_AT_ONCE
         return batch
+
+    def _is_later(self, taken: _Taken) -> bool:
+        """Return whether a message came after the round began; the clock may be set back."""
+        return self._until < taken[1].received <= time_ns()
 
 
 def _received(taken: _Taken) -> int:

@@ -199,10 +199,7 @@ class EngineReceiver:
                 self._library.fm_receiver_drain(self._pointer)
 
     def poll(self) -> None:
-        """Take messages that exceeded a limit before, or whose notification was lost."""
-        with self._lock:
-            if self._pointer != ffi.NULL:
-                self._library.fm_receiver_poll(self._pointer)
+        """Do nothing: where C listens, the announcer takes what callbacks leave."""
 
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""

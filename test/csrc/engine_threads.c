@@ -304,7 +304,7 @@ static struct fm_receiver * renew(
   CHECK(fm_receiver_start(&receiver, engine, &middleware, fresh, t, FM_LISTEN));
   for (int k = 0; k < 20; ++k) {
     pause_a_little();
-    fm_receiver_poll(receiver);
+    fm_receiver_drain(receiver);
   }
   put(topic, 1 - place, NULL);
   empty(before, old);

@@ -16,6 +16,7 @@
 
 #define _POSIX_C_SOURCE 200809L
 
+#include "receiver.h"
 #include "relay.h"
 
 #include <pthread.h>
@@ -124,7 +125,11 @@ static void make_subscription(struct subscription * self, uint64_t first)
 {
   memset(self, 0, sizeof(*self));
   self->first = first;
-  pthread_mutex_init(&self->mutex, NULL);
+  pthread_mutexattr_t kind;
+  pthread_mutexattr_init(&kind);
+  pthread_mutexattr_settype(&kind, PTHREAD_MUTEX_RECURSIVE);  // a receiver's callback takes
+  pthread_mutex_init(&self->mutex, &kind);
+  pthread_mutexattr_destroy(&kind);
 }
 
 static void forget_error(void) {}
@@ -470,8 +475,40 @@ static void a_callback_that_cannot_be_removed_outlives_the_relay(void)
   CHECK(left(&subscription) == 2);
 }
 
+static void a_message_is_judged_after_what_was_received_before_it(void)
+{
+  struct bench bench = begin(FM_DROP, 0);
+  struct fm_receiver * receiver = NULL;
+  static struct subscription flag;
+  static struct subscription level;
+  bool is_polled = true;
+  make_subscription(&flag, 126);  // 127 is true, 128 is false
+  make_subscription(&level, 0);
+  CHECK(fm_receiver_start(&receiver, bench.engine, &middleware, &flag, FLAG, FM_LISTEN));
+  CHECK(fm_relay_add(bench.relay, &level, &is_polled));
+  send(&flag, 1);
+  send(&level, 1);
+  CHECK(wait_for(&publishers[0], 1));
+  pthread_mutex_lock(&flag.mutex);
+  flag.sent += 1;  // its callback is still to come
+  pthread_mutex_unlock(&flag.mutex);
+  send(&level, 1);
+  for (int k = 0; k < 1000 && (left(&level) > 0 || left(&flag) > 0); ++k) {
+    pause_ns(1000000);
+  }
+  struct fm_gate_counts counts = fm_engine_gate_counts(bench.engine);
+  for (int k = 0; k < 1000 && counts.passed + counts.violates < 2; ++k) {
+    pause_ns(1000000);
+    counts = fm_engine_gate_counts(bench.engine);
+  }
+  CHECK(counts.passed == 1 && counts.violates == 1 && published(&publishers[0]) == 1);
+  CHECK(fm_receiver_stop(&receiver));
+  end(&bench);
+}
+
 int main(void)
 {
+  a_message_is_judged_after_what_was_received_before_it();
   nothing_is_lost_or_repeated_without_a_handover();
   a_flood_passes_in_order_through_a_handover();
   substitutes_come_from_the_start_and_when_another_topic_violates();

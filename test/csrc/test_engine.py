@@ -141,6 +141,11 @@ def test_time_that_is_told_or_of_a_clock(addresses: Sanitized) -> None:
     assert (done.returncode, done.stdout) == (0, '')
 
 
+def test_messages_that_wait_in_the_queues_of_the_middleware(addresses: Sanitized) -> None:
+    done = run(addresses.program('backlog', '-Wl,--wrap=clock_gettime'))
+    assert (done.returncode, done.stdout) == (0, '')
+
+
 @pytest.mark.parametrize('is_preempted', [False, True])
 def test_clocks_that_run(sanitized: Sanitized, is_preempted: bool) -> None:
     done = run(sanitized.program('engine_clock', is_preempted=is_preempted))

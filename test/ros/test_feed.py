@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 import random
 from tempfile import TemporaryDirectory
-from time import sleep
+from time import sleep, time_ns
 from typing import Any
 
 from fret_monitor import build
@@ -227,6 +227,66 @@ def test_the_order_is_kept_when_the_clock_was_set_back(
         listener.feed.start()
         wait_until(lambda: len(listener.got) == 3, 'three messages')
         assert listener.got == [('z', 0), ('y', 1), ('x', 2)]
+
+
+class Flooded:
+    """The receiver of a topic with a message each 2 us, and a queue of 100000."""
+
+    def __init__(self, topic: 'FloodedTopic') -> None:
+        self._topic = topic
+
+    def take(self) -> Record | None:
+        received = max(self._topic.last + 2000, time_ns() - 200_000_000)
+        if received > time_ns():
+            return None
+        self._topic.last = received
+        self._topic.taken += 1
+        return Record(b'', received, 0, self._topic.taken)
+
+    def drain(self) -> None:
+        """Do nothing."""
+
+    poll = retire = stop = drain
+
+
+class FloodedTopic(RawTopic):
+    """A topic of which more comes than is delivered."""
+
+    taken = 0
+    last = 0
+
+    def open(self, subscription: RclSubscription) -> Any:
+        return Flooded(self)
+
+
+class CountedRounds:
+    """Counts the rounds that have ended."""
+
+    ended = 0
+
+    def begin_round(self) -> None:
+        """Do nothing."""
+
+    def end_round(self) -> None:
+        self.ended += 1
+
+    def time_left(self, most: int) -> int:
+        return most
+
+
+def test_rounds_end_while_a_queue_is_never_empty(partner: Partner) -> None:
+    rounds, node = CountedRounds(), Node('fret_monitor', context=partner.context)
+    feed = Feed(node, rounds)
+    topic = FloodedTopic(lambda data, received, sent: None)
+    try:
+        feed.subscribe('x', 'std_msgs/msg/Int32', Int32, topic, {})
+        feed.start()
+        wait_until(lambda: rounds.ended > 1, 'two rounds')
+        assert topic.taken > 10000
+        assert feed.failure is None
+    finally:
+        feed.close()
+        node.destroy_node()
 
 
 def test_a_qos_profile_of_the_bundle_stays_and_incompatible_publishers_are_reported(

@@ -1,0 +1,296 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// engine_backlog.c: the messages that callbacks leave in the middleware's queues, and what is due
+/// with them. See engine_locked.h.
+///
+/// Lock order: `catching`, then the middleware's locks of a subscription, then the engine's mutex.
+/// What `catching` guards: the list of queues, and the message that was taken of each. While
+/// `is_catching_up` is set, callbacks take nothing; it is set with both locks held.
+
+#include "engine_parts.h"
+
+#include "instance.h"
+
+#define MOST_AT_ONCE 1000u       // messages; what they violate is published in between
+#define BUSY_WINDOW_NS 20000000  // of callbacks; the middleware's own queues hold about as long
+#define CALM_WINDOW_NS 1000000000
+#define REST_NS 400000000        // then the queues are looked at: a notification may be lost
+
+static bool load(const uint32_t * flag) {return __atomic_load_n(flag, __ATOMIC_SEQ_CST) != 0;}
+
+static void store(uint32_t * flag, bool value)
+{
+  __atomic_store_n(flag, value ? 1u : 0u, __ATOMIC_SEQ_CST);
+}
+
+// ---- queues ------------------------------------------------------------------------------------
+
+void fm_engine_add_queue(struct fm_engine * engine, struct fm_queue * queue)
+{
+  queue->has_one = false;
+  pthread_mutex_lock(&engine->catching);
+  fm_engine_lock(engine);
+  queue->next = engine->queues;
+  engine->queues = queue;
+  store(&engine->is_catching_up, true);
+  store(&engine->has_left, true);
+  fm_engine_unlock(engine);
+  pthread_mutex_unlock(&engine->catching);
+}
+
+void fm_engine_remove_queue(struct fm_engine * engine, struct fm_queue * queue)
+{
+  pthread_mutex_lock(&engine->catching);
+  fm_engine_lock(engine);
+  if (queue->has_one) {
+    queue->has_one = false;
+    queue->deliver_locked(queue->receiver);
+  }
+  for (struct fm_queue ** place = &engine->queues; *place != NULL; place = &(*place)->next) {
+    if (*place == queue) {
+      *place = queue->next;
+      break;
+    }
+  }
+  fm_engine_unlock(engine);
+  pthread_mutex_unlock(&engine->catching);
+}
+
+// ---- callbacks ---------------------------------------------------------------------------------
+
+// Whether an instant is over at which something is due.
+static bool is_due_locked(struct fm_engine * engine)
+{
+  int64_t now;
+  return engine->has_begun && fm_evaluator_wake(engine->options.evaluator) != FM_NEVER &&
+         fm_engine_read_now_locked(engine, 0, &now) &&
+         fm_evaluator_wake(engine->options.evaluator) < now &&
+         fm_evaluator_deadline(engine->options.evaluator) < now;
+}
+
+bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began)
+{
+  if (load(&engine->is_catching_up)) {
+    store(&engine->has_left, true);
+    if (load(&engine->is_catching_up)) {
+      return false;  // whoever catches up looks at `has_left` afterwards
+    }
+  }
+  *began = fm_engine_steady_time();
+  fm_engine_lock(engine);
+  const bool is_left = load(&engine->is_catching_up) ||
+    (engine->has_announcer && (engine->is_overloaded || is_due_locked(engine)));
+  if (is_left) {
+    store(&engine->has_left, true);
+    pthread_cond_signal(&engine->violation_queued);
+    fm_engine_unlock(engine);
+  }
+  return !is_left;
+}
+
+// Whether callbacks take more than half of the time of the threads in which the middleware
+// receives: messages of all topics then wait, or are lost, before they have a time of reception.
+static void note_busy_locked(struct fm_engine * engine, int64_t began)
+{
+  const int64_t now = fm_engine_steady_time();
+  engine->busy += fm_between(began, now);
+  if (fm_between(engine->busy_since, now) >= BUSY_WINDOW_NS) {
+    engine->is_overloaded = engine->busy > fm_between(engine->busy_since, now) / 2;
+    engine->busy = 0;
+    engine->busy_since = now;
+  }
+}
+
+void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behind)
+{
+  if (is_behind) {
+    store(&engine->has_left, true);
+    pthread_cond_signal(&engine->violation_queued);
+  }
+  note_busy_locked(engine, began);
+  fm_engine_unlock(engine);
+}
+
+// ---- catching up -------------------------------------------------------------------------------
+
+// A round delivers all that was received before it began, in the order of reception, and ends with
+// what is due by its time. One that stops at its limit goes on in the next call.
+static void begin_round(struct fm_engine * engine)
+{
+  fm_engine_lock(engine);
+  if (!engine->in_round) {
+    engine->in_round = true;
+    store(&engine->is_catching_up, true);
+    store(&engine->has_left, false);
+    engine->received_by = fm_engine_system_time();
+    engine->has_round = !engine->is_closed && engine->source != FM_TOLD &&
+      fm_engine_read_now_locked(engine, 0, &engine->round);
+  }
+  fm_engine_unlock(engine);
+}
+
+// Whether a message that was taken belongs to the round. One that was received later is held for
+// the next round.
+static bool is_of_round(const struct fm_engine * engine, const struct fm_queue * queue)
+{
+  return queue->has_one && queue->received <= engine->received_by;
+}
+
+static void take_next(const struct fm_engine * engine, struct fm_queue * queue)
+{
+  queue->has_one = queue->take(queue->receiver, &queue->received);
+  if (queue->has_one && queue->received > engine->received_by &&
+    queue->received > fm_engine_system_time())
+  {
+    queue->received = engine->received_by;  // the system time was set back since
+  }
+}
+
+static struct fm_queue * earliest(const struct fm_engine * engine)
+{
+  struct fm_queue * found = NULL;
+  for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
+    if (is_of_round(engine, queue) && (found == NULL || queue->received < found->received)) {
+      found = queue;
+    }
+  }
+  return found;
+}
+
+// Returns whether all messages of the round were delivered. `left`: how many may be, at most.
+static bool deliver_round(struct fm_engine * engine, uint32_t * left)
+{
+  struct fm_queue * first = NULL;
+  for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
+    if (!queue->has_one) {
+      take_next(engine, queue);
+    }
+  }
+  while (*left > 0 && (first = earliest(engine)) != NULL) {
+    *left -= 1;
+    fm_engine_lock(engine);
+    first->deliver_locked(first->receiver);
+    fm_engine_unlock(engine);
+    take_next(engine, first);
+  }
+  return earliest(engine) == NULL;
+}
+
+static bool holds_messages(struct fm_engine * engine)
+{
+  bool holds = false;
+  for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
+    holds = holds || queue->has_one;
+  }
+  return holds;
+}
+
+// Take what is due by the round's time. Returns whether callbacks take the messages again.
+static bool end_round(struct fm_engine * engine)
+{
+  const bool holds = holds_messages(engine);
+  fm_engine_lock(engine);
+  if (engine->has_begun && engine->has_round && engine->source != FM_TOLD && !engine->is_closed) {
+    fm_engine_take_due_by_locked(engine, engine->round);
+  }
+  engine->in_round = false;
+  engine->caught_up = fm_engine_steady_time();
+  if (!holds) {
+    store(&engine->is_catching_up, false);
+  }
+  const bool is_over = !holds && !load(&engine->has_left);
+  fm_engine_unlock(engine);
+  return is_over;
+}
+
+static void note_calm(struct fm_engine * engine, int64_t began)
+{
+  fm_engine_lock(engine);
+  const int64_t now = fm_engine_steady_time();
+  engine->catching_busy += fm_between(began, now);
+  if (fm_between(engine->catching_since, now) >= CALM_WINDOW_NS) {
+    engine->is_overloaded = engine->is_overloaded &&
+      engine->catching_busy > fm_between(engine->catching_since, now) / 4;
+    engine->catching_busy = 0;
+    engine->catching_since = now;
+  }
+  fm_engine_unlock(engine);
+}
+
+static bool catch_up(struct fm_engine * engine)
+{
+  const int64_t began = fm_engine_steady_time();
+  uint32_t left = MOST_AT_ONCE;
+  bool is_complete = false;
+  bool is_over = false;
+  do {
+    begin_round(engine);
+    if (!deliver_round(engine, &left)) {
+      break;
+    }
+    is_over = end_round(engine);
+    is_complete = true;
+  } while (!is_over && left > 0);
+  note_calm(engine, began);
+  if (!is_over) {
+    fm_engine_lock(engine);
+    store(&engine->has_left, true);
+    pthread_cond_signal(&engine->violation_queued);
+    fm_engine_unlock(engine);
+  }
+  return is_complete;
+}
+
+bool fm_engine_catch_up(struct fm_engine * engine)
+{
+  pthread_mutex_lock(&engine->catching);
+  bool is_complete = true;
+  if (engine->queues != NULL) {
+    is_complete = catch_up(engine);
+  } else {
+    fm_engine_lock(engine);
+    fm_engine_take_due_now_locked(engine);
+    fm_engine_unlock(engine);
+  }
+  pthread_mutex_unlock(&engine->catching);
+  return is_complete;
+}
+
+void fm_engine_begin_order(struct fm_engine * engine)
+{
+  pthread_mutex_lock(&engine->catching);
+  if (engine->queues != NULL) {
+    while (!catch_up(engine)) {}  // a round ends: it has what was received before it began
+  }
+}
+
+void fm_engine_end_order(struct fm_engine * engine)
+{
+  pthread_mutex_unlock(&engine->catching);
+}
+
+bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine)
+{
+  if (engine->queues == NULL) {
+    fm_engine_take_due_now_locked(engine);
+  } else if (load(&engine->has_left) || is_due_locked(engine) ||
+    fm_between(engine->caught_up, fm_engine_steady_time()) >= REST_NS)
+  {
+    fm_engine_unlock(engine);
+    (void)fm_engine_catch_up(engine);
+    fm_engine_lock(engine);
+  }
+  return load(&engine->has_left);
+}

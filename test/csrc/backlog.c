@@ -1,0 +1,449 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// Messages that wait in the middleware's queues: nothing is due before them, they count from
+/// their reception, and callbacks that take too long leave them.
+///
+/// ANSWER reads x and y: x -> y within WINDOW. FED reads y, which has a timeout.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "receiver.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "check.h"
+
+enum { X, Y, N_TOPICS };
+enum { ANSWER, FED, N_REQUIREMENTS };
+enum { MOST = 30000, MOST_AT_ONCE = 1000 };
+
+#define MS ((int64_t)1000000)
+#define WINDOW (50 * MS)
+#define TIMEOUT (100 * MS)
+
+static int64_t set_by = 0;  // somebody has set the system time
+
+static int64_t time_of(clockid_t clock)
+{
+  struct timespec now;
+  clock_gettime(clock, &now);
+  return (int64_t)now.tv_sec * 1000 * MS + (int64_t)now.tv_nsec;
+}
+
+static int64_t system_now(void) {return time_of(CLOCK_REALTIME);}
+
+int __real_clock_gettime(clockid_t clock, struct timespec * now);
+int __wrap_clock_gettime(clockid_t clock, struct timespec * now);
+
+int __wrap_clock_gettime(clockid_t clock, struct timespec * now)
+{
+  const int result = __real_clock_gettime(clock, now);
+  if (clock == CLOCK_REALTIME) {
+    now->tv_sec += (time_t)(set_by / (1000 * MS));
+  }
+  return result;
+}
+
+static void sleep_ms(int64_t milliseconds)
+{
+  const struct timespec span = {(time_t)(milliseconds / 1000), (long)(milliseconds % 1000 * MS)};
+  nanosleep(&span, NULL);
+}
+
+// ---- a middleware ------------------------------------------------------------------------------
+
+struct subscription
+{
+  int64_t received[MOST];
+  uint8_t values[MOST];
+  uint32_t sent;
+  uint32_t taken;
+  fm_on_message callback;
+  const void * user_data;
+};
+
+static struct subscription subscriptions[N_TOPICS];
+
+static int listen(void * subscription, fm_on_message callback, const void * user_data)
+{
+  struct subscription * self = subscription;
+  self->callback = callback;
+  self->user_data = user_data;
+  return 0;
+}
+
+static int take(
+  const void * subscription, struct fm_serialized * message, bool * taken,
+  struct fm_message_info * info, void * allocation)
+{
+  struct subscription * self = (struct subscription *)(uintptr_t)subscription;
+  static uint8_t bytes[N_TOPICS];
+  uint8_t * buffer = &bytes[self - subscriptions];
+  (void)allocation;
+  memset(info, 0, sizeof(struct fm_padded_info));
+  *taken = self->taken < self->sent;
+  if (*taken) {
+    if (message->capacity == 0) {
+      message->buffer = message->allocator.allocate(1, NULL);
+      message->capacity = 1;
+    }
+    *buffer = self->values[self->taken];
+    memcpy(message->buffer, buffer, 1);
+    message->length = 1;
+    info->received_timestamp = self->received[self->taken];
+    self->taken += 1;
+    info->publication_sequence_number = self->taken;
+  }
+  return 0;
+}
+
+static int publish(const void * publisher, const void * message, void * allocation)
+{
+  (void)publisher;
+  (void)message;
+  (void)allocation;
+  return 0;
+}
+
+static void forget_error(void) {}
+static bool has_error(void) {return false;}
+
+static const struct fm_middleware middleware = {
+  take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}};
+
+// Receive a message; its callback is still to come.
+static void receive(uint32_t topic, uint8_t value, int64_t received)
+{
+  struct subscription * self = &subscriptions[topic];
+  self->values[self->sent] = value;
+  self->received[self->sent] = received;
+  self->sent += 1;
+}
+
+static void call_back(uint32_t topic)
+{
+  subscriptions[topic].callback(subscriptions[topic].user_data, 1);
+}
+
+// ---- a monitor ---------------------------------------------------------------------------------
+
+struct inputs
+{
+  bool x;
+  bool y;
+};
+
+static int64_t cost_ms = 0;  // of reading a message
+
+static void reset_answer(void * state) {*(int64_t *)state = -1;}
+
+static int64_t answer_at(void * state, const void * inputs, bool * verdicts, int64_t tick)
+{
+  int64_t * asked = state;
+  const struct inputs * in = inputs;
+  *asked = in->y ? -1 : in->x && *asked < 0 ? tick : *asked;
+  verdicts[ANSWER] = *asked < 0 || tick - *asked <= WINDOW;
+  return *asked >= 0 && verdicts[ANSWER] ? *asked + WINDOW + 1 : FM_NEVER;
+}
+
+static void step_answer(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  (void)inputs;
+  verdicts[ANSWER] = true;
+}
+
+static void reset_fed(void * state) {(void)state;}
+
+static int64_t fed_at(void * state, const void * inputs, bool * verdicts, int64_t tick)
+{
+  (void)state;
+  (void)inputs;
+  (void)tick;
+  verdicts[FED] = true;
+  return FM_NEVER;
+}
+
+static void step_fed(void * state, const void * inputs, bool * verdicts)
+{
+  (void)fed_at(state, inputs, verdicts, 0);
+}
+
+static const uint32_t numbers[] = {0, 1};
+static const struct fm_input inputs[] = {
+  {"x", (uint32_t)offsetof(struct inputs, x), FM_BOOL},
+  {"y", (uint32_t)offsetof(struct inputs, y), FM_BOOL}};
+static const struct fm_group groups[] = {
+  {numbers, 2, &numbers[ANSWER], 1, reset_answer, step_answer, answer_at},
+  {&numbers[Y], 1, &numbers[FED], 1, reset_fed, step_fed, fed_at}};
+static const struct fm_requirement requirements[] = {{"ANSWER", 0}, {"FED", 1}};
+static const struct fm_monitor monitor = {
+  FM_ABI, N_TOPICS, 2, N_REQUIREMENTS, sizeof(int64_t), sizeof(struct inputs), inputs, groups,
+  requirements, "backlog", "", NULL, NULL, 0, NULL};
+static const struct fm_topic topics[] = {{&numbers[X], 1}, {&numbers[Y], 1}};
+static const uint8_t reports[] = {FM_ONSET, FM_ONSET};
+static const bool violates[] = {false, true};
+
+static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)
+{
+  (void)size;
+  if (cost_ms > 0) {
+    sleep_ms(cost_ms);
+  }
+  fields[0].value.i = message[0];
+  fields[0].outcome = FM_FIELD_READ;
+  return true;
+}
+
+static const struct fm_reader reader[] = {{read_message, 1, NULL}, {read_message, 1, NULL}};
+static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
+
+// ---- a bench -----------------------------------------------------------------------------------
+
+static void * memory;
+static struct fm_receiver * receivers[N_TOPICS];
+static struct fm_violation taken[MOST];
+static uint32_t n_taken;
+
+static struct fm_engine * make(uint32_t policy, int64_t timeout)
+{
+  const int64_t timeouts[] = {0, timeout};
+  const struct fm_evaluator_options evaluator = {
+    &monitor, topics, N_TOPICS, policy, reports, timeouts, violates, 0, 0, NULL, false, NULL};
+  memory = NULL;
+  CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&evaluator)) == 0);
+  const struct fm_engine_options options = {
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, N_TOPICS, NULL, false, 0,
+    false};
+  struct fm_engine * engine = fm_engine_create(&options);
+  memset(subscriptions, 0, sizeof(subscriptions));
+  n_taken = 0;
+  fm_engine_follow_steady(engine);
+  for (uint32_t topic = 0; topic < N_TOPICS; ++topic) {
+    CHECK(fm_receiver_start(
+        &receivers[topic], engine, &middleware, &subscriptions[topic], topic, FM_LISTEN));
+  }
+  fm_engine_begin(engine);
+  return engine;
+}
+
+static void destroy(struct fm_engine * engine)
+{
+  for (uint32_t topic = 0; topic < N_TOPICS; ++topic) {
+    CHECK(fm_receiver_stop(&receivers[topic]));
+  }
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+// As the announcer does.
+static void announce(struct fm_engine * engine)
+{
+  n_taken += fm_engine_take(engine, &taken[n_taken], MOST - n_taken, 0);
+}
+
+static bool is_taken(uint32_t requirement, int64_t stamp)
+{
+  for (uint32_t k = 0; k < n_taken; ++k) {
+    const int64_t off = taken[k].stamp - stamp;
+    if (taken[k].requirement == requirement && off < MS && off > -MS) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// ---- tests -------------------------------------------------------------------------------------
+
+static void nothing_is_overdue_while_an_answer_waits(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  receive(Y, false, system_now());
+  call_back(Y);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  call_back(X);
+  announce(engine);
+  receive(Y, true, asked + WINDOW / 2);  // in time, and its thread does not run
+  sleep_ms(2 * WINDOW / MS);
+  receive(X, false, system_now());       // nor is another topic's message taken before it
+  call_back(X);
+  CHECK(subscriptions[X].taken == 1);
+  announce(engine);
+  CHECK(n_taken == 0 && subscriptions[X].taken == 2 && subscriptions[Y].taken == 2);
+  // An answer that is late by its reception is late.
+  const int64_t again = system_now();
+  receive(X, true, again);
+  call_back(X);
+  receive(Y, false, again + 1);
+  call_back(Y);
+  sleep_ms(2 * WINDOW / MS);
+  receive(Y, true, again + WINDOW + MS);
+  announce(engine);
+  CHECK(n_taken == 1 && is_taken(ANSWER, again + WINDOW));
+  destroy(engine);
+}
+
+static void an_input_is_not_silent_while_its_message_waits(uint32_t policy)
+{
+  struct fm_engine * engine = make(policy, TIMEOUT);
+  const int64_t fed = system_now();
+  receive(Y, true, fed);
+  call_back(Y);
+  announce(engine);
+  receive(Y, true, fed + TIMEOUT / 2);  // waits
+  receive(X, true, fed + TIMEOUT / 4);
+  sleep_ms(3 * TIMEOUT / 2 / MS + 10);
+  announce(engine);
+  CHECK(n_taken == 2 && fm_engine_silence(engine, Y).count == 1);  // ANSWER reads y, too
+  CHECK(is_taken(FED, fed + 3 * TIMEOUT / 2) && is_taken(ANSWER, fed + 3 * TIMEOUT / 2));
+  destroy(engine);
+}
+
+static void a_message_counts_from_its_reception_however_late_it_is(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  const int64_t begun = system_now();
+  sleep_ms(1200);
+  receive(Y, false, begun + MS);
+  receive(X, true, begun + 2 * MS);
+  announce(engine);
+  CHECK(n_taken == 1 && is_taken(ANSWER, begun + 2 * MS + WINDOW));
+  destroy(engine);
+}
+
+static void a_message_of_before_the_system_time_was_set_counts_as_well(int64_t seconds)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  receive(Y, false, system_now());
+  call_back(Y);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  sleep_ms(WINDOW / 2 / MS);
+  set_by = seconds * 1000 * MS;
+  fm_receiver_drain(receivers[X]);
+  sleep_ms(2 * WINDOW / MS);
+  announce(engine);
+  CHECK(n_taken == 1 && is_taken(ANSWER, asked + WINDOW + set_by));
+  set_by = 0;
+  destroy(engine);
+}
+
+static void a_flood_does_not_suspend_a_deadline(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  receive(Y, false, system_now());
+  call_back(Y);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  call_back(X);
+  uint32_t rounds = 0;
+  while (n_taken == 0 && rounds < MOST / MOST_AT_ONCE - 1) {
+    for (uint32_t k = 0; k < MOST_AT_ONCE; ++k) {
+      receive(Y, false, system_now());
+    }
+    call_back(Y);  // takes one
+    sleep_ms(WINDOW / 10 / MS);
+    announce(engine);
+    rounds += 1;
+  }
+  CHECK(n_taken == 1 && is_taken(ANSWER, asked + WINDOW));
+  CHECK(subscriptions[Y].taken < subscriptions[Y].sent);
+  destroy(engine);
+}
+
+static int64_t sim_time = 0;
+
+static int read_sim_time(void * clock, int64_t * nanoseconds)
+{
+  (void)clock;
+  *nanoseconds = sim_time;
+  return 0;
+}
+
+static void move_clock(struct fm_engine * engine, int64_t to)
+{
+  sleep_ms(2);
+  sim_time = to;
+  fm_engine_wake(engine);
+  sleep_ms(2);
+}
+
+static void under_a_clock_a_message_counts_from_what_it_said_then(bool is_in_time)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  receive(Y, false, system_now());
+  call_back(Y);
+  receive(X, true, system_now());
+  call_back(X);
+  announce(engine);
+  move_clock(engine, 1040 * MS);
+  const int64_t early = system_now();
+  move_clock(engine, 1060 * MS);
+  receive(Y, true, is_in_time ? early : system_now());
+  move_clock(engine, 1080 * MS);
+  announce(engine);
+  CHECK(n_taken == (is_in_time ? 0u : 1u) && subscriptions[Y].taken == 2);
+  CHECK(is_in_time || (taken[0].requirement == ANSWER && taken[0].stamp == 1050 * MS + 2));
+  destroy(engine);
+}
+
+static void callbacks_that_take_too_long_leave_their_messages(void)
+{
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0);
+  announce(engine);
+  cost_ms = 2;
+  uint32_t n = 0;
+  while (subscriptions[X].taken == subscriptions[X].sent && n < 1000) {
+    receive(X, true, system_now());
+    call_back(X);
+    n += 1;
+  }
+  CHECK(n > 1 && n < 1000);
+  cost_ms = 0;
+  announce(engine);
+  CHECK(subscriptions[X].taken == n);
+  n = 0;
+  do {  // callbacks take them again once there is less to do
+    sleep_ms(50);
+    receive(X, true, system_now());
+    announce(engine);
+    receive(X, true, system_now());
+    call_back(X);
+    n += 1;
+  } while (subscriptions[X].taken < subscriptions[X].sent && n < 100);
+  CHECK(n > 10 && n < 100);
+  destroy(engine);
+}
+
+int main(void)
+{
+  nothing_is_overdue_while_an_answer_waits();
+  an_input_is_not_silent_while_its_message_waits(FM_TIMED);
+  an_input_is_not_silent_while_its_message_waits(FM_RELEVANT_MESSAGE);
+  a_message_counts_from_its_reception_however_late_it_is();
+  a_message_of_before_the_system_time_was_set_counts_as_well(3600);
+  a_message_of_before_the_system_time_was_set_counts_as_well(-3600);
+  a_flood_does_not_suspend_a_deadline();
+  under_a_clock_a_message_counts_from_what_it_said_then(true);
+  under_a_clock_a_message_counts_from_what_it_said_then(false);
+  callbacks_that_take_too_long_leave_their_messages();
+  return failures == 0 ? 0 : 1;
+}
