@@ -264,6 +264,15 @@ def test_a_wrong_cell_is_underlined(here: Here) -> None:
     ]
 
 
+@pytest.mark.parametrize('rows', [1, 100])  # a few are read in Python, many in C
+def test_the_verdicts_of_the_rows_before_a_wrong_cell_are_printed(here: Here, rows: int) -> None:
+    trace = here.file('trace.csv', HEADING + GOOD * rows + '0,0,0,IDLE,\n' + GOOD)
+    done = here.run('simulate', here.file('pump.yaml', PUMP), '--trace', trace)
+    assert done.status == 1
+    assert done.out.splitlines()[1:] == [f'{step},0,1,1' for step in range(rows)]
+    assert f'trace.csv:{rows + 2}:' in done.err
+
+
 @pytest.mark.parametrize('rest', ['', '\n', '\n0,0,0,0,moving\n\n'])
 def test_an_unclosed_quote_is_shown_where_its_row_begins(here: Here, rest: str) -> None:
     assert refused(here, HEADING + GOOD + '1,"2' + rest).splitlines() == [
