@@ -145,6 +145,7 @@ def test_a_simulation_that_starts_again_starts_the_requirements_afresh(
         node.wait_for('the requirements start afresh')
         assert operator.status('time of bundle')[2]['restarts'] == '1'
         # Asked at the begin, for it keeps its values: false at once, for there was no answer.
+        simulator.go(0.1)  # what is due at the time at which the clock stands waits until it moves
         partner.expect({'ANSWER': 2})
         answer.publish(Bool(data=True))
         assert listener.wait_for(3)[2].is_recovery
