@@ -628,6 +628,8 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     "spec", "library", "policy", "period", "rate", "hot_path"};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
+    const char * dot = strrchr(name, '.');
+    const char * last = dot == NULL ? name : dot + 1;
     if (fm_parameter_find(parameters, name) != NULL ||
       (begins_with(name, OVERRIDES) && is_of_rcl(name + strlen(OVERRIDES))) ||
       strcmp(name, "start_type_description_service") == 0)
@@ -637,15 +639,15 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     if (is_among(name, compiled, sizeof(compiled) / sizeof(compiled[0]))) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': the bundle is compiled into this node", name);
-    } else if (is_constant(parameters, name)) {
-      fm_log(parameters->node, FM_WARN,
-        "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, name);
     } else if (begins_with(name, OVERRIDES)) {
       warn_of_override(parameters, name);
+    } else if (is_constant(parameters, last)) {
+      fm_log(parameters->node, FM_WARN,
+        "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, last);
     } else {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': this node has use_sim_time, log_level, handler_depth, "
-        "log_violations, autostart", name);
+        "log_violations, autostart, " CONSTANTS "NAME", name);
     }
   }
 }

@@ -350,6 +350,7 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
 ) -> None:
     with running(exported_bundle(faults), *renamed(HANDLERS), '-p', 'handler_depth:=10',
                  '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
+                 '-p', 'constant.most:=1', '-p', 'frame_id:=map',
                  '-p', 'qos_overrides./n.subscription.depth:=7',
                  '-p', 'qos_overrides./n.subscription.reliability:=RELIABLE',
                  '-p', 'qos_overrides./clock.subscription.depth:=1',
@@ -358,6 +359,9 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         assert '/clock.' not in node.output
         assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output
         assert "ignored parameter 'odd': did you mean 'constants.odd'?" in node.output
+        assert "ignored parameter 'constant.most': did you mean 'constants.most'?" in node.output
+        assert re.search(
+            "ignored parameter 'frame_id': this node has .*, constants.NAME", node.output)
         node.process.send_signal(signal.SIGPIPE)  # nobody reads its log any more
         listed = call(partner, ListParameters, 'list_parameters').result.names
         assert {'use_sim_time', 'log_level', 'handler_depth', 'log_violations', 'autostart',
