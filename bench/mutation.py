@@ -63,8 +63,9 @@ _LEFT_OUT = ('without_warnings', 'without_a_warning', 'header_compiles', 'thread
 _PROGRAMS: dict[str, tuple[str, ...]] = {
     'evaluator_scenarios': (), 'timed_scenarios': (), 'evaluator_edges': ('',),
     'evaluator_model': ('0 300', '1 300', '2 300'), 'engine_time': ('',), 'engine_timed': ('',),
-    'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'), 'engine_threads': ('',),
-    'engine_clock': ('',), 'locks': ('',)}
+    'backlog': ('',), 'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'),
+    'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',)}
+_WRAPPED = {'engine_timed': 'clock_gettime', 'backlog': 'clock_gettime'}
 _OTHER_LIBRARIES = ('benchmark.c', 'trials.c')
 _BROKEN = 70  # the status of a child that could not run pytest
 _COPIED = ('bench', 'config', 'csrc', 'docs', 'examples', 'fret_monitor', 'launch', 'resource',
@@ -121,13 +122,14 @@ ROOMS = {
         '*': _ros('feed hot_path raw_topic monitor_node')}),
     'csrc/node': Room(('csrc/node/*.c',), 30, {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('exported_node'),
-        '*': 'test/csrc ' + _ros('exported_node')}),
+        '*': _ros('node_parts exported_node')}),
     'ros': Room(('fret_monitor/ros/*.py', 'fret_monitor/ros/*/*.py'), 50, {
         'action*.py': _ros('actions'),
         'announce*.py': _ros('logger_node violation_log'),
         'handlers.py': _ros('logger_node refusals'),
         'pairing.py': _ros('logger_node'),
         'blackbox.py': _ros('blackbox'),
+        'bundle_session.py': _ros('hot_path missing monitor_node parameters lifecycle faults'),
         'compiled.py': _ros('parts constants usage refusals several'),
         'constants.py': _ros('constants parameters'),
         'detail*.py': _ros('details violation_log monitor_node'),
@@ -390,6 +392,9 @@ class Programs:
         self._programs = {
             name: self._object(copy.root / 'test' / 'csrc' / f'{name}.c', f'program_{name}')
             for name in _PROGRAMS}
+        failing = self._first_failing([*self._engine.values()])
+        if failing is not None:
+            raise RuntimeError(f'{failing} fails without a mutant')
 
     def failing(self, path: Path) -> str | None:
         """Return the first program that fails with the text that a file of the engine now has."""
@@ -397,10 +402,14 @@ class Programs:
             return None
         objects = [*(made for source, made in self._engine.items() if source != path),
                    self._object(path, 'changed')]
+        return self._first_failing(objects)
+
+    def _first_failing(self, objects: list[Path]) -> str | None:
         for name, arguments in _PROGRAMS.items():
             program = self._folder / name
-            subprocess.run(['gcc', self._programs[name], *objects, '-o', program, '-pthread',
-                            '-lm'], check=True, capture_output=True)
+            flags = [f'-Wl,--wrap={_WRAPPED[name]}'] if name in _WRAPPED else []
+            subprocess.run(['gcc', self._programs[name], *objects, *flags, '-o', program,
+                            '-pthread', '-lm'], check=True, capture_output=True)
             for argument in arguments or self._scenarios(program):
                 if not self._succeeds(program, argument):
                     return f'{name} {argument}'.strip()

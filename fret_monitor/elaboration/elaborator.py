@@ -300,7 +300,7 @@ class Elaborator:
         if not isinstance(value, ExactNumber) or value.is_real or value.value < 0:
             is_real = (isinstance(value, ExactNumber) and value.value.denominator == 1
                        and value.is_real)
-            if self._scale.is_timed and isinstance(value, ExactNumber) and value.value > 0:
+            if self._scale.is_timed and isinstance(value, ExactNumber) and value.value >= 0:
                 time = approximate(value.value * (self._scale.unit or 1))
                 refuse('a constant in a bound must be a whole number of units', node.span,
                        f'this is {describe(declaration.term)}' + ', as a real number' * is_real,

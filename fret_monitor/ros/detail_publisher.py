@@ -47,8 +47,7 @@ class DetailPublisher:
         self._engine.close()
         self._is_over.set()
         self._details.listening.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
         native_lifetimes.release(self)
 
     @property

@@ -603,9 +603,9 @@ class Guarded:
         settings = monitor.manifest.gate
         assert settings is not None and settings.topic is not None
         self.raw, self.y = settings.topic, 1 - settings.topic
-        evaluator = Evaluator(monitor, reports_recoveries=True)
-        self.engine = Engine(evaluator)
-        self.engine.guard(MessageGate(evaluator, settings))
+        self.evaluator = Evaluator(monitor, reports_recoveries=True)
+        self.engine = Engine(self.evaluator)
+        self.engine.guard(MessageGate(self.evaluator, settings))
         self.engine.follow_steady()
         self.engine.begin()
 
@@ -709,6 +709,30 @@ def test_a_substitute_has_no_stamp_before_the_clock_has_a_time(tmp_path: Path) -
     gated.engine.follow_clock(ffi.NULL, ffi.NULL, is_outdated=True)
     stamped = gated.engine.replace(message, stamp_at=4)
     assert stamped is not None and stamped[4:12] == bytes(8)
+
+
+def test_without_a_time_a_message_is_judged_at_the_last_one(tmp_path: Path) -> None:
+    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed')
+    gated = Guarded(tmp_path, text.replace('H (x < y)', '(O[0,1 ns] y < 1.0) -> x <= 0.0'))
+    gated.sense(0.5)
+    assert gated.send(0.0) is PASSED
+    gated.sense(9.0)
+    assert gated.send(0.0) is PASSED
+    assert gated.send(1.0) is PASSED  # y < 1 is over since
+    gated.engine.follow_clock(ffi.NULL, ffi.NULL, is_outdated=True)
+    assert gated.send(2.0) is PASSED
+
+
+def test_under_timed_what_is_due_a_nanosecond_after_a_message_is_taken_with_it(
+        tmp_path: Path) -> None:
+    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed').replace(
+        'gates:', '  - {id: Y, ptltl: "H !(Y (x > 3.0))"}\ngates:').replace('[X]', '[X, Y]')
+    gated = Guarded(tmp_path, text)
+    gated.sense(9.0)
+    assert gated.send(3.0) is PASSED
+    assert gated.evaluator.requirement_counts(1).announced == 0
+    assert gated.send(4.0) is PASSED
+    assert gated.evaluator.requirement_counts(1).announced == 1
 
 
 def test_under_timed_a_message_that_waited_is_judged_when_it_is_sent(tmp_path: Path) -> None:

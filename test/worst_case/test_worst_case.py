@@ -46,6 +46,7 @@ from fret_monitor.program.cost import Cost, COSTS, kinds, LIBRARY_COSTS, step_co
 from fret_monitor.program.layout import GroupLayout, lay_out
 from fret_monitor.program.lower import lower
 from fret_monitor.smt.terms import LIBRARY
+from program import written
 import pytest
 from strategies import (
     EXAMPLES, INPUTS, property_of, random_inputs, random_property, specification_of,
@@ -265,6 +266,38 @@ def test_each_group_is_counted_once() -> None:
             [property_of(f'R-{item.name}', item) for item in operands], operands)))['group']
 
     assert (groups(P), groups(P, Q)) == (1, 2)
+
+
+# Of each requirement, what it counts besides inputs, literals, relations and its verdict.
+@pytest.mark.parametrize(('formula', 'operations'), [
+    ('Y p', 'bit'),
+    ('p S q', 'bit'),
+    ('p & q', 'connective'),
+    ('O[7,7] p', 'delay, word'),
+    ('O[100,100] p', 'delay, ring'),
+    ('O[0,7] p', 'counter, O H [0,b]'),
+    ('H[0,7] p', 'counter, O H [0,b]'),
+    ('p S[0,7] q', 'counter, S T [0,b]'),
+    ('p T[0,7] q', 'counter, S T [0,b]'),
+    ('O[>=5] p', 'counter, O H [a,inf)'),
+    ('p S[>=5] q', 'counter, S T [a,inf)'),
+    ('u > 0.5', 'conversion, uint64 to float'),
+    ('d > n', 'conversion, to float'),
+    ('m > n', 'conversion, to integer'),
+    ('u > m', 'relation, int64 with uint64'),
+    ('abs(x) > y', 'abs, float'),
+    ('-x > y', 'minus, float'),
+    ('x / y > x', 'div mod, float'),
+    ('max(x, y) > x', 'min max, float'),
+    ('x + y > x', '+ - *, float'),
+])
+def test_each_operation_is_counted_once(formula: str, operations: str) -> None:
+    found = kinds(written.layouts_of(written.specified(formula)))
+    others = {'step', 'group', 'verdict', 'use', 'position of rings', 'relation, float',
+              'relation, integer', 'literal, float', 'literal, integer', 'input, float',
+              'input, integer', 'input, Boolean'}
+    assert {kind: count for kind, count in found.items() if count and kind not in others} == {
+        operations: 1}
 
 
 def test_the_costs_in_the_documentation_are_those_in_use() -> None:
