@@ -19,12 +19,18 @@ Fly a simulated quadrotor under a monitor: three processes over DDS.
     python3 demo.py
 
 The vehicle of `quadrotor.py` flies with a fault, faster than real time: it publishes its time on
-/clock. Its messages are evaluated again by the reference semantics; the demo succeeds (exit status
-0) if the logger printed exactly the violations found, in the same order and at their times.
+/clock. What the monitor received is in its black box, with the times at which it received it. That
+is evaluated again by the reference semantics; the demo succeeds (exit status 0) if the monitor
+received what was published, and the logger printed exactly the violations found, in the same order
+and with the same times, to the millisecond.
+
+A message can overtake the /clock that was published before it. The monitor then receives it a
+tick of the clock (0.1 s) earlier than the vehicle sent it, so that times differ from run to run.
 """
 
 from collections.abc import Iterator, Mapping, Set
 from contextlib import contextmanager
+from dataclasses import dataclass
 import os
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -42,6 +48,7 @@ from fret_monitor import build
 from fret_monitor.logic.formula import Historically, variables
 from fret_monitor.logic.specification import Specification
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace
+from rosbags.rosbag2 import Reader
 
 HERE = Path(__file__).resolve().parent
 BUNDLE = HERE.parent / 'config' / 'quadrotor.yaml'
@@ -50,9 +57,11 @@ NODE = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}"; 
 START_PATIENCE = 60.0  # s; the first start compiles
 FLIGHT_PATIENCE = 60.0  # s
 SPEED = 8.0  # simulated seconds a second
-TAKES_OFF_AT = 1000.0  # s on /clock, as in quadrotor.py
-TOLERANCE = 0.5  # s between a published message and its reception on /clock
+BOX_SECONDS = 60.0  # real time that the black box goes back: to the start
+TAKES_OFF_AT = 1000  # s on /clock, as in quadrotor.py
 END_PATIENCE = 10.0  # s
+END_TOPIC = '/blackbox_end'  # of the message that marks the end of a black box
+CDR_HEAD = 4  # bytes before the value of a serialized Float32
 
 VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*?)(?: \[(.* after its start: .*)\])?')
 RECOVERED = re.compile(r'(\S+) satisfied again at ([0-9.]+): .*')
@@ -140,16 +149,18 @@ class Story:
 
     def violate(self, name: str, stamp: str, sentence: str, values: str | None) -> None:
         """Write that a requirement is violated."""
-        flown = float(stamp) - TAKES_OFF_AT
-        self.say(f'  ***** {name} VIOLATED at {flown:.1f} s of the flight', 31)
+        self.say(f'  ***** {name} VIOLATED at {_flown(stamp)} s of the flight', 31)
         self.paragraph('        ', sentence, 31)
         if values:
             self.paragraph('        ', values, 31)
 
     def recover(self, name: str, stamp: str) -> None:
         """Write that a requirement is satisfied again."""
-        flown = float(stamp) - TAKES_OFF_AT
-        self.say(f'  ***** {name} satisfied again at {flown:.1f} s of the flight', 32)
+        self.say(f'  ***** {name} satisfied again at {_flown(stamp)} s of the flight', 32)
+
+
+def _flown(stamp: str) -> str:
+    return f'{float(stamp) - TAKES_OFF_AT:.3f}'
 
 
 def _bar(value: float, most: float, width: int = 16) -> str:
@@ -164,10 +175,10 @@ def main() -> int:
     story = Story()
     try:
         with TemporaryDirectory(prefix='fret_monitor_demo_') as folder:
-            log = Path(folder) / 'flight.csv'
+            log, box = Path(folder) / 'flight.csv', Path(folder) / 'blackbox'
             log.touch()
-            announced = _perform(story, log)
-            return _judge(story, announced, log)
+            announced = _perform(story, log, box)
+            return _judge(story, announced, log, box)
     except Failure as failure:
         story.say(f'FAILED: {failure}', 31)
         return 1
@@ -180,7 +191,7 @@ def _interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _perform(story: Story, log: Path) -> list[tuple[str, float]]:
+def _perform(story: Story, log: Path, box: Path) -> list[tuple[str, str]]:
     """Run the three processes; return id and stamp of the violations logged, in order."""
     story.say('A quadrotor flies through wind. These are its requirements:')
     specification = build.read(BUNDLE).specification
@@ -188,7 +199,8 @@ def _perform(story: Story, log: Path) -> list[tuple[str, float]]:
         story.paragraph(f'  {item.id}  ', item.title or item.text)
     story.say()
     with _process('monitor', f'spec:={BUNDLE}', 'use_sim_time:=true',
-                  'log_violations:=false') as monitor, \
+                  'log_violations:=false', f'blackbox:={box}',
+                  f'blackbox_seconds:={BOX_SECONDS}') as monitor, \
             _process('logger', f'spec:={BUNDLE}', 'use_sim_time:=true') as logger:
         story.say('  monitor: ' + _message(monitor.wait_for('watching', START_PATIENCE)))
         story.say('  logger:  ' + _message(logger.wait_for('listening', START_PATIENCE)))
@@ -228,9 +240,9 @@ def _environment() -> dict[str, str]:
     }
 
 
-def _follow(story: Story, vehicle: Process, logger: Process) -> list[tuple[str, float]]:
+def _follow(story: Story, vehicle: Process, logger: Process) -> list[tuple[str, str]]:
     """Show the flight until it is over; return id and stamp of the violations logged."""
-    announced: list[tuple[str, float]] = []
+    announced: list[tuple[str, str]] = []
     end = monotonic() + FLIGHT_PATIENCE
     quiet_since = monotonic()
     count = 0
@@ -258,13 +270,13 @@ def _tell_flight(story: Story, line: str, count: int) -> int:
     return 1
 
 
-def _tell_violations(story: Story, logger: Process) -> list[tuple[str, float]]:
+def _tell_violations(story: Story, logger: Process) -> list[tuple[str, str]]:
     announced = []
     for line in logger.new_lines():
         found = VIOLATED.fullmatch(_message(line))
         if found:
             story.violate(*found.groups())
-            announced.append((found.group(1), float(found.group(2))))
+            announced.append((found.group(1), _flown(found.group(2))))
         elif recovered := RECOVERED.fullmatch(_message(line)):
             story.recover(*recovered.groups())
         else:
@@ -283,56 +295,93 @@ def _expect_quiet_end(process: Process) -> None:
             [f'the {process.name} ended with status {status}:', *process.new_lines()]))
 
 
-def _judge(story: Story, announced: list[tuple[str, float]], log: Path) -> int:
+def _judge(story: Story, announced: list[tuple[str, str]], log: Path, box: Path) -> int:
     """Compare the announced violations with the reference semantics."""
-    flight = [line.split(',') for line in log.read_text(encoding='utf-8').splitlines()]
-    expected = list(_expected(build.read(BUNDLE).specification, flight))
+    published = [line.split(',') for line in log.read_text(encoding='utf-8').splitlines()]
+    received, end = _received(box)
+    _compare(published, received)
+    expected = list(_expected(build.read(BUNDLE).specification, received, end))
     story.say()
-    story.say(f'{len(flight)} messages were published. By the reference semantics they violate:')
-    for seconds, name in expected:
-        story.say(f'  {name}  at {seconds:.1f} s of the flight')
-    if not expected or [name for name, _ in announced] != [name for _, name in expected]:
-        raise Failure(f"announced was: {', '.join(name for name, _ in announced) or 'nothing'}")
-    for (name, stamp), (seconds, _) in zip(announced, expected, strict=True):
-        if abs(stamp - TAKES_OFF_AT - seconds) > TOLERANCE:
-            raise Failure(f'{name} was announced for {stamp - TAKES_OFF_AT:.1f} s')
-    story.say('Exactly these were announced.', 32)
+    story.say(f'{len(published)} messages were published, and {len(received)} of them are in the '
+              'black box of the monitor.')
+    story.say('By the reference semantics they violate, at the times at which it received them:')
+    for name, flown in expected:
+        story.say(f'  {name}  at {flown} s of the flight')
+    if not expected or announced != expected:
+        shown = (f'{name} at {flown} s' for name, flown in announced)
+        raise Failure(f"announced was: {', '.join(shown) or 'nothing'}")
+    story.say('Exactly these were announced, at exactly these times.', 32)
     return 0
 
 
-def _expected(specification: Specification,
-              flight: list[list[str]]) -> Iterator[tuple[float, str]]:
-    """Yield time and id of each occurrence due, in the order of time."""
+@dataclass(frozen=True)
+class Message:
+    """A message as the monitor received it: the time on its clock (ns), topic and value."""
+
+    time: int
+    topic: str
+    value: float
+
+
+def _received(box: Path) -> tuple[list[Message], int]:
+    """Return the messages in the last file of a black box, and the time (ns) at its end."""
+    files = sorted(box.glob('blackbox_*.mcap'))
+    if not files:
+        raise Failure('the monitor has written no black box')
+    messages: list[Message] = []
+    time = 0
+    with Reader(files[-1]) as reader:
+        for connection, stamp, data in reader.messages():
+            # Of two messages at one time of /clock, the second counts a nanosecond later.
+            time = max(stamp, time + 1)
+            if not connection.topic.endswith(END_TOPIC):
+                value, = struct.unpack_from('<f', data, CDR_HEAD)
+                messages.append(Message(time, connection.topic, value))
+    return messages, time
+
+
+def _compare(published: list[list[str]], received: list[Message]) -> None:
+    """Raise `Failure` unless what was received is what was published, up to the file's end."""
+    for topic in {topic for _, topic, _ in published}:
+        sent = [_as_float32(float(value)) for _, name, value in published if name == topic]
+        found = [item.value for item in received if item.topic == topic]
+        if not found or found != sent[:len(found)]:
+            raise Failure(f'the monitor has not received each message on {topic}')
+
+
+def _expected(specification: Specification, received: list[Message],
+              end: int) -> Iterator[tuple[str, str]]:
+    """Yield id and time of each occurrence due, in the order of time."""
     fed = {f'/{item.topic}': item.name for item in specification.signals}
     found = []
     for place, item in enumerate(specification.properties):
         read = {variable.name for variable in variables(item.formula)}
-        ticks, trace = _rows(flight, fed, read)
+        times, trace = _rows(received, fed, read)
         always = item.formula
         watched = always.argument if isinstance(always, Historically) else always
-        history, = evaluate_timed([watched], TimedTrace(ticks, trace, ticks[-1]), item.feedback)
-        began = max(next(float(seconds) for seconds, topic, _ in flight if fed[topic] == name)
-                    for name in read)
-        found += [(began + tick * 1e-9, place) for tick, value in history if not value]
-    for seconds, place in sorted(found):
-        yield seconds, specification.properties[place].id
+        ticks = [time - times[0] for time in times]
+        history, = evaluate_timed(
+            [watched], TimedTrace(ticks, trace, end - times[0]), item.feedback)
+        found += [(times[0] + tick, place) for tick, value in history if not value]
+    for time, place in sorted(found):
+        yield specification.properties[place].id, _flown(f'{time / 1e9:.3f}')
 
 
-def _rows(flight: list[list[str]], fed: Mapping[str, str],
+def _rows(received: list[Message], fed: Mapping[str, str],
           read: Set[str]) -> tuple[list[int], dict[str, list[float]]]:
-    """Return the messages that a requirement reads as a timed trace, once all have a value."""
+    """Return times and values of the messages that a requirement reads, once all have a value."""
     values: dict[str, float] = {}
-    times: list[float] = []
+    times: list[int] = []
     trace: dict[str, list[float]] = {name: [] for name in read}
-    for seconds, topic, value in flight:
-        if fed[topic] not in read:
+    for item in received:
+        if fed[item.topic] not in read:
             continue
-        values[fed[topic]] = _as_float32(float(value))
+        values[fed[item.topic]] = item.value
         if len(values) == len(read):
-            times.append(float(seconds))
+            times.append(item.time)
             for name in read:
                 trace[name].append(values[name])
-    return [round((time - times[0]) * 1e9) for time in times], trace
+    return times, trace
 
 
 def _as_float32(value: float) -> float:

@@ -46,6 +46,8 @@ CURRENT_LIMIT = 15.0  # A; the guard lets more than this pass for GUARD_PATIENCE
 GUARD_PATIENCE = 12.0  # s
 TAKES_OFF_AT = 1000  # s, the time on /clock
 BREEZE = 4.0  # m/s
+DEPTH = 100  # messages that a busy subscriber may be behind
+MATCH_S = 1.0  # a monitor may replace its subscriptions to match the publishers' QoS
 
 # (begins at, wind that blows, what happens)
 FLIGHT = (
@@ -112,8 +114,8 @@ class Quadrotor(Node):
         self._speed: float = self.declare_parameter('speed', 1.0).value
         is_simulated = self._speed != 1.0
         self._time = self.create_publisher(Clock, '/clock', 10) if is_simulated else None
-        self._wind = self.create_publisher(Float32, 'windspeed', 10)
-        self._current = self.create_publisher(Float32, 'motor/current', 10)
+        self._wind = self.create_publisher(Float32, 'windspeed', DEPTH)
+        self._current = self.create_publisher(Float32, 'motor/current', DEPTH)
 
     def fly(self) -> None:
         """Publish the flight, once there are subscriptions."""
@@ -129,6 +131,9 @@ class Quadrotor(Node):
 
     def _wait_until(self, start: float, time: float) -> None:
         sleep(max(0.0, start + time / self._speed - monotonic()))
+        self._set_clock(time)
+
+    def _set_clock(self, time: float) -> None:
         if self._time is not None:
             tenths = round(10 * (TAKES_OFF_AT + time))
             self._time.publish(Clock(clock=Time(
@@ -139,10 +144,17 @@ class Quadrotor(Node):
         while monotonic() - start < patience:
             topics = (self._wind, self._current, self._time)
             if all(item is None or item.get_subscription_count() for item in topics):
-                sleep(1.0)  # a monitor may replace its subscriptions to match the publishers' QoS
+                self._stand()
                 return
             sleep(0.1)
         self.get_logger().warning('no subscription; flying anyway')
+
+    def _stand(self) -> None:
+        """Let the subscribers know the time before the first message."""
+        end = monotonic() + MATCH_S
+        while monotonic() < end:
+            self._set_clock(0.0)
+            sleep(0.1)
 
     def _say(self, sample: Sample) -> None:
         event = f'   {sample.event}' if sample.event else ''

@@ -116,4 +116,4 @@ def test_the_demo_logs_the_violations_and_succeeds() -> None:
     assert (done.returncode, done.stderr) == (0, ''), f'{done.stdout}{done.stderr}'
     told = Counter(re.findall(r'\*{5} (\S+) VIOLATED at', done.stdout))
     assert told == {'ROS-001': 2, 'ROS-002': 1}
-    assert done.stdout.endswith('Exactly these were announced.\n')
+    assert done.stdout.endswith('Exactly these were announced, at exactly these times.\n')
