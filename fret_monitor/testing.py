@@ -358,7 +358,7 @@ def _played_once(bundle: Path, manifest: 'Manifest', played: _Played,
         stack.callback(watched.end)
         try:
             watched.wait()
-            player.wait(1 if process is None else 2, seconds)
+            player.wait(watched.node_name, 1 if process is None else 2, seconds)
         except AssertionError as error:
             ended = [] if process is None else process.ending()
             raise _DoesNotStart('\n'.join([str(error), *ended])) from None

@@ -25,7 +25,7 @@ from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, Diagnostic, Level
 from fret_monitor.testgen.folder import (
-    as_dict, check_output, lines, PYTEST_FILE, write_suite,
+    as_dict, check_output, lines, pytest_file, write_suite,
 )
 from fret_monitor.testgen.played import obstacle
 from fret_monitor.testgen.suite import make_suite
@@ -67,5 +67,5 @@ def run(options: Namespace) -> int:
     print(f'\n{options.output}: {counted(len(suite.cases), "trace")}, '
           f'{counted(count, "file")}')
     if reason := obstacle(reading.specification):
-        print(f'no {PYTEST_FILE}: {reason}')
+        print(f'no {pytest_file(reading)}: {reason}')
     return 0

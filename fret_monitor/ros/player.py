@@ -15,35 +15,39 @@
 """
 Publishes the rows of a trace as messages, for tests of nodes.
 
-With `/clock` it also decides how much time passes for the monitor (`testgen/played.py`).
+With `/clock` it also decides how much time passes for the monitor (`testgen/played.py`). After
+each message it waits until the monitor has answered a request, which the middleware delivers after
+that message. With the answer comes the monitor's time, so that no message overtakes its `/clock`.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from threading import Thread
+from threading import Event, Thread
 from time import monotonic, sleep
 from types import TracebackType
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from fret_monitor.model.manifest import Manifest, ManifestInput, SECONDS
 from fret_monitor.model.playing import repeat_interval, stamp_of
 from fret_monitor.model.policies import Policy
 from fret_monitor.ros.fields import message_class
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import qos_profile_parameter_events, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-_SETTLE_S = 0.05  # for what was received to take effect
-_END_S = 0.2  # the same after the last row
-# So that messages on several topics arrive in their order. `wait_for_all_acked` can take seconds.
-_BETWEEN_S = 0.005
+_END_S = 0.2  # for what is due at the end
+_TRIES = 100  # of a message on `/clock`
 _MATCH_S = 0.3  # discovery is not symmetric: the other side matches a moment later
 _NODE_MATCH_S = 1.0  # the same for a node and the monitor
 _START_NS = 10**9  # of the simulated time
+_PAST_NS = 1  # what is due at a time of `/clock` is taken when that has moved past it
 
 Make = Callable[[str, Mapping[str, Any]], Any]
 """Returns the message of a topic from the values of its inputs, by name."""
@@ -109,9 +113,11 @@ class Player:
         return next(item.message_type for item in self._manifest.inputs
                     if item.topic == topic and item.message_type is not None)
 
-    def wait(self, listeners: int, seconds: float) -> None:
+    def wait(self, monitor: str, listeners: int, seconds: float) -> None:
         """
         Wait until each topic has so many subscriptions, and the others of the bundle a publisher.
+
+        `monitor` is the name of the monitor's node.
 
         Raises
         ------
@@ -120,6 +126,7 @@ class Player:
         """
         others = {item.topic for item in self._manifest.inputs if item.topic is not None} \
             - set(self._topics)
+        self._monitor = _MonitorTime(self.node, monitor, seconds)
         end = monotonic() + seconds
         while True:
             listener = 'the monitor' if listeners == 1 else 'the node'
@@ -128,6 +135,8 @@ class Player:
                        if publisher.get_subscription_count() < listeners]
             if self._clock is not None and not self._clock.get_subscription_count():
                 missing.append('the monitor does not subscribe to /clock')
+            if not self._monitor.is_reachable():
+                missing.append('the monitor has no parameters')
             missing += [f'nobody publishes {topic}' for topic in sorted(others)
                         if not self.node.count_publishers(topic)]
             if not missing:
@@ -155,9 +164,9 @@ class Player:
             before = row
             sleep(self._pause)
             if not is_timed and step:
-                self._pass_time((number + 1) * step, before)
+                self._pass_time((number + 1) * step + _PAST_NS, before)
         if is_timed:
-            self._pass_time(end - times[0], before)
+            self._pass_time(end - times[0] + _PAST_NS, before)
         sleep(_END_S)
 
     def _pass_time(self, until: int, row: Sequence[Any] | None) -> None:
@@ -175,8 +184,11 @@ class Player:
         seconds, rest = divmod(_START_NS + nanoseconds, 10**9)
         message = Clock()
         message.clock.sec, message.clock.nanosec = seconds, rest
-        self._clock.publish(message)
-        sleep(_SETTLE_S)
+        for _ in range(_TRIES):  # its subscription is best effort
+            self._clock.publish(message)
+            if self._monitor.receive_all() == message.clock:
+                return
+        raise AssertionError('the monitor does not follow /clock')
 
     def _publish(self, row: Sequence[Any], before: Sequence[Any] | None) -> None:
         self._publish_topics([
@@ -186,9 +198,7 @@ class Player:
     def _publish_topics(self, topics: Sequence[str], row: Sequence[Any]) -> None:
         for topic in topics:
             self._publishers[topic].publish(self._message(topic, row))
-            sleep(_BETWEEN_S)
-        if self._clock is not None:
-            sleep(_SETTLE_S)
+            self._monitor.receive_all()
 
     def _message(self, topic: str, row: Sequence[Any]) -> Any:
         inputs = [(self._manifest.inputs[place], row[place]) for place in self._topics[topic]]
@@ -198,6 +208,51 @@ class Player:
         for item, value in inputs:
             _set(message, item, _named(item, value))
         return message
+
+
+class _MonitorTime:
+    """
+    Asks the monitor for its time, by setting a parameter to the value that it has.
+
+    The monitor publishes an event with its time, and then answers.
+    """
+
+    def __init__(self, node: Node, monitor: str, seconds: float) -> None:
+        """Prepare to ask a node in the same namespace; it has some seconds for each answer."""
+        self._name = node.resolve_service_name(monitor)
+        self._seconds = seconds
+        self._time: Time | None = None
+        self._client = node.create_client(SetParameters, f'{monitor}/set_parameters')
+        node.create_subscription(
+            ParameterEvent, '/parameter_events', self._take, qos_profile_parameter_events)
+
+    def _take(self, event: ParameterEvent) -> None:
+        if event.node == self._name:
+            self._time = event.stamp
+
+    def is_reachable(self) -> bool:
+        """Whether it can be asked."""
+        return self._client.service_is_ready()
+
+    def receive_all(self) -> Time | None:
+        """
+        Wait until the monitor has received what was published before; return its time then.
+
+        None if an event was lost, since its publisher was not known yet.
+
+        Raises
+        ------
+        AssertionError
+            if it does not answer.
+        """
+        is_done = Event()
+        self._client.call_async(SetParameters.Request(parameters=[Parameter(
+            name='log_level', value=ParameterValue(
+                type=ParameterType.PARAMETER_STRING))])).add_done_callback(
+                    lambda _: is_done.set())
+        if not is_done.wait(self._seconds):
+            raise AssertionError(f'the monitor has not answered for {self._seconds:g} s')
+        return self._time
 
 
 def _named(item: ManifestInput, value: Any) -> Any:

@@ -24,6 +24,7 @@ import json
 import math
 import os
 from pathlib import Path
+import re
 
 from fret_monitor.build import Reading
 from fret_monitor.logic.specification import Property, Specification
@@ -44,7 +45,6 @@ from fret_monitor.traces.trace import Row, Value
 FORMAT = 1
 INDEX_FILE = 'tests.json'
 FRET_FILE = 'fret_traces.json'
-PYTEST_FILE = 'test_traces.py'
 _SHORTEST_FRET = 4  # steps; FRET's simulator needs them
 
 
@@ -104,14 +104,24 @@ def write_suite(suite: Suite, monitor: Monitor, reading: Reading, directory: Pat
             _write_json(folder / FRET_FILE, _fret(suite))
         is_played = not obstacle(suite.specification)
         if is_played:
-            names.append(PYTEST_FILE)
-            (folder / PYTEST_FILE).write_text(_pytest(reading, directory), encoding='utf-8')
+            names.append(pytest_file(reading))
+            (folder / names[-1]).write_text(_pytest(reading, directory), encoding='utf-8')
         names.append(INDEX_FILE)
         _write_json(folder / INDEX_FILE, {
             'format': FORMAT, 'bundle_hash': reading.bundle_hash,
             'traces': [_case(case, suite.specification, is_played) for case in suite.cases],
             **as_dict(suite), 'files': sorted(names)})
     return len(names)
+
+
+def pytest_file(reading: Reading) -> str:
+    """
+    Return the name of the test for pytest.
+
+    It has the bundle's name: pytest refuses two files of one name in different folders.
+    """
+    stem = re.sub(r'\W', '_', reading.paths[0].stem, flags=re.ASCII)
+    return f'test_{stem}_traces.py'
 
 
 def trace_name(case: Case) -> str:

@@ -16,6 +16,8 @@
 
 import json
 from pathlib import Path
+import subprocess
+import sys
 
 from cli.command import Here
 from fret_monitor.testgen import folder
@@ -57,6 +59,22 @@ def test_simulate_gives_the_expected_verdicts_on_each_trace(here: Here) -> None:
     before = contents(output)
     assert here.run('tests', bundle, '--output', output).status == 0
     assert contents(output) == before
+
+
+def test_folders_of_several_bundles_are_collected_in_one_run(here: Here) -> None:
+    bundle = VALVE.replace('{type: bool}', '{topic: o, type: std_msgs/msg/Bool}') \
+        .replace('{type: float64}', '{topic: p, type: std_msgs/msg/Float64}') \
+        .replace('{type: string,', '{type: std_msgs/msg/String,')
+    for name in ('valve', 'other valve'):
+        done = here.run('tests', here.file(f'{name}.yaml', bundle), '--output',
+                        here.folder / f'{name} tests')
+        assert (done.status, done.err) == (0, '')
+    collected = subprocess.run(
+        [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
+         here.folder], capture_output=True, text=True, check=False, cwd=here.folder)
+    assert collected.returncode == 0, collected.stdout
+    assert {line.partition('::')[0] for line in collected.stdout.splitlines() if '::' in line} == {
+        'valve tests/test_valve_traces.py', 'other valve tests/test_other_valve_traces.py'}
 
 
 def test_the_document_has_each_obligation_with_its_traces(here: Here) -> None:

@@ -71,12 +71,25 @@ def test_the_monitor_announces_what_the_tests_expect(tmp_path: Path, domain: int
     known = {item['name']: item['announced'] for item in index['traces']}
     assert [[], None, ['STOP']] == [value for value in ([], None, ['STOP'])
                                     if value in known.values()]
-    text = (tmp_path / 'tests' / 'test_traces.py').read_text()
+    text = (tmp_path / 'tests' / 'test_stop_traces.py').read_text()
     assert re.search(r"BUNDLE = \(HERE / '\.\./stop\.yaml'\)", text)
     trace = next(item for item in index['traces'] if item['announced'])
     play_trace(bundle, tmp_path / 'tests' / trace['trace'], trace['announced'])
     with pytest.raises(AssertionError, match='violated: STOP\nexpected: nothing'):
         play_trace(bundle, tmp_path / 'tests' / trace['trace'])
+
+
+@pytest.mark.parametrize(('evaluation', 'trace'), [
+    ('{policy: timed}', 'time,stop,speed\n0,0,2.5\n1,1,2.5\n1.5,1,2.5\n'),
+    ('{policy: periodic, rate: 2}', 'stop,speed\n1,2.5\n0,2.5\n'),
+])
+def test_a_violation_at_the_last_instant_of_a_trace_is_announced(
+    evaluation: str, trace: str, tmp_path: Path, domain: int,
+) -> None:
+    bundle, path = tmp_path / 'stop.yaml', tmp_path / 'trace.csv'
+    bundle.write_text(TIMED.replace('{policy: timed}', evaluation))
+    path.write_text(trace)
+    play_trace(bundle, path, ['STOP'])
 
 
 @pytest.mark.parametrize(('evaluation', 'bound', 'times'), [
