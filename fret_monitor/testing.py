@@ -264,7 +264,8 @@ def play_trace(bundle: str | os.PathLike[str], trace: str | os.PathLike[str],
     seconds
         after which waiting for a process fails.
     pause
-        the time in seconds that a node has after each row; default 0.1 with a node.
+        the time in seconds that a node has after each row, and when `/clock` goes on; default 0.1
+        with a node.
 
     Raises
     ------

@@ -63,7 +63,7 @@ class Player:
 
     def __init__(self, manifest: Manifest, played: Collection[str],
                  make: Make | None = None, pause: float = 0.0) -> None:
-        """Advertise the topics; `pause` is the time in seconds after each row."""
+        """Advertise the topics; `pause` is the time in seconds for a node's answers."""
         self._pause = pause
         self._manifest = manifest
         self._make = make
@@ -176,7 +176,9 @@ class Player:
             self._repeated += self._interval
             self._set_clock(self._repeated)
             self._publish_topics(self._repeats, row)
+            sleep(self._pause)
         self._set_clock(until)
+        sleep(self._pause)
 
     def _set_clock(self, nanoseconds: int) -> None:
         if self._clock is None:

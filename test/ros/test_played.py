@@ -61,6 +61,43 @@ def test_a_node_is_fed_and_its_violation_found(folder: Path, domain: int) -> Non
     check_node('valve.yaml', NODE, tries=1)
 
 
+SLOW = """\
+from time import sleep
+
+import rclpy
+from std_msgs.msg import Bool
+
+rclpy.init()
+node = rclpy.create_node('slow')
+publisher = node.create_publisher(Bool, 'seen', 10)
+
+
+def answer(message):
+    sleep(0.05)
+    publisher.publish(message)
+
+
+node.create_subscription(Bool, 'level', answer, 1)
+rclpy.spin(node)
+"""
+ANSWERED = """\
+format: 1
+evaluation: {policy: timed}
+inputs:
+  level: {topic: level, type: std_msgs/msg/Bool, timeout: 0.6}
+  seen: {topic: seen, type: std_msgs/msg/Bool, role: output, timeout: 0.6, stale: violate}
+requirements: [{id: SEEN, ptltl: seen}]
+"""
+
+
+def test_a_node_has_time_to_answer_while_the_clock_goes_on(tmp_path: Path, domain: int) -> None:
+    bundle, node, trace = (tmp_path / name for name in ('slow.yaml', 'slow.py', 'trace.csv'))
+    bundle.write_text(ANSWERED)
+    node.write_text(SLOW)
+    trace.write_text('time,level,seen\n0,1,1\n2,1,1\n')
+    play_trace(bundle, trace, node=[sys.executable, str(node)], pause=0.2)
+
+
 def test_the_monitor_announces_what_the_tests_expect(tmp_path: Path, domain: int) -> None:
     bundle = tmp_path / 'stop.yaml'
     bundle.write_text(TIMED)
