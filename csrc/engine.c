@@ -266,6 +266,7 @@ void fm_engine_forget_violations_locked(struct fm_engine * engine)
 
 void fm_engine_reset(struct fm_engine * engine)
 {
+  fm_engine_begin_order(engine);
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);
   fm_evaluator_reset(engine->options.evaluator);
@@ -276,6 +277,7 @@ void fm_engine_reset(struct fm_engine * engine)
   fm_engine_update_states_locked(engine);
   fm_engine_take_due_now_locked(engine);
   fm_engine_unlock(engine);
+  fm_engine_end_order(engine);
 }
 
 // ---- taking ------------------------------------------------------------------------------------
@@ -318,8 +320,8 @@ uint64_t fm_engine_states(
 
 void fm_engine_conditions(struct fm_engine * engine, uint8_t * out)
 {
+  fm_engine_catch_up(engine);
   fm_engine_lock(engine);
-  fm_engine_take_due_now_locked(engine);
   fm_engine_look_for_hang_locked(engine);
   note_conditions_locked(engine);
   memcpy(out, fm_states_conditions(&engine->states), engine->states.condition_bytes);
@@ -771,7 +773,7 @@ struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_
 
 struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)
 {
-  (void)fm_engine_catch_up(engine);  // brings the time up to date
+  fm_engine_catch_up(engine);  // brings the time up to date
   fm_engine_lock(engine);
   const struct fm_silence silence = fm_evaluator_silence(engine->options.evaluator, input);
   fm_engine_unlock(engine);

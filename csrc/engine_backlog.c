@@ -134,9 +134,9 @@ static void begin_round(struct fm_engine * engine)
     engine->in_round = true;
     store(&engine->is_catching_up, true);
     store(&engine->has_left, false);
-    engine->received_by = fm_engine_system_time();
     engine->has_round = !engine->is_closed && engine->source != FM_TOLD &&
       fm_engine_read_now_locked(engine, 0, &engine->round);
+    engine->received_by = fm_engine_round_received_by_locked(engine);
   }
   fm_engine_unlock(engine);
 }
@@ -229,20 +229,18 @@ static void note_calm(struct fm_engine * engine, int64_t began)
   fm_engine_unlock(engine);
 }
 
-static bool catch_up(struct fm_engine * engine)
+// Go on for so many rounds and messages, or until nothing is left.
+static void take_rounds(struct fm_engine * engine, uint32_t rounds, uint32_t messages)
 {
   const int64_t began = fm_engine_steady_time();
-  uint32_t left = MOST_AT_ONCE;
-  bool is_complete = false;
   bool is_over = false;
-  do {
+  while (!is_over && rounds > 0 && messages > 0) {
     begin_round(engine);
-    if (!deliver_round(engine, &left)) {
-      break;
+    if (deliver_round(engine, &messages)) {
+      is_over = end_round(engine);
+      rounds -= 1;
     }
-    is_over = end_round(engine);
-    is_complete = true;
-  } while (!is_over && left > 0);
+  }
   note_calm(engine, began);
   if (!is_over) {
     fm_engine_lock(engine);
@@ -250,29 +248,29 @@ static bool catch_up(struct fm_engine * engine)
     pthread_cond_signal(&engine->violation_queued);
     fm_engine_unlock(engine);
   }
-  return is_complete;
 }
 
-bool fm_engine_catch_up(struct fm_engine * engine)
+void fm_engine_catch_up(struct fm_engine * engine)
 {
   pthread_mutex_lock(&engine->catching);
-  bool is_complete = true;
   if (engine->queues != NULL) {
-    is_complete = catch_up(engine);
+    take_rounds(engine, UINT32_MAX, MOST_AT_ONCE);
   } else {
     fm_engine_lock(engine);
     fm_engine_take_due_now_locked(engine);
     fm_engine_unlock(engine);
   }
   pthread_mutex_unlock(&engine->catching);
-  return is_complete;
 }
 
 void fm_engine_begin_order(struct fm_engine * engine)
 {
   pthread_mutex_lock(&engine->catching);
+  if (engine->in_round) {
+    take_rounds(engine, 1, UINT32_MAX);  // it began before what was received last
+  }
   if (engine->queues != NULL) {
-    while (!catch_up(engine)) {}  // a round ends: it has what was received before it began
+    take_rounds(engine, 1, UINT32_MAX);
   }
 }
 
@@ -281,15 +279,23 @@ void fm_engine_end_order(struct fm_engine * engine)
   pthread_mutex_unlock(&engine->catching);
 }
 
+// Whether a message waits that takes effect by its stamp.
+static bool has_waited_locked(struct fm_engine * engine)
+{
+  const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
+  int64_t now;
+  return first != NULL && fm_engine_read_now_locked(engine, 0, &now) && first->stamp <= now;
+}
+
 bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine)
 {
   if (engine->queues == NULL) {
     fm_engine_take_due_now_locked(engine);
-  } else if (load(&engine->has_left) || is_due_locked(engine) ||
+  } else if (load(&engine->has_left) || is_due_locked(engine) || has_waited_locked(engine) ||
     fm_between(engine->caught_up, fm_engine_steady_time()) >= REST_NS)
   {
     fm_engine_unlock(engine);
-    (void)fm_engine_catch_up(engine);
+    fm_engine_catch_up(engine);
     fm_engine_lock(engine);
   }
   return load(&engine->has_left);

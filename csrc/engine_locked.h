@@ -85,9 +85,15 @@ void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behi
 
 /// Deliver what waits in the queues, at most 1000 messages, in the order of reception, each after
 /// what was due before it; then take what is due by the time at which all that was received was
-/// delivered. Returns false if the limit came first: the next call goes on. Without the lock, and
-/// not within a callback. Without queues it takes what is due. O(queues) for each message.
-bool fm_engine_catch_up(struct fm_engine * engine);
+/// delivered. If the limit comes first, the next call goes on. Without the lock, and not within a
+/// callback. Without queues it takes what is due. O(queues) for each message.
+void fm_engine_catch_up(struct fm_engine * engine);
+
+/// Deliver all that was received before the call, and take what is due by then; others do not
+/// catch up until the second call. Without the lock, and not within a callback. O(messages in the
+/// queues).
+void fm_engine_begin_order(struct fm_engine * engine);
+void fm_engine_end_order(struct fm_engine * engine);
 
 /// Call a function with the lock held whenever a replacement of the gate's may be due earlier than
 /// it was said last; NULL: call none. It must not block, nor call a function of the engine.

@@ -41,7 +41,7 @@ struct fm_clock_mark
   int64_t clock;
 };
 
-#define FM_MOST_MARKS 64u
+#define FM_MOST_MARKS 4096u  // 4 s of a clock of 1 kHz
 
 struct fm_engine_topic
 {
@@ -123,6 +123,9 @@ bool fm_engine_read_for_message_locked(
 
 /// The same at any time, also within a round.
 bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int64_t * now);
+
+/// Until when messages were received that belong to the round: system time.
+int64_t fm_engine_round_received_by_locked(struct fm_engine * engine);
 
 /// When a message was received, by the source's time: between the evaluator's and `now`.
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now);
@@ -207,10 +210,6 @@ void fm_engine_keep_message_locked(
 /// As fm_engine_catch_up, if something is due or was left, or that was long ago. The lock is
 /// released meanwhile. Returns whether messages are left.
 bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine);
-
-/// Catch up with all that was received so far, and keep others from it until the second call.
-void fm_engine_begin_order(struct fm_engine * engine);
-void fm_engine_end_order(struct fm_engine * engine);
 
 // ---- engine_gate.c -----------------------------------------------------------------------------
 

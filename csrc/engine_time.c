@@ -245,23 +245,40 @@ static void mark_clock_locked(struct fm_engine * engine)
   }
 }
 
+// The last mark at a system time, or before it; NULL if none is kept.
+static const struct fm_clock_mark * mark_at_locked(const struct fm_engine * engine, int64_t system)
+{
+  uint64_t low = engine->n_marks < FM_MOST_MARKS ? 0 : engine->n_marks - FM_MOST_MARKS;
+  const uint64_t first = low;
+  uint64_t high = engine->n_marks;
+  while (low < high) {
+    const uint64_t middle = low + (high - low) / 2;
+    if (engine->marks[middle % FM_MOST_MARKS].system <= system) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return low == first ? NULL : &engine->marks[(low - 1) % FM_MOST_MARKS];
+}
+
 // What the clock said when a message was received that is delivered in a round: it may have moved
 // since. Between the evaluator's time and the round's.
 static int64_t clock_at_locked(const struct fm_engine * engine, int64_t received)
 {
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
-  const uint64_t n = engine->n_marks < FM_MOST_MARKS ? engine->n_marks : FM_MOST_MARKS;
-  int64_t clock = engine->round;
-  for (uint64_t k = 1; k <= n && received > 0; ++k) {
-    const struct fm_clock_mark * mark = &engine->marks[(engine->n_marks - k) % FM_MOST_MARKS];
-    clock = mark->clock;
-    if (mark->system <= received) {
-      break;
-    }
-    clock = k == n ? earliest : clock;
-  }
-  clock = clock < earliest ? earliest : clock;
-  return clock < engine->round ? clock : engine->round;
+  const struct fm_clock_mark * mark = received > 0 ? mark_at_locked(engine, received) : NULL;
+  const int64_t clock = mark != NULL ? mark->clock :
+    received > 0 && engine->n_marks > 0 ? earliest : engine->round;
+  return clock < earliest ? earliest : clock < engine->round ? clock : engine->round;
+}
+
+int64_t fm_engine_round_received_by_locked(struct fm_engine * engine)
+{
+  return engine->has_round && engine->source == FM_STEADY ?
+         fm_later(
+    fm_later(engine->round, engine->options.reorder), fm_engine_stamps_ahead_locked(engine)) :
+         read_clock(CLOCK_REALTIME);
 }
 
 bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
@@ -308,6 +325,7 @@ static void follow(
   struct fm_engine * engine, enum fm_source_of_time source,
   int (* now)(void * clock, int64_t * nanoseconds), void * clock, bool is_outdated)
 {
+  fm_engine_begin_order(engine);
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);  // brings the time up to date, for the shift
   release_all_locked(engine);  // their stamps are of another clock
@@ -324,6 +342,7 @@ static void follow(
   fm_engine_take_due_now_locked(engine);
   pthread_cond_signal(&engine->violation_queued);
   fm_engine_unlock(engine);
+  fm_engine_end_order(engine);
 }
 
 void fm_engine_follow_steady(struct fm_engine * engine)

@@ -257,11 +257,11 @@ bool fm_receiver_start(
     if (middleware->listen(subscription, on_message, receiver) != 0) {
       middleware->forget_error();
       fm_engine_remove_queue(engine, &receiver->queue);
-      (void)fm_engine_catch_up(engine);
+      fm_engine_catch_up(engine);
       free_receiver(receiver);
       return false;
     }
-    (void)fm_engine_catch_up(engine);
+    fm_engine_catch_up(engine);
   }
   *started = receiver;
   return true;
@@ -269,7 +269,9 @@ bool fm_receiver_start(
 
 void fm_receiver_drain(struct fm_receiver * receiver)
 {
-  (void)fm_engine_catch_up(receiver->engine);
+  fm_engine_begin_order(receiver->engine);
+  fm_engine_end_order(receiver->engine);
+  fm_engine_catch_up(receiver->engine);  // what callbacks have left meanwhile
 }
 
 void fm_receiver_retire(struct fm_receiver * receiver)

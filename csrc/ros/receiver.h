@@ -65,8 +65,8 @@ FM_EXPORT bool fm_receiver_start(
 /// the middleware failed.
 FM_EXPORT bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out);
 
-/// As fm_engine_catch_up: take and deliver the queued messages of all receivers of the engine, at
-/// most 1000. Callbacks that come meanwhile take nothing, which keeps the messages in order.
+/// Deliver what waits in the queues of all receivers of the engine, in the order of reception.
+/// Callbacks that come meanwhile take nothing.
 FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
 
 /// A new subscription replaces this one: see fm_origin.is_retired. O(1).

@@ -270,10 +270,7 @@ class BundleSession:
             engine.wake()
             feed.wake()
 
-        has_deadlines = self.opened.policy in (Policy.PERIODIC, Policy.TIMED) or any(
-            item.timeout is not None for item in self.manifest.inputs)
-        time = NodeTime(
-            self._node, engine, middleware.clock_now, on_move=move, has_deadlines=has_deadlines)
+        time = NodeTime(self._node, engine, middleware.clock_now, on_move=move)
         self._running.callback(time.close)
         if self._blackbox is not None:
             self._running.callback(self._blackbox.end)

@@ -81,20 +81,17 @@ class NodeTime:
     """Lets an engine follow a node's time, from its creation until `close`."""
 
     def __init__(self, node: Node, engine: Engine, clock_now: Any, *,
-                 on_move: Callable[[], None], has_deadlines: bool) -> None:
+                 on_move: Callable[[], None]) -> None:
         """
         Follow the clock.
 
         `clock_now` is the address of `rcl_clock_get_now`. `on_move` is called when `/clock` has
-        moved, if the engine has deadlines or waits for the time to begin anew.
+        moved; it wakes the engine, which notes the time for the messages that are received then.
         """
         self._node = node
         self._engine = engine
         self._serving: Timer | None = None  # while `/clock` is followed
         self._clock_now = clock_now
-        self._on_move = on_move
-        self._has_deadlines = has_deadlines
-        self._is_outdated = False  # rcl has the time at which /clock was turned off
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._lock = RLock()
         self._held = ExitStack()
@@ -104,7 +101,7 @@ class NodeTime:
         self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._change)
         self._listen(JumpThreshold(
             min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
-            on_clock_change=False), None, self._move)
+            on_clock_change=False), None, on_move)
         with self._lock:
             self._engine.follow_steady()
             self._follow(is_outdated=False)
@@ -126,14 +123,8 @@ class NodeTime:
         with self._lock:
             self._follow(is_outdated=True)
 
-    def _move(self) -> None:
-        if self._has_deadlines or self._is_outdated:
-            self._is_outdated = False
-            self._on_move()
-
     def _follow(self, *, is_outdated: bool) -> None:
         if self._clock.ros_time_is_active:
-            self._is_outdated = is_outdated
             self._engine.follow_clock(self._clock_now, self._pointer, is_outdated=is_outdated)
             if self._serving is None:
                 self._serving = self._node.create_timer(

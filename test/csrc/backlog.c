@@ -37,6 +37,7 @@ enum { MOST = 30000, MOST_AT_ONCE = 1000 };
 #define TIMEOUT (100 * MS)
 
 static int64_t set_by = 0;  // somebody has set the system time
+static void (* meanwhile)(void) = NULL;  // called once, after the system time was read
 
 static int64_t time_of(clockid_t clock)
 {
@@ -55,6 +56,11 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec * now)
   const int result = __real_clock_gettime(clock, now);
   if (clock == CLOCK_REALTIME) {
     now->tv_sec += (time_t)(set_by / (1000 * MS));
+  }
+  if (clock == CLOCK_REALTIME && meanwhile != NULL) {
+    void (* const once)(void) = meanwhile;
+    meanwhile = NULL;
+    once();
   }
   return result;
 }
@@ -149,6 +155,8 @@ struct inputs
 };
 
 static int64_t cost_ms = 0;  // of reading a message
+static int64_t reorder = 0;  // if not 0: stamps of headers count
+static int64_t stamp_of_message = 0;
 
 static void reset_answer(void * state) {*(int64_t *)state = -1;}
 
@@ -210,7 +218,16 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
   return true;
 }
 
-static const struct fm_reader reader[] = {{read_message, 1, NULL}, {read_message, 1, NULL}};
+static bool read_stamp(const uint8_t * message, size_t size, int64_t * stamp)
+{
+  (void)message;
+  (void)size;
+  *stamp = stamp_of_message;
+  return true;
+}
+
+static const struct fm_reader reader[] = {
+  {read_message, 1, read_stamp}, {read_message, 1, read_stamp}};
 static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- a bench -----------------------------------------------------------------------------------
@@ -228,8 +245,8 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
   memory = NULL;
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&evaluator)) == 0);
   const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, N_TOPICS, NULL, false, 0,
-    false};
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, N_TOPICS, NULL, reorder > 0,
+    reorder, false};
   struct fm_engine * engine = fm_engine_create(&options);
   memset(subscriptions, 0, sizeof(subscriptions));
   n_taken = 0;
@@ -405,6 +422,95 @@ static void under_a_clock_a_message_counts_from_what_it_said_then(bool is_in_tim
   destroy(engine);
 }
 
+static void a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(uint32_t ticks)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  receive(Y, false, system_now());
+  call_back(Y);
+  receive(X, true, system_now());
+  call_back(X);
+  announce(engine);
+  move_clock(engine, 1000 * MS + 2 * WINDOW);
+  receive(Y, true, system_now());  // too late
+  for (uint32_t tick = 0; tick < ticks; ++tick) {
+    sim_time += MS;
+    fm_engine_wake(engine);
+  }
+  announce(engine);
+  CHECK(n_taken == 1 && taken[0].stamp == 1000 * MS + WINDOW + 2);
+  destroy(engine);
+}
+
+enum call { CONDITIONS, RESET, FOLLOW };
+
+static void no_call_takes_what_is_due_before_an_answer_that_waits(enum call call)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  uint8_t conditions[64];
+  receive(Y, false, system_now());
+  call_back(Y);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  call_back(X);
+  receive(Y, true, asked + WINDOW / 2);
+  sleep_ms(2 * WINDOW / MS);
+  if (call == CONDITIONS) {
+    fm_engine_conditions(engine, conditions);
+  } else if (call == RESET) {
+    fm_engine_reset(engine);
+  } else {
+    fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  }
+  announce(engine);
+  CHECK(n_taken == 0 && subscriptions[Y].taken == 2);
+  destroy(engine);
+}
+
+static int64_t overdue_at;
+
+// The thread that catches up stands still after it has read the time: an answer comes, and it is
+// overdue when that thread goes on.
+static void answer_in_time(void)
+{
+  receive(Y, true, overdue_at - MS);
+  while (system_now() < overdue_at + MS) {}
+}
+
+static void a_round_takes_what_is_due_by_the_time_until_which_it_delivers(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  receive(Y, false, system_now());
+  call_back(Y);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  call_back(X);
+  overdue_at = asked + WINDOW;
+  meanwhile = answer_in_time;
+  fm_receiver_drain(receivers[X]);
+  announce(engine);
+  CHECK(n_taken == 0 && subscriptions[Y].taken == 2);
+  destroy(engine);
+}
+
+static void a_message_that_waits_for_its_stamp_takes_effect_in_time(void)
+{
+  reorder = 20 * MS;
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  bool value = false;
+  stamp_of_message = system_now();
+  receive(Y, true, stamp_of_message);
+  call_back(Y);
+  announce(engine);
+  CHECK(!fm_engine_value(engine, Y, &value));
+  sleep_ms(reorder / MS + 1);
+  announce(engine);
+  CHECK(fm_engine_value(engine, Y, &value) && value);
+  reorder = 0;
+  destroy(engine);
+}
+
 static void callbacks_that_take_too_long_leave_their_messages(void)
 {
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0);
@@ -444,6 +550,12 @@ int main(void)
   a_flood_does_not_suspend_a_deadline();
   under_a_clock_a_message_counts_from_what_it_said_then(true);
   under_a_clock_a_message_counts_from_what_it_said_then(false);
+  a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(100);
+  no_call_takes_what_is_due_before_an_answer_that_waits(CONDITIONS);
+  no_call_takes_what_is_due_before_an_answer_that_waits(RESET);
+  no_call_takes_what_is_due_before_an_answer_that_waits(FOLLOW);
+  a_round_takes_what_is_due_by_the_time_until_which_it_delivers();
+  a_message_that_waits_for_its_stamp_takes_effect_in_time();
   callbacks_that_take_too_long_leave_their_messages();
   return failures == 0 ? 0 : 1;
 }

@@ -206,6 +206,7 @@ class Served:
     """An engine that counts the signs of life of its clock."""
 
     signs = 0
+    wakes = 0
     is_outdated: bool
 
     def serve_clock(self) -> None:
@@ -219,6 +220,7 @@ class Served:
 
     def wake(self) -> None:
         self.is_outdated = False
+        self.wakes += 1
 
 
 def spun(executor: SingleThreadedExecutor) -> bool:
@@ -235,7 +237,7 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     engine: Any = Served()
-    time = NodeTime(node, engine, None, on_move=engine.wake, has_deadlines=False)
+    time = NodeTime(node, engine, None, on_move=engine.wake)
     simulator = node.create_publisher(Clock, '/clock', 1)
 
     def signs(seconds: float) -> int:
@@ -252,8 +254,11 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
             if is_simulated:  # also without deadlines: else messages have the time of before
                 assert engine.is_outdated
                 wait_until(lambda: simulator.get_subscription_count() > 0, 'a subscription')
-                simulator.publish(Clock(clock=Time(sec=7 + time_s)))
-                wait_until(lambda: spun(executor) and not engine.is_outdated, 'a new time')
+                for move in range(1, 4):
+                    simulator.publish(Clock(clock=Time(sec=7 * move + time_s)))
+                    wait_until(lambda: spun(executor) and engine.wakes >= move, 'a new time')
+                assert not engine.is_outdated
+                engine.wakes = 0
         time.close()
         assert signs(0.3) == 0
     finally:
