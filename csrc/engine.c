@@ -685,6 +685,7 @@ uint32_t fm_engine_deliver_locked(
     return FM_REPEATED;
   }
   fm_arrivals_note(&cell->arrivals, origin);
+  fm_engine_note_behind_locked(engine, cell, origin->received);
   if (!reading->is_decoded) {
     fm_evaluator_undecodable(engine->options.evaluator, topic);
     fm_engine_keep_message_locked(
@@ -769,6 +770,18 @@ struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_
     fm_engine_unlock(engine);
   }
   return counts;
+}
+
+int64_t fm_engine_take_behind(struct fm_engine * engine, uint32_t topic)
+{
+  int64_t behind = 0;
+  if (topic < engine->options.n_topics) {
+    fm_engine_lock(engine);
+    behind = engine->topics[topic].behind;
+    engine->topics[topic].behind = 0;
+    fm_engine_unlock(engine);
+  }
+  return behind;
 }
 
 struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)

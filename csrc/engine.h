@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 11u
+#define FM_ENGINE_ABI 12u
 
 struct fm_engine;
 
@@ -278,6 +278,9 @@ FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine)
 /// The messages of a topic that took effect out of order, or wait for long.
 FM_EXPORT struct fm_order_counts fm_engine_order_counts(
   struct fm_engine * engine, uint32_t topic);
+/// The longest time, ns, between the reception of a message of a topic and its evaluation, since
+/// the last call; 0 while the time is told.
+FM_EXPORT int64_t fm_engine_take_behind(struct fm_engine * engine, uint32_t topic);
 /// Takes what is due first, while a clock is followed. O(what is due).
 FM_EXPORT struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input);
 FM_EXPORT bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);

@@ -154,6 +154,7 @@ static uint32_t judge_locked(
     return FM_DUPLICATE;
   }
   fm_arrivals_note(arrivals, origin);
+  fm_engine_note_behind_locked(engine, &engine->topics[engine->gated], origin->received);
   fm_engine_look_for_hang_locked(engine);
   const struct gated_step step = begin_gated_locked(engine, origin->received);
   const struct fm_field * fields = read_gated_locked(engine, message, size, step.stamp);

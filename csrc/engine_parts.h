@@ -49,6 +49,7 @@ struct fm_engine_topic
   uint8_t * evidence;
   size_t evidence_size;
   struct fm_order_counts counts;
+  int64_t behind;               // ns; see fm_engine_take_behind
   bool has_sources;             // an input that is not a field
 };
 
@@ -129,6 +130,10 @@ int64_t fm_engine_round_received_by_locked(struct fm_engine * engine);
 
 /// When a message was received, by the source's time: between the evaluator's and `now`.
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now);
+
+/// Note how long a message that is evaluated now has waited since a system time.
+void fm_engine_note_behind_locked(
+  struct fm_engine * engine, struct fm_engine_topic * topic, int64_t received);
 
 /// How much later stamps are than the evaluator's times.
 int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);

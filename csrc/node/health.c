@@ -29,6 +29,7 @@ enum
   OK = diagnostic_msgs__msg__DiagnosticStatus__OK,
   WARN = diagnostic_msgs__msg__DiagnosticStatus__WARN,
   ERROR = diagnostic_msgs__msg__DiagnosticStatus__ERROR,
+  MOST_BEHIND = 1000000000,  // ns
   MOST_OTHERS = 2  // statuses besides those of requirements and topics
 };
 
@@ -268,6 +269,9 @@ static struct troubles troubles_of(
   add_increase(&found, before->order.late, now->order.late, "late");
   add_increase(&found, before->order.overflows, now->order.overflows, "too early");
   add_increase(&found, before->order.ahead, now->order.ahead, "ahead of the clock");
+  if (now->behind > MOST_BEHIND) {
+    add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
+  }
   if (mapped->publishers.matching_type == 0 && mapped->publishers.other_types.length == 0) {
     add_trouble(&found, WARN, "no publisher");
   }
@@ -306,16 +310,18 @@ static void add_topic(
   const struct fm_topic_counts counts = fm_engine_topic_counts(session->engine, topic);
   const struct fm_topic_health now = {
     counts.messages, fm_engine_lost(session->engine, topic),
-    fm_engine_order_counts(session->engine, topic)};
+    fm_engine_order_counts(session->engine, topic),
+    fm_engine_take_behind(session->engine, topic)};
   struct troubles troubles = troubles_of(health, topic, &now);
   fm_status * status = array == NULL ? NULL : add_status(
     health, array, troubles.level, "topic ", mapped->name,
-    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received", 8u + 2u * fed->n_inputs);
+    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received", 9u + 2u * fed->n_inputs);
   fm_status_value(status, "received", "%" PRIu64, now.received);
   fm_status_value(status, "rate", "%.1f",
     (double)(now.received - health->topics[topic].received) / seconds);
   fm_status_value(status, "undecodable", "%" PRIu64, counts.undecodable);
   fm_status_value(status, "lost", "%" PRIu64, now.lost);
+  fm_status_value(status, "behind", "%.3f", (double)now.behind / 1e9);
   fm_status_value(status, "publishers", "%zu", mapped->publishers.matching_type);
   if (session->table->uses_header_stamps) {
     fm_status_value(status, "late", "%" PRIu64, now.order.late);

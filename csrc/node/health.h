@@ -28,6 +28,7 @@ struct fm_topic_health
   uint64_t received;
   uint64_t lost;
   struct fm_order_counts order;
+  int64_t behind;  // ns, since the report before
 };
 
 /// Zeroed before fm_health_begin; fm_health_end frees all of it.

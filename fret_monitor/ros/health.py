@@ -43,6 +43,7 @@ from fret_monitor.runtime import Engine, OrderCounts, Silence
 from rclpy.node import Node
 
 PERIOD = 1.0  # s between two reports
+_MOST_BEHIND = 10**9  # ns
 
 
 class Health:
@@ -68,6 +69,7 @@ class Health:
         self._unusable = [0] * len(self._manifest.inputs)
         self._lost = [0] * len(self._manifest.topics)
         self._out_of_order = [OrderCounts()] * len(self._manifest.topics)
+        self._behind = [0] * len(self._manifest.topics)
         self._unpublished = 0
         self._silences = silences
         self._look_ups = look_ups
@@ -86,6 +88,8 @@ class Health:
         """Publish the present state; `statuses` are the publishers of each topic, in order."""
         rates, unusable = list(self._rates()), self._newly_unusable()
         lost, periods = list(self._newly_lost(statuses)), list(self._of_periods())
+        self._behind = [self._engine.take_behind(index)
+                        for index in range(len(self._manifest.topics))]
         order = [list(self._of_order(index)) for index in range(len(self._manifest.topics))]
         unpublished, blackbox = list(self._of_unpublished()), list(self._of_blackbox())
         actions = list(self._of_actions())
@@ -141,6 +145,9 @@ class Health:
         if now.ahead > before.ahead:
             yield DiagnosticStatus.WARN, \
                 f'{now.ahead - before.ahead} ahead of the clock since the last report'
+        if self._behind[index] > _MOST_BEHIND:
+            yield DiagnosticStatus.WARN, \
+                f'evaluated up to {self._behind[index] / 1e9:.1f} s after reception'
 
     def _of_periods(self) -> Iterator[DiagnosticStatus]:
         before, self._time_counts = self._time_counts, self._engine.time_counts()
@@ -293,7 +300,7 @@ class Health:
             '; '.join(message for _, message in found) or 'received', {
                 'received': counts.messages, 'rate': f'{rate:.1f}',
                 'undecodable': counts.undecodable, 'lost': status.lost,
-                'publishers': status.publishers,
+                'behind': f'{self._behind[index] / 1e9:.3f}', 'publishers': status.publishers,
                 **({'late': self._out_of_order[index].late,
                     'too early': self._out_of_order[index].overflows,
                     'ahead': self._out_of_order[index].ahead}

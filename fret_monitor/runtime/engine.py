@@ -484,6 +484,14 @@ class Engine:
         found = self._library.fm_engine_order_counts(self.pointer, topic)
         return OrderCounts(found.late, found.overflows, found.ahead, found.most_ahead)
 
+    def take_behind(self, topic: int) -> int:
+        """
+        Return how late a message of a topic was evaluated, at most, since the last call.
+
+        In nanoseconds since its reception; 0 while the time is told.
+        """
+        return int(self._library.fm_engine_take_behind(self.pointer, topic))
+
     def evidence(self, topic: int) -> bytes | None:
         """Take the kept message with a field that could not be used; None if there is none."""
         size = self._library.fm_engine_evidence(self.pointer, topic, ffi.NULL, 0)

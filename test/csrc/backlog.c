@@ -511,6 +511,23 @@ static void a_message_that_waits_for_its_stamp_takes_effect_in_time(void)
   destroy(engine);
 }
 
+static void how_late_a_message_was_evaluated_is_known(int64_t seconds)
+{
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0);
+  announce(engine);
+  receive(X, true, system_now() - 300 * MS);
+  receive(X, true, system_now());
+  receive(Y, true, system_now());
+  set_by = seconds * 1000 * MS;
+  fm_receiver_drain(receivers[X]);
+  const int64_t behind = fm_engine_take_behind(engine, X);
+  CHECK(behind >= 300 * MS && behind < 5000 * MS);
+  CHECK(fm_engine_take_behind(engine, Y) < behind);
+  CHECK(fm_engine_take_behind(engine, X) == 0);
+  set_by = 0;
+  destroy(engine);
+}
+
 static void callbacks_that_take_too_long_leave_their_messages(void)
 {
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0);
@@ -556,6 +573,9 @@ int main(void)
   no_call_takes_what_is_due_before_an_answer_that_waits(FOLLOW);
   a_round_takes_what_is_due_by_the_time_until_which_it_delivers();
   a_message_that_waits_for_its_stamp_takes_effect_in_time();
+  how_late_a_message_was_evaluated_is_known(0);
+  how_late_a_message_was_evaluated_is_known(3600);
+  how_late_a_message_was_evaluated_is_known(-3600);
   callbacks_that_take_too_long_leave_their_messages();
   return failures == 0 ? 0 : 1;
 }

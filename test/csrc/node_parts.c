@@ -451,12 +451,12 @@ static void counters_are_reported_as_increases(void)
     "rate=0.0,"));
 }
 
-static void give_joint(const char * name)
+static void give_joint_received(const char * name, int64_t received)
 {
   sensor_msgs__msg__JointState message;
   rmw_serialized_message_t bytes = rmw_get_zero_initialized_serialized_message();
   const rcutils_allocator_t allocator = rcutils_get_default_allocator();
-  const struct fm_origin origin = {now, 0, 0, NULL, false};
+  const struct fm_origin origin = {received, 0, 0, NULL, false};
   CHECK(sensor_msgs__msg__JointState__init(&message));
   CHECK(rosidl_runtime_c__String__Sequence__init(&message.name, 1));
   CHECK(rosidl_runtime_c__double__Sequence__init(&message.position, 1));
@@ -468,6 +468,26 @@ static void give_joint(const char * name)
     node.session.engine, JOINTS, bytes.buffer, bytes.buffer_length, &origin);
   CHECK(rmw_serialized_message_fini(&bytes) == RMW_RET_OK);
   sensor_msgs__msg__JointState__fini(&message);
+}
+
+static void give_joint(const char * name)
+{
+  give_joint_received(name, fm_system_now());
+}
+
+static void a_backlog_is_reported(void)
+{
+  give_joint_received("elbow", fm_system_now() - FM_SECOND / 5);
+  fm_health_publish(&node.health);
+  CHECK(has_reported(",lost=0,behind=0.2"));
+  CHECK(!has_reported("after reception"));
+  give_joint_received("elbow", fm_system_now() - 246 * (FM_SECOND / 100));
+  give_joint_received("elbow", fm_system_now());
+  fm_health_publish(&node.health);
+  CHECK(has_reported("topic /joints|1|evaluated up to 2.5 s after reception; no publisher|"));
+  CHECK(has_reported(",lost=0,behind=2."));
+  fm_health_publish(&node.health);
+  CHECK(has_reported("topic /joints|1|no publisher|"));
 }
 
 static void give_for_seconds(const char * name, uint32_t seconds)
@@ -611,6 +631,7 @@ int main(int argc, char ** argv)
     {"leak", a_callback_that_cannot_be_removed_ends_no_monitoring},
     {"order", publishers_are_reported_each_and_in_order},
     {"increases", counters_are_reported_as_increases},
+    {"backlog", a_backlog_is_reported},
     {"names", a_name_that_is_missing_is_logged_again_after_it_was_found},
     {"again", a_value_between_two_silences_is_logged_as_again},
     {"violations", violations_are_logged_once_a_second_and_all_are_counted},

@@ -21,8 +21,8 @@ import subprocess
 import pytest
 from ros.exported import exported_parts
 
-TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'order', 'increases', 'names', 'again',
-         'violations')
+TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'order', 'increases', 'backlog',
+         'names', 'again', 'violations')
 BUNDLE = """
 format: 1
 inputs:
