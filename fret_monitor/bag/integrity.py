@@ -16,7 +16,8 @@
 Whether the files of a recording are as they were written, as far as they can show it.
 
 MCAP has checksums (CRC-32): of chunks, which `rosbags` compares as it reads them, of the summary,
-and of all records. SQLite has none; but the times of messages are in its table and in an index.
+and of all records. SQLite and ROS 1 have none; but the times of messages are with them and in an
+index, and ROS 1 says of each chunk what its index has.
 """
 
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from typing import Any, BinaryIO
 from zlib import crc32
 
 from fret_monitor.model.diagnostics import counted
+from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
@@ -44,9 +46,11 @@ def damage(storage: Any) -> Iterator[str]:
         elif isinstance(storage, Sqlite3Reader):
             yield from _damage_of_index(storage)
         else:
-            return
+            yield from _damage_of_ros1(storage)
     except Exception as error:  # noqa: B902  # of whichever library reads the format
         yield f'{_name(storage)} is damaged: {error}'
+    if isinstance(storage, Reader1):
+        return
     by_topic = sum(item.msgcount for item in storage.connections)
     if by_topic != (count := storage.metadata.message_count):
         yield f'{_name(storage)} counts {counted(count, "message")}, and {by_topic:,} by topic'
@@ -131,3 +135,19 @@ def _damage_of_index(storage: Sqlite3Reader) -> Iterator[str]:
     if not entries == (same or 0) == messages:
         yield (f'{_name(storage)} is damaged: of {counted(messages, "message")}, {same or 0:,} '
                'have the times that its index has')
+
+
+def _damage_of_ros1(storage: Reader1) -> Iterator[str]:
+    """Compare what is said of the chunks with their indexes; `rosbags` compares the times."""
+    name, chunks = _name(storage), storage.chunk_infos
+    for item in storage.connections:
+        total = sum(chunk.connection_counts.get(item.id, 0) for chunk in chunks)
+        if total != item.msgcount:
+            yield (f'{name} is damaged: it counts {counted(total, "message")} of {item.topic}, '
+                   f'and its index has {item.msgcount:,}')
+    found = [index for index in storage.indexes.values() if index]
+    first = min((index[0].time for index in found), default=storage.start_time)
+    last = max((index[-1].time for index in found), default=storage.end_time - 1)
+    if (first, last) != (storage.start_time, storage.end_time - 1):
+        yield (f'{name} is damaged: its messages are from {storage.start_time} to '
+               f'{storage.end_time - 1} ns, or from {first} to {last} ns')

@@ -322,7 +322,9 @@ class Recording(AbstractContextManager['Recording']):
         numbers = {id(item): wanted[key] for storage in self._storages
                    for item in storage.connections
                    if (key := (full_name(item.topic), _full_type(item.msgtype))) in wanted}
-        messages = self._messages(numbers, None if until is None else until + 1)
+        # They are opened when the first one is read: what fails then is damage too.
+        messages = chain.from_iterable(
+            map(self._messages, [numbers], [None if until is None else until + 1]))
         count = _FIRST_MESSAGES
         damage: Exception | None = None
         while damage is None:
@@ -360,7 +362,7 @@ class Recording(AbstractContextManager['Recording']):
         storages = sorted((item for item in self._storages
                            if self._spans[id(item)][0] < self._spans[id(item)][1]),
                           key=lambda item: self._spans[id(item)])
-        streams = [self._stream(storage, numbers, stop) for storage in storages]
+        streams = (self._stream(storage, numbers, stop) for storage in storages)
         spans = [self._spans[id(storage)] for storage in storages]
         if all(end <= begin for (_, end), (begin, _) in pairwise(spans)):
             return chain.from_iterable(streams)
@@ -526,6 +528,6 @@ def _write_text(folder: Path, name: str, text: str) -> None:
 
 
 def _reason(error: Exception) -> str:
-    text = str(error).partition(' Please report')[0]
+    text = ' '.join(str(error).partition(' Please report')[0].split())
     return f'there is no {text}' if isinstance(error, KeyError) else (
         text or type(error).__name__).rstrip('.')

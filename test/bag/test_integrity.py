@@ -29,7 +29,9 @@ from fret_monitor.cli.main import main
 from fret_monitor.model.mcap import McapWriter
 from fuzz.damage import attempt, subjects
 import pytest
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import get_typestore, Stores
 
 MAGIC = b'\x89MCAP0\r\n'
 LOW = """format: 1
@@ -168,7 +170,40 @@ def test_a_time_that_was_changed_in_sqlite_is_an_error(
         'bag.db3 is damaged: of 2 messages, 1 have the times that its index has')
 
 
-@pytest.mark.parametrize('number', range(4))
+def test_a_file_of_sqlite_that_was_cut_off_is_an_error(tmp_path: Path, bundle: Path) -> None:
+    path = write(tmp_path / 'bag', [('/level', k, 0.25) for k in range(60)],
+                 storage=StoragePlugin.SQLITE3) / 'bag.db3'
+    path.write_bytes(path.read_bytes()[:-50])  # of the index of times
+    result = checked(bundle, path.parent)
+    assert result.errors[-1] == '/level: 60 messages recorded, 0 read'
+    assert 'the recording cannot be read to its end: database disk image is malformed' \
+        in result.errors
+
+
+@pytest.mark.parametrize(('old', 'new', 'error'), [
+    (b'start_time=' + struct.pack('<L', START // 10**9), b'start_time=' + bytes(4),
+     f'its messages are from 0 to {START + 2} ns, or from {START} to {START + 2} ns'),
+    (b'end_time=' + struct.pack('<LL', START // 10**9, 2),
+     b'end_time=' + struct.pack('<LL', START // 10**9, 999),
+     f'its messages are from {START} to {START + 999} ns, or from {START} to {START + 2} ns'),
+    (struct.pack('<LL', 0, 3), struct.pack('<LL', 0, 4),
+     'it counts 4 messages of /level, and its index has 3'),
+    (b'float64 data', b'fl!at64 data',
+     "Could not parse: 'MSG: std_msgs/msg/Float64\\nfl!at64 data\\n' 26 fl!at64 data")],
+    ids=['begin', 'end', 'number', 'definition'])
+def test_what_a_bag_of_ros_1_has_in_two_ways_is_an_error(
+        tmp_path: Path, bundle: Path, old: bytes, new: bytes, error: str) -> None:
+    path, types = tmp_path / 'old.bag', get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(path) as writer:
+        topic = writer.add_connection('/level', FLOAT, typestore=types)
+        for number, level in enumerate(LEVELS):
+            writer.write(topic, START + number, struct.pack('<d', level))
+    assert checked(bundle, path).errors == ()
+    replace(path, old, new)
+    assert error in checked(bundle, path).errors[0]
+
+
+@pytest.mark.parametrize('number', range(5))
 def test_the_answer_about_a_damaged_recording_is_the_right_one_or_an_error(
         tmp_path: Path, number: int) -> None:
     subject = subjects(tmp_path, Random(0))[number]

@@ -26,7 +26,9 @@ from bag.recordings import FLOAT, Message, START, TYPES, write
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.mcap import McapWriter
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import get_typestore, Stores
 
 BUNDLE = """format: 1
 evaluation: {policy: timed}
@@ -40,7 +42,7 @@ requirements:
 """
 MESSAGES = 60
 KINDS = ('zeroed', 'flipped', 'cut', 'inserted', 'repeated')
-_BEFORE_BYTES = {'.mcap': 31, '.db3': 0}  # a message, that no checksum covers either
+_BEFORE_BYTES = {'.mcap': 31, '.db3': 0, '.bag': 0}  # a message, that no checksum covers either
 Answer = tuple[tuple[object, ...], ...]
 
 
@@ -74,7 +76,10 @@ def subjects(folder: Path, rng: Random) -> list[Subject]:
     plain = write(folder / 'plain', messages)
     single = folder / 'single.db3'
     shutil.copy(database / 'database.db3', single)
-    return [_subject(bundle, path, messages) for path in (checked, database, plain, single)]
+    old = folder / 'old.bag'
+    _write_ros1(old, messages)
+    return [_subject(bundle, path, messages)
+            for path in (checked, database, plain, single, old)]
 
 
 def _write_checked(writer: McapWriter, messages: list[Message]) -> None:
@@ -86,6 +91,15 @@ def _write_checked(writer: McapWriter, messages: list[Message]) -> None:
         if number == MESSAGES // 2:  # the next ones are in another chunk
             writer.add_metadata('half', {})
     writer.end()
+
+
+def _write_ros1(path: Path, messages: list[Message]) -> None:
+    types = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(path) as writer:
+        connections = {topic: writer.add_connection(topic, FLOAT, typestore=types)
+                       for topic in ('/level', '/flow')}
+        for topic, stamp, value in messages:
+            writer.write(connections[topic], START + stamp, struct.pack('<d', value))
 
 
 def _serialized(value: float) -> bytes:
@@ -100,8 +114,8 @@ def _subject(bundle: Path, path: Path, messages: list[Message]) -> Subject:
         for file in files(path):
             content = file.read_bytes()
             for _, _, value in messages:
-                place = content.find(_serialized(value))
-                if place >= 0:
+                place = content.find(struct.pack('<d', value)) - 4
+                if place > 0:
                     unchecked.append((file, range(place - _BEFORE_BYTES[file.suffix], place + 12)))
         assert len(unchecked) == len(messages)
     return Subject(path, answer(result), tuple(unchecked))
