@@ -133,7 +133,7 @@ static void add_detail(
 {
   struct fm_quota * quota = &outbox->quotas[violation->requirement];
   if (!is_within_limit(outbox, quota)) {
-    quota->suppressed += 1;
+    quota->suppressed += violation->is_recovery ? 0u : 1u;
     return;
   }
   const struct fm_detail detail = {*violation, quota->suppressed};

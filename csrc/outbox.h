@@ -29,7 +29,7 @@
 struct fm_detail
 {
   struct fm_violation violation;
-  uint64_t suppressed;  // details of this requirement that were not queued so far
+  uint64_t suppressed;  // violations of this requirement so far whose details were not queued
 };
 
 struct fm_quota;

@@ -136,8 +136,8 @@ class ViolationDetail:
     """
     A violation with the values of all inputs at that time (None: no value yet).
 
-    `stale` are the indices of the stale inputs. `suppressed` counts the details of this
-    requirement that were not queued so far.
+    `stale` are the indices of the stale inputs. `suppressed` counts the violations
+    of this requirement so far whose details were not queued.
     """
 
     violation: Violation

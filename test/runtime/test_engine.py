@@ -146,6 +146,25 @@ def test_details_are_queued_again_in_the_next_second(engine: Engine) -> None:
     assert len(found) >= 2
 
 
+def test_ends_of_violations_without_details_are_not_counted_as_violations(tmp_path: Path) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE + 'report: occurrence\n', encoding='utf-8')
+    engine = Engine(Evaluator(build.build(path).monitor, reports_recoveries=True))
+    engine.want_details(True, 1)  # a second
+    for _ in range(50):
+        engine.message(0, a_float(2.0), received=0)
+        engine.message(0, a_float(0.5), received=0)
+    second = int(monotonic())
+    while int(monotonic()) == second:
+        sleep(0.01)
+    engine.message(0, a_float(2.0), received=0)
+    details = []
+    while (detail := engine.take_detail(0)) is not None:
+        details.append(detail)
+    without = 51 - sum(not item.is_recovery for item in details)
+    assert details[-1].suppressed == without > 0
+
+
 def test_silence_is_reported_with_its_detail(engine: Engine) -> None:
     engine.want_details(True)
     engine.advance(0)
