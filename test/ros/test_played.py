@@ -29,6 +29,7 @@ from ros.test_ci import folder
 __all__ = ['folder']  # a fixture
 pytestmark = pytest.mark.usefixtures('forking')
 NODE = [sys.executable, 'valve_node.py']
+START_S = 120.0  # of the monitor and a node, on a busy machine
 TIMED = """\
 format: 1
 component: robot
@@ -55,10 +56,10 @@ requirements:
 def test_a_node_is_fed_and_its_violation_found(folder: Path, domain: int) -> None:
     Path('trace.csv').write_text('pressure,open\n2.0,0\n4.0,0\n')
     with pytest.raises(AssertionError, match='violated: OPENS\nexpected: nothing\nOPENS violated'):
-        play_trace('valve.yaml', 'trace.csv', node=NODE)
+        play_trace('valve.yaml', 'trace.csv', node=NODE, seconds=START_S)
     node = Path('valve_node.py')
     node.write_text(node.read_text().replace('4.0', '3.0'))
-    check_node('valve.yaml', NODE, tries=1)
+    check_node('valve.yaml', NODE, tries=1, seconds=START_S)
 
 
 SLOW = """\
@@ -95,7 +96,8 @@ def test_a_node_has_time_to_answer_while_the_clock_goes_on(tmp_path: Path, domai
     bundle.write_text(ANSWERED)
     node.write_text(SLOW)
     trace.write_text('time,level,seen\n0,1,1\n2,1,1\n')
-    play_trace(bundle, trace, node=[sys.executable, str(node)], pause=0.2)
+    play_trace(
+        bundle, trace, node=[sys.executable, str(node)], pause=0.2, seconds=START_S)
 
 
 def test_the_monitor_announces_what_the_tests_expect(tmp_path: Path, domain: int) -> None:
@@ -111,9 +113,10 @@ def test_the_monitor_announces_what_the_tests_expect(tmp_path: Path, domain: int
     text = (tmp_path / 'tests' / 'test_stop_traces.py').read_text()
     assert re.search(r"BUNDLE = \(HERE / '\.\./stop\.yaml'\)", text)
     trace = next(item for item in index['traces'] if item['announced'])
-    play_trace(bundle, tmp_path / 'tests' / trace['trace'], trace['announced'])
+    play_trace(bundle, tmp_path / 'tests' / trace['trace'], trace['announced'],
+               seconds=START_S)
     with pytest.raises(AssertionError, match='violated: STOP\nexpected: nothing'):
-        play_trace(bundle, tmp_path / 'tests' / trace['trace'])
+        play_trace(bundle, tmp_path / 'tests' / trace['trace'], seconds=START_S)
 
 
 @pytest.mark.parametrize(('evaluation', 'trace'), [
@@ -126,7 +129,7 @@ def test_a_violation_at_the_last_instant_of_a_trace_is_announced(
     bundle, path = tmp_path / 'stop.yaml', tmp_path / 'trace.csv'
     bundle.write_text(TIMED.replace('{policy: timed}', evaluation))
     path.write_text(trace)
-    play_trace(bundle, path, ['STOP'])
+    play_trace(bundle, path, ['STOP'], seconds=START_S)
 
 
 @pytest.mark.parametrize(('evaluation', 'bound', 'times'), [
@@ -143,4 +146,4 @@ def test_inputs_with_a_timeout_are_silent_in_no_trace(
     rows = ['0,2.5', '1,2.5', '1,0.0625', '1,3.0']
     trace = tmp_path / 'trace.csv'
     trace.write_text('\n'.join([head, *(time + row for time, row in zip(times, rows))]) + '\n')
-    play_trace(bundle, trace)
+    play_trace(bundle, trace, seconds=START_S)
