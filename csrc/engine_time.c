@@ -278,14 +278,16 @@ static const struct fm_clock_mark * mark_at_locked(const struct fm_engine * engi
 }
 
 // What the clock said when a message was received that is delivered in a round: it may have moved
-// since. Between the evaluator's time and the round's.
+// since. Between the evaluator's time and the round's; the evaluator's may be ahead of the round's
+// by nanoseconds: messages that came while the clock stood.
 static int64_t clock_at_locked(const struct fm_engine * engine, int64_t received)
 {
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
   const struct fm_clock_mark * mark = received > 0 ? mark_at_locked(engine, received) : NULL;
-  const int64_t clock = mark != NULL ? mark->clock :
+  int64_t clock = mark != NULL ? mark->clock :
     received > 0 && engine->n_marks > 0 ? earliest : engine->round;
-  return clock < earliest ? earliest : clock < engine->round ? clock : engine->round;
+  clock = clock < earliest ? earliest : clock;
+  return clock < engine->round ? clock : engine->round;
 }
 
 int64_t fm_engine_round_received_by_locked(struct fm_engine * engine)

@@ -443,6 +443,21 @@ static void a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(ui
   destroy(engine);
 }
 
+static void the_time_does_not_go_back_while_the_clock_stands(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  for (uint32_t k = 0; k < 3; ++k) {
+    receive(Y, false, system_now());
+    receive(X, true, system_now());
+    fm_receiver_drain(receivers[X]);
+  }
+  announce(engine);
+  CHECK(subscriptions[X].taken == 3 && fm_engine_time_counts(engine).restarts == 0);
+  destroy(engine);
+}
+
 enum call { CONDITIONS, RESET, FOLLOW };
 
 static void no_call_takes_what_is_due_before_an_answer_that_waits(enum call call)
@@ -568,6 +583,7 @@ int main(void)
   under_a_clock_a_message_counts_from_what_it_said_then(true);
   under_a_clock_a_message_counts_from_what_it_said_then(false);
   a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(100);
+  the_time_does_not_go_back_while_the_clock_stands();
   no_call_takes_what_is_due_before_an_answer_that_waits(CONDITIONS);
   no_call_takes_what_is_due_before_an_answer_that_waits(RESET);
   no_call_takes_what_is_due_before_an_answer_that_waits(FOLLOW);
