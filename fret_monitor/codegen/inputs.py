@@ -41,14 +41,15 @@ def origin(item: ManifestInput) -> str:
 def meaning(item: ManifestInput) -> str:
     """Return what an input is in the bundle's terms, on one line; '' if it only has a type."""
     parts = [_field(item)]
+    is_string = item.is_string  # looks at all values
     if item.values:
         parts.append('values ' + ', '.join(
-            f'{word} = {place if item.is_string else value}'
-            + (f' ("{value}")' if item.is_string else '')
+            f'{word} = {place if is_string else value}'
+            + (f' ("{value}")' if is_string else '')
             for place, (word, value) in enumerate(item.values)))
     if item.initial is not None:
         parts.append(f'initial {number_text(item)}')
-    elif item.is_string:
+    elif is_string:
         parts.append(f'0 ({item.values[0][0]}) also before any value came')
     return '; '.join(filter(None, parts))
 

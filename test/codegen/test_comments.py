@@ -22,7 +22,9 @@ import unicodedata
 from codegen.workbench import assert_clean_and_right, specify
 from differential.compiled import compile_c, gcc, WARNINGS
 from fret_monitor.codegen.comments import comment, safe
+from fret_monitor.codegen.inputs import meaning
 from fret_monitor.logic.formula import FALSE, Formula, Once, Variable, Window
+from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.values import ValueType
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -121,3 +123,11 @@ def test_a_long_text_takes_time_in_proportion_to_its_length() -> None:
 
     assert min(seconds(2_000_000) for _ in range(3)) < 16 * min(
         seconds(250_000) for _ in range(3)) + 0.1
+
+
+def test_the_meaning_of_an_input_with_many_values_takes_linear_time() -> None:
+    values = tuple((f'N{number}', number) for number in range(20_000))
+    item = ManifestInput('x', ValueType.INT32, None, None, (), values, None)
+    begin = process_time()
+    assert meaning(item).endswith(', N19999 = 19999')
+    assert process_time() - begin < 5  # it took more than a minute
