@@ -315,7 +315,7 @@ def run_tests(copy: Copy, tests: Sequence[str]) -> str | None:
         if child == 0:
             try:
                 os._exit(_run_here(copy, tests, failed, Path(name)))
-            except BaseException:
+            except BaseException:  # noqa: B902  # it must not go on as the parent does
                 traceback.print_exc()
             os._exit(_BROKEN)
         status = _wait(child)
@@ -478,10 +478,10 @@ class Judge:
         if not mutant.path.endswith('.c'):
             return True
         root = self._copy.root
+        searched = [f'-I{root / place}' for place in ('csrc', 'csrc/ros', 'csrc/node')]
         done = subprocess.run(
-            ['gcc', '-std=c99', '-fsyntax-only', '-w', *(f'-I{root / place}' for place in
-                                      ('csrc', 'csrc/ros', 'csrc/node')),
-             *_headers_of_ros(), root / mutant.path], check=False, capture_output=True)
+            ['gcc', '-std=c99', '-fsyntax-only', '-w', *searched, *_headers_of_ros(),
+             root / mutant.path], check=False, capture_output=True)
         return done.returncode == 0
 
 

@@ -263,6 +263,7 @@ def test_one_job_needs_no_other_process(
     pools: list[int] = []
 
     class Pool(ProcessPoolExecutor):
+
         def __init__(self, workers: int, **options: Any) -> None:
             pools.append(workers)
             super().__init__(workers, **options)

@@ -86,7 +86,6 @@ inputs:
   got_done: {topic: done, type: std_msgs/msg/Bool, field: received(), timeout: 30.0,
              stale: violate}
   got_sent: {topic: sent, type: std_msgs/msg/Header, field: received()}
-  got_probe: {topic: probe, type: std_msgs/msg/Bool, field: received()}
 evaluation: {policy: timed}
 requirements:
   - {id: ANSWER, fretish: "when request the robot shall within 3 seconds satisfy done"}
@@ -95,9 +94,8 @@ requirements:
   - {id: GOT_request, ptltl: "!got_request", report: every_step}  # acknowledges each message
   - {id: GOT_done, ptltl: "!got_done", report: every_step}
   - {id: GOT_sent, ptltl: "!got_sent", report: every_step}
-  - {id: GOT_probe, ptltl: "!got_probe", report: every_step}
 """
-OF_TIMED = ('ANSWER', 'EDGE', 'FRESH', 'GOT_request', 'GOT_done', 'GOT_sent', 'GOT_probe')
+OF_TIMED = ('ANSWER', 'EDGE', 'FRESH', 'GOT_request', 'GOT_done', 'GOT_sent')
 
 
 def written(folder: Path, text: str) -> Path:
@@ -151,12 +149,11 @@ class Both:
         return {item.name.partition(': ')[2]: (
             item.level, re.sub(r'for [0-9.]+ s', 'for long', item.message),
             {pair.key: pair.value for pair in item.values if pair.key not in self._left_out(item)})
-            for item in self.reports[node].status if not item.name.endswith('GOT_probe')}
+            for item in self.reports[node].status}
 
     def acknowledged(self, topic: str) -> list[list[int]]:
-        """Return when each node evaluated a message of a topic, by its details of GOT_*."""
-        return [[stamp.sec * 10**9 + stamp.nanosec for stamp, item in found
-                 if item.name == f'GOT_{topic}' and _is_of_message(item)]
+        """Return the details by which each node acknowledges messages of a topic."""
+        return [[item for _, item in found if item.name == f'GOT_{topic}' and _is_of_message(item)]
                 for found in self.details.values()]
 
     @staticmethod
@@ -298,25 +295,28 @@ def test_timed_requirements_are_violated_at_the_same_instants_of_a_simulated_clo
             partner, written(tmp_path, TIMED), OF_TIMED, '-p', 'use_sim_time:=true',
     ) as (nodes, node):
         publishers = {topic: partner.publisher(kind, topic) for topic, kind in (
-            ('request', Bool), ('done', Bool), ('sent', Header), ('probe', Bool))}
+            ('request', Bool), ('done', Bool), ('sent', Header))}
         partner.wait_for_listener(*publishers.values())
         for topic in (*publishers, '/clock'):
             wait_for_subscriptions(partner, topic)
+        alive: dict[str, float] = {}
 
-        def send(topic: str, message: Any) -> None:
-            count = max(map(len, nodes.acknowledged(topic))) + 1
-            publishers[topic].publish(message)
-            wait_until(lambda: [*map(len, nodes.acknowledged(topic))] == [count, count], topic)
+        def note(name: str, sign: Header) -> None:
+            alive[name] = sign.stamp.sec + sign.stamp.nanosec / 1e9
+
+        for name in ('fret_monitor', 'exported'):
+            partner.node.create_subscription(
+                Header, f'/{name}/alive', partial(note, name), RELIABLE)
 
         def at(seconds: float, topic: str = '', message: Any = None) -> None:
-            now = round(clock.jump(seconds) * 1e9)
-            send('probe', Bool())
-            while not all(0 <= stamps[-1] - now < 10**9
-                          for stamps in nodes.acknowledged('probe')):
-                sleep(0.02)  # there are at most 100 details a second
-                send('probe', Bool())
+            now = clock.jump(seconds)
+            # `/clock` is best effort: what is sent before it is matched is lost.
+            wait_until(lambda: clock.jump(0.0) == now and [*alive.values()] == [now, now],
+                       '/clock')
             if topic:
-                send(topic, message)
+                count = len(nodes.acknowledged(topic)[0]) + 1
+                publishers[topic].publish(message)
+                wait_until(lambda: [*map(len, nodes.acknowledged(topic))] == [count, count], topic)
 
         at(10.0, 'request', Bool(data=False))
         at(1.0, 'done', Bool(data=False))
@@ -333,16 +333,12 @@ def test_timed_requirements_are_violated_at_the_same_instants_of_a_simulated_clo
         assert report['time of bundle'][2]['restarts'] == '1'
         node.wait_for('time went back, to 34.000 s')
     details = [[(stamp, item.name, item.level, [(pair.key, pair.value) for pair in item.values])
-                for stamp, item in nodes.details[place] if item.name != 'GOT_probe']
-               for place in ('copilot', 'exported')]
-    # Each probe at one time of the clock delays what follows it there by a nanosecond.
-    shown = [[re.sub(r'(?<=nanosec=)\d\b|\.0{8}\d\b', '', str(item)) for item in found]
-             for found in details]
-    assert shown[0] == shown[1]
+                for stamp, item in nodes.details[place]] for place in ('copilot', 'exported')]
+    assert [*map(str, details[0])] == [*map(str, details[1])]
     times = {item.values[0].value for _, item in nodes.details['exported']
              if item.name == 'ANSWER'}
     assert '4' in times  # three seconds after the request at 1 s
-    for name in OF_TIMED[:-1]:  # without GOT_probe
+    for name in OF_TIMED:
         assert int(report[name][2]['announced']) > 0
 
 

@@ -20,16 +20,12 @@ on several topics, and each is waited for: so all faces see the same messages at
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, ExitStack
+from contextlib import AbstractContextManager, contextmanager, ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
-
-import pytest
-
-pytest.importorskip('rosbags')
 
 from bag.recordings import TYPES
 from bag.reference import findings, Message
@@ -40,6 +36,7 @@ from fret_monitor.logic.specification import Specification
 from fret_monitor.model.policies import InputSource
 from fret_monitor.program.rewriting import without_queues
 from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
+import pytest
 from ros.exported import exported_bundle, running
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -206,11 +203,16 @@ def _is_heard_by_all(publisher: Any) -> bool:
 def all_nodes(bundle: Path) -> Iterator[dict[str, NodeProcess]]:
     """Start the nodes, each in a namespace of its own."""
     with ExitStack() as stack:
-        yield {name: stack.enter_context(
-            running(exported_bundle(bundle), *options, *SIMULATED) if name == 'native' else
-            started('monitor', '-p', f'spec:={bundle}', '-p',
-                    f'hot_path:={"off" if name == "cold" else "on"}', *options, *SIMULATED))
-            for name in NODES for options in [('-r', f'__ns:=/{name}')]}
+        yield {name: stack.enter_context(node(name, bundle)) for name in NODES}
+
+
+def node(name: str, bundle: Path) -> AbstractContextManager[NodeProcess]:
+    """Start a node."""
+    options = ('-r', f'__ns:=/{name}', *SIMULATED)
+    if name == 'native':
+        return running(exported_bundle(bundle), *options)
+    hot_path = 'off' if name == 'cold' else 'on'
+    return started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}', *options)
 
 
 def play(rng: Random, stream: Stream, ticks: int) -> None:
@@ -284,9 +286,9 @@ def test_all_faces_find_the_same_on_a_clock_with_ticks(
     with all_nodes(path) as nodes:
         stream = Stream(partner)
         play(rng, stream, 60)
-        for node in nodes.values():
-            node.wait_for('a message on /clock is ignored: its time is negative, -5.000 s')
-            node.wait_for('time went back')
+        for process in nodes.values():
+            process.wait_for('a message on /clock is ignored: its time is negative, -5.000 s')
+            process.wait_for('time went back')
     found = 0
     for name in NODES:
         carried: dict[str, Any] = {}

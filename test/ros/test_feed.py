@@ -304,7 +304,8 @@ def test_a_qos_profile_of_the_bundle_stays_and_incompatible_publishers_are_repor
     told = capfd.readouterr().err
     assert told.count('/partner does not match the subscription to /x: it offers best effort, '
                       'volatile') == 1
-    assert 'is reliable, volatile: leave `reliability` out there\n' in told
+    assert 'requests reliable, volatile, by `qos` or `qos_overrides`: leave `reliability` out ' \
+        'there\n' in told
 
 
 def test_a_publisher_of_another_type_is_reported_once_with_both_types(

@@ -229,8 +229,8 @@ CALL = 'call: {service: NAME, type: std_srvs/srv/KIND}'
      'the service /stop has the types std_srvs/srv/Trigger and std_srvs/srv/Empty: a process can '
      'use a service with one type only; correct the type, or write different names'),
     (SHOW.replace('TOPIC', '/rosout'), 'lock: {topic: stop}',
-     'cannot publish on /rosout as std_msgs/msg/Bool: this process uses the topic with the type '
-     'rcl_interfaces/msg/Log, and can use it with one type only'),
+     'the topic /rosout has the types rcl_interfaces/msg/Log and std_msgs/msg/Bool: a process can '
+     'use a topic with one type only; correct the type, or write different names'),
     (CALL.replace('NAME', '/fret_monitor/reset').replace('KIND', 'Empty'), 'lock: {topic: stop}',
      'cannot call /fret_monitor/reset as std_srvs/srv/Empty: this process uses the service with '
      'the type std_srvs/srv/Trigger, and can use it with one type only')])
@@ -262,5 +262,5 @@ def test_a_topic_that_the_process_uses_with_another_type_is_refused_with_both_ty
 ) -> None:
     bundle = write(tmp_path, 'bundle', FIRST.replace('topic: x', 'topic: /rosout'))
     assert refusal(partner, spec=str(bundle), hot_path=hot_path) == (
-        'error: cannot subscribe to /rosout as std_msgs/msg/Float32: this process uses the topic '
-        'with the type rcl_interfaces/msg/Log, and can use it with one type only')
+        "error: '/rosout' and the node's own '/rosout' are both remapped to /rosout; what the "
+        'node announces needs a topic of its own')

@@ -23,10 +23,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.ros import actions
-from fret_monitor.ros.actions import Actions
 from fret_monitor.ros.blackbox import BlackBox
 from fret_monitor.ros.feed import Feed
 from fret_monitor.ros.monitor_node import MonitorNode
+from fret_monitor.ros.node_time import TimeLog
 from fret_monitor.ros.sign_of_life import SignOfLife
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.ros.violation_log import ViolationLog
@@ -211,7 +211,7 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     assert failed() == {}
     with monkeypatch.context() as patch:
         for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (BlackBox, '_look'),
-                           (Actions, 'review'), (SignOfLife, 'beat')):
+                           (TimeLog, 'review'), (SignOfLife, 'beat')):
             patch.setattr(kind, name, fail)
         patch.setattr(actions, 'monotonic', fail)
         names = ('actions', 'black box', 'details', 'feed', 'log', 'sign of life')
