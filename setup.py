@@ -39,9 +39,10 @@ ROS_TEST_WHEELS = [
     'ros-jazzy-test-msgs>=2.0,<3',
 ]
 
-# What `fret-monitor bag` needs.
+# What `fret-monitor bag` needs. Before 0.11.6 `rosbags` compares no checksums of chunks, before
+# 0.11.7 it brings another package for zstd.
 BAG = [
-    'rosbags>=0.11,<0.12',
+    'rosbags>=0.11.7,<0.12',
 ]
 
 # What its option `--dask` needs.

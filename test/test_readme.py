@@ -129,8 +129,12 @@ def test_the_readme_installs_the_packages_of_the_extras() -> None:
                        re.MULTILINE | re.DOTALL)
     needed = set(re.findall(r"'([\w-]+)>=", ''.join(lists)))
     readme = PAGES[0].read_text(encoding='utf-8')
-    commands = re.findall(r'pip install (?:--\S+ )*(.*)', readme)
-    assert [set(command.split()) for command in commands] == [needed, needed]
+    commands = [shlex.split(command)
+                for command in re.findall(r'pip install (?:--\S+ )*(.*)', readme)]
+    assert [{word.partition('>=')[0] for word in command} for command in commands] == [
+        needed, needed]
+    bounds = {word for command in commands for word in command if '>=' in word}
+    assert bounds and all(f"'{word}'" in setup for word in bounds)
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)

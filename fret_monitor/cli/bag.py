@@ -29,7 +29,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
-    CompileError, counted, Problems, refuse, require_packages,
+    CompileError, counted, pip_install, Problems, refuse, require_packages,
 )
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from fret_monitor.bag.fleet import Outcome
     from fret_monitor.bag.results_file import ResultsFile
 
+_ROSBAGS = 'rosbags>=0.11.7,<0.12'  # as in setup.py
 _OUTPUTS = ('junit', 'csv', 'mcap', 'report', 'results')
 _PAGES = ('.html', '.htm')
 _MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
@@ -105,8 +106,11 @@ def run(options: Namespace) -> int:
 
 
 def _run(options: Namespace, lines: dict[str, str]) -> int:
-    require_packages('`bag`', {'rosbags': 'rosbags'})
-    from fret_monitor.bag.recording import files_of
+    require_packages('`bag`', {'rosbags': _ROSBAGS})
+    try:
+        from fret_monitor.bag.recording import files_of
+    except ImportError as error:  # earlier releases lack something that is needed
+        refuse(f'`bag` needs another release of rosbags: {error}', help=pip_install(_ROSBAGS))
     bundle = existing_bundle(options.bundle)
     if any(getattr(options, name) is not None for name in _OUTPUTS):
         _check_outputs(options, [*_files_of_bundle(bundle),

@@ -19,6 +19,8 @@ from errno import ENOSPC
 import json
 import os
 from pathlib import Path
+import subprocess
+import sys
 import threading
 from typing import Any
 from xml.etree import ElementTree
@@ -27,6 +29,7 @@ from bag.recordings import FLOAT, START, TYPES, write
 from fret_monitor.bag import fleet
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.results_file import finished_lines, ResultsFile
+from fret_monitor.cli.bag import _ROSBAGS
 from fret_monitor.cli.main import main
 import pytest
 from rosbags.rosbag2 import Reader, Writer
@@ -310,7 +313,22 @@ def test_every_error_is_json(
         assert all(error.startswith(text) and '\n' not in error for error, in found), found
     monkeypatch.setattr('fret_monitor.model.diagnostics.find_spec', lambda name: None)
     (text,), = errors(bundle, recording)
-    assert text.startswith('`bag` needs rosbags, which is not installed; ')
+    assert text.startswith('`bag` needs rosbags>=0.11.7,<0.12, which is not installed; ')
+
+
+def test_a_release_of_rosbags_that_cannot_be_used_is_no_traceback(
+        tmp_path: Path, bundle: Path, recording: Path) -> None:
+    old = tmp_path / 'old' / 'rosbags'
+    old.mkdir(parents=True)
+    (old / '__init__.py').write_text('')
+    done = subprocess.run(
+        [sys.executable, '-m', 'fret_monitor', 'bag', bundle, recording], capture_output=True,
+        text=True, env={**os.environ, 'PYTHONPATH': str(old.parent)})
+    assert done.returncode == 1
+    assert done.stderr.startswith('error: `bag` needs another release of rosbags: ')
+    assert "pip install 'rosbags>=0.11.7,<0.12'" in done.stderr
+    assert f"    '{_ROSBAGS}',\n" in (
+        Path(__file__).parents[2] / 'setup.py').read_text(encoding='utf-8')
 
 
 def test_junit_agrees_with_the_exit_status_of_a_partial_check(
