@@ -37,9 +37,7 @@ bool fm_health_begin(
   struct fm_health * health, const struct fm_session * session, const struct fm_reports * reports)
 {
   const uint32_t n_inputs = session->table->monitor()->n_inputs;
-  rcl_publisher_options_t options = rcl_publisher_get_default_options();
-  options.qos = rmw_qos_profile_default;
-  options.qos.depth = 10;
+  const rcl_publisher_options_t options = rcl_publisher_get_default_options();  // depth: 10
   memset(health, 0, sizeof(*health));
   health->session = session;
   health->reports = reports;

@@ -32,6 +32,7 @@
 #include "check.h"
 #include "detail_text.h"
 #include "monitor_node.h"
+#include "offers.h"
 #include "violation_log.h"
 
 enum { FIXED, HEAT, JOINTS };  // topics and inputs, in the order of the bundle
@@ -50,6 +51,9 @@ static struct fm_requirement_counts requirement_counts;
 static struct fm_topic_counts topic_counts;
 static struct fm_order_counts order_counts;
 static struct fm_silence silence;  // of HEAT
+static uint64_t unpublished;
+static uint64_t announcer_turns;
+static uint64_t detail_turns;
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static struct fm_text lines;      // of the log
@@ -167,6 +171,27 @@ struct fm_silence __wrap_fm_engine_silence(struct fm_engine * engine, uint32_t i
   const struct fm_silence none = {0, 0, false};
   (void)engine;
   return input == HEAT ? silence : none;
+}
+
+uint64_t __wrap_fm_engine_unpublished(struct fm_engine * engine);
+uint64_t __wrap_fm_engine_unpublished(struct fm_engine * engine)
+{
+  (void)engine;
+  return unpublished;
+}
+
+uint64_t __wrap_fm_announcer_turns(const struct fm_announcer * announcer);
+uint64_t __wrap_fm_announcer_turns(const struct fm_announcer * announcer)
+{
+  (void)announcer;
+  return announcer_turns;
+}
+
+uint64_t __wrap_fm_detail_thread_turns(const struct fm_detail_thread * thread);
+uint64_t __wrap_fm_detail_thread_turns(const struct fm_detail_thread * thread)
+{
+  (void)thread;
+  return detail_turns;
 }
 
 static struct fm_monitor_node node;
@@ -451,6 +476,54 @@ static void counters_are_reported_as_increases(void)
     "rate=0.0,"));
 }
 
+static void violations_that_were_not_published_are_an_error_once(void)
+{
+  unpublished = 3;
+  fm_health_publish(&node.health);
+  CHECK(has_reported("|2|3 not published since the last report|not published=3,"));
+  fm_health_publish(&node.health);
+  CHECK(has_reported("|1|some were not published|not published=3,"));
+}
+
+static void queues_are_as_long_as_the_bundle_says(void)
+{
+  CHECK(node.session.topics[FIXED].current.profile.depth == 7);
+  CHECK(node.session.topics[HEAT].current.profile.depth == FM_USUAL_DEPTH);
+}
+
+static void a_missing_clock_is_logged_once(void)
+{
+  CHECK(fm_clock_simulate(&node.clock, true));
+  fm_reports_review(&node.reports);
+  EXPECT_LINES("");
+  for (int k = 0; k < 3; ++k) {
+    pass_seconds(6.0);
+    fm_reports_review(&node.reports);
+    EXPECT_LINES(k > 0 ? "" : "WARN use_sim_time is set and nothing was received on /clock: no "
+      "timeout passes\n");
+  }
+  CHECK(fm_clock_simulate(&node.clock, false));
+}
+
+static void a_thread_that_hangs_ends_the_signs_of_life(void)
+{
+  static const char * const hangs =
+    "ERROR a thread of the monitor hangs: no sign of life on ~/alive\n";
+  for (int thread = 0; thread < 2; ++thread) {
+    announcer_turns += 10;
+    detail_turns += 20;
+    fm_sign_of_life_beat(&node.sign_of_life);
+    for (int k = 0; k < 8; ++k) {
+      pass_seconds(0.5);
+      announcer_turns += thread == 0 ? 0u : 1u;
+      detail_turns += thread == 0 ? 1u : 0u;
+      fm_sign_of_life_beat(&node.sign_of_life);
+      EXPECT_LINES(k == 3 ? hangs : "");
+    }
+    node.sign_of_life.next_line = 0;  // it follows the real clock
+  }
+}
+
 static void give_joint_received(const char * name, int64_t received)
 {
   sensor_msgs__msg__JointState message;
@@ -539,6 +612,17 @@ static void a_value_between_two_silences_is_logged_as_again(void)
   silence = (struct fm_silence) {5, FM_SECOND, true};  // two since the last review
   fm_reports_review(&node.reports);
   EXPECT_LINES("WARN again no usable value on /heat within the startup of 60 s for 'heat'\n");
+}
+
+static void a_text_that_was_freed_is_empty(void)
+{
+  struct fm_text text = {NULL, 0, 0};
+  fm_text_add(&text, "one");
+  fm_text_free(&text);
+  CHECK(strcmp(fm_text_get(&text), "") == 0);
+  fm_text_add(&text, "two");
+  CHECK(strcmp(fm_text_get(&text), "two") == 0);
+  fm_text_free(&text);
 }
 
 // ---- the log of violations ---------------------------------------------------------------------
@@ -632,6 +716,11 @@ int main(int argc, char ** argv)
     {"order", publishers_are_reported_each_and_in_order},
     {"increases", counters_are_reported_as_increases},
     {"backlog", a_backlog_is_reported},
+    {"unpublished", violations_that_were_not_published_are_an_error_once},
+    {"depth", queues_are_as_long_as_the_bundle_says},
+    {"clock", a_missing_clock_is_logged_once},
+    {"life", a_thread_that_hangs_ends_the_signs_of_life},
+    {"text", a_text_that_was_freed_is_empty},
     {"names", a_name_that_is_missing_is_logged_again_after_it_was_found},
     {"again", a_value_between_two_silences_is_logged_as_again},
     {"violations", violations_are_logged_once_a_second_and_all_are_counted},

@@ -22,12 +22,13 @@ import pytest
 from ros.exported import exported_parts
 
 TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'order', 'increases', 'backlog',
-         'names', 'again', 'violations')
+         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'again', 'violations')
 BUNDLE = """
 format: 1
+constants: {whole: 3, real: 2.0}
 inputs:
   fixed: {topic: fixed, type: sensor_msgs/msg/Temperature, field: temperature,
-          qos: {reliability: reliable}}
+          qos: {reliability: reliable, depth: 7}}
   heat: {topic: heat, type: sensor_msgs/msg/Temperature, field: temperature,
          timeout: 1.0, startup: 60}
   elbow: {topic: joints, type: sensor_msgs/msg/JointState, field: "position[name = elbow]"}
@@ -43,7 +44,8 @@ WRAPPED = (
     'fm_steady_now', 'fm_log', 'rcl_subscription_init', 'rcl_publish',
     'rmw_subscription_set_on_new_message_callback', 'rcl_subscription_get_publisher_count',
     'rcl_publisher_get_subscription_count', 'fm_engine_requirement_counts',
-    'fm_engine_topic_counts', 'fm_engine_order_counts', 'fm_engine_silence')
+    'fm_engine_topic_counts', 'fm_engine_order_counts', 'fm_engine_silence',
+    'fm_engine_unpublished', 'fm_announcer_turns', 'fm_detail_thread_turns')
 
 
 @pytest.fixture(scope='module')
@@ -56,8 +58,9 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize('name', TESTS)
 def test_parts_of_the_node(program: Path, domain: int, name: str) -> None:
     done = subprocess.run(
-        [program, name, '--ros-args', '-p', 'log_violations:=false'], text=True, timeout=120,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
+        [program, name, '--ros-args', '-p', 'log_violations:=false', '-p', 'constants.whole:=3.0',
+         '-p', 'constants.real:=2'], text=True, timeout=120, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, check=False,
         # Shared memory logs what other processes left. What a callback that stays uses is leaked
         # on purpose.
         env={**os.environ, 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',

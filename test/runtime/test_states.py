@@ -119,6 +119,30 @@ def test_no_violation_goes_on_when_the_time_goes_back(tmp_path: Path) -> None:
     assert followed.message(0, 0.0, 3.0) == ([HOLDS, UNKNOWN], [0, 0])
 
 
+def test_each_change_of_the_conditions_is_kept_once_until_there_are_too_many(
+        followed: Followed) -> None:
+    followed.message(0, 0.0, 1.0)
+    followed.message(1, 0.0, 1.0)
+    list(followed.engine.changed_conditions())
+    for number in range(3):
+        followed.message(1, 2.0, 1.1)
+        followed.message(1, 3.0, 1.1)  # still violated: no change
+        followed.message(1, 0.0, 1.1)
+        found = [({*item.violated}, item.states[1], missed)
+                 for item, missed in followed.engine.changed_conditions()]
+        assert found == [({1}, VIOLATED, 0), (set(), HOLDS, 0)], number
+    for number in range(100):
+        followed.message(1, 2.0 * (number % 2 == 0), 1.2)
+    followed.message(0, 2.0, 1.2)
+    found = [({*item.violated}, item.states[1], missed)
+             for item, missed in followed.engine.changed_conditions()]
+    assert found == 31 * [({1}, VIOLATED, 0), (set(), HOLDS, 0)] + [
+        ({1}, VIOLATED, 0), (set(), HOLDS, 101 - 64)]
+    followed.message(1, 2.0, 1.3)
+    assert [missed for _, missed in followed.engine.changed_conditions()] == [0]
+    assert followed.engine.conditions().violated == {0, 1}
+
+
 def test_a_wait_ends_at_once_when_a_state_changes_or_the_engine_is_closed(
         followed: Followed) -> None:
     for act in (lambda: followed.message(0, 5.0, 1.5), followed.engine.close):
@@ -200,6 +224,28 @@ def test_a_requirement_is_unknown_while_all_that_was_judged_is_withheld(tmp_path
     assert (gated.state(0), gated.state(1)) == ((VIOLATED, 1), (UNKNOWN, 0))
     assert gated.send(0.0) is Judgement.PASSED
     assert (gated.state(0), gated.state(1)) == ((HOLDS, 1), (HOLDS, 0))
+
+
+def test_a_change_of_the_gate_is_a_change_of_the_conditions(tmp_path: Path) -> None:
+    gated = Gated(tmp_path, NEAR.replace('REPORT', 'onset').replace(
+        ', otherwise: {substitute: {data: 0.1}, rate: 10}', ', latch: true'))
+
+    def changes() -> list[tuple[bool, bool, set[int]]]:
+        return [(item.is_known, item.is_latched, {*item.unknown})
+                for item, _ in gated.engine.changed_conditions()]
+
+    changes()
+    assert gated.send(1.0) is Judgement.CLOSED
+    assert not gated.engine.conditions().is_known
+    changes()
+    gated.sense(9.0)
+    assert gated.send(1.0) is Judgement.PASSED
+    found = changes()
+    assert found[-1] == (True, False, set())
+    assert gated.send(10.0) is Judgement.VIOLATES
+    assert [item[:2] for item in changes()] == [(True, True)]
+    gated.engine.reset()
+    assert changes()[-1][1] is False
 
 
 NEAR = GATED.replace('H (x < 1.0)', 'H (x < y)').replace(
