@@ -276,10 +276,19 @@ class _Calling:
             self.skip()
             return False
         self._count(started=1)
-        self._thread = Thread(target=self._run, args=(is_over,), daemon=True,
-                              name=f'action {self.action.name}')
-        self._thread.start()
+        thread = Thread(target=self._run, args=(is_over,), daemon=True,
+                        name=f'action {self.action.name}')
+        try:
+            thread.start()
+        except RuntimeError as error:  # too little memory, or too many threads
+            self._fail(f': {error}')
+        else:
+            self._thread = thread
         return True
+
+    def _fail(self, why: str) -> None:
+        self._count(failed=1)
+        self._node.get_logger().error(f"the action '{self.action.name}' failed{why}")
 
     def _run(self, is_over: Event) -> None:
         with self.kept:
@@ -290,11 +299,8 @@ class _Calling:
             self._call.run(is_over)
         except CallError as error:
             if not is_over.is_set():
-                self._count(failed=1)
                 tries = self.action.retries + 1
-                self._node.get_logger().error(
-                    f"the action '{self.action.name}' failed"
-                    f'{f" {tries} times" if tries > 1 else ""}: {error}')
+                self._fail(f'{f" {tries} times" if tries > 1 else ""}: {error}')
         else:
             self._count(sent=1)
 

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import signal
-from threading import Event
+from threading import Event, stack_size
 from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
@@ -26,8 +26,10 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.ros import actions
+from fret_monitor.ros.monitor_node import MonitorNode
 from geometry_msgs.msg import PointStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Bool, Float32, Int32
 from std_srvs.srv import SetBool, Trigger
@@ -300,6 +302,29 @@ def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
     for now in (1.0, 6.0):
         running._start(0, now)
     assert running._last_start == {0: 1.0}
+
+
+def test_a_call_for_which_no_thread_can_be_started_has_failed_and_other_actions_go_on(
+    tmp_path: Path, partner: Partner,
+) -> None:
+    path = tmp_path / 'bundle.yaml'
+    path.write_text(BUNDLE.replace('[absent, slow, call, park]', '[slow, once]'), encoding='utf-8')
+    once = Log(partner, PointStamped, 'once')
+    monitor = MonitorNode(context=partner.context,
+                          parameter_overrides=[Parameter('spec', value=str(path))])
+    n = partner.publisher(Int32, 'n')
+    partner.wait_for_listener(n)
+    session, = monitor._sessions
+    before = stack_size(1 << 46)  # from here on there is not enough memory for another thread
+    try:
+        n.publish(Int32(data=2))
+        wait_until(lambda: len(once.messages) == 1, 'the other action')
+        found = {action.name: counts for action, counts in session._actions.counts()}
+    finally:
+        stack_size(before)
+    assert found['slow'] == actions.ActionCounts(started=1, failed=1)
+    assert session._actions.failure is None
+    monitor.destroy_node()
 
 
 def test_a_delayed_action_starts_after_the_end_and_not_after_a_violation_that_is_over() -> None:
