@@ -61,7 +61,7 @@ static bool readers_fit(const struct fm_engine_options * options)
   return true;
 }
 
-static bool make_locks(struct fm_engine * engine)
+static bool make_mutexes(struct fm_engine * engine)
 {
   if (pthread_mutex_init(&engine->mutex, NULL) != 0) {
     return false;
@@ -70,25 +70,30 @@ static bool make_locks(struct fm_engine * engine)
     pthread_mutex_destroy(&engine->mutex);
     return false;
   }
-  if (!fm_make_condition(&engine->violation_queued)) {
-    pthread_mutex_destroy(&engine->mutex);
-    pthread_mutex_destroy(&engine->catching);
-    return false;
-  }
-  if (!fm_make_condition(&engine->detail_queued)) {
-    pthread_cond_destroy(&engine->violation_queued);
-    pthread_mutex_destroy(&engine->mutex);
-    pthread_mutex_destroy(&engine->catching);
-    return false;
-  }
-  if (!fm_make_condition(&engine->state_changed)) {
-    pthread_cond_destroy(&engine->detail_queued);
-    pthread_cond_destroy(&engine->violation_queued);
-    pthread_mutex_destroy(&engine->mutex);
-    pthread_mutex_destroy(&engine->catching);
-    return false;
-  }
   return true;
+}
+
+static bool make_locks(struct fm_engine * engine)
+{
+  pthread_cond_t * const conditions[] = {
+    &engine->violation_queued, &engine->detail_queued, &engine->state_changed,
+    &engine->turn_ended};
+  const uint32_t n = sizeof(conditions) / sizeof(conditions[0]);
+  uint32_t n_made = 0;
+  if (!make_mutexes(engine)) {
+    return false;
+  }
+  while (n_made < n && fm_make_condition(conditions[n_made])) {
+    n_made += 1;
+  }
+  for (uint32_t k = 0; n_made < n && k < n_made; ++k) {
+    pthread_cond_destroy(conditions[k]);
+  }
+  if (n_made < n) {
+    pthread_mutex_destroy(&engine->mutex);
+    pthread_mutex_destroy(&engine->catching);
+  }
+  return n_made == n;
 }
 
 static bool make_memory(struct fm_engine * engine)
@@ -161,6 +166,7 @@ void fm_engine_destroy(struct fm_engine * engine)
   pthread_cond_destroy(&engine->violation_queued);
   pthread_cond_destroy(&engine->detail_queued);
   pthread_cond_destroy(&engine->state_changed);
+  pthread_cond_destroy(&engine->turn_ended);
   pthread_mutex_destroy(&engine->mutex);
   pthread_mutex_destroy(&engine->catching);
   free_memory(engine);

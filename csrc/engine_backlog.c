@@ -15,9 +15,9 @@
 /// engine_backlog.c: the messages that callbacks leave in the middleware's queues, and what is due
 /// with them. See engine_locked.h.
 ///
-/// Lock order: `catching`, then the middleware's locks of a subscription, then the engine's mutex.
-/// What `catching` guards: the list of queues, and the message that was taken of each. While
-/// `is_catching_up` is set, callbacks take nothing; it is set with both locks held.
+/// Lock order: the turn, then the middleware's locks of a subscription, then the engine's mutex.
+/// What a turn guards: the list of queues, and the message that was taken of each. While
+/// `is_catching_up` is set, callbacks take nothing; it is set in a turn, with the mutex held.
 
 #include "engine_parts.h"
 
@@ -35,24 +35,47 @@ static void store(uint32_t * flag, bool value)
   __atomic_store_n(flag, value ? 1u : 0u, __ATOMIC_SEQ_CST);
 }
 
+// ---- turns -------------------------------------------------------------------------------------
+
+// A lock that threads get in the order in which they ask. From a mutex, the thread that catches up
+// with a flood would take the next turn, too, long before one that waits is awake.
+static void begin_turn(struct fm_engine * engine)
+{
+  pthread_mutex_lock(&engine->catching);
+  const uint64_t turn = engine->turns;
+  engine->turns += 1;
+  while (engine->turn != turn) {
+    pthread_cond_wait(&engine->turn_ended, &engine->catching);
+  }
+  pthread_mutex_unlock(&engine->catching);
+}
+
+static void end_turn(struct fm_engine * engine)
+{
+  pthread_mutex_lock(&engine->catching);
+  engine->turn += 1;
+  pthread_cond_broadcast(&engine->turn_ended);
+  pthread_mutex_unlock(&engine->catching);
+}
+
 // ---- queues ------------------------------------------------------------------------------------
 
 void fm_engine_add_queue(struct fm_engine * engine, struct fm_queue * queue)
 {
   queue->has_one = false;
-  pthread_mutex_lock(&engine->catching);
+  begin_turn(engine);
   fm_engine_lock(engine);
   queue->next = engine->queues;
   engine->queues = queue;
   store(&engine->is_catching_up, true);
   store(&engine->has_left, true);
   fm_engine_unlock(engine);
-  pthread_mutex_unlock(&engine->catching);
+  end_turn(engine);
 }
 
 void fm_engine_remove_queue(struct fm_engine * engine, struct fm_queue * queue)
 {
-  pthread_mutex_lock(&engine->catching);
+  begin_turn(engine);
   fm_engine_lock(engine);
   if (queue->has_one) {
     queue->has_one = false;
@@ -64,8 +87,9 @@ void fm_engine_remove_queue(struct fm_engine * engine, struct fm_queue * queue)
       break;
     }
   }
+  engine->in_round = engine->in_round && engine->queues != NULL;
   fm_engine_unlock(engine);
-  pthread_mutex_unlock(&engine->catching);
+  end_turn(engine);
 }
 
 // ---- callbacks ---------------------------------------------------------------------------------
@@ -137,6 +161,12 @@ static void begin_round(struct fm_engine * engine)
     engine->has_round = !engine->is_closed && engine->source != FM_TOLD &&
       fm_engine_read_now_locked(engine, 0, &engine->round);
     engine->received_by = fm_engine_round_received_by_locked(engine);
+    const int64_t now = fm_engine_system_time();
+    for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
+      if (queue->received > engine->received_by && queue->received > now) {
+        queue->received = engine->received_by;  // held, and the system time was set back since
+      }
+    }
   }
   fm_engine_unlock(engine);
 }
@@ -252,7 +282,7 @@ static void take_rounds(struct fm_engine * engine, uint32_t rounds, uint32_t mes
 
 void fm_engine_catch_up(struct fm_engine * engine)
 {
-  pthread_mutex_lock(&engine->catching);
+  begin_turn(engine);
   if (engine->queues != NULL) {
     take_rounds(engine, UINT32_MAX, MOST_AT_ONCE);
   } else {
@@ -260,12 +290,12 @@ void fm_engine_catch_up(struct fm_engine * engine)
     fm_engine_take_due_now_locked(engine);
     fm_engine_unlock(engine);
   }
-  pthread_mutex_unlock(&engine->catching);
+  end_turn(engine);
 }
 
 void fm_engine_begin_order(struct fm_engine * engine)
 {
-  pthread_mutex_lock(&engine->catching);
+  begin_turn(engine);
   if (engine->in_round) {
     take_rounds(engine, 1, UINT32_MAX);  // it began before what was received last
   }
@@ -276,7 +306,7 @@ void fm_engine_begin_order(struct fm_engine * engine)
 
 void fm_engine_end_order(struct fm_engine * engine)
 {
-  pthread_mutex_unlock(&engine->catching);
+  end_turn(engine);
 }
 
 // Whether a message waits that takes effect by its stamp.

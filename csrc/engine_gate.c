@@ -81,6 +81,13 @@ struct gated_step
   int64_t source;     // the time of the source; INT64_MIN: it has none
 };
 
+// A time, or the end of a span that it is beyond; the last one if they are in the wrong order.
+static int64_t within(int64_t time, int64_t first, int64_t last)
+{
+  const int64_t later = time < first ? first : time;
+  return later < last ? later : last;
+}
+
 // Take what is due before a message of the gate's topic, which is never left to a round: it is to
 // be sent at once. Under FM_TIMED it takes effect now, and not when it was received: it may have
 // waited in the middleware's queue while an input became silent.
@@ -92,7 +99,9 @@ static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t r
   if (!fm_engine_read_now_locked(engine, received, &now) || !engine->has_begun) {
     step.now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
   } else {
-    now = engine->queues != NULL && engine->has_round ? engine->round : now;
+    if (engine->queues != NULL && engine->has_round) {
+      now = within(engine->round, fm_evaluator_now(evaluator), now);
+    }
     step.source = now;
     step.stamp = engine->source == FM_CLOCK ? now : received;
     step.now = now;

@@ -81,6 +81,7 @@ struct fm_engine
   void (* on_due)(void * argument);  // NULL: nobody waits for replacements
   void * on_due_argument;
   int64_t system_ahead;  // of the steady clock, ns
+  int64_t ahead_noted;   // the same when it was last looked whether the system time was set back
   int64_t ahead_before;  // the same before the system time was set last
   int64_t ahead_read;    // by CLOCK_MONOTONIC: when `system_ahead` was found to hold
   int64_t set_after;     // by CLOCK_MONOTONIC: the system time was set then, or later
@@ -95,8 +96,11 @@ struct fm_engine
   bool has_begun;        // the time
   bool is_new_source;    // its time was not read yet
   bool is_closed;
-  pthread_mutex_t catching;     // see engine_backlog.c; locked before `mutex`
-  struct fm_queue * queues;     // changed with both locked
+  pthread_mutex_t catching;     // guards the turns of those who catch up; see engine_backlog.c
+  pthread_cond_t turn_ended;
+  uint64_t turns;               // that were asked for
+  uint64_t turn;                // that has begun; others wait for theirs
+  struct fm_queue * queues;     // changed in a turn, with `mutex` locked
   uint32_t is_catching_up;      // atomic: callbacks take nothing
   uint32_t has_left;            // atomic: callbacks have left messages
   int64_t received_by;          // by system time: what the round of a catch up delivers

@@ -142,8 +142,9 @@ static void note_set_back_locked(struct fm_engine * engine)
   if (engine->source != FM_STEADY || !uses_headers(engine)) {
     return;
   }
-  const int64_t before = engine->system_ahead;
-  const int64_t step = fm_between(system_ahead_locked(engine), before);
+  const int64_t before = engine->ahead_noted;  // others may have compared the clocks since
+  engine->ahead_noted = system_ahead_locked(engine);
+  const int64_t step = fm_between(engine->ahead_noted, before);
   if (engine->has_begun && !engine->is_new_source && step > CLOSE_NS) {
     const int64_t now = fm_evaluator_now(engine->options.evaluator);
     fm_engine_take_due_by_locked(engine, fm_later(now, -step));
@@ -243,21 +244,27 @@ void fm_engine_take_due_now_locked(struct fm_engine * engine)
 {
   int64_t now;
   if (engine->has_begun && engine->source != FM_TOLD && !engine->has_rounds &&
-    !engine->is_closed && read_source_locked(engine, 0, &now))
+    !engine->in_round && !engine->is_closed && read_source_locked(engine, 0, &now))
   {
     join_source_locked(engine, now);
     fm_engine_take_due_by_locked(engine, now);
   }
 }
 
-static void mark_clock_locked(struct fm_engine * engine)
+// Note when the clock moved. Returns whether that changes nothing: it has not gone back, and
+// nothing is due.
+static bool mark_clock_locked(struct fm_engine * engine)
 {
   int64_t now;
-  if (engine->source == FM_CLOCK && read_source_locked(engine, 0, &now)) {
-    const struct fm_clock_mark mark = {read_clock(CLOCK_REALTIME), now};
-    engine->marks[engine->n_marks % FM_MOST_MARKS] = mark;
-    engine->n_marks += 1;
+  if (engine->source != FM_CLOCK || !read_source_locked(engine, 0, &now)) {
+    return false;
   }
+  const struct fm_clock_mark mark = {read_clock(CLOCK_REALTIME), now};
+  const bool has_moved_on = engine->n_marks > 0 &&
+    engine->marks[(engine->n_marks - 1u) % FM_MOST_MARKS].clock <= now;
+  engine->marks[engine->n_marks % FM_MOST_MARKS] = mark;
+  engine->n_marks += 1;
+  return has_moved_on && fm_engine_deadline_locked(engine) > now;
 }
 
 // The last mark at a system time, or before it; NULL if none is kept.
@@ -298,11 +305,23 @@ int64_t fm_engine_round_received_by_locked(struct fm_engine * engine)
          read_clock(CLOCK_REALTIME);
 }
 
+// With stamps of headers: the time until which messages took effect when a message was received
+// that is delivered in a round.
+static int64_t stamps_at_locked(const struct fm_engine * engine, int64_t received)
+{
+  const int64_t now = fm_evaluator_now(engine->options.evaluator);
+  const int64_t earliest = now < engine->released ? engine->released : now;
+  const int64_t then = received <= 0 ? engine->round : fm_later(received, -engine->options.reorder);
+  const int64_t instant = then < earliest ? earliest : then;
+  return instant < engine->round ? instant : engine->round;
+}
+
 bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
 {
   if ((engine->has_rounds || engine->in_round) && engine->source != FM_TOLD) {
-    *now = engine->in_round && engine->source == FM_CLOCK ?
-      clock_at_locked(engine, received) : engine->round;
+    *now = !engine->in_round ? engine->round :
+      engine->source == FM_CLOCK ? clock_at_locked(engine, received) :
+      uses_headers(engine) ? stamps_at_locked(engine, received) : engine->round;
     return engine->has_round;
   }
   return fm_engine_read_now_locked(engine, received, now);
@@ -355,7 +374,7 @@ static void follow(
   engine->is_new_source = true;
   engine->has_round = false;
   engine->n_marks = 0;
-  mark_clock_locked(engine);
+  (void)mark_clock_locked(engine);
   fm_engine_take_due_now_locked(engine);
   pthread_cond_signal(&engine->violation_queued);
   fm_engine_unlock(engine);
@@ -450,9 +469,10 @@ void fm_engine_wake(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   engine->is_outdated = false;
-  engine->caught_up = 0;  // it may have gone back
-  mark_clock_locked(engine);
-  pthread_cond_signal(&engine->violation_queued);
+  if (!mark_clock_locked(engine)) {
+    engine->caught_up = 0;
+    pthread_cond_signal(&engine->violation_queued);
+  }
   fm_engine_unlock(engine);
 }
 

@@ -21,6 +21,7 @@
 
 #include "receiver.h"
 
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,6 +32,7 @@
 enum { X, Y, N_TOPICS };
 enum { ANSWER, FED, N_REQUIREMENTS };
 enum { MOST = 30000, MOST_AT_ONCE = 1000 };
+enum { MESSAGE_BYTES = 1 + sizeof(int64_t) };  // the value, then the stamp of its header
 
 #define MS ((int64_t)1000000)
 #define WINDOW (50 * MS)
@@ -84,6 +86,10 @@ struct subscription
 };
 
 static struct subscription subscriptions[N_TOPICS];
+static bool is_endless = false;  // X always has another message
+static uint32_t is_asked_to_rest = 0;  // atomic: the next to take one of these
+static uint32_t n_takes = 0;
+static uint32_t set_back_at_take = N_TOPICS;  // of a message of this topic
 
 static int listen(void * subscription, fm_on_message callback, const void * user_data)
 {
@@ -98,22 +104,35 @@ static int take(
   struct fm_message_info * info, void * allocation)
 {
   struct subscription * self = (struct subscription *)(uintptr_t)subscription;
-  static uint8_t bytes[N_TOPICS];
-  uint8_t * buffer = &bytes[self - subscriptions];
+  static uint64_t sequence = 0;
   (void)allocation;
   memset(info, 0, sizeof(struct fm_padded_info));
+  n_takes += 1;
+  if (set_back_at_take == self - subscriptions) {
+    set_by = -3600 * 1000 * MS;
+    set_back_at_take = N_TOPICS;
+  }
+  if (is_endless && self == &subscriptions[X]) {
+    self->taken = 0;
+    self->sent = 1;
+    self->received[0] = system_now();
+    if (__atomic_exchange_n(&is_asked_to_rest, 0u, __ATOMIC_SEQ_CST) != 0) {
+      sleep_ms(10);
+    }
+  }
   *taken = self->taken < self->sent;
   if (*taken) {
     if (message->capacity == 0) {
-      message->buffer = message->allocator.allocate(1, NULL);
-      message->capacity = 1;
+      message->buffer = message->allocator.allocate(MESSAGE_BYTES, NULL);
+      message->capacity = MESSAGE_BYTES;
     }
-    *buffer = self->values[self->taken];
-    memcpy(message->buffer, buffer, 1);
-    message->length = 1;
+    message->buffer[0] = self->values[self->taken];
+    memcpy(&message->buffer[1], &self->received[self->taken], sizeof(self->received[0]));
+    message->length = MESSAGE_BYTES;
     info->received_timestamp = self->received[self->taken];
     self->taken += 1;
-    info->publication_sequence_number = self->taken;
+    sequence += 1;
+    info->publication_sequence_number = sequence;
   }
   return 0;
 }
@@ -156,7 +175,7 @@ struct inputs
 
 static int64_t cost_ms = 0;  // of reading a message
 static int64_t reorder = 0;  // if not 0: stamps of headers count
-static int64_t stamp_of_message = 0;
+static bool forbids_x = false;  // under other policies than FM_TIMED, ANSWER is !x
 
 static void reset_answer(void * state) {*(int64_t *)state = -1;}
 
@@ -172,8 +191,7 @@ static int64_t answer_at(void * state, const void * inputs, bool * verdicts, int
 static void step_answer(void * state, const void * inputs, bool * verdicts)
 {
   (void)state;
-  (void)inputs;
-  verdicts[ANSWER] = true;
+  verdicts[ANSWER] = !forbids_x || !((const struct inputs *)inputs)->x;
 }
 
 static void reset_fed(void * state) {(void)state;}
@@ -220,10 +238,8 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
 
 static bool read_stamp(const uint8_t * message, size_t size, int64_t * stamp)
 {
-  (void)message;
-  (void)size;
-  *stamp = stamp_of_message;
-  return true;
+  memcpy(stamp, &message[1], sizeof(*stamp));
+  return size == MESSAGE_BYTES;
 }
 
 static const struct fm_reader reader[] = {
@@ -236,6 +252,7 @@ static void * memory;
 static struct fm_receiver * receivers[N_TOPICS];
 static struct fm_violation taken[MOST];
 static uint32_t n_taken;
+static bool begins = true;
 
 static struct fm_engine * make(uint32_t policy, int64_t timeout)
 {
@@ -255,7 +272,9 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
     CHECK(fm_receiver_start(
         &receivers[topic], engine, &middleware, &subscriptions[topic], topic, FM_LISTEN));
   }
-  fm_engine_begin(engine);
+  if (begins) {
+    fm_engine_begin(engine);
+  }
   return engine;
 }
 
@@ -514,8 +533,7 @@ static void a_message_that_waits_for_its_stamp_takes_effect_in_time(void)
   reorder = 20 * MS;
   struct fm_engine * engine = make(FM_TIMED, 0);
   bool value = false;
-  stamp_of_message = system_now();
-  receive(Y, true, stamp_of_message);
+  receive(Y, true, system_now());
   call_back(Y);
   announce(engine);
   CHECK(!fm_engine_value(engine, Y, &value));
@@ -571,8 +589,209 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
   destroy(engine);
 }
 
+// Receive more messages than a callback and a catch up take, so that a round stops within.
+static void stop_within_a_round(struct fm_engine * engine, uint32_t n_left)
+{
+  const uint32_t n = 2 * MOST_AT_ONCE + n_left;
+  for (uint32_t k = 0; k < n; ++k) {
+    receive(Y, false, system_now());
+  }
+  subscriptions[Y].callback(subscriptions[Y].user_data, n);
+  announce(engine);
+  CHECK(subscriptions[Y].sent - subscriptions[Y].taken <= n_left);
+  CHECK(subscriptions[Y].taken < subscriptions[Y].sent);
+}
+
+static void what_begins_within_a_round_begins_once(void)
+{
+  begins = false;
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  begins = true;
+  stop_within_a_round(engine, MOST_AT_ONCE);
+  sleep_ms(5);
+  fm_engine_begin(engine);
+  announce(engine);
+  announce(engine);
+  CHECK(subscriptions[Y].taken == subscriptions[Y].sent);
+  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  destroy(engine);
+}
+
+static void a_held_message_outlives_a_system_time_that_is_set_back(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sleep_ms(500);
+  cost_ms = 5;  // of taking one of Y, which is asked first
+  receive(X, false, system_now());
+  receive(Y, false, system_now() + MS);
+  set_back_at_take = X;
+  announce(engine);
+  cost_ms = 0;
+  CHECK(set_by != 0);
+  announce(engine);
+  CHECK(subscriptions[X].taken == 1 && fm_engine_topic_counts(engine, Y).messages == 1);
+  set_by = 0;
+  destroy(engine);
+}
+
+static void a_header_counts_however_late_its_message_is_processed(void)
+{
+  reorder = 20 * MS;
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  receive(Y, false, system_now());
+  call_back(Y);
+  announce(engine);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  sleep_ms(10);
+  receive(Y, false, system_now() - MS);
+  sleep_ms(3 * WINDOW / MS);
+  announce(engine);
+  CHECK(n_taken == 1 && is_taken(ANSWER, asked + WINDOW));
+  CHECK(fm_engine_order_counts(engine, X).late == 0);
+  CHECK(fm_engine_order_counts(engine, Y).late == 0);
+  reorder = 0;
+  destroy(engine);
+}
+
+// ---- a gate ------------------------------------------------------------------------------------
+
+static void * gate_memory;
+
+static struct fm_engine * make_gate(uint32_t policy)
+{
+  struct fm_engine * engine = make(policy, 0);
+  const struct fm_gate_options rules = {
+    .evaluator = memory, .monitor = &monitor, .topics = topics, .n_topics = N_TOPICS,
+    .from = N_TOPICS, .otherwise = FM_DROP};
+  gate_memory = malloc((size_t)fm_gate_bytes(&rules));
+  fm_engine_guard(engine, fm_gate_init(gate_memory, &rules), &rules);
+  receive(X, false, system_now());
+  call_back(X);
+  receive(Y, false, system_now());
+  call_back(Y);
+  return engine;
+}
+
+static uint32_t judge(struct fm_engine * engine)
+{
+  static uint64_t sequence = 0;
+  sequence += 1;
+  static const uint8_t gid[FM_GID_BYTES] = {1};
+  const struct fm_origin origin = {system_now(), 0, sequence, gid, false};
+  int64_t due;
+  return fm_engine_judge(engine, gid, 1, &origin, &due);
+}
+
+static void a_gate_knows_what_was_received_before_its_message(void)
+{
+  forbids_x = true;
+  struct fm_engine * engine = make_gate(FM_EVERY_MESSAGE);
+  CHECK(judge(engine) == FM_PASSED);
+  stop_within_a_round(engine, MOST_AT_ONCE / 2);
+  for (uint32_t k = 0; k < 3 * MOST_AT_ONCE / 2; ++k) {
+    receive(Y, false, system_now());
+  }
+  receive(X, true, system_now());
+  CHECK(judge(engine) == FM_VIOLATES);
+  forbids_x = false;
+  destroy(engine);
+  free(gate_memory);
+}
+
+// Called between the catch up before a judgement and the judgement itself.
+static bool is_between = false;
+
+void __real_fm_engine_begin_order(struct fm_engine * engine);
+void __wrap_fm_engine_begin_order(struct fm_engine * engine);
+
+void __wrap_fm_engine_begin_order(struct fm_engine * engine)
+{
+  __real_fm_engine_begin_order(engine);
+  if (is_between) {
+    receive(X, false, system_now());
+    call_back(X);
+  }
+}
+
+static void a_callback_between_catching_up_and_judging_sets_no_time_back(uint32_t policy)
+{
+  struct fm_engine * engine = make_gate(policy);
+  is_between = true;
+  for (uint32_t k = 0; k < 10; ++k) {
+    sleep_ms(1);
+    CHECK(judge(engine) == FM_PASSED);
+  }
+  is_between = false;
+  CHECK(subscriptions[X].taken == 11);
+  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  destroy(engine);
+  free(gate_memory);
+}
+
+static void * run_announcer(void * engine)
+{
+  struct fm_violation out[16];
+  while (!fm_engine_is_closed(engine)) {
+    (void)fm_engine_take(engine, out, 16, 100);
+  }
+  return NULL;
+}
+
+static void a_gate_gets_its_turn_during_a_flood(void)
+{
+  enum { JUDGED = 20 };
+  struct fm_engine * engine = make_gate(FM_EVERY_MESSAGE);
+  pthread_t announcer;
+  is_endless = true;
+  sleep_ms(500);  // so that the queues are looked at
+  CHECK(pthread_create(&announcer, NULL, run_announcer, engine) == 0);
+  while (fm_engine_topic_counts(engine, X).messages < MOST_AT_ONCE) {
+    sleep_ms(1);
+  }
+  uint64_t delivered = 0;
+  for (uint32_t k = 0; k < JUDGED; ++k) {
+    __atomic_store_n(&is_asked_to_rest, 1u, __ATOMIC_SEQ_CST);
+    while (__atomic_load_n(&is_asked_to_rest, __ATOMIC_SEQ_CST) != 0) {
+      sleep_ms(1);
+    }
+    const uint64_t before = fm_engine_topic_counts(engine, X).messages;
+    CHECK(judge(engine) == FM_PASSED);
+    delivered += fm_engine_topic_counts(engine, X).messages - before;
+  }
+  CHECK(delivered <= JUDGED * 3 / 2 * MOST_AT_ONCE);  // a turn has as many as MOST_AT_ONCE
+  fm_engine_close(engine);
+  CHECK(pthread_join(announcer, NULL) == 0);
+  is_endless = false;
+  destroy(engine);
+  free(gate_memory);
+}
+
+static void a_clock_that_moves_looks_for_messages_only_if_something_is_due(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  receive(Y, false, system_now());
+  call_back(Y);
+  announce(engine);
+  n_takes = 0;
+  for (uint32_t k = 0; k < 50; ++k) {
+    sim_time += MS;
+    fm_engine_wake(engine);
+    announce(engine);
+  }
+  CHECK(n_takes < 10);
+  sim_time = 1 * MS;  // goes back
+  fm_engine_wake(engine);
+  announce(engine);
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  destroy(engine);
+}
+
 int main(void)
 {
+  setvbuf(stdout, NULL, _IONBF, 0);  // one of these tests would hang
   nothing_is_overdue_while_an_answer_waits();
   an_input_is_not_silent_while_its_message_waits(FM_TIMED);
   an_input_is_not_silent_while_its_message_waits(FM_RELEVANT_MESSAGE);
@@ -593,5 +812,13 @@ int main(void)
   how_late_a_message_was_evaluated_is_known(3600);
   how_late_a_message_was_evaluated_is_known(-3600);
   callbacks_that_take_too_long_leave_their_messages();
+  what_begins_within_a_round_begins_once();
+  a_header_counts_however_late_its_message_is_processed();
+  a_gate_knows_what_was_received_before_its_message();
+  a_callback_between_catching_up_and_judging_sets_no_time_back(FM_EVERY_MESSAGE);
+  a_callback_between_catching_up_and_judging_sets_no_time_back(FM_TIMED);
+  a_held_message_outlives_a_system_time_that_is_set_back();
+  a_gate_gets_its_turn_during_a_flood();
+  a_clock_that_moves_looks_for_messages_only_if_something_is_due();
   return failures == 0 ? 0 : 1;
 }
