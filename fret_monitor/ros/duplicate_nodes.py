@@ -14,6 +14,8 @@
 
 """A warning about another node of the same name: calls and remappings then affect both."""
 
+from fret_monitor.ros.watch import Watch
+
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
@@ -23,21 +25,22 @@ _CHECKS = 10  # one per second; long enough to discover a node that was started 
 class DuplicateNodes:
     """Looks for another node of the same full name, and warns once."""
 
-    def __init__(self, node: Node) -> None:
-        """Start; the node's executor runs the checks."""
+    def __init__(self, node: Node, watch: Watch) -> None:
+        """Start; the node's executor runs the checks, and `watch` is told if they fail."""
         self._node = node
         self._left = _CHECKS
         self._timer = node.create_timer(
-            1.0, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            1.0, lambda: watch.run('node names', self._check),
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _check(self) -> None:
         own = self._node.get_name(), self._node.get_namespace()
-        has_other = self._node.get_node_names_and_namespaces().count(own) > 1
         self._left -= 1
+        has_other = self._node.get_node_names_and_namespaces().count(own) > 1
         if has_other:
             self._node.get_logger().warning(
                 f'there is another node {self._node.get_fully_qualified_name()}: both watch and '
                 'announce; give one another name (-r __node:=NAME) to tell them apart in '
                 '/diagnostics, ~/reset and transitions')
-        if has_other or not self._left:
+        if has_other or self._left <= 0:
             self._timer.cancel()

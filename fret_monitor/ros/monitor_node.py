@@ -77,7 +77,7 @@ class MonitorNode(ClockNode, LifecycleNode):
 
     def _begin(self) -> None:
         self._declared = Parameters(self, self.PARAMETERS, self._why_fixed)
-        self._duplicate_nodes = DuplicateNodes(self)
+        self._duplicate_nodes = DuplicateNodes(self, self._watch)
         self.create_service(Trigger, '~/reset', self._reset)
         for service in self.services:
             if service.service_name.endswith('/change_state'):

@@ -24,6 +24,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.ros import actions
 from fret_monitor.ros.blackbox import BlackBox
+from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.feed import Feed
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.node_time import TimeLog
@@ -211,17 +212,19 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     assert failed() == {}
     with monkeypatch.context() as patch:
         for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (BlackBox, '_look'),
-                           (TimeLog, 'review'), (SignOfLife, 'beat')):
+                           (TimeLog, 'review'), (DuplicateNodes, '_check'),
+                           (SignOfLife, 'beat')):
             patch.setattr(kind, name, fail)
         patch.setattr(actions, 'monotonic', fail)
-        names = ('actions', 'black box', 'details', 'feed', 'log', 'sign of life')
+        names = ('actions', 'black box', 'details', 'feed', 'log', 'node names',
+                 'sign of life')
         wait_until(lambda: sorted(failed()) == [*names], 'what has failed')
         before = len(signs)
     assert {*failed().values()} == {'ValueError: oh'}
     assert {*failed().values()} == {'ValueError: oh'}  # a second later
     assert len(signs) == before
     log = capfd.readouterr().err
-    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 6
+    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 7
     client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
     wait_until(client.service_is_ready, 'the service')
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
