@@ -1543,13 +1543,15 @@ static void topics_and_policies_that_are_none_are_refused(void)
 static void negative_times_are_refused(void)
 {
   struct fm_evaluator_options options = options_of(FM_PERIODIC);
-  const int64_t negative[] = {0, -1};
-  options.timeouts = negative;
-  CHECK(make(&options) == NULL);
-  options.timeouts = NULL;
-  options.startups = negative;
-  CHECK(make(&options) == NULL);
-  options.startups = NULL;
+  static const int64_t negative[2][2] = {{0, -1}, {-1, 0}};
+  for (int k = 0; k < 2; ++k) {
+    options.timeouts = negative[k];
+    CHECK(make(&options) == NULL);
+    options.timeouts = NULL;
+    options.startups = negative[k];
+    CHECK(make(&options) == NULL);
+    options.startups = NULL;
+  }
   options.period = -1;
   CHECK(make(&options) == NULL);
   options.period = 0;

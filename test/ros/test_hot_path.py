@@ -85,6 +85,22 @@ requirements:
     assert 'messages are taken in C' in logged
 
 
+def test_the_log_says_why_messages_are_copied_before_they_are_read(
+    stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+
+    def refuse(self: Middleware, library: Any) -> None:
+        raise Unavailable('Fast DDS 9 is not known')
+
+    monkeypatch.setattr(Middleware, 'read_in_place', refuse)
+    MonitorNode(context=stranger.context, parameter_overrides=[
+        Parameter('spec', value=str(bundle)), Parameter('hot_path', value='on')]).destroy_node()
+    assert 'and copied before they are read: Fast DDS 9 is not known' in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(('hot_path', 'is_in_place'), [('on', True), ('off', False)])
 def test_a_subscription_is_read_in_place_only_on_the_hot_path(
     domain: int, tmp_path: Path, hot_path: str, is_in_place: bool,

@@ -293,6 +293,7 @@ def test_everything_is_counted() -> None:
     assert evaluator.topic_counts(LEVEL) == TopicCounts(messages=3, undecodable=1)
     assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 0, 0, True, True, False)
     assert evaluator.requirement_counts(COOL) == RequirementCounts(1, 1, 1, False, False, True)
+    assert evaluator.requirement_counts(99) == RequirementCounts(0, 0, 0, True, True, False)
 
 
 # ---- rows ----------------------------------------------------------------------------------
