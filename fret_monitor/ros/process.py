@@ -74,6 +74,10 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         print(f'error: {reason}{_no_colon()}\n{_usage(name)}', end='', file=sys.stderr)
         return 1
     except _rclpy.RCLError as error:
+        if match := re.search(r'existing \w+ topic name r[qr](/\S+?)(Request|Reply) ', str(error)):
+            print(f'error: two services of this node have the name {match[1]} after remapping: '
+                  'give one of them another name', file=sys.stderr)
+            return 1
         if 'initialize logging' not in str(error):
             raise
         reason = str(error).partition(', at ')[0]

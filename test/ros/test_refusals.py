@@ -361,6 +361,8 @@ def test_the_logger_refuses_what_the_monitor_does(context: Context, tmp_path: Pa
     (['--sepc'], "error: unknown ROS arguments ['--sepc']\n"),
     (['spec:=x y'], "error: unknown ROS arguments ['spec:=x y']: a parameter has -p before it: "
                     "-p 'spec:=x y'\n"),
+    (['-r', '~/get_parameters:=~/set_parameters'],
+     'error: two services of this node have the name /fret_'),
 ])
 def test_a_process_that_refuses_ends_with_status_one_and_a_clear_message(
     name: str, arguments: list[str], told: str, domain: int, tmp_path: Path,
