@@ -326,7 +326,7 @@ uint64_t fm_engine_states(
 
 void fm_engine_conditions(struct fm_engine * engine, uint8_t * out)
 {
-  fm_engine_catch_up(engine);
+  fm_engine_catch_up_if_free(engine);
   fm_engine_lock(engine);
   fm_engine_look_for_hang_locked(engine);
   note_conditions_locked(engine);
@@ -792,7 +792,7 @@ int64_t fm_engine_take_behind(struct fm_engine * engine, uint32_t topic)
 
 struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)
 {
-  fm_engine_catch_up(engine);  // brings the time up to date
+  fm_engine_catch_up_if_free(engine);  // brings the time up to date
   fm_engine_lock(engine);
   const struct fm_silence silence = fm_evaluator_silence(engine->options.evaluator, input);
   fm_engine_unlock(engine);

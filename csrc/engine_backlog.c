@@ -50,6 +50,15 @@ static void begin_turn(struct fm_engine * engine)
   pthread_mutex_unlock(&engine->catching);
 }
 
+static bool begin_turn_if_free(struct fm_engine * engine)
+{
+  pthread_mutex_lock(&engine->catching);
+  const bool is_free = engine->turn == engine->turns;
+  engine->turns += is_free ? 1u : 0u;
+  pthread_mutex_unlock(&engine->catching);
+  return is_free;
+}
+
 static void end_turn(struct fm_engine * engine)
 {
   pthread_mutex_lock(&engine->catching);
@@ -280,9 +289,8 @@ static void take_rounds(struct fm_engine * engine, uint32_t rounds, uint32_t mes
   }
 }
 
-void fm_engine_catch_up(struct fm_engine * engine)
+static void catch_up(struct fm_engine * engine)
 {
-  begin_turn(engine);
   if (engine->queues != NULL) {
     take_rounds(engine, UINT32_MAX, MOST_AT_ONCE);
   } else {
@@ -290,7 +298,21 @@ void fm_engine_catch_up(struct fm_engine * engine)
     fm_engine_take_due_now_locked(engine);
     fm_engine_unlock(engine);
   }
+}
+
+void fm_engine_catch_up(struct fm_engine * engine)
+{
+  begin_turn(engine);
+  catch_up(engine);
   end_turn(engine);
+}
+
+void fm_engine_catch_up_if_free(struct fm_engine * engine)
+{
+  if (begin_turn_if_free(engine)) {
+    catch_up(engine);
+    end_turn(engine);
+  }
 }
 
 void fm_engine_begin_order(struct fm_engine * engine)

@@ -258,7 +258,7 @@ int64_t fm_engine_replacement_due(struct fm_engine * engine)
 struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine)
 {
   struct fm_gate_counts counts = {0, 0, 0, 0, 0, 0, 0, false, false, true};
-  fm_engine_catch_up(engine);
+  fm_engine_catch_up_if_free(engine);
   fm_engine_lock(engine);
   fm_engine_look_for_hang_locked(engine);
   if (engine->gate != NULL) {

@@ -216,6 +216,9 @@ void fm_engine_keep_message_locked(
 
 // ---- engine_backlog.c --------------------------------------------------------------------------
 
+/// As fm_engine_catch_up, unless another thread does so: whoever only asks does not wait for it.
+void fm_engine_catch_up_if_free(struct fm_engine * engine);
+
 /// As fm_engine_catch_up, if something is due or was left, or that was long ago. The lock is
 /// released meanwhile. Returns whether messages are left.
 bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine);

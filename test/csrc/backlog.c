@@ -86,6 +86,7 @@ struct subscription
 };
 
 static struct subscription subscriptions[N_TOPICS];
+static void (* in_take)(void) = NULL;  // called once
 static bool is_endless = false;  // X always has another message
 static uint32_t is_asked_to_rest = 0;  // atomic: the next to take one of these
 static uint32_t n_takes = 0;
@@ -108,6 +109,11 @@ static int take(
   (void)allocation;
   memset(info, 0, sizeof(struct fm_padded_info));
   n_takes += 1;
+  if (in_take != NULL) {
+    void (* const once)(void) = in_take;
+    in_take = NULL;
+    once();
+  }
   if (set_back_at_take == self - subscriptions) {
     set_by = -3600 * 1000 * MS;
     set_back_at_take = N_TOPICS;
@@ -789,8 +795,42 @@ static void a_clock_that_moves_looks_for_messages_only_if_something_is_due(void)
   destroy(engine);
 }
 
+static struct fm_engine * asked;
+static pthread_t asker;
+static uint32_t has_answered;
+
+static void * ask(void * unused)
+{
+  uint8_t conditions[64];
+  (void)fm_engine_silence(asked, Y);
+  fm_engine_conditions(asked, conditions);
+  (void)fm_engine_gate_counts(asked);
+  __atomic_store_n(&has_answered, 1u, __ATOMIC_SEQ_CST);
+  return unused;
+}
+
+static void ask_meanwhile(void)
+{
+  CHECK(pthread_create(&asker, NULL, ask, NULL) == 0);
+  for (int k = 0; k < 3000 && __atomic_load_n(&has_answered, __ATOMIC_SEQ_CST) == 0; ++k) {
+    sleep_ms(1);
+  }
+  CHECK(__atomic_load_n(&has_answered, __ATOMIC_SEQ_CST) == 1);
+}
+
+static void a_thread_that_asks_does_not_wait_until_others_have_caught_up(void)
+{
+  struct fm_engine * engine = asked = make(FM_TIMED, TIMEOUT);
+  receive(X, true, system_now());
+  in_take = ask_meanwhile;
+  fm_receiver_drain(receivers[X]);
+  CHECK(in_take == NULL && pthread_join(asker, NULL) == 0);
+  destroy(engine);
+}
+
 int main(void)
 {
+  a_thread_that_asks_does_not_wait_until_others_have_caught_up();
   setvbuf(stdout, NULL, _IONBF, 0);  // one of these tests would hang
   nothing_is_overdue_while_an_answer_waits();
   an_input_is_not_silent_while_its_message_waits(FM_TIMED);
