@@ -349,6 +349,8 @@ def test_a_latch_opens_with_a_reset() -> None:
     assert relay.gate.counts(3).is_latched
     relay.gate.reset()
     assert relay.level(3, 4) is PASSED
+    counts = relay.gate.counts(4)
+    assert (counts.passed, counts.violates, counts.latched, counts.withheld) == (2, 1, 1, 2)
 
 
 def test_a_latch_opens_after_its_time_without_a_violation() -> None:
