@@ -23,7 +23,7 @@ import json
 import os
 from pathlib import Path
 
-from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
+from fret_monitor.model.diagnostics import CompileError, refuse
 from fret_monitor.model.output import refuse_overwriting
 
 
@@ -36,15 +36,8 @@ def failed_line(path: object, errors: Sequence[str]) -> str:
 def problem_texts(problem: Exception) -> list[str]:
     """Return what is wrong as texts of one line each, for the `errors` of a line of JSON."""
     if isinstance(problem, CompileError):
-        return [_in_one_line(item) for item in problem.diagnostics]
+        return [item.in_one_line for item in problem.diagnostics]
     return [str(problem)]
-
-
-def _in_one_line(item: Diagnostic) -> str:
-    place = '' if item.span is None else \
-        f'{item.span.source.name}:{item.span.line}:{item.span.column}: '
-    parts = [f'{place}{item.title}', item.label, ' '.join(item.help.split())]
-    return '; '.join(part for part in parts if part)
 
 
 def recording_key(path: Path | str) -> str:

@@ -155,4 +155,5 @@ class Trace:
                         return
                     yield batch
         except CompileError as error:
-            raise DamagedRecording(str(error)) from None
+            raise DamagedRecording(' '.join(
+                item.in_one_line for item in error.diagnostics)) from None

@@ -153,6 +153,14 @@ class Diagnostic:
     help: str = ''
     level: Level = Level.ERROR
 
+    @property
+    def in_one_line(self) -> str:
+        """The same as `render`, in one line, without the line of the source."""
+        place = '' if self.span is None else \
+            f'{self.span.source.name}:{self.span.line}:{self.span.column}: '
+        parts = [f'{place}{self.title}', self.label, ' '.join(self.help.split())]
+        return '; '.join(part for part in parts if part)
+
     def render(self, paint: Paint = _plain) -> str:
         """Render as `file:line:column: error: title`, the line, a caret, and the help."""
         return '\n'.join(self._lines(paint))

@@ -252,7 +252,8 @@ def test_rows_before_a_damaged_one_are_judged(
     out, err = capsys.readouterr()
     line = json.loads(out)
     assert line['read'] == 3
-    assert f'trace.csv:{place}: error: {message}' in line['errors'][0]
+    assert f'trace.csv:{place}: {message}' in line['errors'][0]
+    assert all('\n' not in error for error in line['errors'])
     assert 'the recording cannot be read to its end: ' in err
     assert main([*arguments, '--partial']) == 0
     found = json.loads(capsys.readouterr().out)['requirements']
