@@ -80,6 +80,8 @@ def greeted(partner: Partner) -> Callable[[], None]:
 
 def expect_numbers(partner: Partner, count: int) -> None:
     """Wait until each of so many numbers was a step, in order."""
+    # All greetings were sent before the numbers, and perhaps not all were received yet.
+    wait_until(lambda: partner.heard['NUMBER'] >= count, f'{count} numbers')
     partner.expect({'GREETING': partner.heard['GREETING'], 'NUMBER': count})
 
 
