@@ -129,8 +129,10 @@ bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began)
     store(&engine->has_left, true);
     pthread_cond_signal(&engine->violation_queued);
     fm_engine_unlock(engine);
+    return false;
   }
-  return !is_left;
+  engine->began = *began;
+  return true;
 }
 
 // Whether callbacks take more than half of the time of the threads in which the middleware
@@ -153,6 +155,7 @@ void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behi
     pthread_cond_signal(&engine->violation_queued);
   }
   note_busy_locked(engine, began);
+  engine->began = 0;
   fm_engine_unlock(engine);
 }
 

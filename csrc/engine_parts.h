@@ -105,6 +105,7 @@ struct fm_engine
   uint32_t has_left;            // atomic: callbacks have left messages
   int64_t received_by;          // by system time: what the round of a catch up delivers
   int64_t caught_up;            // by CLOCK_MONOTONIC: the last one ended
+  int64_t began;                // by CLOCK_MONOTONIC: a callback that takes now; 0: none
   int64_t busy;                 // ns in callbacks since `busy_since`
   int64_t busy_since;
   int64_t catching_busy;        // ns in catch ups since `catching_since`
