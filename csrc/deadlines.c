@@ -280,24 +280,26 @@ static uint32_t take_first_due(
   return report.n;
 }
 
+// Move the time to `now`; returns false if it begins then.
+static bool reach(struct fm_evaluator * evaluator, int64_t now)
+{
+  const bool has_begun = evaluator->instance.time->has_begun;
+  if (has_begun) {
+    move_time(evaluator, now);
+  } else {
+    begin_time(evaluator, now);
+  }
+  return has_begun;
+}
+
 uint32_t fm_evaluator_advance(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
-  if (!evaluator->instance.time->has_begun) {
-    begin_time(evaluator, now);
-    return 0;
-  }
-  move_time(evaluator, now);
-  return take_first_due(evaluator, evaluator->instance.time->now, out);
+  return reach(evaluator, now) ? take_first_due(evaluator, evaluator->instance.time->now, out) : 0;
 }
 
 uint32_t fm_evaluator_advance_to(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
-  if (!evaluator->instance.time->has_begun) {
-    begin_time(evaluator, now);
-    return 0;
-  }
-  move_time(evaluator, now);
-  return take_first_due(evaluator, fm_later(now, -1), out);
+  return reach(evaluator, now) ? take_first_due(evaluator, fm_later(now, -1), out) : 0;
 }

@@ -120,8 +120,8 @@ int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, in
   return instant > now ? now : instant < earliest ? earliest : instant;
 }
 
-// The clocks are compared only if it may be a longer time than any before. Within a callback, which
-// has just begun, none is read before that: it would cost an eighth of a message.
+// The clocks are compared only if it may be a longer time than any before. Within a callback,
+// which has just begun, none is read before that: it would cost an eighth of a message.
 void fm_engine_note_behind_locked(
   struct fm_engine * engine, struct fm_engine_topic * topic, int64_t received)
 {
@@ -314,7 +314,8 @@ static int64_t stamps_at_locked(const struct fm_engine * engine, int64_t receive
 {
   const int64_t now = fm_evaluator_now(engine->options.evaluator);
   const int64_t earliest = now < engine->released ? engine->released : now;
-  const int64_t then = received <= 0 ? engine->round : fm_later(received, -engine->options.reorder);
+  const int64_t then =
+    received <= 0 ? engine->round : fm_later(received, -engine->options.reorder);
   const int64_t instant = then < earliest ? earliest : then;
   return instant < engine->round ? instant : engine->round;
 }
