@@ -61,8 +61,9 @@ def test_parts_of_the_node(program: Path, domain: int, name: str) -> None:
         [program, name, '--ros-args', '-p', 'log_violations:=false', '-p', 'constants.whole:=3.0',
          '-p', 'constants.real:=2'], text=True, timeout=120, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, check=False,
-        # Shared memory logs what other processes left. What a callback that stays uses is leaked
-        # on purpose.
-        env={**os.environ, 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',
-             'ASAN_OPTIONS': f'detect_leaks={int(name != "leak")}'})
-    assert (done.returncode, done.stdout) == (0, '')
+        # What a callback that stays uses is leaked on purpose.
+        env={**os.environ, 'ASAN_OPTIONS': f'detect_leaks={int(name != "leak")}'})
+    # The middleware complains of files in shared memory that killed processes have left.
+    said = ''.join(line for line in done.stdout.splitlines(keepends=True)
+                   if 'RTPS_TRANSPORT_SHM' not in line)
+    assert (done.returncode, said) == (0, '')
