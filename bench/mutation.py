@@ -37,6 +37,7 @@ import importlib
 import json
 import os
 from pathlib import Path
+import re
 import resource
 import shutil
 import signal
@@ -66,7 +67,7 @@ _PROGRAMS: dict[str, tuple[str, ...]] = {
     'evaluator_model': ('0 300', '1 300', '2 300'), 'engine_time': ('',), 'engine_timed': ('',),
     'backlog': ('',), 'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'),
     'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',)}
-_WRAPPED = {'engine_timed': 'clock_gettime', 'backlog': 'clock_gettime'}
+_WRAPPED = re.compile(r'__wrap_(\w+)\(')
 _SANITIZED = ('test/csrc', 'test/codegen', 'test/ros/test_node_parts', 'test/ros/test_exported')
 _OTHER_LIBRARIES = ('benchmark.c', 'trials.c')
 _BROKEN = 70  # the status of a child that could not run pytest
@@ -391,9 +392,11 @@ class Programs:
         self._engine = {source: self._object(source) for source in sorted((
             *self._csrc.glob('*.c'), *self._csrc.glob('ros/*.c')))
             if source.name not in _OTHER_LIBRARIES}
-        self._programs = {
-            name: self._object(copy.root / 'test' / 'csrc' / f'{name}.c', f'program_{name}')
-            for name in _PROGRAMS}
+        sources = {name: copy.root / 'test' / 'csrc' / f'{name}.c' for name in _PROGRAMS}
+        self._wrapped = {name: set(_WRAPPED.findall(source.read_text(encoding='utf-8')))
+                         for name, source in sources.items()}
+        self._programs = {name: self._object(source, f'program_{name}')
+                          for name, source in sources.items()}
         failing = self._first_failing([*self._engine.values()])
         if failing is not None:
             raise RuntimeError(f'{failing} fails without a mutant')
@@ -409,7 +412,7 @@ class Programs:
     def _first_failing(self, objects: list[Path]) -> str | None:
         for name, arguments in _PROGRAMS.items():
             program = self._folder / name
-            flags = [f'-Wl,--wrap={_WRAPPED[name]}'] if name in _WRAPPED else []
+            flags = [f'-Wl,--wrap={function}' for function in self._wrapped[name]]
             subprocess.run(['gcc', self._programs[name], *objects, *flags, '-o', program,
                             '-pthread', '-lm'], check=True, capture_output=True)
             for argument in arguments or self._scenarios(program):
@@ -445,15 +448,26 @@ class Judge:
         self._passing: set[str] = set()
         self._failing: list[str] = []
 
-    def judged(self, mutant: SourceMutant, tests: tuple[str, ...], version: str) -> Result:
-        """Return the result for a mutant."""
+    def judged(self, mutant: SourceMutant, tests: tuple[str, ...], version: str,
+               noticed_by: str = '') -> Result:
+        """Return the result for a mutant; first by the test that noticed it before, if any."""
         before = time.monotonic()
         with self._copy.changed(mutant):
-            answer, by = self._first_answer(mutant) or self._answer(tests)
+            answer, by = (self._same_answer(noticed_by) or self._first_answer(mutant)
+                          or self._answer(tests))
         while answer == 'noticed' and by.startswith('test/ros/') and not self._passes(by):
             with self._copy.changed(mutant):
                 answer, by = self._answer(tests)
         return Result(mutant.key, answer, by, round(time.monotonic() - before, 1), version)
+
+    def _same_answer(self, noticed_by: str) -> tuple[str, str] | None:
+        if '::' not in noticed_by:
+            return None
+        try:
+            failed = run_tests(self._copy, [noticed_by])
+        except RuntimeError:  # the test has another name by now
+            return None
+        return None if failed is None else ('noticed', failed)
 
     def _first_answer(self, mutant: SourceMutant) -> tuple[str, str] | None:
         if not self._compiles(mutant):
@@ -561,7 +575,7 @@ def judge_room(name: str, judge: Judge, count: int | None, only: str) -> bool:
         version = _version(mutant.path, tests)
         result = known.get(mutant.key)
         if result is None or result.version != version:
-            result = judge.judged(mutant, tests, version)
+            result = judge.judged(mutant, tests, version, '' if result is None else result.by)
             _keep(result)
             print(f'  {result.answer} {result.seconds:.0f} s {mutant.path}:{mutant.line} '
                   f'{mutant.before} => {mutant.after}  [{result.by}]', flush=True)
