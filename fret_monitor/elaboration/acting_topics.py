@@ -21,7 +21,7 @@ from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry, Requireme
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import EVENT_SUFFIX, events_of
-from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, shown
+from fret_monitor.model.names import absolute, DIAGNOSTICS_TOPIC, is_own_topic, OWN_SERVICES, shown
 from fret_monitor.model.policies import ActionKind
 
 LOCK_TYPE = 'std_msgs/msg/Bool'
@@ -37,6 +37,7 @@ def check_topics(bundle: Bundle, unusable: Collection[str], problems: Problems) 
     checks.locks()
     checks.judges()
     checks.own_topics()
+    checks.own_services()
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class _Checks:
     bundle: Bundle
     problems: Problems
 
-    def _published(self, *kinds: ActionKind) -> Iterator[tuple[ActionEntry, Text]]:
-        """Yield the actions of some kinds, each with its topic."""
+    def _aimed(self, *kinds: ActionKind) -> Iterator[tuple[ActionEntry, Text]]:
+        """Yield the actions of some kinds, each with its topic or service."""
         for entry in self.bundle.actions:
             if entry.kind in kinds and entry.target is not None:
                 yield entry, entry.target
@@ -64,7 +65,7 @@ class _Checks:
                     f'two gates {does} {shown(name.value)}', name.span,
                     f'{shown(other.name.value)} does already',
                     f'one gate keeps all requirements of a {what}')
-        for _, topic in self._published(ActionKind.LOCK, ActionKind.PUBLISH):
+        for _, topic in self._aimed(ActionKind.LOCK, ActionKind.PUBLISH):
             if gate := first.get((False, absolute(topic.value))):
                 self.problems.error(
                     f'{shown(topic.value)} belongs to the gate {shown(gate.name.value)}',
@@ -110,7 +111,7 @@ class _Checks:
             for topic in (gate.source, gate.target):
                 if gate.type and not gate.is_service and topic:
                     yield owner, topic.value, gate.type.value, gate.type
-        for action, target in self._published(ActionKind.LOCK, ActionKind.PUBLISH):
+        for action, target in self._aimed(ActionKind.LOCK, ActionKind.PUBLISH):
             owner = f"the action '{action.name}'"
             if action.kind is ActionKind.LOCK:
                 yield owner, target.value, LOCK_TYPE, target
@@ -120,14 +121,14 @@ class _Checks:
     def locks(self) -> None:
         """Refuse two publishers of one lock, which would contradict each other."""
         first: dict[str, ActionEntry] = {}
-        for lock, topic in self._published(ActionKind.LOCK):
+        for lock, topic in self._aimed(ActionKind.LOCK):
             other = first.setdefault(absolute(topic.value), lock)
             if other is not lock:
                 self.problems.error(
                     f'two locks on {shown(topic.value)}', topic.span,
                     'one would say false while the other says true',
                     f'use the lock {shown(other.name.value)} for the requirements of both')
-        for _, topic in self._published(ActionKind.PUBLISH):
+        for _, topic in self._aimed(ActionKind.PUBLISH):
             if other_lock := first.get(absolute(topic.value)):
                 self.problems.error(
                     f'{shown(topic.value)} is the topic of the lock '
@@ -138,7 +139,7 @@ class _Checks:
     def judges(self) -> None:
         """Refuse a lock of requirements that different nodes judge."""
         gate_of = {name.value: entry for entry in self.bundle.gates for name in entry.keep}
-        for lock, _ in self._published(ActionKind.LOCK):
+        for lock, _ in self._aimed(ActionKind.LOCK):
             users = [item for item in self.bundle.requirements
                      if any(name.value == lock.name.value for name in item.on_violation)]
             for item in users:
@@ -154,7 +155,7 @@ class _Checks:
         published = [(entry.target, entry.type) for entry in self.bundle.gates
                      if entry.target and not entry.is_service]
         published += [(topic, entry.type) for entry, topic in
-                      self._published(ActionKind.LOCK, ActionKind.PUBLISH)]
+                      self._aimed(ActionKind.LOCK, ActionKind.PUBLISH)]
         for target, type_ in published:
             is_diagnosis = absolute(target.value) == DIAGNOSTICS_TOPIC and \
                 type_ is not None and type_.value == _DIAGNOSTICS_TYPE
@@ -163,6 +164,15 @@ class _Checks:
                     f'the node publishes on {shown(target.value)} itself', target.span,
                     'its subscribers take each message for one of the node',
                     'choose another topic')
+
+    def own_services(self) -> None:
+        """Refuse to call the services with which the node itself is reset or deactivated."""
+        for _, service in self._aimed(ActionKind.CALL):
+            if service.value in OWN_SERVICES:
+                self.problems.error(
+                    f'the node offers {shown(service.value)} itself', service.span,
+                    'the violation would end its own monitoring or begin it anew',
+                    'call a service of another node')
 
 
 def _judge(item: Requirement, gate_of: dict[str, GateEntry]) -> str:

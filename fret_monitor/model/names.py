@@ -32,6 +32,7 @@ HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 _OWN_TOPICS = (f'/{HANDLER_TOPIC}violations', DIAGNOSTICS_TOPIC, '~/alive')
+OWN_SERVICES = ('~/reset', '~/change_state')  # those that change what is monitored
 
 # As in formulas: FRET's names may have points and percent signs inside.
 _IDENTIFIER = re.compile(r'[A-Za-z_$][A-Za-z0-9_$]*(?:[.%][A-Za-z0-9_$]+)*')

@@ -47,7 +47,7 @@ from fret_monitor.ros.qos import violation_request
 from fret_monitor.ros.raw_topic import Deliver, RawTopic
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.violation_lines import ViolationLines
-from fret_monitor.ros.watch import ErrorKeeper
+from fret_monitor.ros.watch import ErrorKeeper, Watch
 
 from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message
@@ -101,6 +101,7 @@ class LoggerNode(ClockNode):
         self._monitors: set[str] = set()  # that announce requirements of the bundle, or did
         self._thread = Thread(target=self._report_all, name='reports', daemon=True)
         self._kept = ErrorKeeper()
+        self._watch = Watch(self, 'what has not failed goes on')
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
             self._begin()
@@ -111,6 +112,9 @@ class LoggerNode(ClockNode):
         for failure in (self._feed.failure, self._kept.error):
             if failure is not None:
                 raise failure
+        self._watch.run('monitors', self._follow_news)
+
+    def _follow_news(self) -> None:
         if (news := self._announced.news()) is not None:
             self._follow(news)
 
@@ -132,13 +136,14 @@ class LoggerNode(ClockNode):
 
     def _begin(self) -> None:
         parameters = Parameters(self, LOGGER_PARAMETERS)
-        self._settings = read_settings(parameters.values())
+        with parameters.warning_of_ignored():
+            self._settings = read_settings(parameters.values())
+            manifests = open_manifests(self._settings)
+            parameters.show_constants(manifests)  # they are read-only, so they stay as they are
         self._overrides = Overrides.of(self)
         self._fixed = violation_request(self._settings.handler_depth)
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
                              RawTopic(self._keep_details), self._request(DETAILS_TOPIC))
-        manifests = open_manifests(self._settings)
-        parameters.show_constants(manifests)  # they are read-only, so they stay as they are now
         self._requirements = _requirements(manifests)
         self._listen(())
         with uninterrupted():
@@ -146,7 +151,7 @@ class LoggerNode(ClockNode):
             native_lifetimes.keep(self)
             self._thread.start()
         topics = [self.resolve_topic_name(DETAILS_TOPIC), *self._followed]
-        DeclaredOverrides(self, dict.fromkeys(topics, self._fixed))
+        DeclaredOverrides(self, self._watch, dict.fromkeys(topics, self._fixed))
         self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(self._contents())
 

@@ -144,12 +144,13 @@ class MonitorNode(ClockNode, LifecycleNode):
         return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
 
     def _configure(self) -> None:
-        settings = read_settings(self._declared.values())
-        opened = self._open(settings)
-        manifests = [item.monitor.manifest for item in opened]
-        refuse_shared_names(self, manifests)
-        refuse_two_types(self, manifests, self._names(opened))
-        self._declared.show_constants(manifests)
+        with self._declared.warning_of_ignored():
+            settings = read_settings(self._declared.values())
+            opened = self._open(settings)
+            manifests = [item.monitor.manifest for item in opened]
+            refuse_shared_names(self, manifests)
+            refuse_two_types(self, manifests, self._names(opened))
+            self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)
             for item, name in zip(opened, self._names(opened)):
@@ -190,9 +191,10 @@ class MonitorNode(ClockNode, LifecycleNode):
                 self.get_logger().info(line)
         for line in announcement([session.opened for session in self._sessions]):
             self.get_logger().info(line)
-        self._declared_overrides = self._declared_overrides or DeclaredOverrides(self, {
-            self.resolve_topic_name(topic.name): dict(topic.qos)
-            for session in self._sessions for topic in session.manifest.subscribed})
+        topics = {self.resolve_topic_name(topic.name): dict(topic.qos)
+                  for session in self._sessions for topic in session.manifest.subscribed}
+        self._declared_overrides = self._declared_overrides or DeclaredOverrides(
+            self, self._watch, topics)
 
     def _deactivate(self) -> None:
         self._end_sign_of_life()

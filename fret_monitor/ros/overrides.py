@@ -28,6 +28,7 @@ from fret_monitor.ros.parameters import Refusal
 from fret_monitor.ros.qos import (
     DEFAULT_DEPTH, DURABILITY, HISTORY, LARGEST_DEPTH, RELIABILITY,
 )
+from fret_monitor.ros.watch import Watch
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
@@ -127,13 +128,15 @@ class DeclaredOverrides:
     start nor a period waits for all of them.
     """
 
-    def __init__(self, node: Node, topics: Mapping[str, Mapping[str, str | int]]) -> None:
+    def __init__(self, node: Node, watch: Watch,
+                 topics: Mapping[str, Mapping[str, str | int]]) -> None:
         """Start declaring; `topics` has full names, each with the policies the bundle fixes."""
         self._node = node
         self._left = sorted(topics.items(), reverse=True)
         self._names: list[str] = []
         self._timer = node.create_timer(
-            _DECLARE_S, self._declare_next, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            _DECLARE_S, lambda: watch.run('parameters', self._declare_next),
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _declare_next(self) -> None:
         if not self._left:

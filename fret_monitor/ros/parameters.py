@@ -18,7 +18,8 @@ The ROS parameters of the nodes: declared, described, checked.
 All problems are reported together, each with what to write instead.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import zip_longest
@@ -174,7 +175,7 @@ class Parameters:
     def __init__(self, node: Node, table: Mapping[str, Described],
                  why_fixed: Callable[[], str] = str) -> None:
         """
-        Declare the parameters of `table`, and warn about unknown ones that were given.
+        Declare the parameters of `table`.
 
         `why_fixed` returns why the parameters that `configure` reads cannot change now, or an
         empty string if they can.
@@ -192,7 +193,8 @@ class Parameters:
                 description=item.description, read_only=item.read_only, dynamic_typing=True))
         self._constants = ConstantParameters(
             node, _CONSTANT, read_only=table['spec'].read_only)
-        self._warn_of_slips()
+        self._ignored = self._find_ignored()
+        self._names_of_constants: set[str] = set()
         if problems := _found(_level, self.values()) + _found(_autostart, self.values()):
             raise Refusal(*problems)
         self._set_level()
@@ -208,32 +210,43 @@ class Parameters:
         """
         Declare a parameter for each constant of the bundles, with the value in use.
 
-        A constant that has several values is left out unless it was given. Warn, once, about
-        ignored parameters that have the name of a constant.
+        A constant that has several values is left out unless it was given.
         """
         pairs = [pair for item in manifests for pair in item.constants]
         self._constants.show(pairs)
-        names = {name for name, _ in pairs}
-        for parameter in list(self._ignored):
-            name = parameter.rpartition('.')[2]
-            if name in names:
-                self._ignored.remove(parameter)
-                self._node.get_logger().warning(
-                    f"ignored parameter '{parameter}': did you mean 'constants.{name}'?")
+        self._names_of_constants = {name for name, _ in pairs}
 
-    def _warn_of_slips(self) -> None:
-        self._ignored: list[str] = []
-        # Only a warning: a file with the wildcard `/**` also has parameters of other nodes.
-        for name in self._node._parameter_overrides:
-            if name.startswith('qos_overrides.'):
-                continue  # `Overrides` reads them
-            if self._constants.has(name):
-                continue
-            if name not in _KNOWN and not self._node.has_parameter(name):
-                hint = did_you_mean(name, self._table) \
-                    or f'this node has {", ".join(self._table)}, constants.NAME'
-                self._ignored.append(name)
-                self._node.get_logger().warning(f"ignored parameter '{name}': {hint}")
+    @contextmanager
+    def warning_of_ignored(self) -> Iterator[None]:
+        """
+        Warn, once, about the ignored parameters at the end of the block, also of one that fails.
+
+        The block opens the bundles and calls `show_constants`: an ignored parameter may have the
+        name of one of their constants.
+        """
+        try:
+            yield
+        finally:
+            while self._ignored:
+                name = self._ignored.pop(0)
+                self._node.get_logger().warning(f"ignored parameter '{name}': {self._hint(name)}")
+
+    def _find_ignored(self) -> list[str]:
+        """
+        Return the given parameters that this node does not have; `Overrides` reads its own.
+
+        They are no error: a file with the wildcard `/**` also has parameters of other nodes.
+        """
+        return [name for name in self._node._parameter_overrides
+                if not name.startswith('qos_overrides.') and not self._constants.has(name)
+                and name not in _KNOWN and not self._node.has_parameter(name)]
+
+    def _hint(self, name: str) -> str:
+        constant = name.rpartition('.')[2]
+        if constant in self._names_of_constants:
+            return f"did you mean 'constants.{constant}'?"
+        return did_you_mean(name, self._table) or \
+            f'this node has {", ".join(self._table)}, constants.NAME'
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse values that cannot be used, and changes that are not possible now."""

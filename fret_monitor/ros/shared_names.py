@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate
-from fret_monitor.model.names import DIAGNOSTICS_TOPIC
+from fret_monitor.model.names import DIAGNOSTICS_TOPIC, OWN_SERVICES
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.details import DETAILS_TOPIC
 from fret_monitor.ros.endpoint_types import OWN_TOPICS
@@ -87,7 +87,8 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
     Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
 
     Compares names after remapping, of everything that the node runs; a gate on a service must be
-    its only server, too. What the node itself publishes is compared by `refuse_merged_topics`.
+    its only server, too, and no action may call `OWN_SERVICES` of this node. What the node
+    itself publishes is compared by `refuse_merged_topics`.
 
     Raises
     ------
@@ -110,6 +111,20 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
                              else item.what for item in (owner, use))
             raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
                           'write different names, or remap them')
+    _refuse_own_services(node, manifests)
+
+
+def _refuse_own_services(node: Node, manifests: Sequence[Manifest]) -> None:
+    own = [node.resolve_service_name(name) for name in OWN_SERVICES]
+    suffixes = {ActionKind.CALL: '', ActionKind.TRANSITION: '/change_state'}
+    for action in (item for manifest in manifests for item in manifest.actions):
+        if action.kind not in suffixes:
+            continue
+        full = node.resolve_service_name(action.target + suffixes[action.kind])
+        if full in own:
+            raise Refusal(f"the action '{action.name}' calls {full}, a service of this node: a "
+                          'violation would end its own monitoring or begin it anew; choose a '
+                          'service of another node')
 
 
 class _Use(NamedTuple):

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Watches the threads and timers of a monitor: no error ends or stops one of them unseen.
+Watches the threads and timers of a node: no error ends or stops one of them unseen.
 
-The first error of each is logged. From then on the monitor gives no sign of life, and
+The first error of each is logged. From then on a monitor gives no sign of life, and
 `/diagnostics` has a status with the level ERROR, until the node is activated again. What has not
 failed goes on.
 """
@@ -25,6 +25,9 @@ from contextlib import AbstractContextManager
 import traceback
 
 from rclpy.node import Node
+
+
+NO_SIGN = 'no sign of life on ~/alive until the node is activated again'
 
 
 class ErrorKeeper(AbstractContextManager[None]):
@@ -42,9 +45,10 @@ class ErrorKeeper(AbstractContextManager[None]):
 class Watch:
     """What has failed since the node was activated; for the thread of the executor."""
 
-    def __init__(self, node: Node) -> None:
-        """Log to the node's log."""
+    def __init__(self, node: Node, effect: str = NO_SIGN) -> None:
+        """Log to the node's log; `effect` is what the log says of each failure."""
         self._node = node
+        self._effect = effect
         self.failures: dict[str, str] = {}
         """What has failed, by name, and its error."""
 
@@ -54,8 +58,7 @@ class Watch:
             return
         self.failures[name] = f'{type(error).__name__}: {error}'
         self._node.get_logger().error(
-            f'the part of the monitor that is called {name} has failed: no sign of life on '
-            '~/alive until the node is activated again\n'
+            f'the part of the node that is called {name} has failed: {self._effect}\n'
             f'{"".join(traceback.format_exception(error)).rstrip()}')
 
     def run(self, name: str, callback: Callable[[], None]) -> None:

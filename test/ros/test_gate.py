@@ -384,10 +384,12 @@ inputs:
   c: {topic: c, type: std_msgs/msg/Float32}
 requirements:
   - {id: A, ptltl: "a < 5.0"}
-  - {id: C, ptltl: "c < 5.0", on_violation: [brake, stop]}
+  - {id: C, ptltl: "c < 5.0", on_violation: [brake, stop, tell, park]}
 actions:
   brake: {publish: {topic: braked, type: std_msgs/msg/Float32, message: {}}}
   stop: {lock: {topic: e_stop}}
+  tell: {call: {service: halt, type: std_srvs/srv/Trigger}}
+  park: {transition: {node: arm, to: inactive}}
 gates:
   g: {from: a, to: b, type: std_msgs/msg/Float32, keep: [A], otherwise: drop}
   h: {from: c, to: d, type: std_msgs/msg/Float32, keep: [C], otherwise: drop}
@@ -403,7 +405,10 @@ gates:
     (('e_stop:=d',), "the gate 'h' and the lock 'stop' both publish on /d"),
     (('c:=fret_gate/alive',), 'has the types std_msgs/msg/Header and std_msgs/msg/Float32'),
     (('d:=/diagnostics',), "the gate 'h' and the node itself both publish on /diagnostics"),
-    (('braked:=copilot/handlerpropC',), "the node itself and the action 'brake' both publish on")])
+    (('braked:=copilot/handlerpropC',), "the node itself and the action 'brake' both publish on"),
+    (('halt:=fret_gate/reset',), "the action 'tell' calls /fret_gate/reset, a service of this "),
+    (('halt:=fret_gate/change_state',), "the action 'tell' calls /fret_gate/change_state, a"),
+    (('arm/change_state:=fret_gate/change_state',), "the action 'park' calls /fret_gate/change_")])
 def test_remappings_that_lead_gates_together_are_refused(
     partner: Partner, tmp_path: Path, remappings: tuple[str, ...], words: str,
 ) -> None:

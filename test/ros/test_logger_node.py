@@ -20,8 +20,10 @@ from pathlib import Path
 from time import sleep
 from typing import Any
 
+from fret_monitor.ros.announced import Announced
 from fret_monitor.ros.details import Detail
 from fret_monitor.ros.logger_node import LoggerNode
+from fret_monitor.ros.overrides import DeclaredOverrides
 from fret_monitor.ros.pairing import Pairing
 from fret_monitor.start import manifest_of
 import pytest
@@ -356,6 +358,41 @@ def test_the_logger_follows_a_monitor_that_is_configured_again(
                    'the end of the first subscription')
         assert not partner.node.count_subscribers('/copilot/handlerpropZ_9')
         other.destroy_node()
+
+
+def test_a_failure_of_a_timer_is_logged_once_and_does_not_end_the_logger(
+    partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    calls: list[object] = []
+
+    def fail(it: object) -> None:
+        calls.append(it)
+        raise ValueError('oh')
+
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE)
+    for kind, name in ((Announced, 'news'), (DeclaredOverrides, '_declare_next')):
+        monkeypatch.setattr(kind, name, fail)
+    logger = LoggerNode(context=partner.context, cli_args=['--ros-args'],
+                        parameter_overrides=[Parameter('spec', value=str(bundle))])
+    executor = SingleThreadedExecutor(context=partner.context)
+    executor.add_node(logger)
+
+    def have_failed_twice() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        return all(len([item for item in calls if isinstance(item, kind)]) > 1
+                   for kind in (Announced, DeclaredOverrides))
+
+    try:
+        wait_until(have_failed_twice, 'two failures of each')
+    finally:
+        executor.shutdown()
+        logger.destroy_node()
+    told = capfd.readouterr().err
+    assert told.count('has failed: what has not failed goes on') == told.count('Traceback') == 2
+    for name in ('parameters', 'monitors'):
+        assert told.count(f'the part of the node that is called {name} has failed') == 1
 
 
 def test_a_violation_before_the_logger_listens_to_its_handler_is_logged_from_its_detail(

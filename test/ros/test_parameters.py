@@ -219,8 +219,19 @@ def test_an_ignored_parameter_named_as_a_constant_is_reported_with_the_prefix(
         parameter_overrides=[Parameter(name, value=item) for name, item in given.items()]))
     told = capfd.readouterr().err
     for name in ('v_max', 'constant.v_max'):
-        assert f"ignored parameter '{name}': did you mean 'constants.v_max'?" in told
-    assert 'constants.NAME' in told
+        assert told.count(f"ignored parameter '{name}': did you mean 'constants.v_max'?") == 1
+    assert told.count('ignored parameter') == 2  # a line for each
+
+
+@pytest.mark.parametrize('kind', [MonitorNode, LoggerNode])
+def test_a_refusal_to_start_follows_the_parameters_that_were_ignored(
+    kind: type[MonitorNode | LoggerNode], partner: Partner, bundle: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(Refusal, match='nothing to monitor'):
+        kind(context=partner.context, cli_args=['--ros-args'],
+             parameter_overrides=[Parameter('spek', value=str(bundle))])
+    assert capfd.readouterr().err.count("ignored parameter 'spek': did you mean 'spec'?") == 1
 
 
 def test_the_logger_does_not_warn_of_parameters_of_the_monitor(

@@ -28,6 +28,7 @@ from fret_monitor.ros.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.feed import Feed
 from fret_monitor.ros.monitor_node import MonitorNode
 from fret_monitor.ros.node_time import TimeLog
+from fret_monitor.ros.overrides import DeclaredOverrides
 from fret_monitor.ros.sign_of_life import SignOfLife
 from fret_monitor.ros.throttle import Throttle
 from fret_monitor.ros.violation_log import ViolationLog
@@ -196,9 +197,12 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     reports: list[DiagnosticArray] = []
     partner.node.create_subscription(Header, '/fret_monitor/alive', signs.append, RELIABLE)
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, RELIABLE)
-    monitor = MonitorNode(context=partner.context, parameter_overrides=[
-        Parameter('spec', value=str(bundle)), Parameter('blackbox', value=str(tmp_path))])
-    partner._executor.add_node(monitor)
+    with monkeypatch.context() as patch:
+        patch.setattr(DeclaredOverrides, '_declare_next', fail)
+        monitor = MonitorNode(context=partner.context, parameter_overrides=[
+            Parameter('spec', value=str(bundle)), Parameter('blackbox', value=str(tmp_path))])
+        partner._executor.add_node(monitor)
+        wait_until(lambda: [*monitor._watch.failures] == ['parameters'], 'the first failure')
 
     def failed() -> dict[str, str]:
         """Return what the next report says has failed."""
@@ -208,6 +212,8 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
         assert all(item.level == DiagnosticStatus.ERROR for item in found)
         return {value.key: value.value for item in found for value in item.values}
 
+    assert failed() == {'parameters': 'ValueError: oh'}
+    monitor._watch.forget()
     wait_until(lambda: bool(signs), 'a sign of life')
     assert failed() == {}
     with monkeypatch.context() as patch:
@@ -224,7 +230,7 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     assert {*failed().values()} == {'ValueError: oh'}  # a second later
     assert len(signs) == before
     log = capfd.readouterr().err
-    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 7
+    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 8
     client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
     wait_until(client.service_is_ready, 'the service')
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
