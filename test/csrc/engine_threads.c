@@ -316,7 +316,8 @@ static struct fm_receiver * renew(
 
 static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
 {
-  uint8_t room[64];
+  uint8_t room[64] = {0};
+  const struct fm_origin origin = {0, 0, 0, NULL, false};
   for (int k = 0; k < N_RENEWALS; ++k) {
     for (uint32_t t = 0; t < N_TOPICS; ++t) {
       receivers[t] = renew(engine, t, 1 - k % 2, receivers[t]);
@@ -325,6 +326,9 @@ static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
       (void)fm_engine_evidence(engine, t, room, sizeof(room));
       (void)fm_engine_value(engine, t, room);
       (void)fm_engine_input_counts(engine, t);
+      (void)fm_engine_requirement_counts(engine, t);
+      (void)fm_engine_unpublished(engine);
+      CHECK(fm_engine_message(engine, t, room, 1, &origin) == FM_UNDECODABLE);
     }
   }
 }
@@ -373,7 +377,7 @@ static void check_counts(struct fm_engine * engine)
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     const struct fm_topic_counts counts = fm_engine_topic_counts(engine, t);
     const struct fm_requirement_counts violated = fm_engine_requirement_counts(engine, t);
-    CHECK(counts.undecodable == senders * garbage);
+    CHECK(counts.undecodable == senders * garbage + N_RENEWALS);
     CHECK(counts.messages == senders * (N_MESSAGES - garbage));
     CHECK(fm_engine_input_counts(engine, t).unusable == senders * useless);
     CHECK(violated.violations >= senders * bad);
@@ -430,7 +434,7 @@ int main(void)
   pthread_join(kept, NULL);
   CHECK(refused > 0 && fm_engine_unpublished(engine) == refused);
   check_counts(engine);
-  CHECK(fm_blackbox_count(box).kept == N_SENDERS * N_MESSAGES);
+  CHECK(fm_blackbox_count(box).kept == N_SENDERS * N_MESSAGES + N_TOPICS * N_RENEWALS);
   fm_engine_destroy(engine);
   fm_blackbox_destroy(box);
   free(memory);
