@@ -226,8 +226,10 @@ static int read_clock(void * clock, int64_t * nanoseconds)
   return ((struct clock *)clock)->fails ? 1 : 0;
 }
 
-// The linker puts it in place of clock_gettime: a system time that the test sets back.
+// The linker puts it in place of clock_gettime: a system time that the test sets back, and clocks
+// that stand.
 static int64_t set_back = 0;
+static int64_t stands_at = 0;  // by CLOCK_MONOTONIC; 0: the clocks run
 
 int __real_clock_gettime(clockid_t clock, struct timespec * out);
 int __wrap_clock_gettime(clockid_t clock, struct timespec * out);
@@ -236,7 +238,8 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec * out)
 {
   const int result = __real_clock_gettime(clock, out);
   const int64_t back = clock == CLOCK_REALTIME ? set_back : 0;
-  const int64_t time = (int64_t)out->tv_sec * 1000 * MS + (int64_t)out->tv_nsec - back;
+  const int64_t read = (int64_t)out->tv_sec * 1000 * MS + (int64_t)out->tv_nsec;
+  const int64_t time = (stands_at != 0 ? stands_at : read) - back;
   out->tv_sec = (time_t)(time / (1000 * MS));
   out->tv_nsec = (long)(time % (1000 * MS));
   return result;
@@ -759,6 +762,40 @@ static void a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect
   destroy(engine);
 }
 
+// Whether y, received too late by half a millisecond before the system time was set forward, and
+// delivered after that, violates.
+static bool is_late_after_setting(int64_t forward)
+{
+  struct fm_engine * engine = make(-1);
+  window = 20 * MS;
+  stands_at = time_of(CLOCK_MONOTONIC);
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  deliver(engine, TOPIC_Y, false, 0, time_of(CLOCK_REALTIME));
+  deliver(engine, TOPIC_X, true, 0, time_of(CLOCK_REALTIME));
+  stands_at += window - MS / 5;
+  deliver(engine, TOPIC_X, true, 0, time_of(CLOCK_REALTIME));  // the clocks are read
+  stands_at += MS / 5 + MS / 2;
+  const int64_t received = time_of(CLOCK_REALTIME);
+  set_back = -forward;
+  deliver(engine, TOPIC_Y, true, 0, received);
+  take(engine, 0);
+  const bool is_late = count_of(ANSWER) == 1;
+  stands_at = 0;
+  set_back = 0;
+  window = 100;
+  destroy(engine);
+  return is_late;
+}
+
+static void a_message_from_before_the_system_time_was_set_keeps_its_time(void)
+{
+  CHECK(is_late_after_setting(0));
+  CHECK(is_late_after_setting(3600 * (int64_t)1000 * MS));
+  CHECK(is_late_after_setting(MS + 1));
+  CHECK(!is_late_after_setting(MS));  // no more than the clocks may be read apart
+}
+
 int main(void)
 {
   a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect();
@@ -786,5 +823,6 @@ int main(void)
   messages_that_wait_take_effect_before_another_clock_is_followed();
   a_message_without_a_stamp_cannot_be_decoded();
   a_wait_ends_when_a_message_takes_effect();
+  a_message_from_before_the_system_time_was_set_keeps_its_time();
   return failures == 0 ? 0 : 1;
 }
