@@ -478,6 +478,15 @@ def test_a_string_without_its_zero_is_read_as_it_is() -> None:
         ReadOutcome.UNNAMED, None, 5)
 
 
+def test_a_wide_string_is_known_by_all_its_units() -> None:
+    layout = parse_message('uint8 before\nwstring x', 'a')
+    for big in (False, True):
+        for word, expected in (('idle', FieldReading(ReadOutcome.READ, 1)),
+                               ('idol', FieldReading(ReadOutcome.UNNAMED, None, 4))):
+            units = map(ord, word)
+            assert read_one(layout, 'x', message_of(0, 4, *units, big=big)) == expected
+
+
 def test_bytes_after_the_last_field_are_not_read() -> None:
     layout = parse_message('uint32 x\nstring[] y\nuint32 z', 'a')
     whole = message_of(5, 2 ** 32 - 1)

@@ -19,6 +19,7 @@
 ///   C (group 0): flag or level < 10              D (group 2): not at its step 1
 
 #include "evaluator.h"
+#include "gate.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -1306,6 +1307,37 @@ static void a_saved_instance_holds_no_address(void)
   free(other_memory);
 }
 
+// ---- a gate ------------------------------------------------------------------------------------
+
+// A substitute violates unless an input of the gate's own topic is stale: one of another topic is
+// no excuse.
+static void a_substitute_that_violates_counts_while_another_topic_is_stale(void)
+{
+  const struct fm_topic topics[] = {{&BOTH[FLAG], 1}, {&BOTH[LEVEL], 1}};
+  const int64_t level_50[] = {0, 50};
+  struct fm_evaluator_options options = timed(FM_EVERY_MESSAGE, level_50);
+  options.topics = topics;
+  options.n_topics = 2;
+  struct fm_evaluator * evaluator = make(&options);
+  const struct fm_gate_options rules = {
+    .evaluator = evaluator, .monitor = &MONITOR, .topics = topics, .n_topics = 2,
+    .from = FLAG_TOPIC, .otherwise = FM_SUBSTITUTE};
+  void * block = malloc((size_t)fm_gate_bytes(&rules));
+  struct fm_gate * gate = fm_gate_init(block, &rules);
+  struct fm_field field = {{.i = 1}, FM_FIELD_READ, 0};
+  uint32_t n;
+  (void)advance(evaluator, 0);
+  (void)level_at(evaluator, 5.0, 10);
+  (void)level_at(evaluator, 5.0, 11);  // D is violated at the second step
+  CHECK(fm_gate_judge(gate, &field, 20, 20, 20, out, &n) == FM_PASSED);
+  fm_gate_finish(gate);
+  (void)advance(evaluator, 100);
+  field.value.i = 0;
+  CHECK(fm_gate_replace(gate, &field, 110, 110, 110, out, &n));
+  CHECK(fm_gate_counts(gate, 110).violating == 1);
+  free(block);
+}
+
 // ---- values ------------------------------------------------------------------------------------
 
 struct all_types
@@ -1696,6 +1728,7 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(an_instance_from_before_the_time_began_begins_it_anew),
   SCENARIO(an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone),
   SCENARIO(a_saved_instance_holds_no_address),
+  SCENARIO(a_substitute_that_violates_counts_while_another_topic_is_stale),
   SCENARIO(integers_wrap_to_the_type_of_the_input),
   SCENARIO(a_bool_is_whether_the_integer_is_not_zero),
   SCENARIO(a_bool_in_memory_may_be_any_byte),

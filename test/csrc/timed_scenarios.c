@@ -480,6 +480,20 @@ static void receptions_of_two_topics_are_told_apart(void)
   CHECK(is_found(ALIVE, 115, 14) && count_of(ALIVE) == 2);
 }
 
+static void a_group_that_an_initial_value_begins_has_no_reception_from_before(void)
+{
+  struct fm_evaluator * evaluator = made();
+  const union fm_value no = {.i = 0};
+  bool seen;
+  advance(evaluator, 0);
+  message(evaluator, TOPIC_P, true, 100);
+  advance(evaluator, 200);
+  fm_evaluator_initial(evaluator, GOT_Q, no);
+  CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && !seen);
+  advance(evaluator, 1000);
+  CHECK(is_found(ALIVE, 200, 0));
+}
+
 // ---- time that goes back, and other clocks -----------------------------------------------------
 
 static void time_that_goes_back_starts_the_groups_afresh(void)
@@ -722,6 +736,7 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(a_message_after_a_deadline_at_its_time_is_a_nanosecond_later),
   SCENARIO(a_reception_is_true_for_one_tick),
   SCENARIO(receptions_of_two_topics_are_told_apart),
+  SCENARIO(a_group_that_an_initial_value_begins_has_no_reception_from_before),
   SCENARIO(time_that_goes_back_starts_the_groups_afresh),
   SCENARIO(after_a_shift_all_deadlines_come_later_by_as_much),
   SCENARIO(a_reset_starts_the_groups_at_once),

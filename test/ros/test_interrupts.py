@@ -225,3 +225,19 @@ def test_a_signal_inside_the_start_of_a_thread_takes_effect_after_it(
     done = forked.run(START_OF_A_THREAD.format(kind=kind, name=name, thread=thread),
                       '--ros-args', '-p', f'spec:={bundle}', timeout=120)
     assert (done.returncode, done.stdout) == (0, 'started\n'), done.stderr
+
+
+AFTER_A_BLOCK = """
+import signal
+from fret_monitor.ros.signals import StopRequest, uninterrupted
+with StopRequest().interruptible():
+    with uninterrupted():
+        pass
+    signal.raise_signal(signal.SIGTERM)
+    print('went on')
+"""
+
+
+def test_a_signal_after_a_block_without_interruptions_takes_effect_at_once() -> None:
+    done = forked.run(AFTER_A_BLOCK, timeout=60)
+    assert (done.returncode, done.stdout) == (0, ''), done.stderr
