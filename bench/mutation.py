@@ -142,7 +142,7 @@ ROOMS = {
         'fields.py': _ros('fields'),
         'gate*.py': _ros('gate parts'),
         'relay.py': _ros('gate'),
-        'health.py': _ros('missing monitor_node faults'),
+        'health.py': _ros('missing monitor_node faults timed'),
         'hot_path.py': _ros('hot_path monitor_node'),
         'in_place.py': _ros('hot_path'),
         'logger*.py': _ros('logger_node'),

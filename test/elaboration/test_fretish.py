@@ -150,6 +150,16 @@ def test_a_duration_that_is_no_whole_number_of_steps_is_refused(
         scale_of(period).timing(duration)
 
 
+def test_the_longest_duration_is_one_nanosecond_less_than_the_longest_bound() -> None:
+    def timing(nanoseconds: int) -> int:
+        duration = Duration(str(nanoseconds), Unit.NANOSECOND, text_of('x').span)
+        return TimeScale(Policy.TIMED).timing(duration)
+
+    assert timing(2 ** 62 - 1) == 2 ** 62 - 1
+    with pytest.raises(CompileError, match='a duration is at most'):
+        timing(2 ** 62)
+
+
 def test_only_the_policy_periodic_makes_steps_of_seconds(tmp_path: Path) -> None:
     sentence = 'the sw shall for 2 seconds satisfy q'
     periodic = 'evaluation: {policy: periodic, period: 0.5}'

@@ -194,6 +194,8 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         assert found.level == DiagnosticStatus.WARN
         assert found.message == 'closed: no value yet of distance'
         assert mux.is_locked
+        assert values()['replaced'] > 0  # a second later
+        assert 'violated after the substitute' not in node.output
         # Open: what passes ends the substitutes, and passes once.
         front.publish(Float32(data=5.0))
         sleep(0.2)
