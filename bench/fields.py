@@ -76,7 +76,7 @@ def measured(folder: Path) -> list[list[float]]:
         struct.pack('I', len(messages[kind])) + messages[kind] for kind, _ in FIELDS))
     program = folder / 'fields'
     subprocess.run([*find_compiler().command, '-std=c99', '-O3', '-ffp-contract=off',
-                    f'-DSYMBOL={readers}', f'-I{HERE.parent / "csrc"}', f'-I{built}',
+                    f'-DSYMBOL={readers}', f'-I{HERE.parent / "csrc" / "generated"}', f'-I{built}',
                     HERE / 'fields.c', *built.rglob('*_fields.c'), '-lm', '-o', program],
                    check=True)
     done = subprocess.run([program, folder / 'messages'], check=True, capture_output=True,

@@ -48,6 +48,7 @@ import time
 import traceback
 
 from bench.source_mutants import all_changes, sample, SourceMutant
+from fret_monitor.native.cache import CSRC_ROOMS
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -100,7 +101,7 @@ _EVALUATOR = 'test/csrc/test_evaluator.py'
 _THREADS = 'test/csrc/test_engine.py::test_threads[threads-engine_threads]'
 _SPECIFY = 'test/elaboration/test_specify.py'
 ROOMS = {
-    'csrc': Room(('csrc/*.c',), 110, {
+    'csrc': Room(('csrc/evaluator/*.c', 'csrc/engine/*.c', 'csrc/traces/*.c'), 110, {
         'gate.c': 'test/runtime/test_gate.py test/runtime/test_states.py '
                   'test/traces/test_gated.py',
         'engine*.c': f'test/runtime {_THREADS}',
@@ -115,7 +116,7 @@ ROOMS = {
         'benchmark.c': 'test/traces/test_benchmark.py',
         'trials.c': 'test/traces',
         '*': 'test/runtime/test_evaluator.py test/runtime'}),
-    'headers': Room(('csrc/*.h',), 15, {
+    'headers': Room(('csrc/generated/*.h', 'csrc/evaluator/*.h', 'csrc/engine/*.h'), 15, {
         'fret_cells.h': 'test/csrc/test_cells.py test/differential test/proving/test_cells.py',
         '*': f'test/codegen/test_extractors.py test/codegen test/runtime {_EVALUATOR}'}),
     'csrc/ros': Room(('csrc/ros/*.c',), 20, {
@@ -123,17 +124,17 @@ ROOMS = {
         'announcer.c': _ros('actions monitor_node'),
         'in_place.c': _ros('hot_path'),
         '*': _ros('feed hot_path raw_topic monitor_node')}),
-    'csrc/node': Room(('csrc/node/*.c',), 30, {
+    'csrc/node': Room(('csrc/reporting/*.c', 'csrc/node/*.c'), 30, {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('exported_node'),
         '*': _ros('node_parts exported_node')}),
     'ros': Room(('fret_monitor/ros/*.py', 'fret_monitor/ros/*/*.py'), 50, {
         'action*.py': _ros('actions'),
-        'announce*.py': _ros('logger_node violation_log'),
+        'discovery.py': _ros('logger_node violation_log'),
         'handlers.py': _ros('logger_node refusals'),
         'pairing.py': _ros('logger_node'),
         'blackbox.py': _ros('blackbox'),
         'bundle_session.py': _ros('hot_path missing monitor_node parameters lifecycle faults'),
-        'compiled.py': _ros('parts constants usage refusals several'),
+        'opened.py': _ros('parts constants usage refusals several'),
         'constants.py': _ros('constants parameters'),
         'detail*.py': _ros('details violation_log monitor_node'),
         'duplicate_nodes.py': _ros('several'),
@@ -146,7 +147,7 @@ ROOMS = {
         'hot_path.py': _ros('hot_path monitor_node'),
         'in_place.py': _ros('hot_path'),
         'logger*.py': _ros('logger_node'),
-        'loaded.py': _ros('several'),
+        'symbols.py': _ros('several'),
         'look_ups.py': _ros('look_ups'),
         'native_lifetimes.py': _ros('interrupts shutdown'),
         'node_time.py': _ros('node_time time timed'),
@@ -389,9 +390,9 @@ class Programs:
         self._folder = folder
         self._csrc = copy.root / 'csrc'
         folder.mkdir()
-        self._engine = {source: self._object(source) for source in sorted((
-            *self._csrc.glob('*.c'), *self._csrc.glob('ros/*.c')))
-            if source.name not in _OTHER_LIBRARIES}
+        self._engine = {source: self._object(source) for room in CSRC_ROOMS[:-1]
+                        for source in sorted((self._csrc / room).glob('*.c'))
+                        if source.name not in _OTHER_LIBRARIES}
         sources = {name: copy.root / 'test' / 'csrc' / f'{name}.c' for name in _PROGRAMS}
         self._wrapped = {name: set(_WRAPPED.findall(source.read_text(encoding='utf-8')))
                          for name, source in sources.items()}
@@ -434,7 +435,8 @@ class Programs:
 
     def _object(self, source: Path, name: str = '') -> Path:
         made = self._folder / f'{name or source.stem}.o'
-        subprocess.run(['gcc', '-std=c99', '-O0', '-w', f'-I{self._csrc}', f'-I{self._csrc}/ros',
+        subprocess.run(['gcc', '-std=c99', '-O0', '-w',
+                        *(f'-I{self._csrc / room}' for room in CSRC_ROOMS),
                         '-c', source, '-o', made], check=True)
         return made
 
@@ -495,7 +497,7 @@ class Judge:
         if not mutant.path.endswith('.c'):
             return True
         root = self._copy.root
-        searched = [f'-I{root / place}' for place in ('csrc', 'csrc/ros', 'csrc/node')]
+        searched = [f'-I{root / "csrc" / room}' for room in CSRC_ROOMS]
         done = subprocess.run(
             ['gcc', '-std=c99', '-fsyntax-only', '-w', *searched, *_headers_of_ros(),
              root / mutant.path], check=False, capture_output=True)

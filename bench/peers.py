@@ -45,7 +45,7 @@ from typing import Any
 from bench.run import operator, ROUNDS, Work, WORKS
 from fret_monitor.build import compile_monitor, generate_monitor, GeneratedMonitor, read
 from fret_monitor.native.binding import ffi
-from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.cache import csrc_includes
 from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler, LIBRARIES, LINK_FLAGS
 from fret_monitor.native.monitor import Library, Monitor
 from fret_monitor.traces.benchmark import Inputs, lasting_inputs, random_inputs, StepTimer
@@ -148,7 +148,7 @@ def copilot(way: Way, ours: Ours, folder: Path) -> Peer:
     header = source.with_suffix('.h').read_text(encoding='utf-8')
     adapter.write_text(adapter_text(source.stem, header, ours), encoding='utf-8')
     library = source.with_suffix('.so')
-    run_compiler(*LINK_FLAGS, f'-I{csrc_directory()}', '-o', library, adapter, compiled,
+    run_compiler(*LINK_FLAGS, *csrc_includes(), '-o', library, adapter, compiled,
                  *LIBRARIES)
     return Peer(way.title, library, variables_bytes(compiled),
                 source.read_text(encoding='utf-8').count('\n'), generate_seconds,

@@ -48,7 +48,7 @@ from fret_monitor.export.content import Options
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import packages_of
 from fret_monitor.native.compiler import find_compiler
-from fret_monitor.ros.parameters import MONITOR_PARAMETERS
+from fret_monitor.ros.settings.parameters import MONITOR_PARAMETERS
 
 HERE = Path(__file__).resolve().parent
 ROUNDS = 7

@@ -15,7 +15,7 @@
 """
 Compare evaluations under `timed` with steps, and with other monitors of dense time.
 
-The same loop in C (`csrc/benchmark.c`) drives both on the same rows, in interleaved rounds; under
+The same loop in C (`benchmark.c`) drives both on the same rows, in interleaved rounds; under
 `timed` messages are 10 ms apart, and each deadline between two is evaluated. A ratio is that of
 the time of one evaluation to that of one step, the median of the rounds' ratios. reelay and rtamt
 (PyPI), where they are installed, are called from Python, the only interface of their wheels: most

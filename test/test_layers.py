@@ -62,6 +62,8 @@ LEVELS = {
     'fret_monitor.testing': 20,  # for tests of robots: starts the monitor as a process
     'fret_monitor.__main__': 20,
 }
+# The rooms of `ros`, between its own modules: what all use, and the entries.
+ROOMS_OF_ROS = ('signals', 'watch', 'settings', 'intake', 'acting', 'reports', 'nodes', '')
 FACES = {name for name, level in LEVELS.items() if level in (18, 19)}
 BETWEEN_FACES = {('fret_monitor.cli', 'fret_monitor.bag')}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
@@ -187,6 +189,25 @@ def test_imports_point_down_only() -> None:
     assert not wrong, told(wrong)
 
 
+def room_of_ros(name: str) -> int:
+    """Return the place of a module of `ros` in the order of its rooms."""
+    parts = name.split('.')[2:]
+    return ROOMS_OF_ROS.index(parts[0] if parts and parts[0] in ROOMS_OF_ROS else '')
+
+
+def test_imports_point_down_between_the_rooms_of_the_nodes() -> None:
+    wrong = [
+        each for each in inside()
+        if place(each.importer) == place(each.imported) == 'fret_monitor.ros'
+        and room_of_ros(each.importer) < room_of_ros(each.imported)
+    ]
+    assert not wrong, told(wrong)
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    assert [name for name in modules() if name in named_from(name)] == []
+
+
 def named_from(name: str) -> set[str]:
     """Return the modules that a module imports, directly or indirectly."""
     seen: set[str] = set()
@@ -217,7 +238,8 @@ def test_the_faces_do_not_import_each_other() -> None:
 def test_only_the_nodes_and_the_bag_reader_import_ros() -> None:
     wrong = [
         each for each in all_imports()
-        if place(each.importer) not in {'fret_monitor.ros', 'fret_monitor.bag'}
+        if place(each.importer) not in {
+            'fret_monitor.ros', 'fret_monitor.bag', 'fret_monitor.testing'}
         and (each.imported.split('.')[0] in ROS_MODULES
              or each.imported.split('.')[0].endswith('_msgs'))
     ]
@@ -247,7 +269,8 @@ def test_the_nodes_load_the_parsers_only_when_they_need_them() -> None:
     assert not wrong, told(wrong)
 
 
-@pytest.mark.parametrize('face', ['native', 'runtime', 'ros.monitor_node', 'ros.logger_node'])
+@pytest.mark.parametrize('face', [
+    'native', 'runtime', 'ros.nodes.monitor_node', 'ros.nodes.logger_node'])
 def test_loading_a_monitor_loads_no_parser(face: str) -> None:
     # The same for a real process, which also covers modules imported by name.
     if face.startswith('ros.'):

@@ -121,7 +121,8 @@ def test_the_environment_is_a_prefix_in_which_ros2_run_and_ros2_launch_find_thei
     for file in (ROOT / 'launch').iterdir():
         if file.suffix == '.py':
             assert found[file.name].read_bytes() == file.read_bytes()
-    for name in ('config/quadrotor.yaml', 'csrc/evaluator.c', 'docs/ros.md', 'package.xml'):
+    for name in ('config/quadrotor.yaml', 'csrc/evaluator/evaluator.c', 'docs/ros.md',
+                 'package.xml'):
         assert (share / name).read_bytes() == (ROOT / name).read_bytes()
 
 

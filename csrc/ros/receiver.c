@@ -15,7 +15,7 @@
 /// receiver.c: see receiver.h for the contract.
 ///
 /// Two threads take from a subscription: one of the middleware, within `on_message`, with the
-/// engine's mutex held; or one that catches up, without it (csrc/engine_backlog.c), while callbacks
+/// engine's mutex held; or one that catches up, without it (csrc/engine/engine_backlog.c), while callbacks
 /// leave their messages. The middleware calls `on_message` while it holds its own locks for the
 /// subscription, and to take a message needs the same locks: a thread outside a callback must not
 /// take while it holds the engine's mutex.

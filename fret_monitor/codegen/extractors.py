@@ -15,7 +15,7 @@
 """
 Generate the C file with the extractors: a function for each topic that reads the mapped fields.
 
-It uses `csrc/fret_cdr.h`, which describes how messages are serialized, and `fret_reductions.h`.
+It uses `fret_cdr.h`, which describes how messages are serialized, and `fret_reductions.h`.
 The same bundle and message definitions give the same bytes. In C and in the manifest, extractors
 are called readers; these names are part of a file format and cannot be changed.
 """

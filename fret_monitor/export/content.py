@@ -27,7 +27,7 @@ from fret_monitor.model.diagnostics import counted, Diagnostic, Problems, refuse
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.parts import judged_by_gates
 from fret_monitor.model.policies import Policy
-from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.cache import csrc_directory, csrc_file
 
 _PLACEHOLDER = re.compile(r'@([A-Z][A-Z_]*)@')
 
@@ -118,7 +118,7 @@ EVALUATOR = tuple(f'{name}.{kind}' for name in (
 
 def csrc_files(*names: str) -> dict[str, str]:
     """Return files of `csrc` by their names."""
-    return {name: (csrc_directory() / name).read_text(encoding='utf-8') for name in names}
+    return {name: csrc_file(name).read_text(encoding='utf-8') for name in names}
 
 
 def structs(*names: str) -> dict[str, str]:

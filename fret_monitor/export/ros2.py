@@ -30,7 +30,7 @@ from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import HANDLER_TOPIC
-from fret_monitor.native.cache import csrc_directory, EVALUATOR_SOURCES
+from fret_monitor.native.cache import csrc_directory, CSRC_ROOMS
 
 NODE_NAME = 'fret_monitor'
 """As that of the monitor in Python, so that services and topics have the same names."""
@@ -39,7 +39,7 @@ NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgrap
                  'std_msgs', 'std_srvs')
 """The packages of the messages and services that every node has."""
 
-_UNUSED = ('csv.c', 'in_place.c', 'records.c', 'relay.c', 'thinning.c')
+_UNUSED = ('benchmark.c', 'csv.c', 'in_place.c', 'records.c', 'relay.c', 'thinning.c', 'trials.c')
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:
@@ -57,7 +57,7 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     _refuse_inputs_off_ros(generated)
     manifest = generated.manifest
     files = {**csrc_files(*_hand_written_sources()), **generated.module.files}
-    sources = {f'src/{name.rpartition("/")[2]}': text for name, text in files.items()}
+    sources = {f'src/{name}': text for name, text in files.items()}
     sources['src/node_table.c'] = node_table(generated, NODE_NAME)
     interfaces = sorted({*NODE_PACKAGES, *packages_of(manifest)})
     values = {
@@ -84,11 +84,8 @@ def package_name(name: str) -> str:
 
 def _hand_written_sources() -> list[str]:
     """Return the names in `csrc` of all C that every node has."""
-    csrc = csrc_directory()
-    found = [*csrc.glob('*.h'), *csrc.glob('ros/*.h'), *csrc.glob('node/*'),
-             *(csrc / name for name in EVALUATOR_SOURCES if name not in _UNUSED)]
-    return sorted(path.relative_to(csrc).as_posix() for path in found
-                  if path.with_suffix('.c').name not in _UNUSED)
+    found = [path.name for room in CSRC_ROOMS for path in (csrc_directory() / room).iterdir()]
+    return sorted(name for name in found if name.rpartition('.')[0] + '.c' not in _UNUSED)
 
 
 def _refuse_inputs_off_ros(generated: GeneratedMonitor) -> None:

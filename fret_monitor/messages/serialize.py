@@ -15,7 +15,7 @@
 """
 Serializes a message: from the values of its fields to CDR (XCDR version 1, little endian).
 
-It needs no ROS, only the layout of the message. `csrc/fret_cdr.h` describes the encoding.
+It needs no ROS, only the layout of the message. `fret_cdr.h` describes the encoding.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

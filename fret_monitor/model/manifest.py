@@ -28,6 +28,7 @@ import math
 import re
 from typing import NoReturn, TypeVar
 
+from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.model.paths import FieldPath, LookUp, Sector, Slice, Step
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
@@ -132,6 +133,11 @@ class ManifestRequirement:
     on_violation: tuple[int, ...] = ()
     on_end: tuple[int, ...] = ()
     constants: tuple[int, ...] = ()
+
+    @property
+    def topic(self) -> str:
+        """The topic of its violations, relative to the namespace of the node."""
+        return HANDLER_TOPIC + self.handler
 
 
 @dataclass(frozen=True)

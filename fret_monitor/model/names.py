@@ -30,8 +30,9 @@ from fret_monitor.model.values import ValueType
 MAX_TOPIC = 247  # rmw: 255 less 8 that are reserved for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
+DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
 DIAGNOSTICS_TOPIC = '/diagnostics'
-_OWN_TOPICS = (f'/{HANDLER_TOPIC}violations', DIAGNOSTICS_TOPIC, '~/alive')
+_OWN_TOPICS = (f'/{DETAILS_TOPIC}', DIAGNOSTICS_TOPIC, '~/alive')
 OWN_SERVICES = ('~/reset', '~/change_state')  # those that change what is monitored
 
 # As in formulas: FRET's names may have points and percent signs inside.

@@ -20,7 +20,8 @@ does not depend on bundles, formulas or ROS.
 """
 
 from fret_monitor.native.cache import (
-    build_library, cache_directory, csrc_directory, evaluator_library, runtime_headers,
+    build_library, cache_directory, csrc_directory, csrc_file, csrc_includes, evaluator_library,
+    runtime_headers,
 )
 from fret_monitor.native.compiler import Compiler, find_compiler
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
@@ -37,6 +38,8 @@ __all__ = [
     'build_library',
     'cache_directory',
     'csrc_directory',
+    'csrc_file',
+    'csrc_includes',
     'evaluator_library',
     'find_compiler',
     'load',

@@ -54,11 +54,14 @@ from fret_monitor.native.monitor import is_cut_short, Library
 
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
-    'instance.c', 'tables.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c', 'handover.c',
-    'outbox.c', 'reorder.c', 'blackbox.c', 'states.c', 'thread.c', 'engine_time.c',
+    'instance.c', 'tables.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c', 'states.c',
+    'handover.c', 'outbox.c', 'reorder.c', 'blackbox.c', 'thread.c', 'engine_time.c',
     'engine_backlog.c', 'engine_gate.c', 'engine.c', 'records.c', 'thinning.c', 'csv.c',
-    'ros/serialized.c', 'ros/receiver.c', 'ros/in_place.c', 'ros/announcer.c', 'ros/relay.c',
+    'serialized.c', 'receiver.c', 'in_place.c', 'announcer.c', 'relay.c',
 )
+
+#: The folders of csrc whose files may call those of the folders before them, and no others.
+CSRC_ROOMS = ('generated', 'evaluator', 'engine', 'reporting', 'traces', 'ros', 'node')
 
 _SEAL = 'seal.json'
 _UNFINISHED = '.building-'
@@ -231,15 +234,27 @@ def forget(dates: Mapping[Path, float], most: int) -> None:
 def runtime_headers() -> dict[str, str]:
     """Return the headers of csrc that generated C may include, by file name."""
     return {file.name: file.read_text(encoding='utf-8')
-            for file in sorted(csrc_directory().glob('*.h'))}
+            for file in sorted(csrc_directory().glob('generated/*.h'))}
+
+
+def csrc_file(name: str) -> Path:
+    """Return a file of csrc, but for those of exports; a name is used once."""
+    found, = (path for room in CSRC_ROOMS if (path := csrc_directory() / room / name).is_file())
+    return found
+
+
+def csrc_includes() -> list[str]:
+    """Return the arguments of a C compiler with which it finds all headers of csrc."""
+    return [f'-I{csrc_directory() / room}' for room in CSRC_ROOMS]
 
 
 def evaluator_files() -> dict[str, str]:
     """Return the sources of the evaluator's library and all headers, by file name."""
     csrc = csrc_directory()
-    headers = sorted((*csrc.glob('*.h'), *csrc.glob('ros/*.h')))
+    headers = [path for room in CSRC_ROOMS if room != 'node'
+               for path in sorted((csrc / room).glob('*.h'))]
     return {file.name: file.read_text(encoding='utf-8')
-            for file in (*headers, *(csrc / name for name in EVALUATOR_SOURCES))}
+            for file in (*headers, *map(csrc_file, EVALUATOR_SOURCES))}
 
 
 def evaluator_library() -> Path:
@@ -265,7 +280,7 @@ def csrc_directory() -> Path:
     """
     candidates = _csrc_candidates()
     for folder in candidates:
-        if (folder / 'evaluator.c').is_file():
+        if (folder / 'evaluator' / 'evaluator.c').is_file():
             return folder
     looked = '\n'.join(f'  {folder}' for folder in candidates)
     raise NativeError(f'the C sources of fret_monitor are not installed; looked in\n{looked}')

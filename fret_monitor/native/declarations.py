@@ -25,12 +25,12 @@ from pathlib import Path
 import re
 import tempfile
 
-from fret_monitor.native.cache import csrc_directory
+from fret_monitor.native.cache import csrc_file
 
 HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h', 'outbox.h',
-    'blackbox.h', 'states.h', 'engine.h', 'records.h', 'thinning.h', 'csv.h', 'ros/middleware.h',
-    'ros/in_place.h', 'ros/receiver.h', 'ros/announcer.h', 'ros/relay.h',
+    'blackbox.h', 'states.h', 'engine.h', 'records.h', 'thinning.h', 'csv.h', 'middleware.h',
+    'in_place.h', 'receiver.h', 'announcer.h', 'relay.h',
 )
 
 _C_LIBRARY = """
@@ -57,7 +57,7 @@ _HEAD = '''# flake8: noqa
 
 def declarations() -> str:
     """Return the constants, types and exported functions of the headers, as cffi reads them."""
-    text = ''.join((csrc_directory() / name).read_text(encoding='utf-8') for name in HEADERS)
+    text = ''.join(csrc_file(name).read_text(encoding='utf-8') for name in HEADERS)
     found = _WANTED.findall(re.sub(r' *//[^\n]*', '', text))
     plain = (re.sub(r'^FM_EXPORT |(?<=\d)u\b', '', item) for item in found)
     return _C_LIBRARY + '\n'.join(plain) + '\n'

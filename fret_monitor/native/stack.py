@@ -26,7 +26,7 @@ import re
 import subprocess
 import tempfile
 
-from fret_monitor.native.cache import csrc_directory, runtime_headers
+from fret_monitor.native.cache import csrc_file, runtime_headers
 from fret_monitor.native.compiler import COMPILE_FLAGS, Compiler, find_compiler, TIMEOUT
 
 INDIRECT = '__indirect_call'
@@ -35,6 +35,7 @@ _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "((?:[^"\\]|\\.)*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
 _FRAME = re.compile(r'(\d+) bytes \((.*?)\)')
 _EVALUATOR = ('evaluator.c', 'deadlines.c', 'steps.c', 'tables.c', 'instance.c')
+_EVALUATOR_HEADERS = tuple(f'{name[:-2]}.h' for name in _EVALUATOR)
 
 
 class StackError(Exception):
@@ -104,8 +105,8 @@ def worst_stack(sources: Mapping[str, str]) -> WorstStack | None:
     and `call_graph`.
     """
     files = {**runtime_headers(), **sources}
-    for name in _EVALUATOR:
-        files[name] = (csrc_directory() / name).read_text(encoding='utf-8')
+    for name in (*_EVALUATOR, *_EVALUATOR_HEADERS):
+        files[name] = csrc_file(name).read_text(encoding='utf-8')
     compiler = find_compiler()
     monitor = call_graph(compiler, files, [name for name in sources if name.endswith('.c')])
     evaluator = call_graph(compiler, files, _EVALUATOR)

@@ -46,7 +46,7 @@ SHIFT_REGISTER_BITS = 64
 FEW_BITS = 8
 
 QUEUE_HEAD = 4  # numbers before the intervals of a queue
-FM_NEVER = 2 ** 63 - 1  # as in csrc/fret_monitor.h
+FM_NEVER = 2 ** 63 - 1  # as in csrc/generated/fret_monitor.h
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
 
@@ -352,7 +352,7 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
 
 
 def _start(cell: OnceWithin | AlwaysWithin | SinceWithin) -> int:
-    """Return the initial age of a counter (see csrc/fret_cells.h)."""
+    """Return the initial age of a counter (see csrc/generated/fret_cells.h)."""
     return cell.bound + 1 - (0 if isinstance(cell, SinceWithin) else cell.head)
 
 

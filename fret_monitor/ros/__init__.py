@@ -23,15 +23,15 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fret_monitor.ros.gate_node import GateNode
-    from fret_monitor.ros.logger_node import LoggerNode
-    from fret_monitor.ros.monitor_node import MonitorNode
-    from fret_monitor.ros.parameters import Refusal
+    from fret_monitor.ros.nodes.gate_node import GateNode
+    from fret_monitor.ros.nodes.logger_node import LoggerNode
+    from fret_monitor.ros.nodes.monitor_node import MonitorNode
+    from fret_monitor.ros.settings.parameters import Refusal
 
 __all__ = ['GateNode', 'LoggerNode', 'MonitorNode', 'Refusal']
 
-_PLACES = {'GateNode': 'gate_node', 'LoggerNode': 'logger_node', 'MonitorNode': 'monitor_node',
-           'Refusal': 'parameters'}
+_PLACES = {'GateNode': 'nodes.gate_node', 'LoggerNode': 'nodes.logger_node',
+           'MonitorNode': 'nodes.monitor_node', 'Refusal': 'settings.parameters'}
 
 
 def __getattr__(name: str) -> Any:

@@ -21,6 +21,6 @@ def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
     # Imported after the signal handlers are set, since these imports are slow.
-    from fret_monitor.ros.gate_node import GateNode
+    from fret_monitor.ros.nodes.gate_node import GateNode
     from fret_monitor.ros.process import run
     return run('gate', GateNode, stop)

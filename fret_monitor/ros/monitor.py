@@ -21,6 +21,6 @@ def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
     # Imported after the signal handlers are set, since these imports are slow.
-    from fret_monitor.ros.monitor_node import MonitorNode
+    from fret_monitor.ros.nodes.monitor_node import MonitorNode
     from fret_monitor.ros.process import run
     return run('monitor', MonitorNode, stop)

@@ -26,7 +26,7 @@ from textwrap import fill
 import traceback
 
 from fret_monitor.model.output import drop_output
-from fret_monitor.ros.parameters import (
+from fret_monitor.ros.settings.parameters import (
     GATE_PARAMETERS, LOGGER_PARAMETERS, MONITOR_PARAMETERS, Refusal,
 )
 from fret_monitor.ros.signals import StopRequest

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A wrapper of `csrc/csv.c`: plain rows of a trace in CSV, and rows of verdicts."""
+"""A wrapper of `csv.c`: plain rows of a trace in CSV, and rows of verdicts."""
 
 from array import array
 from collections.abc import Mapping, Sequence

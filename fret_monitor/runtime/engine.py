@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A wrapper of the engine of `csrc/engine.c`: an evaluator that threads share, and that knows time.
+A wrapper of the engine of `engine.c`: an evaluator that threads share, and that knows time.
 
 Its mutex is in C and is held only inside a call, so that a thread never waits for Python's
 interpreter lock while it holds the mutex. Independent of ROS.
@@ -71,7 +71,7 @@ class State(Enum):
 @dataclass(frozen=True)
 class Conditions:
     """
-    What decides whether a lock is locked, or the gate of an engine open (`csrc/states.h`).
+    What decides whether a lock is locked, or the gate of an engine open (`states.h`).
 
     `is_known` and `is_latched` are those of the gate. `violated` are the requirements that do not
     hold after the last step that stayed, `withheld_from_start` those of which each message was

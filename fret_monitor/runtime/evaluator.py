@@ -16,7 +16,7 @@
 A thin typed wrapper of the evaluator in C, which decides everything.
 
 The caller stores values, and calls a method when a message or a row is complete, or time has
-passed; that method returns the violations to announce. `csrc/evaluator.h` describes each call.
+passed; that method returns the violations to announce. `evaluator.h` describes each call.
 Times are in nanoseconds, of any clock that the caller chooses.
 """
 

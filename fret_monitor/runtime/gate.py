@@ -15,7 +15,7 @@
 """
 A thin typed wrapper of a gate in C, which decides which messages of a topic pass.
 
-`csrc/gate.h` describes it. Times are in nanoseconds.
+`gate.h` describes it. Times are in nanoseconds.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from fret_monitor.model.policies import Otherwise
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
-from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, Violation, violation
+from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, violation, Violation
 
 _OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
               Otherwise.SUBSTITUTE: 'FM_SUBSTITUTE', Otherwise.RESPOND: 'FM_DROP'}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A wrapper of the ring of `csrc/blackbox.c`: the last messages of an engine. Without ROS."""
+"""A wrapper of the ring of `blackbox.c`: the last messages of an engine. Without ROS."""
 
 from collections.abc import Iterator
 from functools import partial

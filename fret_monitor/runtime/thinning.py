@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A wrapper of `csrc/thinning.c`: values of a recording, thinned for drawing."""
+"""A wrapper of `thinning.c`: values of a recording, thinned for drawing."""
 
 from array import array
 from collections.abc import Iterator, Sequence

@@ -15,7 +15,7 @@
 """
 Measure how long a step of a compiled bundle takes.
 
-The timed loop is in C (`csrc/benchmark.c`); the inputs are generated before it starts.
+The timed loop is in C (`benchmark.c`); the inputs are generated before it starts.
 """
 
 from array import array
@@ -32,7 +32,7 @@ from fret_monitor.build import generate_monitor, read
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.binding import ffi
-from fret_monitor.native.cache import build_library, csrc_directory, runtime_headers
+from fret_monitor.native.cache import build_library, csrc_file, runtime_headers
 from fret_monitor.native.compiler import compile_library, find_compiler
 from fret_monitor.native.folder import library_file
 from fret_monitor.native.monitor import CData, Library, load, Monitor
@@ -107,7 +107,7 @@ class StepTimer:
 
     def __init__(self, monitor: Monitor, inputs: Inputs) -> None:
         """Reset the state, and choose the number of passes that take about 20 ms."""
-        text = (csrc_directory() / 'benchmark.c').read_text(encoding='utf-8')
+        text = csrc_file('benchmark.c').read_text(encoding='utf-8')
         library = build_library({'benchmark.c': text}, name='fm_benchmark')
         self._library = Library(library)
         self._time: Any = ffi.cast(_SIGNATURE, self._library.find('fm_benchmark'))

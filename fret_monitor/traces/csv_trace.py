@@ -16,7 +16,7 @@
 Traces as CSV: a column for each input, a row for each step, and perhaps a column `time`.
 
 A trace is read in blocks of rows, so that memory does not grow with its length. Plain rows are
-read in C (`csrc/csv.h`); a row at which C stops is read here, where an invalid cell is an error
+read in C (`csv.h`); a row at which C stops is read here, where an invalid cell is an error
 with its line and column.
 """
 
@@ -62,7 +62,7 @@ _NAMES_OF_TIME = frozenset({TIME, 't', 'times', 'timestamp', 'stamp', 'seconds',
 _SECONDS = re.compile(r'[+-]?([0-9]+)(?:\.([0-9]*))?')
 _DIGITS = 9  # behind the point of a number of seconds
 _LATEST_NS = 2 ** 62
-LAST_TICK = 2 ** 62 - 3  # FM_LAST_TICK in csrc/fret_monitor.h
+LAST_TICK = 2 ** 62 - 3  # FM_LAST_TICK in csrc/generated/fret_monitor.h
 _ANY_TIME = (-2 ** 63, 2 ** 63 - 1)
 _SEPARATORS = {';': "';'", '\t': 'tabs', '|': "'|'"}
 

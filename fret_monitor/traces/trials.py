@@ -15,7 +15,7 @@
 """
 Run many short traces through a compiled requirement, or one step from a given state.
 
-The loops are in C (`csrc/trials.c`) and call the step function of the requirement's group.
+The loops are in C (`trials.c`) and call the step function of the requirement's group.
 """
 
 from array import array
@@ -25,7 +25,7 @@ from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.native.binding import ffi
-from fret_monitor.native.cache import build_library, csrc_directory
+from fret_monitor.native.cache import build_library, csrc_file
 from fret_monitor.native.monitor import CData, Library, Monitor
 from fret_monitor.traces.trace import length, Row, Trace
 
@@ -37,11 +37,11 @@ _INIT = 'void (*)(void *, const struct fm_group *, void *, bool *, const uint32_
 
 
 class TrialLibrary:
-    """The compiled loops of `csrc/trials.c`."""
+    """The compiled loops of `trials.c`."""
 
     def __init__(self) -> None:
         """Build and open the library; raises `NativeError`."""
-        text = (csrc_directory() / 'trials.c').read_text(encoding='utf-8')
+        text = csrc_file('trials.c').read_text(encoding='utf-8')
         self._library = Library(build_library({'trials.c': text}, name='fm_trials'))
         self.bytes: Any = ffi.cast('uint64_t (*)(void)', self._library.find('fm_trials_bytes'))
         self.init: Any = ffi.cast(_INIT, self._library.find('fm_trials_init'))

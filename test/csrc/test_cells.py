@@ -26,7 +26,7 @@ import shutil
 from csrc.test_evaluator import clang, gcc, run, SANITIZERS
 from differential.compiled import WARNINGS
 from fret_monitor.model.values import ValueType
-from fret_monitor.native import csrc_directory
+from fret_monitor.native import csrc_directory, csrc_includes
 from fret_monitor.program.layout import FieldKind, lay_out
 from fret_monitor.program.monitor_program import (
     AlwaysWithin, Equation, OnceWithin, Operand, Read, StepGroup,
@@ -44,15 +44,14 @@ CELLS: dict[str, type[OnceWithin] | type[AlwaysWithin]] = {
 def build(folder: Path, *command: str, source: str = 'cells.c') -> Path:
     """Compile a program; a warning fails the test."""
     program = folder / source.removesuffix('.c')
-    done = run(*command, f'-I{csrc_directory()}', *WARNINGS, HERE / source, '-o', program,
-               '-lm')
+    done = run(*command, *csrc_includes(), *WARNINGS, HERE / source, '-o', program, '-lm')
     assert (done.returncode, done.stdout) == (0, '')
     return program
 
 
 def with_slip(folder: Path, name: str, level: str, right: str, wrong: str) -> Path:
     """Compile a program with a mistake in the header: `wrong` in place of `right`."""
-    for file in csrc_directory().glob('*.h'):
+    for file in csrc_directory().glob('generated/*.h'):
         shutil.copy(file, folder)
     header = folder / 'fret_cells.h'
     text = header.read_text(encoding='utf-8')

@@ -23,15 +23,15 @@ import sys
 from differential import compiled
 from differential.compiled import WARNINGS, ZIG
 import fret_monitor
-from fret_monitor.native import csrc_directory
+from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 import pytest
 from strategies import EXAMPLES, thorough
 
 HERE = Path(__file__).parent
 PAUSE = HERE / 'engine_pause.h'
-SOURCES = [csrc_directory() / name for name in EVALUATOR_SOURCES]
-INCLUDES = [f'-I{csrc_directory()}', f'-I{csrc_directory() / "ros"}']
+SOURCES = [csrc_file(name) for name in EVALUATOR_SOURCES]
+INCLUDES = csrc_includes()
 
 # The names that csrc/ros gives to types of the middleware, and their names in its headers.
 STRUCTS = {
@@ -183,7 +183,7 @@ def compiler(request: pytest.FixtureRequest) -> tuple[str, ...]:
 def test_losses_counted_are_messages_dropped(tmp_path: Path, compiler: tuple[str, ...]) -> None:
     program = tmp_path / 'losses'
     built = run(*compiler, '-std=c99', '-O1', *WARNINGS, *INCLUDES, HERE / 'losses.c',
-                csrc_directory() / 'handover.c', '-o', program)
+                csrc_file('handover.c'), '-o', program)
     assert (built.returncode, built.stdout) == (0, '')
     for seed in range(4):
         done = run(program, seed)

@@ -27,7 +27,7 @@ import subprocess
 
 from differential import compiled
 from differential.compiled import WARNINGS
-from fret_monitor.native import csrc_directory
+from fret_monitor.native import csrc_file, csrc_includes
 import pytest
 from strategies import EXAMPLES
 
@@ -60,11 +60,11 @@ def run(*command: object, folder: Path | None = None) -> 'subprocess.CompletedPr
 def compile_all(folder: Path, compiler: tuple[str, ...], files: Sequence[Path],
                 *flags: str) -> 'subprocess.CompletedProcess[str]':
     """Compile files to objects in a folder, with one command."""
-    return run(*compiler, f'-I{csrc_directory()}', *WARNINGS, *flags, '-c', *files, folder=folder)
+    return run(*compiler, *csrc_includes(), *WARNINGS, *flags, '-c', *files, folder=folder)
 
 
 def sources() -> list[Path]:
-    return [csrc_directory() / f'{name}.c' for name in SOURCES]
+    return [csrc_file(f'{name}.c') for name in SOURCES]
 
 
 def programs_in_c() -> list[Path]:
@@ -133,8 +133,8 @@ def test_a_header_compiles_before_others_in_c_and_cpp(
         pytest.skip(f'no {command[0]}')
     source = tmp_path / 'main'
     source.write_text(f'#include "{header}"\n#include <math.h>\n', encoding='utf-8')
-    done = run(*command, '-Wall', '-Wextra', '-fsyntax-only', f'-I{csrc_directory()}', '-x',
-               language, source)
+    done = run(*command, '-Wall', '-Wextra', '-fsyntax-only', *csrc_includes(), '-x', language,
+               source)
     assert (done.returncode, done.stdout) == (0, '')
 
 
@@ -145,6 +145,6 @@ def test_only_declared_symbols_are_defined(tmp_path: Path) -> None:
     assert compile_all(tmp_path, gcc(), sources(), '-std=c99').returncode == 0
     objects = [tmp_path / f'{name}.o' for name in SOURCES]
     lines = run(nm, '--defined-only', '--extern-only', *objects).stdout.splitlines()
-    headers = [(csrc_directory() / f'{name}.h').read_text(encoding='utf-8') for name in SOURCES]
+    headers = [csrc_file(f'{name}.h').read_text(encoding='utf-8') for name in SOURCES]
     declared = re.findall(r'\b(fm_\w+)\(', '\n'.join(headers))
     assert {line.split()[-1] for line in lines if ' T ' in line} == set(declared)

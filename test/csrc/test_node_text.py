@@ -22,7 +22,7 @@ import subprocess
 from csrc.test_evaluator import gcc, run, SANITIZERS
 from differential.compiled import WARNINGS
 from fret_monitor.model.floats import shortest_float32
-from fret_monitor.native import csrc_directory
+from fret_monitor.native import csrc_file, csrc_includes
 from fret_monitor.runtime.detail_text import short_seconds
 
 HERE = Path(__file__).resolve().parent
@@ -30,9 +30,8 @@ HERE = Path(__file__).resolve().parent
 
 def spelled(folder: Path, lines: list[str]) -> list[str]:
     """Return what the C prints for these lines."""
-    csrc = csrc_directory()
-    done = run(*gcc(), f'-I{csrc}', f'-I{csrc / "node"}', *WARNINGS, '-std=c99', *SANITIZERS,
-               HERE / 'node_text.c', csrc / 'node' / 'text.c', '-o', folder / 'text', '-lm')
+    done = run(*gcc(), *csrc_includes(), *WARNINGS, '-std=c99', *SANITIZERS,
+               HERE / 'node_text.c', csrc_file('text.c'), '-o', folder / 'text', '-lm')
     assert done.returncode == 0, done.stdout
     printed = subprocess.run([folder / 'text'], input='\n'.join(lines), text=True,
                              capture_output=True, check=True)

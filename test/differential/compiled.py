@@ -16,7 +16,7 @@
 Compile specifications with any C compiler and flags, and run them over traces.
 
 The loop over the steps is C (`run.c` beside this file), so that traces can be long. It uses only
-`csrc/fret_monitor.h`; the evaluator and `native` are tested elsewhere.
+`csrc/generated/fret_monitor.h`; the evaluator and `native` are tested elsewhere.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,7 +43,7 @@ import pytest
 from strategies import Trace
 
 HERE = Path(__file__).resolve().parent
-CSRC = HERE.parent.parent / 'csrc'
+CSRC = HERE.parent.parent / 'csrc' / 'generated'
 # As the monitors are built; no contraction, so that a * b + c rounds twice everywhere.
 FLAGS = ('-std=c99', '-O1', '-fPIC', '-fvisibility=hidden', '-ffp-contract=off')
 WARNINGS = ('-Wall', '-Wextra', '-Wpedantic', '-Wconversion', '-Wshadow', '-Wswitch-enum',

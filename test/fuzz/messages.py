@@ -38,6 +38,7 @@ from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.values import ValueType
+from fret_monitor.native import csrc_file, csrc_includes
 from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent
@@ -109,8 +110,9 @@ def build(folder: Path, chosen: Sequence[Topic], csrc: Path = CSRC, level: str =
     sources = write_module(c_module(specification(chosen)), folder)
     program = folder / 'messages'
     gcc = shutil.which('gcc') or 'cc'
-    command = [gcc, '-std=c99', f'-I{csrc}', f'-I{folder}', *map(str, sources),
-               *(str(csrc / f'{name}.c') for name in EVALUATOR), str(HERE / 'messages.c'),
+    command = [gcc, '-std=c99', f'-I{csrc}', *csrc_includes(), f'-I{folder}',
+               *map(str, sources),
+               *(str(csrc_file(f'{name}.c')) for name in EVALUATOR), str(HERE / 'messages.c'),
                '-lm', '-o', str(program)]
     for flags in (SANITIZERS, ()):
         done = subprocess.run([*command, *flags, level], capture_output=True, text=True,

@@ -103,9 +103,9 @@ def test_sources_and_headers_are_kept_beside_the_library_and_objects_are_not() -
 
 
 def test_the_headers_of_csrc_are_on_the_include_path() -> None:
-    text = '#include "fret_monitor.h"\n#include "evaluator.h"\n' + SOURCE
+    text = '#include "fret_monitor.h"\n#include "fret_cells.h"\n' + SOURCE
     assert build_library({'toy.c': text}, name='toy').exists()
-    assert {'fret_monitor.h', 'evaluator.h'} <= runtime_headers().keys()
+    assert {'fret_monitor.h', 'fret_cells.h'} <= runtime_headers().keys()
 
 
 @pytest.mark.parametrize('damage', ['shorten', 'change', 'remove', 'no seal', 'seal', 'folder'])
@@ -287,7 +287,7 @@ def test_a_library_on_a_disk_that_became_read_only_is_used(tmp_path: Path) -> No
 
 
 def test_the_hand_written_c_is_found_beside_the_package_or_in_its_prefix() -> None:
-    assert (csrc_directory() / 'evaluator.c').is_file()
+    assert (csrc_directory() / 'evaluator' / 'evaluator.c').is_file()
 
 
 def test_c_installed_under_an_ament_prefix_is_found(

@@ -19,7 +19,7 @@ from pathlib import Path
 import re
 import subprocess
 
-from fret_monitor.native import csrc_directory, declarations
+from fret_monitor.native import csrc_file, csrc_includes, declarations
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.compiler import find_compiler
 import pytest
@@ -50,15 +50,15 @@ def test_sizes_offsets_and_values_are_those_of_the_headers(tmp_path: Path) -> No
         f'int main(void)\n{{\n  int wrong = 0;\n{checks}\n  return wrong;\n}}\n',
         encoding='utf-8')
     subprocess.run(
-        [*find_compiler().command, '-std=c99', f'-I{csrc_directory()}',
-         f'-I{csrc_directory() / "ros"}', str(program), '-o', str(tmp_path / 'check')], check=True)
+        [*find_compiler().command, '-std=c99', *csrc_includes(), str(program), '-o',
+         str(tmp_path / 'check')], check=True)
     done = subprocess.run([tmp_path / 'check'], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, '')
     assert len(pairs) > 150
 
 
 def test_every_exported_function_is_declared() -> None:
-    text = ''.join((csrc_directory() / name).read_text(encoding='utf-8')
+    text = ''.join(csrc_file(name).read_text(encoding='utf-8')
                    for name in declarations.HEADERS)
     exported = re.findall(r'^FM_EXPORT .*?(fm_\w+)\(', text, re.MULTILINE | re.DOTALL)
     assert len(exported) > 50

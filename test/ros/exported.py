@@ -40,7 +40,7 @@ from fret_monitor.export.folder import assemble
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.parts import UNGATED
-from fret_monitor.native import csrc_directory
+from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler
 from ros import forked
@@ -58,8 +58,7 @@ def _folder() -> 'TemporaryDirectory[str]':
 
 def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> list[Path]:
     """Compile C files with all warnings as errors."""
-    csrc = csrc_directory()
-    searched = [f'-I{place}' for place in (csrc, csrc / 'ros', csrc / 'node', folder)]
+    searched = [*csrc_includes(), f'-I{folder}']
     folder.mkdir(parents=True, exist_ok=True)
 
     def compiled(source: Path) -> Path:
@@ -78,10 +77,10 @@ def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> li
 @cache
 def hand_written(flags: tuple[str, ...]) -> list[Path]:
     """Return the object files of all C that is the same for every bundle."""
-    csrc = csrc_directory()
-    unused = {'csv.c', 'records.c', 'thinning.c', 'ros/in_place.c', 'ros/relay.c'}
-    sources = [*sorted(csrc.glob('node/*.c')),
-               *(csrc / name for name in EVALUATOR_SOURCES if name not in unused),
+    unused = {'csv.c', 'records.c', 'thinning.c', 'in_place.c', 'relay.c'}
+    rooms = [csrc_directory() / room for room in ('reporting', 'node')]
+    sources = [*sorted({*(path for room in rooms for path in room.glob('*.c')),
+                        *(csrc_file(name) for name in EVALUATOR_SOURCES if name not in unused)}),
                ROOT / 'bench' / 'ros' / 'no_python.c']
     folder = Path(_folder().name) / f'hand-{"".join(flags) or "plain"}'
     return _compiled(sources, folder, flags)

@@ -25,8 +25,8 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from fret_monitor.ros import actions
-from fret_monitor.ros.monitor_node import MonitorNode
+from fret_monitor.ros.acting import actions
+from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from geometry_msgs.msg import PointStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.parameter import Parameter

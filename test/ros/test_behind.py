@@ -19,8 +19,8 @@ from time import time_ns
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor import build
-from fret_monitor.ros.feed import PublisherStatus
-from fret_monitor.ros.health import Health
+from fret_monitor.ros.intake.feed import PublisherStatus
+from fret_monitor.ros.reports.health import Health
 from fret_monitor.runtime import Engine, Evaluator
 from rclpy.node import Node
 from ros.harness import Partner, wait_until

@@ -20,9 +20,9 @@ from pathlib import Path
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.serialize import serialize
 from fret_monitor.model.parts import NodePart
-from fret_monitor.ros.actions import _lock_text
-from fret_monitor.ros.condition_log import ConditionLog
-from fret_monitor.ros.gate_session import gate_text
+from fret_monitor.ros.acting.actions import _lock_text
+from fret_monitor.ros.acting.gate import gate_text
+from fret_monitor.ros.reports.condition_log import ConditionLog
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
 from fret_monitor.start import start
 import pytest

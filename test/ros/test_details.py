@@ -19,7 +19,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
-from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
+from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.ros.reports.details import Details, read_detail
 from fret_monitor.runtime import Engine, Evaluator
 from rclpy.node import Node
 from ros.harness import Partner, wait_until

@@ -30,17 +30,13 @@ from time import sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fret_monitor.ros.details import read_detail
+from fret_monitor.ros.reports.details import read_detail
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import (
-    DescribeParameters, GetParameters, ListParameters, SetParameters,
-)
-from ros.exported import (
-    cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running,
-)
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
 from ros.harness import BEST_EFFORT, LATCHED, Partner, PATIENCE, RELIABLE, started, wait_until
 from ros.simulator import simulating
 from ros.talker import talking

@@ -33,9 +33,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.bag import check
 from fret_monitor.logic.specification import Specification
+from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.model.policies import InputSource
 from fret_monitor.program.rewriting import without_queues
-from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
+from fret_monitor.ros.reports.details import read_detail
 import pytest
 from ros.exported import exported_bundle, running
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until

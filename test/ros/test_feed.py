@@ -25,12 +25,12 @@ from typing import Any
 
 from fret_monitor import build
 from fret_monitor.native import Monitor
-from fret_monitor.ros import feed
-from fret_monitor.ros.feed import Feed, Record
-from fret_monitor.ros.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.loaded import Unavailable
-from fret_monitor.ros.raw_topic import RawTopic
-from fret_monitor.ros.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake import feed
+from fret_monitor.ros.intake.feed import Feed, Record
+from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
+from fret_monitor.ros.intake.raw_topic import RawTopic
+from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context
@@ -223,7 +223,7 @@ def test_the_order_is_kept_when_the_clock_was_set_back(
             publishers[topic].publish(Int32(data=number))
         sleep(0.2)
         # All messages received now have stamps in the future, and wait for one round.
-        monkeypatch.setattr('fret_monitor.ros.feed.time_ns', lambda: 1)
+        monkeypatch.setattr('fret_monitor.ros.intake.feed.time_ns', lambda: 1)
         listener.feed.start()
         wait_until(lambda: len(listener.got) == 3, 'three messages')
         assert listener.got == [('z', 0), ('y', 1), ('x', 2)]

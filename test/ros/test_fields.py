@@ -21,7 +21,7 @@ from fret_monitor.model.diagnostics import pip_install
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.paths import LookUp, Sector, Slice, Step
 from fret_monitor.model.values import ValueType
-from fret_monitor.ros.fields import message_class, MessageTypeError, why_unusable
+from fret_monitor.ros.intake.fields import message_class, MessageTypeError, why_unusable
 import pytest
 from rclpy.serialization import serialize_message
 

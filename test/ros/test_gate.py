@@ -32,12 +32,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
 from fret_monitor.model.parts import NodePart
-from fret_monitor.ros.feed import PublisherStatus
-from fret_monitor.ros.gate_node import GateNode
-from fret_monitor.ros.health import describe_missing
-from fret_monitor.ros.monitor_node import MonitorNode
-from fret_monitor.ros.parameters import Refusal
-from fret_monitor.ros.reasons import why_closed
+from fret_monitor.ros.acting.reasons import why_closed
+from fret_monitor.ros.intake.feed import PublisherStatus
+from fret_monitor.ros.nodes.gate_node import GateNode
+from fret_monitor.ros.nodes.monitor_node import MonitorNode
+from fret_monitor.ros.reports.health import describe_missing
+from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
 from fret_monitor.start import start
 from geometry_msgs.msg import TwistStamped
@@ -49,9 +49,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros.forked import environment
-from ros.harness import (
-    BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until,
-)
+from ros.harness import BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
 from sensor_msgs.msg import Image
 from std_msgs.msg import Bool, Float32, String
 from std_srvs.srv import SetBool

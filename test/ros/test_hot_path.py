@@ -24,14 +24,15 @@ from typing import Any
 import weakref
 
 from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode, native_lifetimes
-from fret_monitor.ros.details import Details, DETAILS_TOPIC, read_detail
-from fret_monitor.ros.hot_path import EngineReceiver, Middleware
-from fret_monitor.ros.in_place import KNOWN, loaded_versions, refuse_unknown_versions
-from fret_monitor.ros.loaded import find_symbol, Unavailable
-from fret_monitor.ros.parameters import Refusal
-from fret_monitor.ros.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware
+from fret_monitor.ros.intake.in_place import KNOWN, loaded_versions, refuse_unknown_versions
+from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.symbols import find_symbol, Unavailable
+from fret_monitor.ros.reports.details import Details, read_detail
+from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime import ViolationDetail
 import pytest
 import rclpy
@@ -118,7 +119,7 @@ def test_a_subscription_is_read_in_place_only_on_the_hot_path(
             kinds.append(type(msg_type).__name__)
             super().__init__(node, msg_type, *arguments)
 
-    monkeypatch.setattr('fret_monitor.ros.feed.RclSubscription', Spy)
+    monkeypatch.setattr('fret_monitor.ros.intake.feed.RclSubscription', Spy)
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain)
     node = MonitorNode(context=context, parameter_overrides=[
@@ -180,7 +181,7 @@ def test_a_middleware_without_a_callback_for_new_messages_is_used_from_python(
             raise Unavailable(f'the middleware has no {name}')
         return find_symbol(library, name, kind)
 
-    monkeypatch.setattr('fret_monitor.ros.hot_path.find_symbol', find)
+    monkeypatch.setattr('fret_monitor.ros.intake.hot_path.find_symbol', find)
 
     def start(way: str) -> MonitorNode:
         return MonitorNode(context=stranger.context, parameter_overrides=[

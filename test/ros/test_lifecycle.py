@@ -245,7 +245,7 @@ def test_an_internal_error_is_logged_and_the_node_can_be_configured_again(
         Parameter('spec', value=str(bundle)), Parameter('autostart', value=False)])
     try:
         with monkeypatch.context() as patch:
-            patch.setattr('fret_monitor.ros.bundle_session.BundleSession.start', fail)
+            patch.setattr('fret_monitor.ros.nodes.bundle_session.BundleSession.start', fail)
             assert node.trigger_configure().name == 'SUCCESS'
             assert node.trigger_activate().name == 'ERROR'
         assert 'RuntimeError: no paper in the printer' in capfd.readouterr().err

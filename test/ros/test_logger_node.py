@@ -20,11 +20,11 @@ from pathlib import Path
 from time import sleep
 from typing import Any
 
-from fret_monitor.ros.announced import Announced
-from fret_monitor.ros.details import Detail
-from fret_monitor.ros.logger_node import LoggerNode
-from fret_monitor.ros.overrides import DeclaredOverrides
-from fret_monitor.ros.pairing import Pairing
+from fret_monitor.ros.nodes.logger_node import LoggerNode
+from fret_monitor.ros.reports.details import Detail
+from fret_monitor.ros.reports.discovery import Announced
+from fret_monitor.ros.reports.pairing import Pairing
+from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.start import manifest_of
 import pytest
 from rclpy.executors import SingleThreadedExecutor

@@ -20,7 +20,7 @@ from typing import Any
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.values import ValueType
-from fret_monitor.ros.look_ups import LookUpLog
+from fret_monitor.ros.reports.look_ups import LookUpLog
 
 
 class _Bench(SimpleNamespace):

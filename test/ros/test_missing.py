@@ -22,14 +22,14 @@ from typing import Any
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
-from fret_monitor.ros.feed import PublisherStatus
+from fret_monitor.ros.intake.feed import PublisherStatus
 import pytest
 from ros.harness import Partner, started, wait_until
 from std_msgs.msg import Bool, String
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
-health = pytest.importorskip('fret_monitor.ros.health')
+health = pytest.importorskip('fret_monitor.ros.reports.health')
 
 SCAN = """
 format: 1

@@ -15,7 +15,7 @@
 """What another program reads from `/diagnostics`: all requirements of a node, and no others."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from fret_monitor.ros.next_report import complete, reports
+from fret_monitor.testing.next_report import complete, reports
 
 
 def status(name: str, **values: str) -> DiagnosticStatus:

@@ -19,9 +19,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from fret_monitor.ros import node_time
-from fret_monitor.ros.node_time import are_worth_reading, NodeTime, TimeLog
-from fret_monitor.ros.throttle import Throttle
+from fret_monitor.ros.intake import node_time
+from fret_monitor.ros.intake.node_time import are_worth_reading, NodeTime, TimeLog
+from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.runtime import TimeCounts
 import pytest
 from rclpy.context import Context
@@ -90,7 +90,7 @@ def test_late_periods_are_logged_at_intervals_with_their_total(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     time = [0.0]
-    monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
+    monkeypatch.setattr('fret_monitor.ros.intake.throttle.monotonic', lambda: time[0])
     recorder: Any = Recorder()
     log = a_log(recorder, 0.1)
     for second in range(120):
@@ -109,7 +109,7 @@ def test_a_burst_of_late_periods_is_logged_after_a_long_good_run(
     monkeypatch: pytest.MonkeyPatch, per_s: float, late: int,
 ) -> None:
     time = [0.0]
-    monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
+    monkeypatch.setattr('fret_monitor.ros.intake.throttle.monotonic', lambda: time[0])
     recorder: Any = Recorder()
     log = a_log(recorder, 1 / per_s)
     for second in range(0, 36000, 7):
@@ -126,7 +126,7 @@ def test_a_burst_of_late_periods_is_logged_after_a_long_good_run(
 
 def test_slow_periods_that_are_often_late_are_logged(monkeypatch: pytest.MonkeyPatch) -> None:
     time = [0.0]
-    monkeypatch.setattr('fret_monitor.ros.throttle.monotonic', lambda: time[0])
+    monkeypatch.setattr('fret_monitor.ros.intake.throttle.monotonic', lambda: time[0])
     recorder: Any = Recorder()
     log = a_log(recorder, 30.0)
     for second in range(1500):

@@ -16,8 +16,8 @@
 
 from pathlib import Path
 
-from fret_monitor.ros.overrides import Overrides
-from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.settings.overrides import Overrides
+from fret_monitor.ros.settings.parameters import Refusal
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter

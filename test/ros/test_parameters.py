@@ -19,12 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
-from fret_monitor.ros.compiled import open_manifests
-from fret_monitor.ros.parameters import read_settings
+from fret_monitor.ros.settings.opened import open_manifests
+from fret_monitor.ros.settings.parameters import read_settings
 import pytest
-from rcl_interfaces.srv import (
-    DescribeParameters, GetParameters, ListParameters, SetParameters,
-)
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 from ros.harness import Partner, started, wait_until
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting

@@ -20,8 +20,8 @@ from fret_monitor.build import generate_monitor, read, write
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.parts import NodePart, UNGATED
-from fret_monitor.ros.compiled import open_gates, open_monitors
-from fret_monitor.ros.parameters import Origin, Refusal, Settings
+from fret_monitor.ros.settings.opened import open_gates, open_monitors
+from fret_monitor.ros.settings.parameters import Origin, Refusal, Settings
 from fret_monitor.start import manifest_of, start
 import pytest
 

@@ -14,7 +14,7 @@
 
 from itertools import product
 
-from fret_monitor.ros.qos import DEFAULT_DEPTH, matches, wanted_profile
+from fret_monitor.ros.settings.qos import DEFAULT_DEPTH, matches, wanted_profile
 import pytest
 from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,

@@ -19,8 +19,8 @@ import signal
 from threading import Event
 from time import monotonic, sleep
 
-from fret_monitor.ros.feed import Feed, Record
-from fret_monitor.ros.raw_topic import Gaps, RawTopic
+from fret_monitor.ros.intake.feed import Feed, Record
+from fret_monitor.ros.intake.raw_topic import Gaps, RawTopic
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy

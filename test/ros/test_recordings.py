@@ -21,7 +21,8 @@ from time import sleep, time
 from bag.recordings import Kept, TYPES
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.bag.check import check_recording, Selection
-from fret_monitor.ros.details import DETAILS_TOPIC, read_detail
+from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.ros.reports.details import read_detail
 import pytest
 from rclpy.serialization import serialize_message
 from ros.harness import Partner, settle, started, wait_until

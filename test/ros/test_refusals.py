@@ -17,12 +17,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import fret_monitor
 from fret_monitor import build
+import fret_monitor
 from fret_monitor.model.bundle_files import config_folders, find_bundle
-from fret_monitor.ros.logger_node import LoggerNode
-from fret_monitor.ros.monitor_node import MonitorNode
-from fret_monitor.ros.parameters import Refusal
+from fret_monitor.ros.nodes.logger_node import LoggerNode
+from fret_monitor.ros.nodes.monitor_node import MonitorNode
+from fret_monitor.ros.settings.parameters import Refusal
 import pytest
 from rclpy.context import Context
 from rclpy.parameter import Parameter

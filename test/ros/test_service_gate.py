@@ -18,7 +18,7 @@ from unittest.mock import MagicMock
 
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
-from fret_monitor.ros import service_gate
+from fret_monitor.ros.acting import service_gate
 from fret_monitor.runtime import Judgement
 import pytest
 

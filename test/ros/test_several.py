@@ -20,7 +20,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.ros import monitor_node, MonitorNode, Refusal
-from fret_monitor.ros.gate_node import GateNode
+from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rclpy.parameter import Parameter
 from ros.harness import Partner, started, wait_until

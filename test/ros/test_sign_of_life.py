@@ -22,16 +22,16 @@ from types import SimpleNamespace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fret_monitor.ros import actions
-from fret_monitor.ros.blackbox import BlackBox
-from fret_monitor.ros.duplicate_nodes import DuplicateNodes
-from fret_monitor.ros.feed import Feed
-from fret_monitor.ros.monitor_node import MonitorNode
-from fret_monitor.ros.node_time import TimeLog
-from fret_monitor.ros.overrides import DeclaredOverrides
-from fret_monitor.ros.sign_of_life import SignOfLife
-from fret_monitor.ros.throttle import Throttle
-from fret_monitor.ros.violation_log import ViolationLog
+from fret_monitor.ros.acting import actions
+from fret_monitor.ros.acting.blackbox import BlackBox
+from fret_monitor.ros.intake.feed import Feed
+from fret_monitor.ros.intake.node_time import TimeLog
+from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
+from fret_monitor.ros.nodes.monitor_node import MonitorNode
+from fret_monitor.ros.nodes.sign_of_life import SignOfLife
+from fret_monitor.ros.reports.violation_log import ViolationLog
+from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.watch import Watch
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState

@@ -18,8 +18,8 @@ from typing import Any
 
 from fret_monitor import build
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.ros.health import describe_silences
-from fret_monitor.ros.silences import SilenceLog, some
+from fret_monitor.ros.reports.health import describe_silences
+from fret_monitor.ros.reports.silences import SilenceLog, some
 from fret_monitor.runtime import InputCounts, Silence
 import pytest
 

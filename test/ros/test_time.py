@@ -21,7 +21,8 @@ import signal
 from time import sleep
 
 from diagnostic_msgs.msg import DiagnosticArray
-from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
+from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.ros.reports.details import Detail, read_detail
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters

@@ -19,7 +19,8 @@ from pathlib import Path
 from time import sleep, time
 
 from diagnostic_msgs.msg import DiagnosticArray
-from fret_monitor.ros.details import Detail, DETAILS_TOPIC, read_detail
+from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.ros.reports.details import Detail, read_detail
 import pytest
 from ros.harness import Partner, settle, started, wait_until
 from ros.operators import Operator

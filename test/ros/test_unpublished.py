@@ -19,9 +19,9 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.native.binding import ffi
-from fret_monitor.ros.handlers import Handlers
-from fret_monitor.ros.health import Health
-from fret_monitor.ros.hot_path import Announcer, Middleware
+from fret_monitor.ros.intake.hot_path import Announcer, Middleware
+from fret_monitor.ros.reports.handlers import Handlers
+from fret_monitor.ros.reports.health import Health
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context

@@ -21,8 +21,8 @@ import subprocess
 import sys
 
 import fret_monitor
-from fret_monitor.ros.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS
 from fret_monitor.ros.process import index_modules
+from fret_monitor.ros.settings.parameters import LOGGER_PARAMETERS, MONITOR_PARAMETERS
 import pytest
 from rclpy.logging import get_logger
 from ros import forked
@@ -61,10 +61,10 @@ def test_help_ends_quietly_if_its_reader_has_read_enough() -> None:
 
 
 FAILING = """
-import sys
 from fret_monitor.ros.process import run
 from fret_monitor.ros.signals import StopRequest
 from rclpy.node import Node
+import sys
 
 
 def fail():

@@ -17,9 +17,9 @@
 from typing import Any
 
 from fret_monitor.model.policies import Severity
-from fret_monitor.ros.details import Detail
-from fret_monitor.ros.violation_lines import ViolationLines
-from fret_monitor.ros.violation_log import ViolationLog
+from fret_monitor.ros.reports.details import Detail
+from fret_monitor.ros.reports.violation_lines import ViolationLines
+from fret_monitor.ros.reports.violation_log import ViolationLog
 from fret_monitor.runtime import RequirementCounts, Violation, ViolationDetail
 
 

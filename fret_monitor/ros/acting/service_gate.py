@@ -1,0 +1,124 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A gate on a service: offers the service, judges each request, and forwards those that pass.
+
+A request is judged as the message of the service's events that an input may read
+(`SERVICE/_service_event`, with the fields `request[0].FIELD`). The executor runs this, in Python.
+"""
+
+from contextlib import ExitStack
+from math import inf
+from time import monotonic, time_ns
+from typing import Any
+
+from fret_monitor.model.manifest import ManifestGate
+from fret_monitor.ros.intake.fields import message_class
+from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.runtime import Engine, Judgement
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.task import Future
+from service_msgs.msg import ServiceEventInfo
+
+
+class ServiceGate:
+    """
+    Offers the source of a gate from its creation until `close`, and calls its target.
+
+    A request that is withheld, or for which there is no server, gets the gate's response.
+    """
+
+    def __init__(self, node: Node, engine: Engine, gate: ManifestGate) -> None:
+        """Offer the service; `engine` has the gate. Raises `Refusal` as `one_type`."""
+        self._node = node
+        self._engine = engine
+        self._kind: Any = message_class(gate.interface)
+        self._refusal: Any = deserialize_message(gate.substitute, self._kind.Response)
+        self._name = gate.name
+        self._timeout = gate.timeout / 1e9
+        self._pending: dict[Future, float] = {}  # each with the end of its time
+        # Others may call while a request waits for the server.
+        group = ReentrantCallbackGroup()
+        with ExitStack() as undo:
+            with one_type(node, 'call', gate.target, gate.interface, is_service=True):
+                self._client: Any = node.create_client(
+                    self._kind, gate.target, callback_group=group)
+            undo.callback(node.destroy_client, self._client)
+            with one_type(node, 'offer', gate.source, gate.interface, is_service=True):
+                self._service: Any = node.create_service(
+                    self._kind, gate.source, self._serve, callback_group=group)
+            undo.pop_all()
+        self.unanswered = 0
+        """Requests that passed, and that no server answered."""
+
+    @property
+    def target(self) -> str:
+        """The full name of the service that is called."""
+        return str(self._client.service_name)
+
+    async def _serve(self, request: Any, response: Any) -> Any:
+        if not self._client.service_is_ready():  # not judged: a request that passes is a step
+            return self._unanswered()
+        if self._engine.judge(self._event(request), time_ns()) is not Judgement.PASSED:
+            return self._refusal
+        future = self._client.call_async(request)
+        self._pending[future] = monotonic() + self._timeout
+        try:
+            answer = await future
+        finally:
+            self._pending.pop(future, None)
+        return self._unanswered() if answer is None else answer
+
+    def _event(self, request: Any) -> bytes:
+        info = ServiceEventInfo(event_type=ServiceEventInfo.REQUEST_RECEIVED)
+        info.stamp = self._node.get_clock().now().to_msg()
+        return bytes(serialize_message(self._kind.Event(info=info, request=[request])))
+
+    def _unanswered(self) -> Any:
+        self.unanswered += 1
+        self._node.get_logger().error(
+            f"gate '{self._name}': no server of {self.target} answers; the request is refused",
+            throttle_duration_sec=10.0)
+        return self._refusal
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The other servers of the source, if there are any."""
+        count = self._node.count_services(self._service.service_name)
+        return ('another server',) if count > 1 else ()
+
+    def review(self) -> None:
+        """
+        Refuse the requests that wait for a server that has gone, or too long.
+
+        A server that was killed and started again is there, and has not the request.
+        """
+        if self._pending:
+            self._refuse_pending(monotonic() if self._client.service_is_ready() else inf)
+
+    def _refuse_pending(self, now: float = inf) -> None:
+        for future, end in list(self._pending.items()):
+            if now >= end:
+                self._client.remove_pending_request(future)
+                future.cancel()
+
+    def close(self) -> None:
+        """Withdraw the service; requests that wait for the server are refused."""
+        self._refuse_pending()
+        self._node.destroy_service(self._service)
+        self._node.destroy_client(self._client)

@@ -1,0 +1,350 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What C does with the middleware: it takes messages, and publishes violations.
+
+rclpy creates the subscriptions and publishers; the C in `csrc/ros` uses their handles. On the hot
+path it takes and evaluates messages inside the middleware's callbacks, without Python. Otherwise a
+thread of Python asks it for each message (`feed`). This module looks up the functions of the
+middleware that C calls, in the libraries that rclpy has loaded.
+"""
+
+from collections.abc import Sequence, Set
+from contextlib import ExitStack
+from dataclasses import dataclass
+import threading
+from time import time_ns
+from typing import Any
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake import native_lifetimes
+from fret_monitor.ros.intake.feed import Record
+from fret_monitor.ros.intake.in_place import InPlaceTypes
+from fret_monitor.ros.intake.rcl_publisher import RclPublisher
+from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavailable
+from fret_monitor.runtime.engine import Engine
+
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.utilities import get_rmw_implementation_identifier
+
+_GID_BYTES: int = ffi.integer_const('FM_GID_BYTES')
+
+PROVEN = ('rmw_fastrtps_cpp',)
+"""The middlewares that are known to allow taking inside their new-message callback."""
+
+
+class Middleware:
+    """The functions of the middleware, as C calls them."""
+
+    def __init__(self, *, listens: bool = True) -> None:
+        """
+        Look up the functions; with `listens`, C takes messages inside the middleware's callbacks.
+
+        Raises
+        ------
+        Unavailable
+            if a function is missing.
+        """
+        self.listens = listens
+        rmw = loaded_library(
+            'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
+        rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
+        self._rmw = rmw
+        self.functions: Any = ffi.new('struct fm_middleware *')
+        self._in_place: InPlaceTypes | None = None
+        wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
+                  ('publish', rmw, 'rmw_publish'),
+                  ('forget_error', rcutils, 'rcutils_reset_error'),
+                  ('has_error', rcutils, 'rcutils_error_is_set')]
+        if listens:
+            wanted.append(('listen', rmw, 'rmw_subscription_set_on_new_message_callback'))
+        for field, library, name in wanted:
+            kind = ffi.typeof(getattr(self.functions, field))
+            setattr(self.functions, field, find_symbol(library, name, kind))
+        self._of_subscription = find_symbol(
+            rcl, 'rcl_subscription_get_rmw_handle', 'void * (*)(void *)')
+        self._of_publisher = find_symbol(rcl, 'rcl_publisher_get_rmw_handle', 'void * (*)(void *)')
+        self._gid_of = find_symbol(rmw, 'rmw_get_gid_for_publisher', 'int (*)(void *, void *)')
+        self.clock_now = find_symbol(rcl, 'rcl_clock_get_now', 'int (*)(void *, int64_t *)')
+
+    def publish_serialized(self) -> Any:
+        """Return the function that publishes a serialized message; raises `Unavailable`."""
+        options: Any = ffi.new('struct fm_relay_options *')
+        return find_symbol(
+            self._rmw, 'rmw_publish_serialized_message', ffi.typeof(options.publish))
+
+    def read_in_place(self, library: Any) -> None:
+        """
+        Read messages in the middleware's buffers, instead of copying them first.
+
+        `library` holds the functions of csrc.
+
+        Raises
+        ------
+        Unavailable
+            if this was not tested with the loaded version of the middleware.
+        """
+        self._in_place = InPlaceTypes(library, self.functions)
+
+    @property
+    def reads_in_place(self) -> bool:
+        """Whether `read_in_place` succeeded."""
+        return self._in_place is not None
+
+    def class_in_place(self, message_class: Any) -> Any:
+        """Return a class to subscribe with, for reading in place; raises `Unavailable`."""
+        if self._in_place is None:
+            raise Unavailable('nothing is read in place')
+        return self._in_place.subscription_class(message_class)
+
+    def taking(self, subscription: RclSubscription) -> int:
+        """Return how the messages of a subscription are taken (`enum fm_taking`)."""
+        is_in_place = self._in_place is not None and \
+            self._in_place.is_in_place(subscription.msg_type)
+        names = ('FM_WHEN_ASKED', 'FM_LISTEN', 'FM_LISTEN_IN_PLACE')
+        return int(ffi.integer_const(names[self.listens * (1 + is_in_place)]))
+
+    def subscription(self, item: RclSubscription) -> Any:
+        """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
+        return _not_null(self._of_subscription(ffi.cast('void *', item.handle.pointer)))
+
+    def publisher(self, item: Publisher | RclPublisher) -> Any:
+        """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
+        return _not_null(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
+
+    def gid(self, item: RclPublisher) -> bytes:
+        """Return the identity of a publisher; the caller holds its rclpy handle."""
+        found: Any = ffi.new('struct fm_gid *')
+        if self._gid_of(self.publisher(item), found):
+            self.functions.forget_error()
+        return bytes(ffi.buffer(found.data))
+
+
+def why_not_listening(hot_path: str) -> str | None:
+    """Return why C does not take messages inside the middleware's callbacks; None if it does."""
+    if hot_path == 'off':
+        return 'hot_path is off'
+    name = get_rmw_implementation_identifier()
+    if name not in PROVEN and hot_path != 'on':
+        return f'it is known to work with {", ".join(PROVEN)}, not with {name}'
+    return None
+
+
+class EngineReceiver:
+    """Takes the messages of one subscription for an engine, in C."""
+
+    def __init__(self, engine: Engine, middleware: Middleware,
+                 subscription: RclSubscription, topic: int) -> None:
+        """
+        Start taking. Where C listens, messages in the queue are delivered before this returns.
+
+        Raises
+        ------
+        Unavailable
+            if the middleware has no callback for new messages.
+        """
+        self._library = engine.library
+        self._engine = engine
+        self._middleware = middleware
+        self._lock = threading.Lock()  # the feed's thread drains, another thread may stop
+        self._place: Any = ffi.new('struct fm_receiver **')
+        self._record: Any = ffi.new('struct fm_record *')
+        self._is_leaked = False
+        self._held = ExitStack()
+        with ExitStack() as undo:
+            undo.callback(self.stop)  # also if a signal interrupts what follows
+            self._held.enter_context(subscription.handle)
+            native_lifetimes.keep(self)
+            if not self._library.fm_receiver_start(
+                    self._place, engine.pointer, middleware.functions,
+                    middleware.subscription(subscription), topic,
+                    middleware.taking(subscription)):
+                raise Unavailable('the middleware has no callback for new messages')
+            undo.pop_all()
+
+    @property
+    def _pointer(self) -> Any:
+        return ffi.NULL if self._is_leaked else self._place[0]
+
+    def take(self) -> Record | None:
+        """Take the next message, where C does not listen; None if there is none."""
+        with self._lock:
+            if self._pointer == ffi.NULL or \
+                    not self._library.fm_receiver_take(self._pointer, self._record):
+                return None
+            origin = self._record.origin
+            return Record(
+                ffi.buffer(self._record.message, self._record.size)[:], origin.received,
+                origin.sent, origin.sequence, ffi.buffer(origin.gid, _GID_BYTES)[:],
+                bool(origin.is_retired))
+
+    def drain(self) -> None:
+        """Deliver the messages in the queue, where C listens."""
+        with self._lock:
+            if self._pointer != ffi.NULL:
+                self._library.fm_receiver_drain(self._pointer)
+
+    def poll(self) -> None:
+        """Do nothing: where C listens, the announcer takes what callbacks leave."""
+
+    def retire(self) -> None:
+        """Mark the subscription as one that is being replaced."""
+        with self._lock:
+            if self._pointer != ffi.NULL:
+                self._library.fm_receiver_retire(self._pointer)
+
+    def end(self) -> None:
+        """Stop delivering; a second call does nothing."""
+        with self._lock:
+            if not self._is_leaked and not self._library.fm_receiver_stop(self._place):
+                # The middleware may still call back.
+                self._is_leaked = True
+                native_lifetimes.keep_forever(self)
+            if self._is_leaked:
+                return
+        native_lifetimes.release(self)
+
+    def stop(self) -> None:
+        """Stop delivering; afterwards the subscription may be destroyed."""
+        self.end()
+        if not self._is_leaked:
+            self._held.close()
+
+
+class EngineTopic:
+    """A topic of an engine: delivers its messages, across handovers, and counts losses."""
+
+    def __init__(self, engine: Engine, middleware: Middleware, topic: int) -> None:
+        """Deliver to an engine; `topic` is the index in its manifest."""
+        self._engine = engine
+        self._middleware = middleware
+        self._topic = topic
+
+    @property
+    def listens(self) -> bool:
+        """Whether C delivers the messages; otherwise `deliver` has to be called."""
+        return self._middleware.listens
+
+    def open(self, subscription: RclSubscription) -> EngineReceiver:
+        """Start taking the messages of a subscription; raises `Unavailable`."""
+        return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
+
+    def deliver(self, record: Record) -> None:
+        """Deliver a message that was taken, where C does not listen; one thread at a time."""
+        self._engine.message(
+            self._topic, record.data, record.received or time_ns(), sent=record.sent,
+            sequence=record.sequence, gid=ffi.from_buffer('uint8_t[]', record.gid),
+            is_retired=record.is_retired)
+
+    def note_publishers(self, gids: Set[bytes]) -> None:
+        """Do nothing: each message names its publisher."""
+
+    def follow(self, offers: Sequence[QoSProfile]) -> None:
+        """Do nothing: the messages go no further."""
+
+    def begin_handover(self, *, has_history: bool) -> None:
+        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
+        self._engine.begin_handover(self._topic, has_history=has_history)
+
+    def end_handover(self) -> None:
+        """Expect no duplicates any more: the old subscription is closed."""
+        self._engine.end_handover(self._topic)
+
+    @property
+    def lost(self) -> int:
+        """Messages lost: sent, and not received by any subscription of the topic."""
+        return self._engine.lost(self._topic)
+
+
+@dataclass(frozen=True)
+class Lock:
+    """
+    A lock: its publisher of std_msgs/msg/Bool, and the requirements that lock it, by index.
+
+    `period` is the time between two messages, in nanoseconds.
+    """
+
+    publisher: Publisher
+    requirements: tuple[int, ...]
+    period: int
+
+
+class Announcer:
+    """
+    Publishes the violations and the locks of an engine, in a thread of C.
+
+    The thread also waits for the engine's deadlines.
+    """
+
+    def __init__(self, engine: Engine, middleware: Middleware,
+                 publishers: Sequence[Publisher], locks: Sequence[Lock] = ()) -> None:
+        """
+        Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
+
+        It is started before messages are delivered.
+
+        Raises
+        ------
+        Unavailable
+            if no thread can be started.
+        """
+        self._library = engine.library
+        self._engine = engine
+        self._middleware = middleware
+        self._place: Any = ffi.new('struct fm_announcer **')
+        self._lock = threading.Lock()  # guards the pointer in `_place`
+        self._held = ExitStack()
+        with ExitStack() as undo:
+            undo.callback(self.join)  # also if a signal interrupts what follows
+            for item in (*publishers, *(lock.publisher for lock in locks)):
+                self._held.enter_context(item.handle)
+            found = [middleware.publisher(item) for item in publishers]
+            self._indices = [ffi.new('uint32_t[]', lock.requirements) for lock in locks]
+            settings = ffi.new('struct fm_lock[]', [
+                (middleware.publisher(lock.publisher), indices, len(lock.requirements),
+                 lock.period) for lock, indices in zip(locks, self._indices)])
+            native_lifetimes.keep(self)
+            if not self._library.fm_announcer_start(
+                    self._place, engine.pointer, middleware.functions,
+                    ffi.new('void *[]', [*found, ffi.NULL]), len(found), settings, len(locks)):
+                raise Unavailable('no thread can be started')
+            undo.pop_all()
+
+    def end(self) -> None:
+        """Close the engine, and wait until the thread has emptied its queue; idempotent."""
+        self._engine.close()
+        with self._lock:
+            self._library.fm_announcer_join(self._place)
+        native_lifetimes.release(self)
+
+    @property
+    def turns(self) -> int:
+        """How often the thread has looked for work: at least twice a second unless it hangs."""
+        with self._lock:
+            return 0 if self._place[0] == ffi.NULL else int(
+                self._library.fm_announcer_turns(self._place[0]))
+
+    def join(self) -> None:
+        """Do as `end`; afterwards the publishers may be destroyed."""
+        self.end()
+        self._held.close()
+
+
+def _not_null(pointer: Any) -> Any:
+    if pointer == ffi.NULL:
+        raise Unavailable('rcl gives no handle of the middleware')
+    return pointer

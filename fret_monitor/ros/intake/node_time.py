@@ -1,0 +1,228 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The time of a node, as an engine follows it (docs/ros.md, Periods).
+
+It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the
+system time neither delays a period or timeout nor adds one. Where the stamps of headers count, it
+is the system time instead, since that is what they were taken from. The engine waits and counts in
+C; Python only passes on that the clock has moved, or was changed for the other one.
+"""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from threading import RLock
+from time import monotonic
+from typing import Any
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.runtime import Engine, TimeCounts
+
+from builtin_interfaces.msg import Time
+from rclpy.clock import ClockType, JumpThreshold
+import rclpy.clock
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time_source import CLOCK_TOPIC
+from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
+
+PATIENCE_S = 0.0005
+"""A timeout found later than this may be put off once: the process did not run (`evaluator.h`)."""
+
+_SERVED_S = 0.1
+"""How often the engine learns that the executor, which moves `/clock`, does not hang."""
+
+_NEGATIVE_S = 60.0  # between two log lines about negative times on `/clock`
+_NO_TIME_S = 5.0  # until a missing `/clock` is logged
+_PERIODS_S = 60.0  # between two log lines about late periods
+_MOST_LATE = 0.01  # of all periods, and
+_FEWEST_LATE = 3  # late periods are worth reading
+_FEWEST_JUDGED = _FEWEST_LATE / _MOST_LATE  # periods; of fewer, three are too many
+
+
+class ClockNode(Node):
+    """A node that ignores negative times on `/clock`; rclpy would end the process."""
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., Any],
+                            *options: Any, **more: Any) -> Any:
+        """Create a subscription; rclpy makes that of `/clock` here too."""
+        if topic == CLOCK_TOPIC:
+            callback = self._skipping_negative(callback)
+        return super().create_subscription(msg_type, topic, callback, *options, **more)
+
+    def _skipping_negative(self, callback: Callable[[Clock], None]) -> Callable[[Clock], None]:
+        throttle = Throttle(_NEGATIVE_S)
+
+        def take(message: Clock) -> None:
+            if message.clock.sec >= 0:
+                callback(message)
+            elif throttle.passes():
+                seconds = message.clock.sec + message.clock.nanosec / 1e9
+                self.get_logger().warning(
+                    f'a message on /clock is ignored: its time is negative, {seconds:.3f} s')
+
+        return take
+
+
+class NodeTime:
+    """Lets an engine follow a node's time, from its creation until `close`."""
+
+    def __init__(self, node: Node, engine: Engine, clock_now: Any, *,
+                 on_move: Callable[[], None]) -> None:
+        """
+        Follow the clock.
+
+        `clock_now` is the address of `rcl_clock_get_now`. `on_move` is called when `/clock` has
+        moved; it wakes the engine, which notes the time for the messages that are received then.
+        """
+        self._node = node
+        self._engine = engine
+        self._serving: Timer | None = None  # while `/clock` is followed
+        self._clock_now = clock_now
+        self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
+        self._lock = RLock()
+        self._held = ExitStack()
+        handle: Any = self._clock.handle
+        self._held.enter_context(handle)
+        self._pointer = ffi.cast('void *', handle.pointer)
+        self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._change)
+        self._listen(JumpThreshold(
+            min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
+            on_clock_change=False), None, on_move)
+        with self._lock:
+            self._engine.follow_steady()
+            self._follow(is_outdated=False)
+
+    def _listen(self, threshold: JumpThreshold, before: Callable[[], None] | None,
+                after: Callable[[], None]) -> None:
+        jumps = self._clock.create_jump_callback(
+            threshold, pre_callback=before, post_callback=lambda _: after())
+        self._held.callback(jumps.unregister)
+
+    def _leave(self) -> None:
+        """Leave `/clock` before it is turned off: the clock then gives the system time."""
+        with self._lock:
+            if self._clock.ros_time_is_active:
+                self._engine.follow_steady()
+                self._stop_serving()
+
+    def _change(self) -> None:
+        with self._lock:
+            self._follow(is_outdated=True)
+
+    def _follow(self, *, is_outdated: bool) -> None:
+        if self._clock.ros_time_is_active:
+            self._engine.follow_clock(self._clock_now, self._pointer, is_outdated=is_outdated)
+            if self._serving is None:
+                self._serving = self._node.create_timer(
+                    _SERVED_S, self._engine.serve_clock,
+                    clock=rclpy.clock.Clock(clock_type=ClockType.STEADY_TIME))
+
+    def close(self) -> None:
+        """Stop following; the engine must not be used with this clock any more."""
+        self._stop_serving()
+        self._held.close()
+
+    def _stop_serving(self) -> None:
+        if self._serving is not None:
+            self._node.destroy_timer(self._serving)
+            self._serving = None
+
+
+class TimeLog:
+    """Logs that `/clock` is missing or went back, and that periods are late."""
+
+    def __init__(self, node: Node, engine: Engine, period: float | None, *, is_timed: bool,
+                 has_timeouts: bool, reorder: int) -> None:
+        """
+        Log for a node.
+
+        `period` is in seconds, None unless the policy is periodic; `reorder` in nanoseconds.
+        """
+        self._node = node
+        self._engine = engine
+        self._period = period
+        self._is_timed = is_timed
+        self._reorder = reorder
+        self._waits = [
+            *(['period'] if period is not None else []), *(['deadline'] if is_timed else []),
+            *(['timeout'] if has_timeouts else [])]  # what ends although no message comes
+        self._clock: Any = node.get_clock()
+        self._began = monotonic()
+        self._is_missing_logged = False
+        self._restarts = self._overflows = 0
+        self._logged = self._judged = engine.time_counts()  # when last logged; a minute ago
+        self._throttle = Throttle(_PERIODS_S)
+        self._minutes = Throttle(_PERIODS_S)
+
+    def review(self) -> None:
+        """Log what is new."""
+        counts = self._engine.time_counts()
+        self._review_clock()
+        if counts.restarts > self._restarts:
+            self._restarts = counts.restarts
+            waits = ' and '.join(f'{wait}s' for wait in self._waits if wait != 'deadline')
+            outcome = f'{waits} continue from there; ' if waits else ''
+            outcome += 'values are kept, and the requirements start afresh' if self._is_timed \
+                else 'values and past of the requirements are kept'
+            went_to = (counts.restarted_at + self._reorder) / 1e9
+            self._node.get_logger().warning(f'time went back, to {went_to:.3f} s: {outcome}')
+        if counts.overflows != self._overflows:
+            if counts.overflows > self._overflows and self._throttle.passes():
+                self._node.get_logger().warning(
+                    f'{counts.overflows} changes found no room in the queue of a window [a,a]: '
+                    'inputs change more often than their max_rate; what looks back at them is '
+                    'violated until the lost changes have left the window')
+            self._overflows = counts.overflows
+        if self._period is not None:
+            self._review_periods(self._period, counts)
+
+    def _review_periods(self, period: float, counts: TimeCounts) -> None:
+        if are_worth_reading(self._judged, counts):
+            if self._throttle.passes():
+                missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late
+                self._logged = self._judged = counts
+                self._node.get_logger().warning(
+                    f'periods of {period:g} s since the last such message: {missed} missed (no '
+                    f'step), {late} late by more than half a period')
+        elif counts.periods - self._judged.periods > _FEWEST_JUDGED and self._minutes.passes():
+            self._judged = counts  # else a long good run would hide many late ones after it
+
+    def _now(self) -> int:
+        return int(self._clock.now().nanoseconds)
+
+    def _review_clock(self) -> None:
+        has_time = not self._clock.ros_time_is_active or self._now() > 0
+        if has_time:
+            self._began = monotonic()
+        elif monotonic() > self._began + _NO_TIME_S and not self._is_missing_logged:
+            self._is_missing_logged = True
+            self._node.get_logger().warning(
+                'use_sim_time is set and nothing was received on /clock'
+                + (f": no {' and no '.join(self._waits)} passes" if self._waits else ''))
+
+
+def are_worth_reading(before: TimeCounts, now: TimeCounts) -> bool:
+    """Return whether periods were missed, or enough of them late, between two counts."""
+    late = now.late - before.late
+    return now.missed > before.missed or (
+        late >= _FEWEST_LATE and late > _MOST_LATE * (now.periods - before.periods))
+
+
+def as_time(nanoseconds: int) -> Time:
+    """Convert nanoseconds to a ROS time stamp."""
+    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)

@@ -1,0 +1,161 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A topic whose messages Python takes through rclpy, for nodes without an engine (the logger).
+
+rclpy does not give the publisher of a message. Losses, which show as gaps in the sequence numbers,
+are therefore counted only while there is one publisher.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence, Set
+from time import time_ns
+from typing import Any
+
+from fret_monitor.ros.intake.feed import Record
+from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+
+from rclpy.qos import QoSProfile
+
+_MOST_KEYS = 4096  # of the last messages in a handover
+_NONE = 2**64 - 1  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
+
+# Takes a serialized message, its reception time and its sender's time (ns), in the feed's thread.
+Deliver = Callable[[bytes, int, int], None]
+
+
+class RawTopic:
+    """Delivers the serialized messages of a topic to a callback."""
+
+    listens = False
+
+    def __init__(self, deliver: Deliver) -> None:
+        """Take the callback."""
+        self._deliver = deliver
+        self._gaps = Gaps()
+        self._received: Keys | None = None  # during a handover
+
+    def open(self, subscription: RclSubscription) -> '_RawReceiver':
+        """Start taking the messages of a subscription."""
+        return _RawReceiver(subscription)
+
+    def deliver(self, record: Record) -> None:
+        """Call the callback, unless the message was received before during this handover."""
+        if self._received is not None and self._received.has_or_adds(record):
+            return
+        self._gaps.note(record.sequence)
+        self._deliver(record.data, record.received, record.sent)
+
+    def note_publishers(self, gids: Set[bytes]) -> None:
+        """Count the losses since the last call, if there is one publisher."""
+        self._gaps.confirm(gids)
+
+    def follow(self, offers: Sequence[QoSProfile]) -> None:
+        """Do nothing: the messages go no further."""
+
+    def begin_handover(self, *, has_history: bool) -> None:
+        """Drop duplicates from now on, but no history; treat the next message as the first."""
+        self._received = self._received or Keys()
+        self._gaps.restart()
+
+    def end_handover(self) -> None:
+        """Expect no duplicates any more: the old subscription is closed."""
+        self._received = None
+
+    @property
+    def lost(self) -> int:
+        """Messages lost: gaps in the numbers of a single publisher."""
+        return self._gaps.lost
+
+
+class _RawReceiver:
+
+    def __init__(self, subscription: RclSubscription) -> None:
+        self._subscription = subscription
+
+    def take(self) -> Record | None:
+        item = self._subscription
+        taken: Any = item.handle.take_message(item.msg_type, True)
+        if taken is None:
+            return None
+        data, info = taken
+        return Record(data, info['received_timestamp'] or time_ns(), info['source_timestamp'],
+                      info['publication_sequence_number'])
+
+    def drain(self) -> None:
+        """Do nothing: C does not listen."""
+
+    poll = retire = stop = drain
+
+
+class Keys:
+    """
+    What identifies the last messages of a topic: the time and number that its publisher gave it.
+
+    Without the publisher's gid the number alone is not enough.
+    """
+
+    def __init__(self) -> None:
+        """Start without a message."""
+        self._keys: OrderedDict[tuple[int, int], None] = OrderedDict()
+
+    def has_or_adds(self, record: Record) -> bool:
+        """Return whether the message is among them, and add it; False if it has no time."""
+        key = record.sent, record.sequence
+        if key in self._keys:
+            return True
+        if record.sent:
+            self._keys[key] = None
+        if len(self._keys) > _MOST_KEYS:
+            self._keys.popitem(last=False)
+        return False
+
+
+class Gaps:
+    """Counts the gaps in the sequence numbers of a single publisher."""
+
+    def __init__(self) -> None:
+        """Start without a publisher and without a message."""
+        self.lost = 0
+        self._unconfirmed = 0
+        self._last: int | None = None
+        self._publishers: Set[bytes] = frozenset()
+
+    def note(self, number: int) -> None:
+        """Note the sequence number of a received message."""
+        if not 0 < number < _NONE:
+            return
+        if self._last is not None:
+            self._unconfirmed += max(0, number - self._last - 1)
+        self._last = max(number, self._last or 0)
+
+    def confirm(self, publishers: Set[bytes]) -> None:
+        """
+        Count the gaps since the last call as losses, or drop them.
+
+        They count if there is one publisher, the same as at the last call. `publishers` holds the
+        gids of the present ones.
+        """
+        if publishers == self._publishers and len(publishers) == 1:
+            self.lost += self._unconfirmed
+            self._unconfirmed = 0
+        else:
+            self.restart()
+        self._publishers = publishers
+
+    def restart(self) -> None:
+        """Treat the next message as the first; drop the gaps that were not confirmed."""
+        self._last = None
+        self._unconfirmed = 0

@@ -1,0 +1,494 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One bundle on a node: from its subscriptions through the engine to published violations.
+
+The engine in C decodes the messages, steps, and waits for what is due without a message; C
+publishes the violations. C also takes the messages where the middleware allows it (`hot_path`);
+otherwise the feed's thread does. Closing a session removes from the node all that it created.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import partial
+from typing import Any
+
+from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
+from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.model.policies import Policy
+from fret_monitor.ros.acting.actions import Actions
+from fret_monitor.ros.acting.blackbox import BlackBox
+from fret_monitor.ros.acting.gate import gate_of, gate_text, RunningGate
+from fret_monitor.ros.intake.feed import Feed, PublisherStatus, Topic
+from fret_monitor.ros.intake.fields import message_class, MessageTypeError, why_unusable
+from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
+from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S, TimeLog
+from fret_monitor.ros.intake.symbols import Unavailable
+from fret_monitor.ros.reports.condition_log import ConditionLog
+from fret_monitor.ros.reports.detail_publisher import DetailPublisher
+from fret_monitor.ros.reports.details import Details
+from fret_monitor.ros.reports.handlers import Handlers
+from fret_monitor.ros.reports.health import describe_missing, Health, PERIOD
+from fret_monitor.ros.reports.look_ups import LookUpLog
+from fret_monitor.ros.reports.silences import SilenceLog
+from fret_monitor.ros.reports.violation_lines import ViolationLines
+from fret_monitor.ros.reports.violation_log import ViolationLog
+from fret_monitor.ros.settings.opened import Opened
+from fret_monitor.ros.settings.overrides import Overrides
+from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
+from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH
+from fret_monitor.ros.settings.shared_names import refuse_merged_topics
+from fret_monitor.ros.watch import Watch
+from fret_monitor.runtime import Engine, Evaluator, OrderCounts
+from fret_monitor.runtime.fields import read_fields, ReadOutcome
+
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
+from rclpy.timer import Timer
+from rclpy.utilities import get_rmw_implementation_identifier
+
+_PATIENCE = 5.0  # s after the start until missing inputs are logged
+
+
+class BundleSession:
+    """
+    Monitors one bundle on a given node, from each `start` to the next `stop`.
+
+    While it is stopped it keeps an engine and the publishers, but steps and publishes nothing.
+    `close` releases everything. The node's executor runs the timers; messages need no executor.
+    """
+
+    def __init__(self, node: Node, opened: Opened, watch: Watch, *, hot_path: str = 'auto',
+                 log_violations: bool = True, name: str = '',
+                 handler_depth: int = DEFAULT_HANDLER_DEPTH,
+                 blackbox: BlackBoxSettings | None = None) -> None:
+        """
+        Prepare to monitor; `watch` is told of threads and timers that fail.
+
+        `hot_path` decides whether C takes the messages (auto, on, off), `log_violations` whether
+        the node logs the violations; `name` is the bundle's name in diagnostics, empty if the
+        node has only one bundle; `blackbox` is where the last messages are written, if anywhere.
+
+        Raises
+        ------
+        Refusal
+            if the bundle cannot be monitored on this node. Nothing is left on the node.
+        """
+        self.opened = opened
+        self._node = node
+        self._watch = watch
+        self._hot_path = hot_path
+        self._logs_violations = log_violations
+        self._name = name
+        self._advertised = ExitStack()
+        self._running = ExitStack()
+        self._feed: Feed | None = None
+        self._announcer: Announcer | None = None
+        self._gate: RunningGate | None = None
+        self._detail_publisher: DetailPublisher | None = None
+        self._health: Health | None = None
+        self._missing_timer: Timer | None = None
+        self._logged: set[int | str] = set()  # keys of log lines that appear only once
+        refuse_inputs_off_ros(self.manifest)
+        self._classes = _message_classes(self.manifest)
+        self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
+        self._engine = self._new_engine()
+        with ExitStack() as undo:
+            undo.callback(self.close)
+            try:
+                refuse_merged_topics(self._node, self.manifest)
+                self._read_overrides()
+                self._advertise(handler_depth)
+            except InvalidTopicNameException as error:  # from the namespace or a remapping
+                raise Refusal(f'cannot subscribe or advertise: {error}') from None
+            undo.pop_all()
+
+    @property
+    def manifest(self) -> Manifest:
+        """The manifest of the bundle."""
+        return self.opened.monitor.manifest
+
+    @property
+    def _has_relay(self) -> bool:
+        gate = self.manifest.gate
+        return gate is not None and not gate.is_service
+
+    def _new_engine(self) -> Engine:
+        evaluator = Evaluator(
+            self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
+            patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator)
+        engine = Engine(evaluator)
+        if self.manifest.gate is not None:
+            engine.guard(gate_of(evaluator, self.manifest.gate))
+        if self._blackbox is not None:
+            self._blackbox.keep_messages(engine)
+        return engine
+
+    def _advertise(self, depth: int) -> None:
+        self._handlers = Handlers(self._node, self.manifest, depth)
+        self._advertised.callback(self._handlers.close)
+        self._details = Details(self._node, self.manifest, depth)
+        self._advertised.callback(self._details.close)
+        try:
+            self._actions = Actions(self._node, self.manifest)
+        except MessageTypeError as error:
+            raise Refusal(str(error)) from None
+        self._advertised.callback(self._actions.close)
+
+    def start(self) -> None:
+        """
+        Start monitoring: from now on messages and periods step the monitor.
+
+        Raises
+        ------
+        Refusal
+            if the node cannot subscribe. Nothing is left running then.
+        """
+        with ExitStack() as undo:
+            undo.callback(self.stop)
+            try:
+                self._connect()
+            except InvalidTopicNameException as error:
+                raise Refusal(f'cannot subscribe: {error}') from None
+            self._start_timers()
+            undo.pop_all()
+
+    def _start_timers(self) -> None:
+        self._running.callback(self._forget_timers)
+        period = self.opened.period if self.opened.policy is Policy.PERIODIC else None
+        self._silence_log = SilenceLog(self._node, self.manifest, self._engine)
+        self._look_up_log = LookUpLog(self._node, self.manifest, self._engine)
+        self._condition_log = self._new_condition_log()
+        self._time_log = TimeLog(
+            self._node, self._engine, period, is_timed=self._engine.is_timed,
+            has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
+            reorder=self.manifest.reorder)
+        self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
+                              self._look_up_log, self._blackbox, self._gate, self._actions,
+                              self._watch)
+        self._running.callback(self._health.close)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
+        self._missing_timer = self._node.create_timer(
+            _PATIENCE, lambda: self._watch.run(self._part('log'), self._log_missing),
+            clock=steady)
+        self._keep(self._missing_timer)
+
+    def _new_condition_log(self) -> ConditionLog | None:
+        states = {f"lock '{name}'": text for name, text in self._actions.lock_states()}
+        if self.manifest.gate is not None:
+            states[f"gate '{self.manifest.gate.name}'"] = partial(gate_text, self.manifest)
+        return ConditionLog(self._node.get_logger(), self._engine, states) if states else None
+
+    def _forget_timers(self) -> None:
+        self._health = self._missing_timer = None
+
+    def _keep(self, timer: Timer) -> None:
+        self._running.callback(self._node.destroy_timer, timer)
+
+    def stop(self) -> None:
+        """
+        Stop monitoring; the next start has a new engine, without past and without values.
+
+        The old values may be outdated by then, and the messages sent in between are missing.
+        """
+        self._running.close()
+        self._engine = self._new_engine()
+
+    def close(self) -> None:
+        """Stop monitoring, and remove everything from the node; a second call does nothing."""
+        self._running.close()
+        self._advertised.close()
+
+    def turns(self) -> tuple[int, ...]:
+        """Return a counter of each thread; each grows within a second unless its thread hangs."""
+        threads = (self._announcer, self._feed, self._detail_publisher,
+                   *([self._gate] if self._has_relay else []))
+        turns = [0 if thread is None else thread.turns for thread in threads]
+        return (*turns, *([] if self._actions.turns is None else [self._actions.turns]))
+
+    def describe_actions(self) -> str:
+        """Return the locks and actions for the log at the start; '' if there are none."""
+        return self._actions.describe()
+
+    def reset(self) -> int:
+        """Reset all step groups between two steps; return how many there are."""
+        self._engine.reset()
+        if self._feed is not None:
+            self._feed.wake()
+        return len(self.manifest.groups)
+
+    # Publishers and subscriptions are closed in reverse order of creation, so the threads that
+    # publish outlive the subscriptions. Ending such a thread closes the engine before it waits
+    # for the thread, so that an interrupted `stop` leaves no thread waiting.
+
+    def _connect(self) -> None:
+        reason = why_not_listening(self._hot_path)
+        if reason is None:
+            try:
+                self._connect_through(self._listening())
+                return
+            except Unavailable as found:
+                self._running.close()
+                self._engine = self._new_engine()
+                reason = str(found)
+        if self._hot_path == 'on':
+            raise Refusal(f'hot_path is on, and C cannot take the messages: {reason}')
+        self._way = f'in Python: {reason}'
+        try:
+            self._connect_through(Middleware(listens=False))
+        except Unavailable as found:
+            raise Refusal(f'cannot use the middleware: {found}') from None
+
+    def _listening(self) -> Middleware:
+        """Return the middleware for the hot path, reading in place if possible."""
+        self._way = f'in C, inside {get_rmw_implementation_identifier()}'
+        middleware = Middleware()
+        try:
+            middleware.read_in_place(self._engine.library)
+        except Unavailable as reason:
+            self._way += f', and copied before they are read: {reason}'
+        return middleware
+
+    def _connect_through(self, middleware: Middleware) -> None:
+        engine = self._engine
+        feed = Feed(self._node, None if middleware.listens else engine)
+
+        def move() -> None:
+            engine.wake()
+            feed.wake()
+
+        time = NodeTime(self._node, engine, middleware.clock_now, on_move=move)
+        self._running.callback(time.close)
+        if self._blackbox is not None:
+            self._running.callback(self._blackbox.end)
+            self._blackbox.start()
+        self._actions.prepare(engine)
+        announcer = Announcer(engine, middleware, self._handlers.publishers, self._actions.locks)
+        self._running.callback(announcer.join)
+        self._running.callback(self._actions.stop)
+        self._actions.start(engine)
+        details = DetailPublisher(engine, self._details, self._violation_log(engine))
+        self._running.callback(details.end)
+        gate = self._open_gate(engine, middleware)
+        self._running.callback(feed.close)
+        for index, topic in enumerate(self.manifest.subscribed):
+            if index < len(self.manifest.topics) and (gate is None or not gate.takes(index)):
+                self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
+            elif gate is not None and gate.topic is not None:
+                self._subscribe(feed, topic, gate.topic)
+        feed.start()
+        self._feed, self._gate = feed, gate
+        engine.begin()  # after the subscriptions, so that no timeout runs while they are made
+        # Logged after the start, since rclpy needs 0.1 s for its first log line.
+        self._node.get_logger().info(f'messages are taken {self._way}', once=True)
+        self._announcer, self._detail_publisher = announcer, details
+
+    def _open_gate(self, engine: Engine, middleware: Middleware) -> RunningGate | None:
+        settings = self.manifest.gate
+        if settings is None:
+            return None
+        gate = RunningGate(self._node, engine, settings, middleware, self._classes)
+        self._running.callback(gate.close)
+        return gate
+
+    def _subscribe(self, feed: Feed, mapped: ManifestTopic, topic: Topic,
+                   in_place: Middleware | None = None) -> None:
+        """Subscribe to a topic; read it in place if the middleware is given and does so."""
+        kind = self._classes[mapped.message_type]
+        if in_place is not None and in_place.reads_in_place:
+            kind = self._class_in_place(in_place, mapped.name, kind)
+        feed.subscribe(mapped.name, mapped.message_type, kind, topic, self._overrides.apply(
+            self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
+
+    def _violation_log(self, engine: Engine) -> ViolationLog | None:
+        if not self._logs_violations:
+            return None
+        logger = self._node.get_logger()
+        lines = [ViolationLines.of(logger, item) for item in self.manifest.requirements]
+        return ViolationLog(lines, engine.requirement_counts, self._details.describe)
+
+    def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
+        """Return the class for reading in place, or `message_class` if messages must be copied."""
+        try:
+            return middleware.class_in_place(message_class)
+        except Unavailable as reason:
+            self._node.get_logger().info(
+                f'messages on {self._node.resolve_topic_name(topic)} are copied before they are '
+                f'read: {reason}')
+            return message_class
+
+    # Reports.
+
+    def _statuses(self) -> Sequence[PublisherStatus]:
+        if self._feed is None:
+            return ()
+        found = self._feed.statuses()
+        gate = self.manifest.gate
+        if gate is not None and gate.is_service and gate.topic is not None:
+            found.insert(gate.topic, PublisherStatus(1))  # requests come from this node
+        return found[:len(self.manifest.topics)]
+
+    def _report_health(self) -> None:
+        if self._health is None:  # stopped meanwhile
+            return
+        threads = {'feed': self._feed, 'details': self._detail_publisher,
+                   'actions': self._actions, 'black box': self._blackbox}
+        for name, thread in threads.items():
+            self._watch.note(self._part(name), None if thread is None else thread.failure)
+        self._watch.run(self._part('log'), self._review)
+        self._watch.run(self._part('diagnostics'), self._publish_health)
+
+    def _part(self, name: str) -> str:
+        return f'{name} of {self._name}' if self._name else name
+
+    def _publish_health(self) -> None:
+        if self._health is not None:
+            self._health.publish(self._statuses())
+
+    def _review(self) -> None:
+        """Log what is new."""
+        self._time_log.review()
+        self._silence_log.review()
+        self._look_up_log.review()
+        if self._gate is not None:
+            self._gate.review()
+        if self._condition_log is not None:
+            self._condition_log.review()
+        self._log_unpublished()
+        for topic in range(len(self.manifest.topics)):
+            if self._engine.topic_counts(topic).undecodable:
+                self._log_undecodable(topic)
+            counts = self._engine.order_counts(topic)
+            if counts.ahead:
+                self._log_ahead(topic, counts)
+            if counts.late or counts.overflows:
+                self._log_out_of_order(topic)
+            message = self._engine.evidence(topic)
+            if message is not None:
+                self._log_unusable_fields(topic, message)
+
+    def _log_unpublished(self) -> None:
+        if self._engine.unpublished and self._is_news('violations'):
+            self._node.get_logger().error(
+                f'violations could not be published: {self._engine.unpublished} so far; '
+                '/diagnostics counts them')
+
+    def _log_unusable_fields(self, topic: int, message: bytes) -> None:
+        """Log the fields of a message that cannot be used, once for each input."""
+        readings = read_fields(self.opened.monitor, topic, message)
+        for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
+            if reading.outcome is ReadOutcome.ABSENT:
+                self._look_up_log.note_absent(index)
+            elif reading.outcome is not ReadOutcome.READ:
+                self._log_unusable(index, topic, message)
+
+    def _log_missing(self) -> None:
+        if self._missing_timer is not None:  # None: stopped meanwhile
+            self._missing_timer.cancel()
+        told = describe_missing(self._engine, self._statuses(), self._node.resolve_topic_name)
+        if told is not None:
+            self._node.get_logger().warning(told)
+
+    def _log_undecodable(self, topic: int) -> None:
+        mapped = self.manifest.topics[topic]
+        if self._is_news(mapped.name):
+            self._node.get_logger().error(
+                f'a message on {self._node.resolve_topic_name(mapped.name)} cannot be decoded as '
+                f'{mapped.message_type}; such messages are counted and are no step')
+
+    def _log_ahead(self, topic: int, counts: OrderCounts) -> None:
+        mapped = self.manifest.topics[topic]
+        if self._is_news(f'stamps of {mapped.name}'):
+            self._node.get_logger().warning(
+                f'stamps of messages on {self._node.resolve_topic_name(mapped.name)} are '
+                f"{counts.most_ahead / 1e9:.1f} s ahead of this node's clock: the messages take "
+                'effect that much later; synchronize the clocks; /diagnostics counts such '
+                'messages')
+
+    def _log_out_of_order(self, topic: int) -> None:
+        mapped = self.manifest.topics[topic]
+        if not self._is_news(f'order of {mapped.name}'):
+            return
+        name, counts = self._node.resolve_topic_name(mapped.name), self._engine.order_counts(topic)
+        if counts.late:
+            self._node.get_logger().warning(
+                f'messages on {name} come later than {self.manifest.reorder / 1e9:g} s '
+                '(`reorder`) after their stamps: they take effect when they come; raise `reorder`')
+        else:
+            self._node.get_logger().warning(
+                f'messages on {name} take effect too early: too many wait for earlier stamps')
+
+    def _log_unusable(self, index: int, topic: int, message: bytes) -> None:
+        if not self._is_news(index):
+            return
+        item, mapped = self.manifest.inputs[index], self.manifest.topics[topic]
+        reason = why_unusable(item, message, self._classes[mapped.message_type])
+        outcome = 'has no value yet' if self._engine.value(index) is None else 'keeps its value'
+        self._node.get_logger().warning(
+            f"{self._node.resolve_topic_name(mapped.name)}: {reason}; input '{item.name}' "
+            f'{outcome}')
+
+    def _is_news(self, what: int | str) -> bool:
+        is_news = what not in self._logged
+        self._logged.add(what)
+        return is_news
+
+    def _read_overrides(self) -> None:
+        self._overrides = Overrides.of(self._node)
+        self._overrides.refuse_publishers([
+            self._node.resolve_topic_name(name) for name in (
+                DETAILS_TOPIC, *(item.topic for item in self.manifest.requirements))])
+
+
+def refuse_inputs_off_ros(manifest: Manifest) -> None:
+    """
+    Refuse inputs that requirements read and no topic feeds.
+
+    Raises
+    ------
+    Refusal
+        if there are any; the message has the lines to add to the bundle.
+    """
+    read = {index for group in manifest.groups for index in group.inputs}
+    lines = [line for index in sorted(read) for line in _lines_wanted(manifest.inputs[index])]
+    if lines:
+        raise Refusal('these inputs have no ROS 2 topic to read; '
+                      'say in the bundle where they come from:\n\n  inputs:\n' + '\n'.join(lines))
+
+
+def _lines_wanted(item: ManifestInput) -> list[str]:
+    if item.topic is not None and item.message_type is not None:
+        return []
+    plain = 'string' if item.is_string else item.value_type.value
+    standard = plain.capitalize() if not plain.startswith('uint') else f'UInt{plain[4:]}'
+    return [f'    {item.name}:',
+            f'      topic: {item.topic or item.name}',
+            f'      type: {item.message_type or f"std_msgs/msg/{standard}"}']
+
+
+def _message_classes(manifest: Manifest) -> dict[str, Any]:
+    classes: dict[str, Any] = {}
+    problems: list[str] = []
+    gated = {manifest.gate.interface} if manifest.gate is not None else set()
+    for message_type in sorted({topic.message_type for topic in manifest.topics} | gated):
+        try:
+            classes[message_type] = message_class(message_type)
+        except MessageTypeError as error:
+            problems.append(str(error))
+    if problems:
+        raise Refusal(*problems)
+    return classes

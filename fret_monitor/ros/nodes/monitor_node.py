@@ -1,0 +1,270 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The monitor node: parameters and life cycle; a `BundleSession` runs each bundle."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+import traceback
+from typing import Any
+
+from fret_monitor.ros.intake.node_time import ClockNode
+from fret_monitor.ros.nodes.bundle_session import BundleSession
+from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
+from fret_monitor.ros.nodes.sign_of_life import SignOfLife
+from fret_monitor.ros.reports.start_lines import announcement, count
+from fret_monitor.ros.settings.endpoint_types import refuse_two_types
+from fret_monitor.ros.settings.opened import open_monitors, Opened
+from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
+from fret_monitor.ros.settings.parameters import (
+    Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
+)
+from fret_monitor.ros.settings.shared_names import refuse_shared_names
+from fret_monitor.ros.signals import uninterrupted
+from fret_monitor.ros.watch import ErrorKeeper, Watch
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from std_srvs.srv import Trigger
+
+
+class MonitorNode(ClockNode, LifecycleNode):
+    """
+    A managed node that monitors one bundle or several while it is active.
+
+    `configure` reads the parameters and opens the bundles, `activate` subscribes, `deactivate`
+    unsubscribes, `cleanup` and `shutdown` release everything. Unless `autostart` is false, the
+    constructor configures and activates the node.
+
+    Any executor can spin it. The executor serves transitions, `~/reset`, parameters and timers;
+    messages do not need one.
+    """
+
+    PARAMETERS: Mapping[str, Described] = MONITOR_PARAMETERS
+
+    def __init__(self, node_name: str = 'fret_monitor', **options: Any) -> None:
+        """
+        Create the node; `options` are those of `rclpy.lifecycle.LifecycleNode`.
+
+        Raises
+        ------
+        Refusal
+            if the parameters, bundles or libraries are not usable. Nothing is left.
+        """
+        self._sessions: list[BundleSession] = []
+        self._declared_overrides: DeclaredOverrides | None = None
+        self._sign_of_life: SignOfLife | None = None
+        self._is_active = False
+        self._is_starting = False
+        self._failure: Exception | None = None
+        super().__init__(node_name, **options)
+        self._watch = Watch(self)
+        with ExitStack() as undo:
+            undo.callback(self.destroy_node)
+            self._begin()
+            undo.pop_all()
+
+    def _begin(self) -> None:
+        self._declared = Parameters(self, self.PARAMETERS, self._why_fixed)
+        self._duplicate_nodes = DuplicateNodes(self, self._watch)
+        self.create_service(Trigger, '~/reset', self._reset)
+        for service in self.services:
+            if service.service_name.endswith('/change_state'):
+                service.callback = _refusing(service.callback)
+        if self.get_parameter('autostart').value:
+            self._start(self.trigger_configure)
+            self._start(self.trigger_activate)
+        else:
+            self.get_logger().info('waiting to be configured and activated: autostart is false')
+
+    def _start(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        """Trigger a transition, and raise its error if it fails."""
+        self._is_starting = True
+        trigger()
+        self._is_starting = False
+        if self._failure is not None:
+            raise self._failure
+
+    # rclpy calls these methods at transitions.
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the bundles that the parameters name."""
+        return self._take(self._configure) or super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start monitoring."""
+        return self._take(self._activate) or super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop monitoring; nothing is stepped or published afterwards."""
+        return self._take(self._deactivate) or super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the bundles; the next `configure` reads them again."""
+        return self._take(self._release) or super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the bundles."""
+        return self._take(self._release) or super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Release the bundles after an error, so that the node can be configured again."""
+        self._release()
+        return super().on_error(state)
+
+    def _take(self, step: Callable[[], None]) -> TransitionCallbackReturn | None:
+        """
+        Run the work of a transition; return None if it succeeds.
+
+        rclpy drops its error, so it is kept here: `_start` raises it; otherwise it is logged.
+        """
+        attempt = ErrorKeeper()
+        with attempt:
+            step()
+        self._failure = attempt.error
+        if attempt.error is None:
+            return None
+        is_refusal = isinstance(attempt.error, Refusal)
+        if not self._is_starting:
+            reason = (str(attempt.error) if is_refusal
+                      else ''.join(traceback.format_exception(attempt.error)))
+            self.get_logger().error(
+                f'{reason.rstrip()}\nnothing is monitored until the node is active again')
+        return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
+
+    def _configure(self) -> None:
+        with self._declared.warning_of_ignored():
+            settings = read_settings(self._declared.values())
+            opened = self._open(settings)
+            manifests = [item.monitor.manifest for item in opened]
+            refuse_shared_names(self, manifests)
+            refuse_two_types(self, manifests, self._names(opened))
+            self._declared.show_constants(manifests)
+        with ExitStack() as undo:
+            undo.callback(self._release)
+            for item, name in zip(opened, self._names(opened)):
+                self._sessions.append(BundleSession(
+                    self, item, self._watch, hot_path=settings.hot_path, name=name,
+                    handler_depth=settings.handler_depth,
+                    log_violations=settings.log_violations, blackbox=settings.blackbox))
+            undo.pop_all()
+        self._warn([warning for item in opened for warning in item.warnings])
+        self._warn(Overrides.of(self).unused([
+            self.resolve_topic_name(topic.name)
+            for session in self._sessions for topic in session.manifest.subscribed]))
+
+    def _open(self, settings: Settings) -> list[Opened]:
+        """Compile and load what the node runs; raises `Refusal`."""
+        return open_monitors(settings)
+
+    def _names(self, opened: Sequence[Opened]) -> list[str]:
+        """Return distinct names for the bundles; an empty name if there is only one bundle."""
+        return distinct_names([item.monitor.manifest.name for item in opened])
+
+    def _warn(self, warnings: Iterable[str]) -> None:
+        for warning in warnings:
+            self.get_logger().warning(warning)
+
+    def _activate(self) -> None:
+        with uninterrupted(), ExitStack() as undo:
+            undo.callback(self._deactivate)
+            self._watch.forget()
+            for session in self._sessions:
+                session.start()
+            self._is_active = True
+            self._sign_of_life = SignOfLife(
+                self, [session.turns for session in self._sessions], self._watch)
+            undo.pop_all()
+        for session in self._sessions:
+            if line := session.describe_actions():
+                self.get_logger().info(line)
+        for line in announcement([session.opened for session in self._sessions]):
+            self.get_logger().info(line)
+        topics = {self.resolve_topic_name(topic.name): dict(topic.qos)
+                  for session in self._sessions for topic in session.manifest.subscribed}
+        self._declared_overrides = self._declared_overrides or DeclaredOverrides(
+            self, self._watch, topics)
+
+    def _deactivate(self) -> None:
+        self._end_sign_of_life()
+        self._is_active = False
+        for session in self._sessions:
+            session.stop()
+
+    def _end_sign_of_life(self) -> None:
+        if self._sign_of_life is not None:
+            self._sign_of_life.close()
+            self._sign_of_life = None
+
+    def _release(self) -> None:
+        self._end_sign_of_life()
+        self._is_active = False
+        if self._declared_overrides is not None:
+            self._declared_overrides.close()
+            self._declared_overrides = None
+        while self._sessions:
+            self._sessions[-1].close()  # before pop: if interrupted, it can be repeated
+            self._sessions.pop()
+
+    def _why_fixed(self) -> str:
+        return ('read when the node is configured, since a step has to mean the same from the '
+                'first to the last; deactivate and clean up first') if self._sessions else ''
+
+    def destroy_node(self) -> None:
+        """Close the sessions, then destroy the node."""
+        self._release()
+        super().destroy_node()
+        # rclpy does not destroy it, and it would keep the node in the graph.
+        self._state_machine.destroy_when_not_in_use()
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._is_active
+        if not self._is_active:
+            response.message = 'nothing to restart: the node is not active'
+            return response
+        groups = sum(session.reset() for session in self._sessions)
+        response.message = f'restarted {count(groups, "step group")}; input values kept'
+        self.get_logger().info(response.message)
+        return response
+
+
+def distinct_names(given: Sequence[str]) -> list[str]:
+    """Return distinct names, with numbers where they repeat; an empty name for a single one."""
+    if len(given) == 1:
+        return ['']
+    names: list[str] = []
+    for stem in given:
+        name = stem
+        number = 1
+        while name in names:
+            number += 1
+            name = f'{stem} {number}'
+        names.append(name)
+    return names
+
+
+def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """
+    Return a service callback that refuses transitions that the current state does not allow.
+
+    rclpy's own callback raises an error then, which would end the process. rcl has logged it.
+    """
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return change_state(request, response)
+        except _rclpy.RCLError:
+            response.success = False
+            return response
+
+    return answer

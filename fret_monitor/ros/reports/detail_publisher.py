@@ -1,0 +1,94 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The thread that publishes and logs details; `hot_path.Announcer` announces violations."""
+
+from threading import Event, Thread
+
+from fret_monitor.ros.intake import native_lifetimes
+from fret_monitor.ros.reports.details import Details
+from fret_monitor.ros.reports.violation_log import LOGGED_PER_S, ViolationLog
+from fret_monitor.ros.watch import ErrorKeeper
+from fret_monitor.runtime import Engine, MOST_DETAILS_PER_S, ViolationDetail
+
+_WAIT_MS = 200  # longest wait for a detail; closing the engine ends it at once
+_POLL_S = 0.1  # between two checks for a subscriber, where the middleware has no matched event
+
+
+class DetailPublisher:
+    """Publishes the details of violations while their topic has a subscriber, and logs them."""
+
+    def __init__(self, engine: Engine, details: Details, log: ViolationLog | None) -> None:
+        """Start the thread; `log` is None if violations are not logged."""
+        self._engine = engine
+        self._details = details
+        self._log = log
+        self._is_over = Event()
+        self._kept = ErrorKeeper()
+        self.turns = 0
+        """How often the thread has looked for work: several times a second unless it hangs."""
+        self._thread = Thread(target=self._run, name='details', daemon=True)
+        native_lifetimes.keep(self)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Close the engine, and wait until the thread has emptied its queue; idempotent."""
+        self._engine.close()
+        self._is_over.set()
+        self._details.listening.set()
+        self._thread.join()
+        native_lifetimes.release(self)
+
+    @property
+    def failure(self) -> Exception | None:
+        """The error that ended the thread, if any; no detail is published or logged after it."""
+        return self._kept.error
+
+    def _run(self) -> None:
+        with self._kept:
+            self._loop()
+
+    def _loop(self) -> None:
+        while not self._is_over.is_set():
+            self.turns += 1
+            has_listeners = self._has_listeners()
+            self._engine.want_details(
+                has_listeners or self._log is not None,
+                MOST_DETAILS_PER_S if has_listeners else LOGGED_PER_S)
+            if not has_listeners and self._log is None:
+                self._details.listening.wait(_POLL_S)
+                self._details.listening.clear()
+            elif (detail := self._engine.take_detail(_WAIT_MS)) is not None:
+                self._take(detail)
+            if self._log is not None:
+                self._log.review()
+        while (detail := self._engine.take_detail(0)) is not None:
+            self._take(detail)
+        if self._log is not None:
+            self._log.end()
+
+    def _has_listeners(self) -> bool:
+        try:
+            return self._details.listeners() > 0
+        except RuntimeError:  # the context was shut down
+            return False
+
+    def _take(self, detail: ViolationDetail) -> None:
+        if self._has_listeners():
+            try:
+                self._details.publish(detail)
+            except RuntimeError:  # the context was shut down
+                pass
+        if self._log is not None:
+            self._log.add(detail)

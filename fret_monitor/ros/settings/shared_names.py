@@ -1,0 +1,161 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Names of topics and services that only one part of a node may use, after remapping."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from fret_monitor.model.graph import cycles
+from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.names import DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVICES
+from fret_monitor.model.policies import ActionKind
+from fret_monitor.ros.settings.endpoint_types import OWN_TOPICS
+from fret_monitor.ros.settings.parameters import Refusal
+
+from rclpy.node import Node
+
+
+_NODE = 'the node itself'
+_MONITORED, _ANNOUNCED, _OWN = range(3)  # topics of inputs; of violations; others of the node
+
+
+def refuse_merged_topics(node: Node, manifest: Manifest) -> None:
+    """
+    Refuse two topics of a bundle that are one after remapping, or one that the node itself uses.
+
+    Each message would cause two steps, or have two meanings for those who receive it. Inputs may
+    be read from a topic of the node itself, with its type.
+
+    Raises
+    ------
+    Refusal
+        with the first problem.
+    """
+    first: dict[str, _Topic] = {}
+    for topic in _topics(manifest):
+        full = node.resolve_topic_name(topic.name)
+        other = first.setdefault(full, topic)
+        if not _is_conflict(other, topic):
+            continue
+        own = "the node's own " if topic.kind == _OWN else ''
+        advice = ('if they are one topic, give the inputs that they feed one `topic:` in the '
+                  'bundle' if topic.kind == _MONITORED else
+                  'what the node announces needs a topic of its own')
+        raise Refusal(f"'{other.name}' and {own}'{topic.name}' are both remapped to {full}; "
+                      f'{advice}')
+
+
+class _Topic(NamedTuple):
+    name: str
+    interface: str
+    kind: int
+
+
+def _topics(manifest: Manifest) -> Iterator[_Topic]:
+    for topic in manifest.topics:
+        yield _Topic(topic.name, topic.message_type, _MONITORED)
+    for item in manifest.requirements:
+        yield _Topic(item.topic, 'std_msgs/msg/Empty', _ANNOUNCED)
+    yield _Topic(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', _ANNOUNCED)
+    for name, interface in OWN_TOPICS.items():
+        yield _Topic(name, interface, _OWN)
+
+
+def _is_conflict(one: _Topic, other: _Topic) -> bool:
+    if one.interface != other.interface:
+        return True
+    is_shared = _OWN in (one.kind, other.kind) and _ANNOUNCED not in (one.kind, other.kind)
+    return one.name != other.name and not is_shared
+
+
+def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
+    """
+    Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
+
+    Compares names after remapping, of everything that the node runs; a gate on a service must be
+    its only server, too, and no action may call `OWN_SERVICES` of this node. What the node
+    itself publishes is compared by `refuse_merged_topics`.
+
+    Raises
+    ------
+    Refusal
+        with the first problem.
+    """
+    gates = [item.gate for item in manifests if item.gate is not None]
+    for is_service in (False, True):
+        ends = [ends_of(node, gate) for gate in gates if gate.is_service is is_service]
+        for way in cycles(ends):
+            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
+                          'different ones')
+    used = [*_own_names(node, manifests),
+            *(item for manifest in manifests for item in _used_names(node, manifest))]
+    owners: dict[tuple[str, str], _Use] = {}
+    for use in sorted(used, key=lambda item: not item.is_alone):
+        owner = owners.setdefault((use.verb, use.name), use)
+        if owner is not use and owner.is_alone and not owner.what == use.what == _NODE:
+            first, second = (f"{item.what} of '{item.origin}'" if owner.what == use.what
+                             else item.what for item in (owner, use))
+            raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
+                          'write different names, or remap them')
+    _refuse_own_services(node, manifests)
+
+
+def _refuse_own_services(node: Node, manifests: Sequence[Manifest]) -> None:
+    own = [node.resolve_service_name(name) for name in OWN_SERVICES]
+    suffixes = {ActionKind.CALL: '', ActionKind.TRANSITION: '/change_state'}
+    for action in (item for manifest in manifests for item in manifest.actions):
+        if action.kind not in suffixes:
+            continue
+        full = node.resolve_service_name(action.target + suffixes[action.kind])
+        if full in own:
+            raise Refusal(f"the action '{action.name}' calls {full}, a service of this node: a "
+                          'violation would end its own monitoring or begin it anew; choose a '
+                          'service of another node')
+
+
+class _Use(NamedTuple):
+    """What publishes on a topic or offers a service; `is_alone`: it must be the only one."""
+
+    what: str
+    origin: str
+    verb: str
+    name: str
+    is_alone: bool
+
+
+def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[_Use]:
+    """Yield what the node itself publishes; an action may publish on `/diagnostics` too."""
+    handlers = [item.topic for manifest in manifests for item in manifest.requirements]
+    for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
+        yield _Use(_NODE, '', 'publish on', node.resolve_topic_name(topic),
+                   topic != DIAGNOSTICS_TOPIC)
+
+
+def _used_names(node: Node, manifest: Manifest) -> Iterator[_Use]:
+    if (gate := manifest.gate) is not None:
+        source, target = ends_of(node, gate)
+        yield _Use(f"the gate '{gate.name}'", manifest.name,
+                   *(('offer', source) if gate.is_service else ('publish on', target)), True)
+    for action in manifest.actions:
+        if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
+            is_lock = action.kind is ActionKind.LOCK
+            yield _Use(f"the {'lock' if is_lock else 'action'} '{action.name}'", manifest.name,
+                       'publish on', node.resolve_topic_name(action.target), is_lock)
+
+
+def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
+    """Return the full names of what a gate reads and of what it publishes, or calls."""
+    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
+    return resolve(gate.source), resolve(gate.target)
