@@ -28,7 +28,7 @@ from fret_monitor.model.policies import Otherwise
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
-from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, violation, Violation
+from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, Violation, violation
 
 _OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
               Otherwise.SUBSTITUTE: 'FM_SUBSTITUTE', Otherwise.RESPOND: 'FM_DROP'}

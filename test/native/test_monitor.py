@@ -162,9 +162,9 @@ def test_a_missing_engine_is_reported_under_the_name_of_the_original(tmp_path: P
 
 
 def test_an_engine_of_another_interface_is_refused() -> None:
-    sources = {'engine.c': '#include "engine.h"\nuint32_t fm_engine_abi(void)\n'
-               '{\n  return FM_ENGINE_ABI + 1u;\n}\n'}
     wanted = ffi.integer_const('FM_ENGINE_ABI')
+    sources = {'engine.c': '#include "fret_monitor.h"\nFM_EXPORT uint32_t fm_engine_abi(void);\n'
+               f'uint32_t fm_engine_abi(void)\n{{\n  return {wanted + 1}u;\n}}\n'}
     expected = (rf"^the engine in '/folder/lib\.so' has interface {wanted + 1}, this version has "
                 f'{wanted}: compile the bundle again$')
     with pytest.raises(LibraryError, match=expected):

@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 from bag.recordings import Message, write
 import fret_monitor
 from fret_monitor import testing
-from fret_monitor.ros import next_report
+from fret_monitor.testing import next_report
 from fret_monitor.testing import Watched, watching
 import pytest
 from ros.harness import BEST_EFFORT, Partner, wait_until

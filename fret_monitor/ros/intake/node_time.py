@@ -27,11 +27,11 @@ from threading import RLock
 from time import monotonic
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.runtime import Engine, TimeCounts
 
-from builtin_interfaces.msg import Time
 from rclpy.clock import ClockType, JumpThreshold
 import rclpy.clock
 from rclpy.duration import Duration
