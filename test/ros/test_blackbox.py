@@ -29,7 +29,8 @@ from fret_monitor import build
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.cli.main import main
 from fret_monitor.model.mcap import McapWriter
-from fret_monitor.ros import blackbox, Refusal
+from fret_monitor.ros import Refusal
+from fret_monitor.ros.acting import blackbox
 from fret_monitor.ros.acting.blackbox import _Pending, BlackBox
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, read_settings
 from fret_monitor.runtime import Engine, Evaluator, KeptMessage, Occurrences

@@ -26,8 +26,7 @@ from xml.etree import ElementTree
 from bag.recordings import Message, write
 import fret_monitor
 from fret_monitor import testing
-from fret_monitor.testing import next_report
-from fret_monitor.testing import Watched, watching
+from fret_monitor.testing import next_report, Watched, watching
 import pytest
 from ros.harness import BEST_EFFORT, Partner, wait_until
 from std_msgs.msg import Float32, Float64

@@ -26,7 +26,8 @@ import weakref
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.native.binding import ffi
-from fret_monitor.ros import MonitorNode, native_lifetimes
+from fret_monitor.ros import MonitorNode
+from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware
 from fret_monitor.ros.intake.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription

@@ -20,7 +20,8 @@ import signal
 from time import monotonic, sleep
 from typing import Any
 
-from fret_monitor.ros import MonitorNode, native_lifetimes
+from fret_monitor.ros import MonitorNode
+from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.runtime import Engine
 import pytest
 from rclpy.parameter import Parameter

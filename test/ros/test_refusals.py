@@ -17,8 +17,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from fret_monitor import build
 import fret_monitor
+from fret_monitor import build
 from fret_monitor.model.bundle_files import config_folders, find_bundle
 from fret_monitor.ros.nodes.logger_node import LoggerNode
 from fret_monitor.ros.nodes.monitor_node import MonitorNode

@@ -19,7 +19,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
-from fret_monitor.ros import monitor_node, MonitorNode, Refusal
+from fret_monitor.ros import MonitorNode, Refusal
+from fret_monitor.ros.nodes import monitor_node
 from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rclpy.parameter import Parameter
@@ -231,9 +232,10 @@ CALL = 'call: {service: NAME, type: std_srvs/srv/KIND}'
     (SHOW.replace('TOPIC', '/rosout'), 'lock: {topic: stop}',
      'the topic /rosout has the types rcl_interfaces/msg/Log and std_msgs/msg/Bool: a process can '
      'use a topic with one type only; correct the type, or write different names'),
-    (CALL.replace('NAME', '/fret_monitor/reset').replace('KIND', 'Empty'), 'lock: {topic: stop}',
-     'cannot call /fret_monitor/reset as std_srvs/srv/Empty: this process uses the service with '
-     'the type std_srvs/srv/Trigger, and can use it with one type only')])
+    (CALL.replace('NAME', '/fret_monitor/get_state').replace('KIND', 'Empty'),
+     'lock: {topic: stop}',
+     'cannot call /fret_monitor/get_state as std_srvs/srv/Empty: this process uses the service '
+     'with the type lifecycle_msgs/srv/GetState, and can use it with one type only')])
 def test_an_action_with_a_second_type_is_refused_with_both_types(
     partner: Partner, tmp_path: Path, one: str, two: str, reason: str,
 ) -> None:

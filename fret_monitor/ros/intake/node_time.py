@@ -32,8 +32,8 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.runtime import Engine, TimeCounts
 
-from rclpy.clock import ClockType, JumpThreshold
 import rclpy.clock
+from rclpy.clock import ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time_source import CLOCK_TOPIC
