@@ -15,8 +15,9 @@
 """
 Reads recordings: rosbag2 folders and files, and ROS 1 bags, as serialized messages.
 
-`rosbags` reads the files. Messages are taken from each storage itself: by way of a folder's
-metadata, `rosbags` yields nothing if the storage spells the QoS of a topic in another way.
+`rosbags` reads the files, except messages of sqlite3 and in chunks of MCAP, where it takes longer.
+Messages are taken from each storage itself: by way of a folder's metadata, `rosbags` yields
+nothing if the storage spells the QoS of a topic in another way.
 """
 
 from array import array
@@ -33,6 +34,7 @@ import sys
 from tempfile import mkdtemp, TemporaryDirectory
 from typing import Any, NoReturn, Self
 
+from fret_monitor.bag import chunks
 from fret_monitor.bag.integrity import damage, has_checksums
 from fret_monitor.bag.moments import LAST_TIME
 from fret_monitor.bag.restarts import Restart, restarts
@@ -48,6 +50,7 @@ from fret_monitor.runtime.thinning import Thinning
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
 import yaml
@@ -376,7 +379,10 @@ class Recording(AbstractContextManager['Recording']):
         convert = self._conversion(chosen)
         if convert is None and getattr(storage, 'dbconn', None) is not None:
             return _rows(storage.dbconn, {item.id: numbers[id(item)] for item in chosen}, stop)
-        messages: Iterator[tuple[Connection, int, bytes]] = storage.messages(chosen, None, stop)
+        messages: Iterator[tuple[Connection, int, bytes]] = (
+            chunks.messages(storage, chosen, stop)
+            if isinstance(storage, McapReader) and storage.chunks
+            else storage.messages(chosen, None, stop))
         if convert is None:
             return messages
         return ((item, time, convert(data, item.msgtype)) for item, time, data in messages)

@@ -23,19 +23,17 @@ write a message before an earlier one of another topic, and some programs write 
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from itertools import pairwise
 import struct
 from typing import Any
 
+from fret_monitor.bag.chunks import content, messages_of
 from fret_monitor.bag.moments import LAST_TIME
-from rosbags.rosbag2.storage_mcap import ChunkInfo, decompress, McapReader
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 _TOLERANCE_NS = 100_000_000  # threads of the middleware may hand over messages out of order
 _INDEX_HEADER = struct.Struct('<BQHI')  # kind and length of the record, channel, bytes that follow
-_CHUNK_HEADER = struct.Struct('<BQQQQI')  # then the compression, and the length of the content
-_MESSAGE = 5
 _Times = Iterator[tuple[int, 'array[int]']]
 """For each topic (its number in the file) times in the order in which they were written."""
 
@@ -138,18 +136,7 @@ def times_of_chunk(storage: McapReader, chunk: ChunkInfo) -> _Times:
 
 
 def _times_of_messages(storage: McapReader, chunk: ChunkInfo) -> _Times:
-    assert storage.bio is not None
-    storage.bio.seek(chunk.chunk_start_offset)
-    data = storage.bio.read(chunk.chunk_length)
-    checksum = _CHUNK_HEADER.unpack_from(data)[5]
-    begin = _CHUNK_HEADER.size + 4 + len(chunk.compression) + 8
-    records = BytesIO(decompress(data[begin:begin + chunk.compressed_size], chunk.compression,
-                                 chunk.uncompressed_size, checksum))
     found: dict[int, array[int]] = {}
-    while len(head := records.read(9)) == 9:
-        kind, size = struct.unpack('<BQ', head)
-        content = records.read(size)
-        if kind == _MESSAGE:
-            channel, _, time = struct.unpack_from('<HIQ', content)
-            found.setdefault(channel, array('Q')).append(time)
+    for channel, time, _, _ in messages_of(content(storage, chunk)):
+        found.setdefault(channel, array('Q')).append(time)
     yield from found.items()
