@@ -48,12 +48,15 @@ class SourceMutant:
     """The line as it becomes."""
     number: int = 0
     """The place among those of the file with the same two lines."""
+    place: str = ''
+    """What stands for the folder in the key; empty: the folder itself."""
 
     @property
     def key(self) -> str:
-        """Return what names the mutant although its file changes elsewhere."""
+        """Return what names the mutant although its file changes elsewhere, or moves."""
         number = f' #{self.number}' if self.number else ''
-        return f'{self.path}: {self.before} => {self.after}{number}'
+        path = f'{self.place}/{Path(self.path).name}' if self.place else self.path
+        return f'{path}: {self.before} => {self.after}{number}'
 
     def applied(self, text: str) -> str:
         """Return the file's text with the change."""

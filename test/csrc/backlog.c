@@ -705,6 +705,15 @@ static void a_gate_knows_what_was_received_before_its_message(void)
   free(gate_memory);
 }
 
+// Without leaks, as the address sanitizer says.
+static void an_engine_may_end_within_a_handover_of_its_gate(void)
+{
+  struct fm_engine * engine = make_gate(FM_EVERY_MESSAGE);
+  fm_engine_begin_handover(engine, N_TOPICS, false);
+  destroy(engine);
+  free(gate_memory);
+}
+
 // Called between the catch up before a judgement and the judgement itself.
 static bool is_between = false;
 static uint64_t n_caught_up = 0;  // messages of X before the judgement
@@ -857,6 +866,7 @@ int main(void)
   what_begins_within_a_round_begins_once();
   a_header_counts_however_late_its_message_is_processed();
   a_gate_knows_what_was_received_before_its_message();
+  an_engine_may_end_within_a_handover_of_its_gate();
   a_callback_between_catching_up_and_judging_sets_no_time_back(FM_EVERY_MESSAGE);
   a_callback_between_catching_up_and_judging_sets_no_time_back(FM_TIMED);
   a_held_message_outlives_a_system_time_that_is_set_back();

@@ -455,6 +455,31 @@ static void publishers_are_reported_each_and_in_order(void)
   }
 }
 
+// Discovery finds a publisher before its node; until then a node has this name.
+static void a_publisher_of_no_known_node_is_logged_after_two_seconds(void)
+{
+  static const char line[] = "ERROR a publisher of no known node does not match ";
+  rcl_node_t nameless = rcl_get_zero_initialized_node();
+  const rcl_node_options_t options = rcl_node_get_default_options();
+  CHECK(rcl_node_init(
+      &nameless, "_NODE_NAME_UNKNOWN_", "", &node.node.context, &options) == RCL_RET_OK);
+  for (int k = 0; k < 2; ++k) {
+    rcl_publisher_t publisher = advertise(&nameless, "/fixed", false);
+    fm_topic_review(&node.session.topics[FIXED]);
+    pass_seconds(1.9);
+    fm_topic_review(&node.session.topics[FIXED]);
+    EXPECT_LINES("");
+    pass_seconds(0.2);
+    fm_topic_review(&node.session.topics[FIXED]);
+    CHECK(strncmp(fm_text_get(&lines), line, strlen(line)) == 0);
+    fm_text_clear(&lines);
+    CHECK(rcl_publisher_fini(&publisher, &nameless) == RCL_RET_OK);
+    fm_topic_review(&node.session.topics[FIXED]);
+    pass_seconds(60.0);
+  }
+  CHECK(rcl_node_fini(&nameless) == RCL_RET_OK);
+}
+
 // ---- reports -----------------------------------------------------------------------------------
 
 static void counters_are_reported_as_increases(void)
@@ -714,6 +739,7 @@ int main(int argc, char ** argv)
     {"many", any_number_of_subscriptions_can_be_replaced_at_once},
     {"leak", a_callback_that_cannot_be_removed_ends_no_monitoring},
     {"order", publishers_are_reported_each_and_in_order},
+    {"nameless", a_publisher_of_no_known_node_is_logged_after_two_seconds},
     {"increases", counters_are_reported_as_increases},
     {"backlog", a_backlog_is_reported},
     {"unpublished", violations_that_were_not_published_are_an_error_once},

@@ -22,7 +22,8 @@ import pytest
 from ros.exported import exported_parts
 
 TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'order', 'increases', 'backlog',
-         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'again', 'violations')
+         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'nameless', 'again',
+         'violations')
 BUNDLE = """
 format: 1
 constants: {whole: 3, real: 2.0}
