@@ -389,6 +389,27 @@ static void nothing_is_lost_or_repeated_without_a_handover(void)
   end(&bench);
 }
 
+// Up to a thousand messages, however many were taken before.
+static void what_waits_in_a_subscription_that_is_removed_is_taken(void)
+{
+  struct bench bench = begin(FM_DROP, 0);
+  struct subscription subscription;
+  bool is_polled = true;
+  make_subscription(&subscription, 0);
+  give_flag(bench.engine, true);
+  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  send(&subscription, 900);
+  for (int k = 0; k < 5000 && left(&subscription) > 0; ++k) {
+    pause_ns(1000000);
+  }
+  pthread_mutex_lock(&subscription.mutex);
+  subscription.sent += 500;  // the relay does not know of them
+  pthread_mutex_unlock(&subscription.mutex);
+  CHECK(fm_relay_remove(bench.relay, &subscription));
+  CHECK(left(&subscription) == 0);
+  end(&bench);
+}
+
 static void substitutes_come_from_the_start_and_when_another_topic_violates(void)
 {
   const int64_t period = 20000000;
@@ -510,6 +531,7 @@ int main(void)
 {
   a_message_is_judged_after_what_was_received_before_it();
   nothing_is_lost_or_repeated_without_a_handover();
+  what_waits_in_a_subscription_that_is_removed_is_taken();
   a_flood_passes_in_order_through_a_handover();
   substitutes_come_from_the_start_and_when_another_topic_violates();
   without_callbacks_it_polls_and_a_failing_publisher_is_counted();

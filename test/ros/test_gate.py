@@ -181,6 +181,7 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         partner.listen('FRONT')
         node.wait_for("gate 'drive': /cmd_raw -> /cmd, keeps FRONT; otherwise the substitute is "
                       'sent, at 20 Hz')
+        assert 'OPEN WHILE AN INPUT IS STALE' not in node.output
         # Closed from the start: substitutes at their rate, with stamp and frame.
         arrived.wait_for(4)
         assert set(speeds(arrived)) == {0.0}
