@@ -387,7 +387,8 @@ class _Run:
                 self._miss(index, f'no message of {name} was recorded')
 
         if not any(self._recorded.values()) and not self._errors:
-            self._errors.append('no message was recorded of what the bundle reads')
+            self._errors.append('no row was recorded' if self._recording.is_trace else
+                                'no message was recorded of what the bundle reads')
 
     def _miss(self, index: int, text: str) -> None:
         """Note that a topic is missing: what reads it is not judged."""
@@ -577,8 +578,9 @@ class _Run:
     def _compare(self, read: Mapping[str, int]) -> None:
         for name, count in self._recorded.items():
             if count != read[name]:
-                self._errors.append(
-                    f'{name}: {counted(count, "message")} recorded, {read[name]:,} read')
+                what = counted(count, 'row') if self._recording.is_trace else \
+                    f'{name}: {counted(count, "message")}'
+                self._errors.append(f'{what} recorded, {read[name]:,} read')
 
 
 def _begin(findings: Findings, stamp: int) -> None:

@@ -133,25 +133,33 @@ class _Rows:
         self.size = 0  # characters in the lines read
         self.number = 0  # of the last line read
         self.text, self.place = b'', 0  # a part of the file, and where the next line begins in it
+        self.is_cut = False  # after `text` there is something that is no text
         self._file = file
         self._decoder = getincrementaldecoder('utf-8')()
         self._is_begin = True
         self._first_line, self._first_number, self._start = '', 1, 0  # start of the current row
 
     def fill(self) -> bool:
-        """Read a further part of the file; return whether there was one."""
+        """Read a further part of the file, up to what is no text; return whether there was one."""
+        if self.is_cut:
+            shown = self.text[self.place:].decode('utf-8', 'ignore')[:_SHOWN_CHARACTERS]
+            self.refuse(self.number + 1, shown, 'not text in UTF-8',
+                        'export the trace as UTF-8', len(shown), 1)
+        begun = len(self._decoder.getstate()[0])  # bytes of a character that is not complete
         try:
             more = self._file.read(_READ_BYTES)
             self._decoder.decode(more, not more)
-        except UnicodeDecodeError:
-            refuse(f"'{self.name}' is not text in UTF-8")
+        except UnicodeDecodeError as error:
+            self.is_cut = True
+            end = len(self.text) - begun + error.start
+            self.text, more = (self.text + more)[:end], b''
         except OSError as error:
             refuse(f"cannot read '{self.name}': {error.strerror or error}")
         self.text, self.place = self.text[self.place:] + more, 0
         if self._is_begin and (len(self.text) >= len(BOM_UTF8) or not more):
             self._is_begin = False
             self.text = self.text.removeprefix(BOM_UTF8)
-        return bool(more)
+        return bool(more) or self.is_cut
 
     def __iter__(self) -> Iterator[_Row]:
         blank = 0
@@ -190,7 +198,7 @@ class _Rows:
         looked = 0  # bytes of the line without a line break
         while True:
             found = _LINE_END.search(self.text, self.place + looked)
-            if found and (found[0] != b'\r' or found.end() < len(self.text)):
+            if found and (self.is_cut or found[0] != b'\r' or found.end() < len(self.text)):
                 return found.end()
             looked = max(0, len(self.text) - self.place - 1)
             if looked >= most or not self.fill():
@@ -394,7 +402,8 @@ class TraceReader:
                 self._others = 1 if count >= _MANY_ROWS else self._others
                 return count, columns
             is_long = len(source.text) - source.place >= _READ_BYTES
-            if is_long or source.text.find(b'\n', source.place) >= 0 or not source.fill():
+            if is_long or source.is_cut or source.text.find(b'\n', source.place) >= 0 \
+                    or not source.fill():
                 return None
 
     def _other_rows(self) -> tuple[list[_Row], CompileError | None]:

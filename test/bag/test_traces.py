@@ -66,7 +66,7 @@ def bundle(folder: Path, policy: str) -> Path:
 
 def trace(folder: Path, text: str = ROWS) -> Path:
     file = folder / 'trace.csv'
-    file.write_text(text, encoding='utf-8')
+    file.write_text(text, encoding='utf-8', errors='surrogateescape')
     return file
 
 
@@ -241,6 +241,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     ('101,1,g,0', '5:1', 'a time before that of the row before'),
     ('1e3,1,g,0', '5:1', "'1e3' is no time"),
     ('103,"1,g,0', '5:1', 'not CSV: unexpected end of data'),
+    ('103,1,g\udcff', '5:8', 'not text in UTF-8'),
 ])
 def test_rows_before_a_damaged_one_are_judged(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], row: str, place: str,
@@ -253,6 +254,7 @@ def test_rows_before_a_damaged_one_are_judged(
     line = json.loads(out)
     assert line['read'] == 3
     assert f'trace.csv:{place}: {message}' in line['errors'][0]
+    assert 'message' not in ''.join(line['errors'])
     assert all('\n' not in error for error in line['errors'])
     assert 'the recording cannot be read to its end: ' in err
     assert main([*arguments, '--partial']) == 0

@@ -242,11 +242,12 @@ def test_an_invalid_trace_is_refused_with_the_place(
     assert len(said) < 1000
 
 
-@pytest.mark.parametrize('trace', [
-    HEADING.encode() + b'0,0,0,0,\xff\n', 'p,x'.encode('utf-16'), os.urandom(4096) + b'\xff'],
-    ids=['Latin-1', 'UTF-16', 'noise'])
-def test_a_trace_that_is_not_text_is_refused(here: Here, trace: bytes) -> None:
-    assert refused(here, trace) == "error: 'trace.csv' is not text in UTF-8\n"
+@pytest.mark.parametrize(('trace', 'place'), [
+    (HEADING.encode() + b'0,0,0,0,\xff\n', '2:9'), ('p,x'.encode('utf-16'), '1:1'),
+    (HEADING.encode() + b'0,0,0,0,"\n\xe2', '3:1'), (bytes(range(14, 256)), '1:115')],
+    ids=['Latin-1', 'UTF-16', 'cut off', 'noise'])
+def test_a_trace_that_is_not_text_is_refused(here: Here, trace: bytes, place: str) -> None:
+    assert f'trace.csv:{place}: error: not text in UTF-8' in refused(here, trace)
 
 
 def test_a_column_with_a_name_close_to_a_missing_one_is_suggested(here: Here) -> None:
