@@ -369,9 +369,9 @@ def sample(load_program: Path, work: Work, subject: Subject) -> Sample:
 
 
 def way_of(text: str) -> str:
-    """Return how messages were taken according to a monitor's log: in C, or in Python."""
-    found = re.search(r'messages are taken (in \w+)', text)
-    return found[1] if found else ''
+    """Return where messages were taken according to a monitor's log; '' for other nodes."""
+    found = re.search(r'messages are taken in C, in(side| a thread)', text)
+    return '' if found is None else {'side': 'in callbacks', ' a thread': 'in a thread'}[found[1]]
 
 
 def last_number(text: str, subject: Subject) -> int:

@@ -33,7 +33,7 @@ ARGUMENTS = {
     'spec': ('', 'the bundle, a YAML file, or a list of them in brackets'),
     'library': ('', 'the folder of a compiled gate, instead of the bundle or with it'),
     'gates': ('', 'the gates to run, a name or a list in brackets; default: all of the bundle'),
-    'hot_path': ('', 'whether C takes the messages'),
+    'hot_path': ('', "whether the middleware's callbacks take the messages"),
     'autostart': ('true', 'whether the gate configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
     'name': ('fret_gate', 'the name of the node'),

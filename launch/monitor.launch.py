@@ -41,7 +41,7 @@ ARGUMENTS = {
     'period': ('', 'seconds between two steps, with the policy periodic'),
     'rate': ('', 'steps a second, with the policy periodic'),
     'constants': ('', "values in place of the bundle's: {v_max: 0.8, is_outdoors: true}"),
-    'hot_path': ('', 'whether C takes the messages'),
+    'hot_path': ('', "whether the middleware's callbacks take the messages"),
     'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
     'blackbox': ('', 'a folder for the last messages before each violation'),

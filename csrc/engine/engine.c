@@ -110,7 +110,7 @@ static bool make_memory(struct fm_engine * engine)
   return fm_outbox_init(&engine->outbox, options->monitor) && engine->fields != NULL &&
          engine->prepared != NULL && engine->found != NULL && engine->topics != NULL &&
          engine->are_violated != NULL && fm_states_init(&engine->states, options->monitor) &&
-         (!fm_evaluator_is_timed(options->evaluator) ||
+         (!fm_evaluator_is_timed(options->evaluator) || !options->uses_header_stamps ||
          fm_reorder_init(&engine->waiting, most_inputs(options)));
 }
 
@@ -204,7 +204,7 @@ static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
     if (!engine->found[k].is_recovery && !engine->are_violated[requirement]) {
       fm_states_begin_violation(&engine->states, requirement);
       if (engine->blackbox != NULL) {
-        fm_blackbox_note(engine->blackbox, requirement, fm_engine_steady_time());
+        fm_blackbox_note(engine->blackbox, requirement, fm_steady_time());
       }
     }
     engine->are_violated[requirement] = !engine->found[k].is_recovery;
@@ -216,7 +216,7 @@ static void note_conditions_locked(struct fm_engine * engine)
   bool is_known = false;
   bool is_latched = false;
   if (engine->gate != NULL) {
-    const struct fm_gate_counts counts = fm_gate_counts(engine->gate, fm_engine_steady_time());
+    const struct fm_gate_counts counts = fm_gate_counts(engine->gate, fm_steady_time());
     is_known = counts.is_known;
     is_latched = counts.is_latched;
   }
@@ -311,10 +311,10 @@ uint64_t fm_engine_states(
   struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
   struct fm_requirement_state * out)
 {
-  const int64_t end = fm_engine_steady_time() + (int64_t)milliseconds * MILLISECOND_NS;
+  const int64_t end = fm_steady_time() + (int64_t)milliseconds * MILLISECOND_NS;
   fm_engine_lock(engine);
-  while (engine->states.changes == seen && !engine->is_closed && fm_engine_steady_time() < end) {
-    fm_engine_wait_locked(engine, &engine->state_changed, end);
+  while (engine->states.changes == seen && !engine->is_closed && fm_steady_time() < end) {
+    fm_wait_until(&engine->state_changed, &engine->mutex, end);
   }
   memcpy(
     out, engine->states.requirements,
@@ -352,12 +352,12 @@ void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t
 bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds)
 {
-  const int64_t end = fm_engine_steady_time() + (int64_t)milliseconds * MILLISECOND_NS;
+  const int64_t end = fm_steady_time() + (int64_t)milliseconds * MILLISECOND_NS;
   fm_engine_lock(engine);
   while (engine->outbox.n_details == 0 && !engine->is_closed &&
-    fm_engine_steady_time() < end)
+    fm_steady_time() < end)
   {
-    fm_engine_wait_locked(engine, &engine->detail_queued, end);
+    fm_wait_until(&engine->detail_queued, &engine->mutex, end);
   }
   const bool has_one = fm_outbox_take_detail(&engine->outbox, out);
   fm_engine_unlock(engine);
@@ -449,11 +449,6 @@ void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box
   fm_engine_unlock(engine);
 }
 
-bool fm_engine_keeps_messages(const struct fm_engine * engine)
-{
-  return engine->blackbox != NULL;
-}
-
 static bool all_are_read(const struct fm_field * fields, uint32_t n)
 {
   for (uint32_t k = 0; k < n; ++k) {
@@ -462,6 +457,13 @@ static bool all_are_read(const struct fm_field * fields, uint32_t n)
     }
   }
   return true;
+}
+
+bool fm_engine_needs_bytes(
+  const struct fm_engine * engine, uint32_t topic, const struct fm_field * fields)
+{
+  return engine->blackbox != NULL ||
+         !all_are_read(fields, engine->options.topics[topic].n_inputs);
 }
 
 void fm_engine_keep_message_locked(
@@ -475,7 +477,7 @@ void fm_engine_keep_message_locked(
   }
   if (engine->blackbox != NULL) {
     const struct fm_kept kept =
-    {reading->size, fm_engine_steady_time(), stamp, sent, topic, 0};
+    {reading->size, fm_steady_time(), stamp, sent, topic, 0};
     fm_blackbox_keep(engine->blackbox, &kept, reading->message);
   }
 }
@@ -571,23 +573,12 @@ static void wait_locked(
   int64_t now)
 {
   if (engine->waiting.n == engine->waiting.capacity) {
-    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows +=
-      engine->options.uses_header_stamps ? 1u : 0u;  // else they come in order
+    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows += 1;
     fm_engine_put_waiting_locked(engine, now);
   }
   fm_reorder_add(
     &engine->waiting, topic, stamp, fields, engine->options.topics[topic].n_inputs);
-  if (!engine->has_rounds) {
-    fm_engine_release_locked(engine, now);
-  }
-}
-
-// With stamps of headers: `reorder` before a message was received. What was before is decided.
-static int64_t horizon_locked(struct fm_engine * engine, int64_t received, int64_t now)
-{
-  const int64_t horizon = fm_later(received, -engine->options.reorder);
-  return engine->has_rounds && engine->source == FM_STEADY && received > 0 && horizon < now ?
-         horizon : now;
+  fm_engine_release_locked(engine, now);
 }
 
 // A stamp that is ahead of the clock delays its message without any other sign of it.
@@ -599,22 +590,22 @@ static void count_ahead(struct fm_order_counts * counts, int64_t ahead, int64_t 
   }
 }
 
-// A message with a stamp in its header. One that comes too late takes effect at the horizon: what
-// waits, and what is due, until then comes first.
+// A message with a stamp in its header. One that comes too late takes effect now: what waits, and
+// what is due, until then comes first.
 static void deliver_stamped_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
-  int64_t horizon, int64_t now)
+  int64_t now)
 {
-  const bool is_late = stamp < horizon;
+  const bool is_late = stamp < now;
   engine->topics[topic].counts.late += is_late ? 1u : 0u;
   count_ahead(
     &engine->topics[topic].counts, stamp - fm_later(now, engine->options.reorder),
     engine->options.reorder);
-  if (is_late && !engine->has_rounds) {
+  if (is_late) {
     fm_engine_release_locked(engine, now);
     (void)put_locked(engine, topic, fields, now);
   } else {
-    wait_locked(engine, topic, fields, is_late ? horizon : stamp, now);
+    wait_locked(engine, topic, fields, stamp, now);
   }
 }
 
@@ -625,17 +616,11 @@ static void deliver_timed_locked(
 {
   fm_engine_note_restart_locked(engine, now);
   if (engine->options.uses_header_stamps) {
-    deliver_stamped_locked(
-      engine, topic, fields, reading->stamp, horizon_locked(engine, received, now), now);
+    deliver_stamped_locked(engine, topic, fields, reading->stamp, now);
     return;
   }
   const int64_t instant = fm_engine_instant_locked(engine, received, now);
-  if (engine->has_rounds) {
-    wait_locked(engine, topic, fields, instant, now);
-  } else {
-    fm_engine_take_due_after_locked(
-      engine, put_locked(engine, topic, fields, instant), now);
-  }
+  fm_engine_take_due_after_locked(engine, put_locked(engine, topic, fields, instant), now);
 }
 
 // A message that is a step, if it is one, when it is delivered. Under FM_TIMED a step is an
@@ -672,9 +657,7 @@ static void deliver_fields_locked(
     if (engine->in_round) {
       now = fm_engine_instant_locked(engine, received, now);
     }
-    if (!engine->has_rounds) {
-      fm_engine_take_due_before_locked(engine, now);
-    }
+    fm_engine_take_due_before_locked(engine, now);
     deliver_step_locked(engine, topic, fields, stamp, now);
   }
 }

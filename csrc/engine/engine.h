@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 12u
+#define FM_ENGINE_ABI 13u
 
 struct fm_engine;
 
@@ -69,15 +69,15 @@ struct fm_engine_options
   bool takes_recoveries;              // with the violations; if the evaluator reports them
 };
 
-// Under FM_TIMED a message takes effect when it was received, by the source's time; in rounds, at
-// the end of its round, in the order of reception. With `uses_header_stamps` it takes effect at
-// the stamp in its header. Then it waits for `reorder`: the evaluator is that much behind the
-// clock, so that messages take effect in the order of their stamps, and deadlines come as much
-// later. Up to FM_MOST_WAITING messages wait. A message that comes more than `reorder` after its
-// stamp takes effect at the evaluator's time when it comes, after all that is due then. When there
-// is no room, the oldest one that waits takes effect at its stamp. Both are counted. The clock is
-// then that of the stamps: system time, in place of the steady clock. When it is set back, the
-// messages that wait take effect, and the groups start afresh.
+// Under FM_TIMED a message takes effect when it was received, by the source's time. With
+// `uses_header_stamps` it takes effect at the stamp in its header. Then it waits for `reorder`:
+// the evaluator is that much behind the clock, so that messages take effect in the order of their
+// stamps, and deadlines come as much later. Up to FM_MOST_WAITING messages wait. A message that
+// comes more than `reorder` after its stamp takes effect at the evaluator's time when it comes,
+// after all that is due then. When there is no room, the oldest one that waits takes effect at its
+// stamp. Both are counted. The clock is then that of the stamps: system time, in place of the
+// steady clock. When it is set back, the messages that wait take effect, and the groups start
+// afresh.
 
 /// Messages that took effect out of order, or wait for long.
 struct fm_order_counts
@@ -208,25 +208,14 @@ FM_EXPORT void fm_engine_begin(struct fm_engine * engine);
 /// The clock has moved: let fm_engine_take look at it.
 FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
 
-/// For a thread that takes messages itself, all of all topics in a round. The time is read when a
-/// round begins and stands still until the next one; what is due by then is taken when it ends,
-/// and at no other time. So no input is silent whose message is waiting to be taken. O(inputs),
-/// and O(what is due) for the end.
-FM_EXPORT void fm_engine_begin_round(struct fm_engine * engine);
-FM_EXPORT void fm_engine_end_round(struct fm_engine * engine);
-
 /// For the thread that moves the clock that is followed: note that it is alive, also while the
 /// clock stands still. O(1).
 FM_EXPORT void fm_engine_serve_clock(struct fm_engine * engine);
 
-/// Whether a thread hangs, so that the states of the requirements are not up to date: for longer
-/// than `nanoseconds` of CLOCK_MONOTONIC, no round has ended (if messages are taken in rounds), or
-/// fm_engine_serve_clock was not called (if a clock is followed). O(1).
+/// Whether the thread hangs that moves the clock that is followed, so that the states of the
+/// requirements are not up to date: fm_engine_serve_clock was not called for longer than
+/// `nanoseconds` of CLOCK_MONOTONIC. O(1).
 FM_EXPORT bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds);
-
-/// Nanoseconds until the deadline, 0 to `most`; `most` unless the steady clock is followed.
-/// O(inputs).
-FM_EXPORT int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most);
 
 /// As fm_evaluator_deadline: in the time of the source. O(inputs).
 FM_EXPORT int64_t fm_engine_deadline(struct fm_engine * engine);

@@ -19,9 +19,12 @@
 /// What a turn guards: the list of queues, and the message that was taken of each. While
 /// `is_catching_up` is set, callbacks take nothing; it is set in a turn, with the mutex held.
 
+#define _POSIX_C_SOURCE 200809L
+
 #include "engine_parts.h"
 
 #include "instance.h"
+#include "thread.h"
 
 #define MOST_AT_ONCE 1000u       // messages; what they violate is published in between
 #define BUSY_WINDOW_NS 20000000  // of callbacks; the middleware's own queues hold about as long
@@ -113,21 +116,42 @@ static bool is_due_locked(struct fm_engine * engine)
          fm_evaluator_deadline(engine->options.evaluator) < now;
 }
 
-bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began)
+// Whether somebody catches up, who looks at `has_left` afterwards.
+static bool is_left_to_others(struct fm_engine * engine)
 {
   if (load(&engine->is_catching_up)) {
     store(&engine->has_left, true);
-    if (load(&engine->is_catching_up)) {
-      return false;  // whoever catches up looks at `has_left` afterwards
-    }
+    return load(&engine->is_catching_up);
   }
-  *began = fm_engine_steady_time();
+  return false;
+}
+
+static void leave_locked(struct fm_engine * engine)
+{
+  store(&engine->has_left, true);
+  pthread_cond_signal(&engine->violation_queued);
+}
+
+void fm_engine_leave(struct fm_engine * engine)
+{
+  if (!is_left_to_others(engine)) {
+    fm_engine_lock(engine);
+    leave_locked(engine);
+    fm_engine_unlock(engine);
+  }
+}
+
+bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began)
+{
+  if (is_left_to_others(engine)) {
+    return false;
+  }
+  *began = fm_steady_time();
   fm_engine_lock(engine);
   const bool is_left = load(&engine->is_catching_up) ||
     (engine->has_announcer && (engine->is_overloaded || is_due_locked(engine)));
   if (is_left) {
-    store(&engine->has_left, true);
-    pthread_cond_signal(&engine->violation_queued);
+    leave_locked(engine);
     fm_engine_unlock(engine);
     return false;
   }
@@ -139,7 +163,7 @@ bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began)
 // receives: messages of all topics then wait, or are lost, before they have a time of reception.
 static void note_busy_locked(struct fm_engine * engine, int64_t began)
 {
-  const int64_t now = fm_engine_steady_time();
+  const int64_t now = fm_steady_time();
   engine->busy += fm_between(began, now);
   if (fm_between(engine->busy_since, now) >= BUSY_WINDOW_NS) {
     engine->is_overloaded = engine->busy > fm_between(engine->busy_since, now) / 2;
@@ -151,8 +175,7 @@ static void note_busy_locked(struct fm_engine * engine, int64_t began)
 void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behind)
 {
   if (is_behind) {
-    store(&engine->has_left, true);
-    pthread_cond_signal(&engine->violation_queued);
+    leave_locked(engine);
   }
   note_busy_locked(engine, began);
   engine->began = 0;
@@ -173,7 +196,7 @@ static void begin_round(struct fm_engine * engine)
     engine->has_round = !engine->is_closed && engine->source != FM_TOLD &&
       fm_engine_read_now_locked(engine, 0, &engine->round);
     engine->received_by = fm_engine_round_received_by_locked(engine);
-    const int64_t now = fm_engine_system_time();
+    const int64_t now = fm_read_clock(CLOCK_REALTIME);
     for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
       if (queue->received > engine->received_by && queue->received > now) {
         queue->received = engine->received_by;  // held, and the system time was set back since
@@ -194,7 +217,7 @@ static void take_next(const struct fm_engine * engine, struct fm_queue * queue)
 {
   queue->has_one = queue->take(queue->receiver, &queue->received);
   if (queue->has_one && queue->received > engine->received_by &&
-    queue->received > fm_engine_system_time())
+    queue->received > fm_read_clock(CLOCK_REALTIME))
   {
     queue->received = engine->received_by;  // the system time was set back since
   }
@@ -248,7 +271,7 @@ static bool end_round(struct fm_engine * engine)
     fm_engine_take_due_by_locked(engine, engine->round);
   }
   engine->in_round = false;
-  engine->caught_up = fm_engine_steady_time();
+  engine->caught_up = fm_steady_time();
   if (!holds) {
     store(&engine->is_catching_up, false);
   }
@@ -260,7 +283,7 @@ static bool end_round(struct fm_engine * engine)
 static void note_calm(struct fm_engine * engine, int64_t began)
 {
   fm_engine_lock(engine);
-  const int64_t now = fm_engine_steady_time();
+  const int64_t now = fm_steady_time();
   engine->catching_busy += fm_between(began, now);
   if (fm_between(engine->catching_since, now) >= CALM_WINDOW_NS) {
     engine->is_overloaded = engine->is_overloaded &&
@@ -274,7 +297,7 @@ static void note_calm(struct fm_engine * engine, int64_t began)
 // Go on for so many rounds and messages, or until nothing is left.
 static void take_rounds(struct fm_engine * engine, uint32_t rounds, uint32_t messages)
 {
-  const int64_t began = fm_engine_steady_time();
+  const int64_t began = fm_steady_time();
   bool is_over = false;
   while (!is_over && rounds > 0 && messages > 0) {
     begin_round(engine);
@@ -286,8 +309,7 @@ static void take_rounds(struct fm_engine * engine, uint32_t rounds, uint32_t mes
   note_calm(engine, began);
   if (!is_over) {
     fm_engine_lock(engine);
-    store(&engine->has_left, true);
-    pthread_cond_signal(&engine->violation_queued);
+    leave_locked(engine);
     fm_engine_unlock(engine);
   }
 }
@@ -347,7 +369,7 @@ bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine)
   if (engine->queues == NULL) {
     fm_engine_take_due_now_locked(engine);
   } else if (load(&engine->has_left) || is_due_locked(engine) || has_waited_locked(engine) ||
-    fm_between(engine->caught_up, fm_engine_steady_time()) >= REST_NS)
+    fm_between(engine->caught_up, fm_steady_time()) >= REST_NS)
   {
     fm_engine_unlock(engine);
     fm_engine_catch_up(engine);

@@ -14,9 +14,12 @@
 
 /// engine_gate.c: the functions of engine.h with which a gate judges and replaces messages.
 
+#define _POSIX_C_SOURCE 200809L
+
 #include "engine_parts.h"
 
 #include "instance.h"
+#include "thread.h"
 
 #define SECOND_NS 1000000000
 #define HANG_NS 500000000
@@ -24,7 +27,7 @@
 uint32_t fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n)
 {
   if (engine->gate != NULL &&
-    fm_gate_note(engine->gate, engine->found, &n, fm_engine_steady_time()) &&
+    fm_gate_note(engine->gate, engine->found, &n, fm_steady_time()) &&
     engine->on_due != NULL)
   {
     engine->on_due(engine->on_due_argument);
@@ -81,13 +84,6 @@ struct gated_step
   int64_t source;     // the time of the source; INT64_MIN: it has none
 };
 
-// A time, or the end of a span that it is beyond; the last one if they are in the wrong order.
-static int64_t within(int64_t time, int64_t first, int64_t last)
-{
-  const int64_t later = time < first ? first : time;
-  return later < last ? later : last;
-}
-
 // Take what is due before a message of the gate's topic, which is never left to a round: it is to
 // be sent at once. Under FM_TIMED it takes effect now, and not when it was received: it may have
 // waited in the middleware's queue while an input became silent.
@@ -100,7 +96,7 @@ static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t r
     step.now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
   } else {
     if (engine->queues != NULL && engine->has_round) {
-      now = within(engine->round, fm_evaluator_now(evaluator), now);
+      now = fm_within(engine->round, fm_evaluator_now(evaluator), now);
     }
     step.source = now;
     step.stamp = engine->source == FM_CLOCK ? now : received;
@@ -170,7 +166,7 @@ static uint32_t judge_locked(
   keep_gated_locked(engine, message, size, origin, &step, fields != NULL);
   uint32_t n = 0;
   const uint32_t judgement = fm_gate_judge(
-    engine->gate, fields, step.now, stamp_of_step(engine, &step), fm_engine_steady_time(),
+    engine->gate, fields, step.now, stamp_of_step(engine, &step), fm_steady_time(),
     engine->found, &n);
   end_gated_locked(engine, &step, n);
   return judgement;
@@ -217,7 +213,7 @@ static bool replace_locked(
   if (engine->is_closed || engine->gate == NULL) {
     return false;
   }
-  const int64_t system = fm_engine_system_time();
+  const int64_t system = fm_read_clock(CLOCK_REALTIME);
   struct gated_step step = begin_gated_locked(
     engine, engine->source == FM_TOLD ? fm_evaluator_now(engine->options.evaluator) : system);
   write_stamp(message, size, stamp_at, step.stamp);
@@ -229,7 +225,7 @@ static bool replace_locked(
     fields = engine->fields;
   }
   const bool is_sent = fm_gate_replace(
-    engine->gate, fields, step.now, stamp_of_step(engine, &step), fm_engine_steady_time(),
+    engine->gate, fields, step.now, stamp_of_step(engine, &step), fm_steady_time(),
     engine->found, &n);
   end_gated_locked(engine, &step, n);
   return is_sent;
@@ -262,7 +258,7 @@ struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine)
   fm_engine_lock(engine);
   fm_engine_look_for_hang_locked(engine);
   if (engine->gate != NULL) {
-    counts = fm_gate_counts(engine->gate, fm_engine_steady_time());
+    counts = fm_gate_counts(engine->gate, fm_steady_time());
   }
   fm_engine_unlock(engine);
   return counts;

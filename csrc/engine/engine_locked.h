@@ -41,9 +41,10 @@ struct fm_reading
   bool is_decoded;
 };
 
-/// Whether messages are kept, so that fm_reading must have their bytes. Constant once messages are
-/// delivered; any thread, without the lock.
-bool fm_engine_keeps_messages(const struct fm_engine * engine);
+/// Whether fm_reading must have the bytes of a message that was decoded: messages are kept, or
+/// some field cannot be used. Any thread, without the lock. O(fields).
+bool fm_engine_needs_bytes(
+  const struct fm_engine * engine, uint32_t topic, const struct fm_field * fields);
 
 /// Read a message of a topic: its fields, and its stamp. Returns whether it can be decoded; if
 /// not, what was written is unspecified. Any thread, without the lock. O(fields to read).
@@ -74,6 +75,9 @@ struct fm_queue
 /// not within a callback. O(1), O(queues).
 void fm_engine_add_queue(struct fm_engine * engine, struct fm_queue * queue);
 void fm_engine_remove_queue(struct fm_engine * engine, struct fm_queue * queue);
+
+/// For a callback that does not take its message: wake the thread in fm_engine_take, which does.
+void fm_engine_leave(struct fm_engine * engine);
 
 /// Begin to take messages in a callback. Returns false if they are to be left in their queue:
 /// others are taken from the queues now, or something is due, before which older messages of other

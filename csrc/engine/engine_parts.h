@@ -63,7 +63,7 @@ struct fm_engine
   struct fm_field * prepared;   // of the message being read, with receptions and ages
   struct fm_violation * found;  // violations of the steps of one message
   struct fm_engine_topic * topics;
-  struct fm_reorder waiting;    // under FM_TIMED: messages of a round, or of later stamps
+  struct fm_reorder waiting;    // under FM_TIMED: messages of later stamps
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
   bool * are_violated;            // requirements whose last violation has not ended
@@ -86,12 +86,8 @@ struct fm_engine
   int64_t ahead_read;    // by CLOCK_MONOTONIC: when `system_ahead` was found to hold
   int64_t set_after;     // by CLOCK_MONOTONIC: the system time was set then, or later
   int64_t wakes_at;      // a thread in fm_engine_take waits until then; INT64_MIN: none does
-  int64_t round;         // the time of the round
-  int64_t round_ended;   // by CLOCK_MONOTONIC
   int64_t clock_served;  // by CLOCK_MONOTONIC: the thread that moves the clock was alive
   int64_t released;      // waiting messages were released until then
-  bool has_rounds;       // messages are taken in rounds
-  bool has_round;        // there is a time, of the round
   bool is_outdated;      // the clock, until fm_engine_wake
   bool has_begun;        // the time
   bool is_new_source;    // its time was not read yet
@@ -112,7 +108,9 @@ struct fm_engine
   int64_t catching_since;
   struct fm_clock_mark marks[FM_MOST_MARKS];  // the last, as a ring
   uint64_t n_marks;
-  bool in_round;                // of a catch up; `round` is its time
+  bool in_round;                // of a catch up
+  int64_t round;                // its time
+  bool has_round;               // there is one
   bool has_announcer;           // a thread calls fm_engine_take
   bool is_overloaded;           // callbacks leave all messages
 };
@@ -153,7 +151,7 @@ void fm_engine_take_due_by_locked(struct fm_engine * engine, int64_t now);
 /// has begun.
 int64_t fm_engine_deadline_locked(struct fm_engine * engine);
 
-/// Take what is due by the clock that is followed, unless that is left to the end of a round.
+/// Take what is due by the clock that is followed, unless a catch up is to do so.
 void fm_engine_take_due_now_locked(struct fm_engine * engine);
 
 /// Start afresh if the time has gone back since waiting messages were released.
@@ -167,14 +165,6 @@ void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine);
 
 /// Wait until a violation is queued, the engine is closed, or the time is over. Takes what is due.
 void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds);
-
-/// Wait for a signal, or until a time of CLOCK_MONOTONIC; that clock.
-void fm_engine_wait_locked(
-  struct fm_engine * engine, pthread_cond_t * condition, int64_t until);
-int64_t fm_engine_steady_time(void);
-
-/// System time.
-int64_t fm_engine_system_time(void);
 
 // ---- engine.c ----------------------------------------------------------------------------------
 

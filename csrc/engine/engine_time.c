@@ -18,10 +18,9 @@
 
 #include "engine_parts.h"
 
-#include <time.h>
-
 #include "deadlines.h"
 #include "instance.h"
+#include "thread.h"
 
 #define SECOND_NS 1000000000
 #define CLOSE_NS 10000  // two readings of clocks without a preemption in between
@@ -35,13 +34,6 @@
 
 // ---- clocks ------------------------------------------------------------------------------------
 
-static int64_t read_clock(clockid_t clock)
-{
-  struct timespec now;
-  clock_gettime(clock, &now);
-  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
-}
-
 // How much the system time is ahead of the steady clock. Readings may be far apart if the thread
 // is preempted, so that they only give limits. What was found before holds while it is within
 // them: the stamps of periods are then exactly a period apart.
@@ -52,11 +44,11 @@ static int64_t system_ahead_locked(struct fm_engine * engine)
   int64_t after;
   int readings = 0;
   do {
-    before = read_clock(CLOCK_MONOTONIC);
+    before = fm_steady_time();
     FM_PAUSE();
-    system = read_clock(CLOCK_REALTIME);
+    system = fm_read_clock(CLOCK_REALTIME);
     FM_PAUSE();
-    after = read_clock(CLOCK_MONOTONIC);
+    after = fm_steady_time();
     readings += 1;
   } while (after - before > CLOSE_NS && readings < MOST_READINGS);
   const int64_t found = engine->system_ahead;
@@ -85,7 +77,7 @@ static bool read_source_locked(struct fm_engine * engine, int64_t told, int64_t 
 {
   *now = told;
   if (engine->source == FM_STEADY) {
-    *now = read_clock(uses_headers(engine) ? CLOCK_REALTIME : CLOCK_MONOTONIC);
+    *now = fm_read_clock(uses_headers(engine) ? CLOCK_REALTIME : CLOCK_MONOTONIC);
   } else if (engine->source == FM_CLOCK &&
     (engine->is_outdated || engine->now(engine->clock, now) != 0 || *now <= 0))
   {
@@ -115,9 +107,8 @@ int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, in
   if (engine->source != FM_STEADY || received <= 0) {
     return now;
   }
-  const int64_t instant = steady_of_locked(engine, received, now);
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
-  return instant > now ? now : instant < earliest ? earliest : instant;
+  return fm_within(steady_of_locked(engine, received, now), earliest, now);
 }
 
 // The clocks are compared only if it may be a longer time than any before. Within a callback,
@@ -129,10 +120,10 @@ void fm_engine_note_behind_locked(
     return;
   }
   const int64_t system = engine->began == 0 || engine->ahead_read == 0 ?
-    read_clock(CLOCK_REALTIME) : fm_later(engine->began, engine->system_ahead);
+    fm_read_clock(CLOCK_REALTIME) : fm_later(engine->began, engine->system_ahead);
   const int64_t apart = fm_between(received, system);
   if (apart < -SET_NS || apart > topic->behind) {
-    const int64_t now = read_clock(CLOCK_MONOTONIC);
+    const int64_t now = fm_steady_time();
     const int64_t behind = fm_since(steady_of_locked(engine, received, now), now);
     topic->behind = behind > topic->behind ? behind : topic->behind;
   }
@@ -227,7 +218,7 @@ void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now)
 void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
-  if (fm_evaluator_wake(evaluator) == INT64_MIN && fm_evaluator_deadline(evaluator) == INT64_MIN) {
+  if (!fm_evaluator_has_begun(evaluator)) {
     advance_locked(engine, now, true);  // begins the time
   } else if (now != fm_evaluator_now(evaluator)) {
     advance_locked(engine, fm_later(now, -1), false);
@@ -246,8 +237,8 @@ int64_t fm_engine_deadline_locked(struct fm_engine * engine)
 void fm_engine_take_due_now_locked(struct fm_engine * engine)
 {
   int64_t now;
-  if (engine->has_begun && engine->source != FM_TOLD && !engine->has_rounds &&
-    !engine->in_round && !engine->is_closed && read_source_locked(engine, 0, &now))
+  if (engine->has_begun && engine->source != FM_TOLD && !engine->in_round &&
+    !engine->is_closed && read_source_locked(engine, 0, &now))
   {
     join_source_locked(engine, now);
     fm_engine_take_due_by_locked(engine, now);
@@ -262,7 +253,7 @@ static bool mark_clock_locked(struct fm_engine * engine)
   if (engine->source != FM_CLOCK || !read_source_locked(engine, 0, &now)) {
     return false;
   }
-  const struct fm_clock_mark mark = {read_clock(CLOCK_REALTIME), now};
+  const struct fm_clock_mark mark = {fm_read_clock(CLOCK_REALTIME), now};
   const bool has_moved_on = engine->n_marks > 0 &&
     engine->marks[(engine->n_marks - 1u) % FM_MOST_MARKS].clock <= now;
   engine->marks[engine->n_marks % FM_MOST_MARKS] = mark;
@@ -294,10 +285,9 @@ static int64_t clock_at_locked(const struct fm_engine * engine, int64_t received
 {
   const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
   const struct fm_clock_mark * mark = received > 0 ? mark_at_locked(engine, received) : NULL;
-  int64_t clock = mark != NULL ? mark->clock :
+  const int64_t clock = mark != NULL ? mark->clock :
     received > 0 && engine->n_marks > 0 ? earliest : engine->round;
-  clock = clock < earliest ? earliest : clock;
-  return clock < engine->round ? clock : engine->round;
+  return fm_within(clock, earliest, engine->round);
 }
 
 int64_t fm_engine_round_received_by_locked(struct fm_engine * engine)
@@ -305,7 +295,7 @@ int64_t fm_engine_round_received_by_locked(struct fm_engine * engine)
   return engine->has_round && engine->source == FM_STEADY ?
          fm_later(
     fm_later(engine->round, engine->options.reorder), fm_engine_stamps_ahead_locked(engine)) :
-         read_clock(CLOCK_REALTIME);
+         fm_read_clock(CLOCK_REALTIME);
 }
 
 // With stamps of headers: the time until which messages took effect when a message was received
@@ -316,15 +306,13 @@ static int64_t stamps_at_locked(const struct fm_engine * engine, int64_t receive
   const int64_t earliest = now < engine->released ? engine->released : now;
   const int64_t then =
     received <= 0 ? engine->round : fm_later(received, -engine->options.reorder);
-  const int64_t instant = then < earliest ? earliest : then;
-  return instant < engine->round ? instant : engine->round;
+  return fm_within(then, earliest, engine->round);
 }
 
 bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t received, int64_t * now)
 {
-  if ((engine->has_rounds || engine->in_round) && engine->source != FM_TOLD) {
-    *now = !engine->in_round ? engine->round :
-      engine->source == FM_CLOCK ? clock_at_locked(engine, received) :
+  if (engine->in_round && engine->source != FM_TOLD) {
+    *now = engine->source == FM_CLOCK ? clock_at_locked(engine, received) :
       uses_headers(engine) ? stamps_at_locked(engine, received) : engine->round;
     return engine->has_round;
   }
@@ -343,7 +331,7 @@ bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int6
 void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine)
 {
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
-  if (engine->source == FM_STEADY && !engine->has_rounds &&
+  if (engine->source == FM_STEADY &&
     (fm_evaluator_wake(engine->options.evaluator) < engine->wakes_at ||
     (first != NULL && first->stamp < engine->wakes_at)))
   {
@@ -374,7 +362,7 @@ static void follow(
   engine->now = now;
   engine->clock = clock;
   engine->is_outdated = is_outdated;
-  engine->clock_served = read_clock(CLOCK_MONOTONIC);
+  engine->clock_served = fm_steady_time();
   engine->is_new_source = true;
   engine->has_round = false;
   engine->n_marks = 0;
@@ -409,42 +397,17 @@ void fm_engine_begin(struct fm_engine * engine)
   fm_engine_unlock(engine);
 }
 
-void fm_engine_begin_round(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  if (!engine->has_rounds) {
-    engine->round_ended = read_clock(CLOCK_MONOTONIC);
-  }
-  engine->has_rounds = true;
-  engine->has_round = !engine->is_closed && read_source_locked(engine, 0, &engine->round);
-  if (engine->has_round) {
-    join_source_locked(engine, engine->round);
-  }
-  fm_engine_unlock(engine);
-}
-
-void fm_engine_end_round(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  if (engine->has_begun && engine->has_round && engine->source != FM_TOLD && !engine->is_closed) {
-    fm_engine_take_due_by_locked(engine, engine->round);
-  }
-  engine->round_ended = read_clock(CLOCK_MONOTONIC);
-  fm_engine_unlock(engine);
-}
-
 void fm_engine_serve_clock(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
-  engine->clock_served = read_clock(CLOCK_MONOTONIC);
+  engine->clock_served = fm_steady_time();
   fm_engine_unlock(engine);
 }
 
 bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds)
 {
-  const int64_t now = read_clock(CLOCK_MONOTONIC);
-  return (engine->has_rounds && fm_since(engine->round_ended, now) > nanoseconds) ||
-         (engine->source == FM_CLOCK && fm_since(engine->clock_served, now) > nanoseconds);
+  const int64_t now = fm_steady_time();
+  return engine->source == FM_CLOCK && fm_since(engine->clock_served, now) > nanoseconds;
 }
 
 bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds)
@@ -453,20 +416,6 @@ bool fm_engine_hangs(struct fm_engine * engine, int64_t nanoseconds)
   const bool hangs = fm_engine_hangs_locked(engine, nanoseconds);
   fm_engine_unlock(engine);
   return hangs;
-}
-
-int64_t fm_engine_time_left(struct fm_engine * engine, int64_t most)
-{
-  int64_t left = most;
-  fm_engine_lock(engine);
-  if (engine->has_begun && engine->source == FM_STEADY) {
-    const int64_t deadline = fm_engine_deadline_locked(engine);
-    int64_t now;
-    (void)read_source_locked(engine, 0, &now);
-    left = deadline <= now ? 0 : fm_between(now, deadline);
-  }
-  fm_engine_unlock(engine);
-  return left < most ? left : most;
 }
 
 void fm_engine_wake(struct fm_engine * engine)
@@ -491,24 +440,12 @@ int64_t fm_engine_deadline(struct fm_engine * engine)
 
 // ---- waiting -----------------------------------------------------------------------------------
 
-int64_t fm_engine_steady_time(void) {return read_clock(CLOCK_MONOTONIC);}
-int64_t fm_engine_system_time(void) {return read_clock(CLOCK_REALTIME);}
-
-void fm_engine_wait_locked(
-  struct fm_engine * engine, pthread_cond_t * condition, int64_t until)
-{
-  struct timespec end;
-  end.tv_sec = (time_t)(until / SECOND_NS);
-  end.tv_nsec = (long)(until % SECOND_NS);
-  pthread_cond_timedwait(condition, &engine->mutex, &end);
-}
-
 // Wait for a signal, the deadline, or `end` of CLOCK_MONOTONIC. If the system time is set in the
 // meantime, a wait for a stamp ends too early or at `end`.
 static void wait_for_deadline_locked(struct fm_engine * engine, int64_t end)
 {
-  const bool waits = engine->has_begun && engine->source == FM_STEADY && !engine->has_rounds;
-  const int64_t steady = read_clock(CLOCK_MONOTONIC);
+  const bool waits = engine->has_begun && engine->source == FM_STEADY;
+  const int64_t steady = fm_steady_time();
   int64_t ahead = 0;  // of the source
   if (waits && uses_headers(engine)) {
     int64_t now;
@@ -519,20 +456,19 @@ static void wait_for_deadline_locked(struct fm_engine * engine, int64_t end)
   const int64_t deadline = waits ? fm_engine_deadline_locked(engine) : last;
   engine->wakes_at = deadline < last ? deadline : last;
   FM_PAUSE();
-  fm_engine_wait_locked(
-    engine, &engine->violation_queued, fm_between(ahead, engine->wakes_at));
+  fm_wait_until(&engine->violation_queued, &engine->mutex, fm_between(ahead, engine->wakes_at));
   engine->wakes_at = INT64_MIN;
 }
 
 void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds)
 {
   const int64_t end =
-    read_clock(CLOCK_MONOTONIC) + (int64_t)milliseconds * (SECOND_NS / 1000);
+    fm_steady_time() + (int64_t)milliseconds * (SECOND_NS / 1000);
   engine->has_announcer = true;
   bool is_behind = fm_engine_catch_up_if_due_locked(engine);
   while (engine->outbox.n_violations == 0 && !engine->is_closed && milliseconds > 0 &&
     engine->states.changes == engine->taken_changes &&
-    read_clock(CLOCK_MONOTONIC) < end)
+    fm_steady_time() < end)
   {
     if (!is_behind) {
       wait_for_deadline_locked(engine, end);

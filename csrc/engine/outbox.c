@@ -20,8 +20,10 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "thread.h"
+
+#define SECOND_NS 1000000000
 #define FIRST_CAPACITY 64u
 #define MOST_VIOLATIONS (1u << 20)
 #define MOST_DETAILS 1024u
@@ -100,16 +102,9 @@ uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, ui
 
 // ---- details -----------------------------------------------------------------------------------
 
-static int64_t monotonic_seconds(void)
-{
-  struct timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return (int64_t)now.tv_sec;
-}
-
 static bool is_within_limit(const struct fm_outbox * outbox, struct fm_quota * quota)
 {
-  const int64_t second = monotonic_seconds();
+  const int64_t second = fm_steady_time() / SECOND_NS;
   if (second != quota->second) {
     quota->second = second;
     quota->used = 0;

@@ -19,7 +19,17 @@
 #include "thread.h"
 
 #include <signal.h>
-#include <time.h>
+
+#define SECOND_NS 1000000000
+
+int64_t fm_read_clock(clockid_t clock)
+{
+  struct timespec now;
+  clock_gettime(clock, &now);
+  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
+}
+
+int64_t fm_steady_time(void) {return fm_read_clock(CLOCK_MONOTONIC);}
 
 bool fm_make_condition(pthread_cond_t * condition)
 {
@@ -31,6 +41,15 @@ bool fm_make_condition(pthread_cond_t * condition)
     pthread_cond_init(condition, &attributes) == 0;
   pthread_condattr_destroy(&attributes);
   return is_made;
+}
+
+void fm_wait_until(pthread_cond_t * condition, pthread_mutex_t * mutex, int64_t until)
+{
+  const int64_t positive = until < 0 ? 0 : until;
+  struct timespec end;
+  end.tv_sec = (time_t)(positive / SECOND_NS);
+  end.tv_nsec = (long)(positive % SECOND_NS);
+  (void)pthread_cond_timedwait(condition, mutex, &end);
 }
 
 bool fm_start_thread(pthread_t * thread, void * (* run)(void * argument), void * argument)

@@ -116,6 +116,11 @@ int64_t fm_evaluator_wake(const struct fm_evaluator * evaluator)
   return evaluator->wake;
 }
 
+bool fm_evaluator_has_begun(const struct fm_evaluator * evaluator)
+{
+  return evaluator->instance.time->has_begun;
+}
+
 int64_t fm_evaluator_now(const struct fm_evaluator * evaluator)
 {
   return evaluator->instance.time->now;

@@ -292,6 +292,9 @@ FM_INTERNAL uint32_t fm_evaluator_advance_to(
 /// has not begun. O(inputs + groups).
 FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 
+/// Whether the time has begun. O(1).
+FM_EXPORT bool fm_evaluator_has_begun(const struct fm_evaluator * evaluator);
+
 /// The time: the largest `now` of the two functions since it began or went back, or under
 /// FM_TIMED of a later message; 0 before.
 FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);

@@ -229,6 +229,12 @@ int64_t fm_later(int64_t time, int64_t by)
   return time + by;
 }
 
+int64_t fm_within(int64_t time, int64_t first, int64_t last)
+{
+  const int64_t later = time < first ? first : time;
+  return later < last ? later : last;
+}
+
 int64_t fm_between(int64_t from, int64_t to)
 {
   if (from < 0 && to > INT64_MAX + from) {

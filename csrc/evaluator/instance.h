@@ -126,6 +126,9 @@ FM_INTERNAL void fm_instance_shift(const struct fm_instance * instance, int64_t 
 /// The sum, or the nearest time in range. O(1).
 FM_INTERNAL int64_t fm_later(int64_t time, int64_t by);
 
+/// The time, or the nearest between two others; `last` if they are in the wrong order. O(1).
+FM_INTERNAL int64_t fm_within(int64_t time, int64_t first, int64_t last);
+
 /// The nanoseconds from one time to another, or the nearest number in range. O(1).
 FM_INTERNAL int64_t fm_between(int64_t from, int64_t to);
 

@@ -21,13 +21,11 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "thread.h"
 
 #define BATCH 64u
 #define MILLISECOND_NS 1000000
-#define SECOND_NS 1000000000
 #define HANG_NS 500000000
 #define LOCK_PERIODS 3
 #define WAIT_MS 500u  // closing the engine wakes it at once
@@ -71,13 +69,6 @@ static void announce(struct fm_announcer * announcer, const struct fm_violation 
 
 // ---- locks -------------------------------------------------------------------------------------
 
-static int64_t steady_time(void)
-{
-  struct timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
-}
-
 static bool is_locked(const struct fm_lock * lock, const struct fm_requirement_state * states)
 {
   bool all_hold = true;
@@ -112,7 +103,7 @@ static void publish_locks(struct fm_announcer * announcer)
   if (announcer->n_locks == 0) {
     return;
   }
-  const int64_t now = steady_time();
+  const int64_t now = fm_steady_time();
   (void)fm_engine_states(announcer->engine, UINT64_MAX, 0, announcer->states);
   for (uint32_t k = 0; k < announcer->n_locks; ++k) {
     struct lock * lock = &announcer->locks[k];
@@ -134,7 +125,7 @@ static void publish_locks(struct fm_announcer * announcer)
 static uint32_t time_left(const struct fm_announcer * announcer)
 {
   int64_t left = WAIT_MS;
-  const int64_t now = steady_time();
+  const int64_t now = fm_steady_time();
   for (uint32_t k = 0; k < announcer->n_locks; ++k) {
     const int64_t until = announcer->locks[k].due <= now ? 0 : announcer->locks[k].due - now;
     const int64_t milliseconds =

@@ -17,8 +17,8 @@
 ///
 /// A lock is a std_msgs/msg/Bool that is published all the time, by the same thread that takes
 /// what is due: if the thread, or the engine that it asks, hangs, nothing is published, and
-/// silence means locked. The same if a thread hangs that takes messages in rounds, or moves the
-/// clock that is followed (fm_engine_hangs): no `false` is published meanwhile.
+/// silence means locked. The same if the thread hangs that moves the clock that is followed
+/// (fm_engine_hangs): no `false` is published meanwhile.
 
 #ifndef ANNOUNCER_H_
 #define ANNOUNCER_H_

@@ -15,10 +15,10 @@
 /// receiver.c: see receiver.h for the contract.
 ///
 /// Two threads take from a subscription: one of the middleware, within `on_message`, with the
-/// engine's mutex held; or one that catches up, without it (csrc/engine/engine_backlog.c), while callbacks
-/// leave their messages. The middleware calls `on_message` while it holds its own locks for the
-/// subscription, and to take a message needs the same locks: a thread outside a callback must not
-/// take while it holds the engine's mutex.
+/// engine's mutex held (unless it only wakes); or one that catches up, without it
+/// (csrc/engine/engine_backlog.c), while callbacks leave their messages. The middleware calls
+/// `on_message` while it holds its own locks for the subscription, and to take a message needs the
+/// same locks: a thread outside a callback must not take while it holds the engine's mutex.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -58,16 +58,6 @@ static const struct fm_reader * reader_of(const struct fm_receiver * receiver)
   return fm_engine_reader(receiver->engine, receiver->topic);
 }
 
-static bool all_are_read(const struct fm_field * fields, uint32_t n)
-{
-  for (uint32_t k = 0; k < n; ++k) {
-    if (fields[k].outcome != FM_FIELD_READ) {
-      return false;
-    }
-  }
-  return true;
-}
-
 static void copy_message(struct fm_serialized * copy, const uint8_t * message, size_t size)
 {
   copy->length = 0;
@@ -100,8 +90,8 @@ const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * recei
 void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size)
 {
   read_fields(receiver, message, size);
-  if (fm_engine_keeps_messages(receiver->engine) || !receiver->reading.is_decoded ||
-    !all_are_read(receiver->fields, reader_of(receiver)->n_inputs))
+  if (!receiver->reading.is_decoded ||
+    fm_engine_needs_bytes(receiver->engine, receiver->topic, receiver->fields))
   {
     copy_message(&receiver->message, message, size);
   }
@@ -132,7 +122,7 @@ static enum result take(struct fm_receiver * receiver)
   if (result != 0 || !taken) {
     return result == 0 && has_error ? DROPPED : EMPTY;
   }
-  if (receiver->taking == FM_LISTEN) {
+  if (receiver->taking != FM_LISTEN_IN_PLACE) {
     read_fields(receiver, receiver->message.buffer, receiver->message.length);
   }
   receiver->reading.message = receiver->message.buffer;
@@ -170,7 +160,7 @@ static bool take_locked(struct fm_receiver * receiver, size_t count)
   return result != EMPTY && count > most;
 }
 
-// Called in a thread of the middleware.
+// Called in a thread of the middleware, as the next function.
 static void on_message(const void * user_data, size_t count)
 {
   struct fm_receiver * receiver = (struct fm_receiver *)user_data;
@@ -182,6 +172,12 @@ static void on_message(const void * user_data, size_t count)
     const bool is_behind = !receiver->is_stopped && take_locked(receiver, count);
     fm_engine_end_taking(receiver->engine, began, is_behind);
   }
+}
+
+static void wake(const void * user_data, size_t count)
+{
+  (void)count;
+  fm_engine_leave(((const struct fm_receiver *)user_data)->engine);
 }
 
 static enum result take_any(struct fm_receiver * receiver)
@@ -205,18 +201,6 @@ static bool take_for_queue(void * argument, int64_t * received)
 static void deliver_of_queue_locked(void * argument)
 {
   deliver_locked(argument);
-}
-
-bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out)
-{
-  receiver->middleware->forget_error();  // left by earlier calls in this thread
-  const enum result result = take_any(receiver);
-  out->message = receiver->message.buffer;
-  out->size = receiver->message.length;
-  fm_engine_lock(receiver->engine);  // for is_retired
-  out->origin = origin_of(receiver);
-  fm_engine_unlock(receiver->engine);
-  return result == TAKEN;
 }
 
 // ---- life --------------------------------------------------------------------------------------
@@ -244,7 +228,6 @@ bool fm_receiver_start(
   receiver->message.allocator = fm_malloc_allocator();
   receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
   receiver->reading.fields = receiver->fields;
-  const bool listens = taking != FM_WHEN_ASKED;
   receiver->queue.receiver = receiver;
   receiver->queue.take = take_for_queue;
   receiver->queue.deliver_locked = deliver_of_queue_locked;
@@ -252,17 +235,16 @@ bool fm_receiver_start(
     free_receiver(receiver);
     return false;
   }
-  if (listens) {
-    fm_engine_add_queue(engine, &receiver->queue);  // the middleware may call back at once
-    if (middleware->listen(subscription, on_message, receiver) != 0) {
-      middleware->forget_error();
-      fm_engine_remove_queue(engine, &receiver->queue);
-      fm_engine_catch_up(engine);
-      free_receiver(receiver);
-      return false;
-    }
+  fm_engine_add_queue(engine, &receiver->queue);  // the middleware may call back at once
+  const fm_on_message callback = taking == FM_WAKE ? wake : on_message;
+  if (middleware->listen(subscription, callback, receiver) != 0) {
+    middleware->forget_error();
+    fm_engine_remove_queue(engine, &receiver->queue);
     fm_engine_catch_up(engine);
+    free_receiver(receiver);
+    return false;
   }
+  fm_engine_catch_up(engine);
   *started = receiver;
   return true;
 }
@@ -287,9 +269,7 @@ bool fm_receiver_stop(struct fm_receiver ** started)
   if (receiver == NULL) {
     return true;
   }
-  if (receiver->taking != FM_WHEN_ASKED &&
-    receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0)
-  {
+  if (receiver->middleware->listen(receiver->subscription, NULL, NULL) != 0) {
     receiver->middleware->forget_error();
     fm_engine_lock(receiver->engine);
     receiver->is_stopped = true;
@@ -297,9 +277,7 @@ bool fm_receiver_stop(struct fm_receiver ** started)
     fm_engine_remove_queue(receiver->engine, &receiver->queue);
     return false;
   }
-  if (receiver->taking != FM_WHEN_ASKED) {
-    fm_engine_remove_queue(receiver->engine, &receiver->queue);
-  }
+  fm_engine_remove_queue(receiver->engine, &receiver->queue);
   *started = NULL;
   free_receiver(receiver);
   return true;

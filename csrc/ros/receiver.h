@@ -14,10 +14,9 @@
 
 /// receiver.h: takes the messages of a subscription for an engine, without Python.
 ///
-/// A receiver that listens takes and delivers the messages inside the middleware's new-message
-/// callback, at most 1000 in one; what is left is taken by the thread in fm_engine_take. From one
-/// that does not listen, the caller takes each message with fm_receiver_take, and delivers it with
-/// fm_engine_message.
+/// A receiver takes and delivers the messages inside the middleware's new-message callback, at
+/// most 1000 in one; what is left is taken by the thread in fm_engine_take. Where the callback
+/// must not take, it only wakes that thread.
 
 #ifndef RECEIVER_H_
 #define RECEIVER_H_
@@ -36,21 +35,12 @@ enum fm_taking
 {
   FM_LISTEN = 0,           // in the new-message callback
   FM_LISTEN_IN_PLACE = 1,  // so, and the subscription has a type support of fm_in_place_make
-  FM_WHEN_ASKED = 2        // with fm_receiver_take
-};
-
-/// A message that was taken and not delivered. `message` and `origin.gid` are valid until the next
-/// call for this receiver.
-struct fm_record
-{
-  const uint8_t * message;
-  size_t size;
-  struct fm_origin origin;
+  FM_WAKE = 2              // in the thread in fm_engine_take, which the callback wakes
 };
 
 /// Start to take the messages of a subscription (an rmw_subscription_t from which no other code
-/// takes) as those of a topic. If the receiver listens, messages that are already queued are
-/// delivered first, at most 1000 before this returns. The engine, the middleware and the
+/// takes) as those of a topic. Messages that are already queued are delivered first, at most 1000
+/// before this returns. The engine, the middleware and the
 /// subscription outlive the receiver. `taking`: enum fm_taking. False if the middleware has no
 /// new-message callback, or memory is short. `*receiver` as of fm_announcer_start.
 ///
@@ -60,10 +50,6 @@ struct fm_record
 FM_EXPORT bool fm_receiver_start(
   struct fm_receiver ** receiver, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking);
-
-/// Take the next message of a receiver that does not listen. Returns false if none is queued, or
-/// the middleware failed.
-FM_EXPORT bool fm_receiver_take(struct fm_receiver * receiver, struct fm_record * out);
 
 /// Deliver what waits in the queues of all receivers of the engine, in the order of reception.
 /// Callbacks that come meanwhile take nothing.

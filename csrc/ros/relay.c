@@ -26,13 +26,11 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "engine_locked.h"
 #include "serialized.h"
 #include "thread.h"
 
-#define SECOND_NS 1000000000
 #define WAIT_NS 250000000  // between two probes, which find messages whose notification was lost
 #define POLL_NS 1000000    // without notifications
 #define MOST_AT_END 1000u  // messages of a subscription that is removed
@@ -125,13 +123,6 @@ static void on_due(void * argument)
   pthread_mutex_unlock(&relay->mutex);
 }
 
-static int64_t steady_time(void)
-{
-  struct timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return (int64_t)now.tv_sec * SECOND_NS + (int64_t)now.tv_nsec;
-}
-
 static int64_t next_probe_locked(const struct fm_relay * relay)
 {
   int64_t wait = WAIT_NS;
@@ -155,12 +146,8 @@ static void probe_if_due_locked(struct fm_relay * relay, int64_t now)
 static void wait_locked(struct fm_relay * relay)
 {
   int64_t until = next_probe_locked(relay);
-  struct timespec end;
   until = relay->due < until ? relay->due : until;
-  until = until < 0 ? 0 : until;
-  end.tv_sec = (time_t)(until / SECOND_NS);
-  end.tv_nsec = (long)(until % SECOND_NS);
-  (void)pthread_cond_timedwait(&relay->woken, &relay->mutex, &end);
+  fm_wait_until(&relay->woken, &relay->mutex, until);
 }
 
 // ---- messages ----------------------------------------------------------------------------------
@@ -225,7 +212,7 @@ static bool take_one(
 static void replace_if_due(struct fm_relay * relay, void * publisher)
 {
   struct fm_serialized * message = &relay->replacement;
-  if (relay->due <= steady_time() &&
+  if (relay->due <= fm_steady_time() &&
     fm_engine_replace(
       relay->options.engine, message->buffer, message->length, relay->options.stamp_at,
       &relay->due))
@@ -302,7 +289,7 @@ static void * run(void * argument)
   relay->due = fm_engine_replacement_due(relay->options.engine);
   pthread_mutex_lock(&relay->mutex);
   while (!relay->is_closing) {
-    const int64_t now = steady_time();
+    const int64_t now = fm_steady_time();
     probe_if_due_locked(relay, now);
     struct source * source = next_ready_locked(relay);
     if (source == NULL && !relay->is_due_earlier && relay->due > now) {

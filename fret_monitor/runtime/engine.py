@@ -422,18 +422,6 @@ class Engine:
         """Show that the thread that moves the clock is alive: see `fm_engine_hangs`."""
         self._library.fm_engine_serve_clock(self.pointer)
 
-    def begin_round(self) -> None:
-        """Read the time, which then stands still, before all waiting messages are taken."""
-        self._library.fm_engine_begin_round(self.pointer)
-
-    def end_round(self) -> None:
-        """Take what was due when the round began, after its messages were delivered."""
-        self._library.fm_engine_end_round(self.pointer)
-
-    def time_left(self, most: int) -> int:
-        """Return the nanoseconds until the deadline by the steady clock, at most `most`."""
-        return int(self._library.fm_engine_time_left(self.pointer, most))
-
     @property
     def deadline(self) -> int:
         """The next instant at which something is due without a message; `NEVER` if none is."""

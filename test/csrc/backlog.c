@@ -28,6 +28,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "engine_locked.h"
 
 enum { X, Y, N_TOPICS };
 enum { ANSWER, FED, N_REQUIREMENTS };
@@ -166,10 +167,7 @@ static void receive(uint32_t topic, uint8_t value, int64_t received)
   self->sent += 1;
 }
 
-static void call_back(uint32_t topic)
-{
-  subscriptions[topic].callback(subscriptions[topic].user_data, 1);
-}
+static void call_back(uint32_t topic);
 
 // ---- a monitor ---------------------------------------------------------------------------------
 
@@ -259,6 +257,8 @@ static struct fm_receiver * receivers[N_TOPICS];
 static struct fm_violation taken[MOST];
 static uint32_t n_taken;
 static bool begins = true;
+static uint32_t taking = FM_LISTEN;
+static struct fm_engine * woken = NULL;  // with FM_WAKE: callbacks are followed by a catch up
 
 static struct fm_engine * make(uint32_t policy, int64_t timeout)
 {
@@ -276,8 +276,9 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
   fm_engine_follow_steady(engine);
   for (uint32_t topic = 0; topic < N_TOPICS; ++topic) {
     CHECK(fm_receiver_start(
-        &receivers[topic], engine, &middleware, &subscriptions[topic], topic, FM_LISTEN));
+        &receivers[topic], engine, &middleware, &subscriptions[topic], topic, taking));
   }
+  woken = taking == FM_WAKE ? engine : NULL;
   if (begins) {
     fm_engine_begin(engine);
   }
@@ -291,6 +292,14 @@ static void destroy(struct fm_engine * engine)
   }
   fm_engine_destroy(engine);
   free(memory);
+}
+
+static void call_back(uint32_t topic)
+{
+  subscriptions[topic].callback(subscriptions[topic].user_data, 1);
+  if (woken != NULL) {
+    fm_engine_catch_up(woken);
+  }
 }
 
 // As the announcer does.
@@ -383,6 +392,29 @@ static void a_message_of_before_the_system_time_was_set_counts_as_well(int64_t s
   announce(engine);
   CHECK(n_taken == 1 && is_taken(ANSWER, asked + WINDOW + set_by));
   set_by = 0;
+  destroy(engine);
+}
+
+// Nothing is taken before the announcer comes, and then in the order of reception.
+static void callbacks_that_only_wake_leave_all_in_order(void)
+{
+  taking = FM_WAKE;
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  woken = NULL;
+  const int64_t asked = system_now() - WINDOW;
+  sleep_ms(1);
+  receive(Y, false, asked - 2);
+  call_back(Y);
+  receive(Y, true, asked + WINDOW / 2);
+  call_back(Y);
+  receive(X, true, asked);
+  call_back(X);
+  CHECK(subscriptions[X].taken == 0 && subscriptions[Y].taken == 0);
+  announce(engine);
+  sleep_ms(2 * WINDOW / MS);
+  announce(engine);
+  CHECK(n_taken == 0 && subscriptions[X].taken == 1 && subscriptions[Y].taken == 2);
+  taking = FM_LISTEN;
   destroy(engine);
 }
 
@@ -598,7 +630,7 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
 // Receive more messages than a callback and a catch up take, so that a round stops within.
 static void stop_within_a_round(struct fm_engine * engine, uint32_t n_left)
 {
-  const uint32_t n = 2 * MOST_AT_ONCE + n_left;
+  const uint32_t n = (taking == FM_WAKE ? 1u : 2u) * MOST_AT_ONCE + n_left;
   for (uint32_t k = 0; k < n; ++k) {
     receive(Y, false, system_now());
   }
@@ -843,6 +875,20 @@ int main(void)
 {
   a_thread_that_asks_does_not_wait_until_others_have_caught_up();
   setvbuf(stdout, NULL, _IONBF, 0);  // one of these tests would hang
+  callbacks_that_only_wake_leave_all_in_order();
+  taking = FM_WAKE;
+  an_input_is_not_silent_while_its_message_waits(FM_TIMED);
+  a_message_counts_from_its_reception_however_late_it_is();
+  under_a_clock_a_message_counts_from_what_it_said_then(true);
+  under_a_clock_a_message_counts_from_what_it_said_then(false);
+  a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(100);
+  the_time_does_not_go_back_while_the_clock_stands();
+  no_call_takes_what_is_due_before_an_answer_that_waits(CONDITIONS);
+  no_call_takes_what_is_due_before_an_answer_that_waits(RESET);
+  a_message_that_waits_for_its_stamp_takes_effect_in_time();
+  a_header_counts_however_late_its_message_is_processed();
+  a_gate_knows_what_was_received_before_its_message();
+  taking = FM_LISTEN;
   nothing_is_overdue_while_an_answer_waits();
   an_input_is_not_silent_while_its_message_waits(FM_TIMED);
   an_input_is_not_silent_while_its_message_waits(FM_RELEVANT_MESSAGE);

@@ -385,32 +385,23 @@ static void a_violation_before_another_clock_has_a_time_has_the_stamp_0(void)
 // A simulator sends its messages after the tick of /clock to which they belong.
 static void an_answer_while_the_clock_stands_at_the_deadline_counts(void)
 {
-  for (int has_rounds = 0; has_rounds < 2; ++has_rounds) {
-    for (int64_t reorder = -1; reorder <= 0; ++reorder) {  // without and with stamps of headers
-      for (int64_t late = 0; late < 2; ++late) {
-        struct clock clock = {1000, false};
-        struct fm_engine * engine = make(reorder);
-        fm_engine_follow_clock(engine, read_clock, &clock, false);
-        fm_engine_begin(engine);
-        const int64_t times[] = {1000, 1000, 1101 + late, 1300};
-        for (int k = 0; k < 4; ++k) {
-          clock.now = times[k];
-          take(engine, 0);
-          if (has_rounds) {
-            fm_engine_begin_round(engine);
-          }
-          deliver(engine, k == 1 ? TOPIC_X : TOPIC_Y, k == 1 || k == 2, times[k], 1);
-          take(engine, 0);
-          if (has_rounds) {
-            fm_engine_end_round(engine);
-          }
-          take(engine, 0);
-        }
-        CHECK(count_of(ANSWER) == (uint32_t)late);  // asked at 1001
-        CHECK(late == 0 || is_taken(ANSWER, 1101, 100));
-        CHECK(fm_engine_time_counts(engine).restarts == 0);
-        destroy(engine);
+  for (int64_t reorder = -1; reorder <= 0; ++reorder) {  // without and with stamps of headers
+    for (int64_t late = 0; late < 2; ++late) {
+      struct clock clock = {1000, false};
+      struct fm_engine * engine = make(reorder);
+      fm_engine_follow_clock(engine, read_clock, &clock, false);
+      fm_engine_begin(engine);
+      const int64_t times[] = {1000, 1000, 1101 + late, 1300};
+      for (int k = 0; k < 4; ++k) {
+        clock.now = times[k];
+        take(engine, 0);
+        deliver(engine, k == 1 ? TOPIC_X : TOPIC_Y, k == 1 || k == 2, times[k], 1);
+        take(engine, 0);
       }
+      CHECK(count_of(ANSWER) == (uint32_t)late);  // asked at 1001
+      CHECK(late == 0 || is_taken(ANSWER, 1101, 100));
+      CHECK(fm_engine_time_counts(engine).restarts == 0);
+      destroy(engine);
     }
   }
 }
@@ -439,29 +430,6 @@ static void without_a_time_messages_are_steps_of_the_last_instant(void)
   clock.now = 10000;
   take(engine, 0);
   CHECK(is_taken(ANSWER, 600, 100) && is_taken(BEAT, 702, 202));
-  destroy(engine);
-}
-
-// ---- rounds ------------------------------------------------------------------------------------
-
-static void the_messages_of_a_round_take_effect_in_order_at_its_end(void)
-{
-  struct fm_engine * engine = make(-1);
-  window = 20 * MS;
-  fm_engine_follow_steady(engine);
-  fm_engine_begin(engine);
-  const struct timespec pause = {0, 10 * MS};
-  nanosleep(&pause, NULL);
-  const int64_t now = time_of(CLOCK_REALTIME);
-  fm_engine_begin_round(engine);
-  // By reception x comes first, although it is delivered last: the group is ready with y.
-  deliver(engine, TOPIC_Y, true, 0, now - 5 * MS);
-  deliver(engine, TOPIC_Y, false, 0, now - 4 * MS);
-  deliver(engine, TOPIC_X, true, now, now - 6 * MS);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
-  fm_engine_end_round(engine);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
-  window = 100;
   destroy(engine);
 }
 
@@ -572,28 +540,6 @@ static void a_late_message_takes_effect_after_what_is_decided_then(void)
   take(engine, 0);
   CHECK(is_taken(ANSWER, 2001, 971));  // asked again at 1901, after the message at 1900
   CHECK(fm_engine_time_counts(engine).restarts == 0);
-  destroy(engine);
-}
-
-static void late_messages_of_a_round_take_effect_at_its_end(void)
-{
-  struct fm_engine * engine = make(20 * MS);
-  window = 20 * MS;
-  fm_engine_follow_steady(engine);
-  fm_engine_begin(engine);
-  const struct timespec pause = {0, 10 * MS};
-  nanosleep(&pause, NULL);
-  const int64_t now = time_of(CLOCK_REALTIME);
-  fm_engine_begin_round(engine);
-  deliver(engine, TOPIC_X, true, 0, now - 5 * MS);
-  deliver(engine, TOPIC_Y, false, now - 24 * MS, now - 4 * MS);
-  deliver(engine, TOPIC_Y, false, now - 24 * MS - 1, now - 4 * MS);
-  CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 1);
-  CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 1);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
-  fm_engine_end_round(engine);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
-  window = 100;
   destroy(engine);
 }
 
@@ -807,14 +753,12 @@ int main(void)
   a_violation_before_another_clock_has_a_time_has_the_stamp_0();
   an_answer_while_the_clock_stands_at_the_deadline_counts();
   without_a_time_messages_are_steps_of_the_last_instant();
-  the_messages_of_a_round_take_effect_in_order_at_its_end();
   a_wait_ends_at_the_deadline();
   a_reception_ends_with_its_message_and_wakes_no_thread();
   messages_take_effect_in_the_order_of_their_stamps();
   a_message_that_is_too_late_takes_effect_at_once();
   a_stamp_ahead_of_the_clock_is_counted();
   a_late_message_takes_effect_after_what_is_decided_then();
-  late_messages_of_a_round_take_effect_at_its_end();
   messages_of_one_stamp_do_not_move_the_time_back();
   when_too_many_wait_the_oldest_takes_effect();
   when_the_clock_of_stamps_goes_back_what_waits_takes_effect();

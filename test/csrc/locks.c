@@ -221,14 +221,9 @@ int main(void)
   }
   CHECK(comes(true, count(&state)));  // silent
   const uint64_t silent = count(&state);
-  fm_engine_begin_round(engine);
   deliver(engine, 0);
-  fm_engine_end_round(engine);
   CHECK(comes(false, silent));
-  const uint64_t hung = end_of_messages();  // no round begins: the thread that takes hangs
-  fm_engine_begin_round(engine);
-  fm_engine_end_round(engine);
-  CHECK(comes(true, hung));  // the timeout is taken
+  CHECK(comes(true, silent));  // silent again
   const uint64_t before = fm_engine_unpublished(engine);
   set_fails(true);
   CHECK(comes(true, count(&state) + 2));

@@ -48,6 +48,14 @@ static int listen(void * subscription, fm_on_message callback, const void * user
   return 0;
 }
 
+static int refuse(void * subscription, fm_on_message callback, const void * user_data)
+{
+  (void)subscription;
+  (void)callback;
+  (void)user_data;
+  return 1;
+}
+
 static int take(
   const void * subscription, struct fm_serialized * message, bool * taken,
   struct fm_message_info * info, void * allocation)
@@ -196,28 +204,40 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   free(memory);
 }
 
-static void a_receiver_that_does_not_listen_takes_when_asked(void)
+// Where the callback must not take, nothing is taken within it.
+static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_catches_up(void)
 {
   struct subscription subscription = {2, 0, NULL, NULL, false, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_WHEN_ASKED));
-  struct fm_record record;
-  CHECK(subscription.callback == NULL && subscription.taken == 0);
-  for (uint64_t k = 1; k <= 2; ++k) {
-    CHECK(fm_receiver_take(receiver, &record));
-    CHECK(record.origin.sequence == k && record.origin.gid != NULL);
-    CHECK(!record.origin.is_retired);
-    CHECK(received(engine) == k - 1);
-    (void)fm_engine_message(engine, 0, record.message, record.size, &record.origin);
-    CHECK(received(engine) == k);
-  }
-  CHECK(!fm_receiver_take(receiver, &record));
-  fm_receiver_retire(receiver);
-  subscription.sent += 1;
-  CHECK(fm_receiver_take(receiver, &record) && record.origin.is_retired);
+  struct fm_violation none;
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_WAKE));
   CHECK(received(engine) == 2);
+  for (uint64_t k = 0; k < 3; ++k) {
+    send(&subscription, 1);
+    CHECK(subscription.taken == 2 + k);
+    CHECK(fm_engine_take(engine, &none, 1, 0) == 0);
+    CHECK(received(engine) == 3 + k);
+  }
+  send(&subscription, 2500);
+  fm_receiver_drain(receiver);
+  CHECK(received(engine) == 2505);
   CHECK(fm_receiver_stop(&receiver));
+  CHECK(fm_engine_lost(engine, 0) == 0);
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+static void a_middleware_without_a_callback_is_refused(void)
+{
+  struct subscription subscription = {0, 0, NULL, NULL, false, 0};
+  struct fm_engine * engine = make_engine();
+  struct fm_middleware without = middleware;
+  struct fm_receiver * receiver = NULL;
+  without.listen = refuse;
+  CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_WAKE));
+  CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_LISTEN));
+  CHECK(receiver == NULL);
   fm_engine_destroy(engine);
   free(memory);
 }
@@ -228,6 +248,7 @@ int main(void)
   a_drain_delivers_all_that_waits();
   a_message_that_comes_during_a_drain_is_taken_by_it();
   a_callback_that_is_not_forgotten_does_no_harm();
-  a_receiver_that_does_not_listen_takes_when_asked();
+  a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_catches_up();
+  a_middleware_without_a_callback_is_refused();
   return failures == 0 ? 0 : 1;
 }

@@ -34,7 +34,7 @@ except ImportError:
     collect_ignore_glob.append('*')
 
 
-# Its monitors read the messages in C, and then in Python: both must pass the same tests.
+# Its monitors take messages in callbacks, and then in a thread: both must pass the same tests.
 BOTH_WAYS = {'test_monitor_node'}
 
 

@@ -48,7 +48,7 @@ def short(prepared: bench.Bench, domain: int) -> bench.Bench:
 @pytest.mark.usefixtures('forking')
 def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> None:
     rows = list(bench.violations(short))
-    assert {row.note for row in rows} <= {'', 'in C', 'in Python'}
+    assert {row.note for row in rows} <= {'', 'in callbacks', 'in a thread'}
     measured = {row.subject: row for row in rows if row.figure.startswith('CPU a message')}
     assert {'rcl in C', 'monitor', 'rclpy', bench.UNREAD} <= set(measured)
     assert all(measured[name].value > 0.0 for name in ('rcl in C', 'rclpy'))
@@ -65,7 +65,7 @@ def test_a_large_message_is_counted_by_every_subject_that_takes(short: bench.Ben
     rows = list(bench.cloud(replace(short, seconds=0.4)))
     # On a busy machine a few may be missing; their number stands in the note.
     notes = {re.sub(r'(, )?\b[1-5] messages missing', '', row.note) for row in rows}
-    assert notes <= {'', 'in C', 'in Python'}
+    assert notes <= {'', 'in callbacks', 'in a thread'}
     work = short.work(('points',), bench.CLOUDS, content='cloud', depth=10)
     assert bench.sample(short.load, work, short.unread(work)).counted == 0
 
@@ -90,17 +90,17 @@ def test_a_start_ends_with_the_first_step_after_the_first_subscription(short: be
 
 
 def test_missing_figures_are_reported_and_ratios_compare_the_same_round() -> None:
-    in_python = replace(SAMPLE, way='in Python', cpu=30.0)
+    in_a_thread = replace(SAMPLE, way='in a thread', cpu=30.0)
     found = {'rcl in C': [SAMPLE, replace(SAMPLE, cpu=20.0), SAMPLE],
              bench.UNREAD: [replace(SAMPLE, counted=0, answers=0)] * 3,
              'monitor': [replace(SAMPLE, counted=99, cpu=5.0), replace(SAMPLE, cpu=20.0),
-                         in_python]}
+                         in_a_thread]}
     rows = {row.subject: row for row in bench.rows('CPU', 'us', found, lambda item: item.cpu, '1')}
     monitor = rows['monitor']
     assert (monitor.value, monitor.lowest, monitor.highest) == (20.0, 5.0, 30.0)
     assert monitor.ratio == 1.0
     assert {name: row.note for name, row in rows.items()} == {
-        'rcl in C': '', bench.UNREAD: '', 'monitor': 'in Python, 1 messages missing'}
+        'rcl in C': '', bench.UNREAD: '', 'monitor': 'in a thread, 1 messages missing'}
 
 
 def test_a_subject_that_does_not_start_is_reported_with_its_output(short: bench.Bench) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The nodes in every executor of rclpy, with messages read in C and in Python."""
+"""The nodes in every executor of rclpy, with messages taken in callbacks and in a thread."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

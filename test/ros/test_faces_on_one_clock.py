@@ -47,7 +47,7 @@ from strategies import EXAMPLES
 
 TICK_NS = 100_000_000
 TOPICS: dict[str, Any] = {'probe': Bool, 'x': Float32, 'p': Bool, 'q': Bool}
-NODES = ('hot', 'cold', 'native')  # in C in the middleware, in rounds of Python, without
+NODES = ('hot', 'cold', 'native')  # in callbacks, in a thread that they wake, without Python
 SIMULATED = ('-p', 'use_sim_time:=true')
 Change = tuple[str, int, bool]
 """A requirement, a time, and whether its violation is over."""

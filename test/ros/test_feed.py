@@ -20,18 +20,19 @@ from functools import cache
 from pathlib import Path
 import random
 from tempfile import TemporaryDirectory
-from time import sleep, time_ns
+from threading import Thread
+from time import sleep
 from typing import Any
 
 from fret_monitor import build
 from fret_monitor.native import Monitor
 from fret_monitor.ros.intake import feed
-from fret_monitor.ros.intake.feed import Feed, Record
+from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.intake.raw_topic import RawTopic
+from fret_monitor.ros.intake.raw_topic import RawIntake, RawTopic
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
-from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime import Engine, Evaluator, MessageRing
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -58,33 +59,39 @@ def monitor() -> Monitor:
         return build.build(path).monitor
 
 
-class RecordingTopic(EngineTopic):
-    """Records the messages that its engine does not recognise as repeated."""
-
-    def __init__(self, engine: Engine, name: str, got: list[tuple[str, int]]) -> None:
-        self._name = name
-        self._index = 'xyz'.index(name)
-        self._got = got
-        super().__init__(engine, Middleware(listens=False), self._index)
-
-    def deliver(self, record: Record) -> None:
-        before = self._engine.topic_counts(self._index).messages
-        super().deliver(record)
-        if self._engine.topic_counts(self._index).messages > before:
-            self._got.append((self._name, deserialize_message(record.data, Int32).data))
-
-
 class Listener:
-    """A node with a feed that records all that it delivers to an engine."""
+    """A node with a feed, and an engine whose messages a thread takes and a ring keeps."""
 
     def __init__(self, context: Context, topics: str, fixed: dict[str, str | int]) -> None:
         self.node = Node('fret_monitor', context=context)
         self.feed = Feed(self.node)
-        self.got: list[tuple[str, int]] = []
-        engine = Engine(Evaluator(monitor()))
+        self._engine = Engine(Evaluator(monitor(), reports_recoveries=True))
+        self._ring = MessageRing(self._engine.library, 1 << 20, 60)
+        self._engine.keep_messages(self._ring)
+        self._engine.follow_steady()
+        self._engine.begin()
+        self._thread = Thread(target=self._take)
+        middleware = Middleware(may_take=False)
         for name in topics:
-            self.feed.subscribe(
-                name, 'std_msgs/msg/Int32', Int32, RecordingTopic(engine, name, self.got), fixed)
+            self.feed.subscribe(name, 'std_msgs/msg/Int32', Int32, EngineTopic(
+                self._engine, middleware, 'xyz'.index(name)), fixed)
+        self._thread.start()
+
+    def _take(self) -> None:
+        while not self._engine.is_closed:
+            self._engine.take(100)
+
+    def close(self) -> None:
+        self.feed.close()
+        self._engine.close()
+        self._thread.join()
+        self.node.destroy_node()
+
+    @property
+    def got(self) -> list[tuple[str, int]]:
+        """Return the topics and numbers of all messages that were delivered, in order."""
+        return [('xyz'[message.topic], deserialize_message(message.data, Int32).data)
+                for _, message in self._ring.read(0)]
 
     def numbers(self, publisher: int) -> list[int]:
         """Return the numbers of one publisher; each counts in a thousand of its own."""
@@ -101,8 +108,7 @@ def listening(partner: Partner, topics: str = 'x', fixed: dict[str, str | int] |
         yield listener
         assert listener.feed.failure is None
     finally:
-        listener.feed.close()
-        listener.node.destroy_node()
+        listener.close()
 
 
 def send(publishers: list[Publisher], begin: int = 0, end: int = 30, pause: float = 0.01) -> None:
@@ -213,82 +219,6 @@ def test_messages_of_several_topics_come_in_the_order_in_which_they_were_sent(
         assert listener.got == sent
 
 
-def test_the_order_is_kept_when_the_clock_was_set_back(
-    partner: Partner, monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    publishers = {topic: partner.publisher(Int32, topic, BEST_EFFORT) for topic in 'xyz'}
-    with listening(partner, 'xyz', is_started=False) as listener:
-        partner.wait_for_listener(*publishers.values())
-        for number, topic in enumerate('zyx'):
-            publishers[topic].publish(Int32(data=number))
-        sleep(0.2)
-        # All messages received now have stamps in the future, and wait for one round.
-        monkeypatch.setattr('fret_monitor.ros.intake.feed.time_ns', lambda: 1)
-        listener.feed.start()
-        wait_until(lambda: len(listener.got) == 3, 'three messages')
-        assert listener.got == [('z', 0), ('y', 1), ('x', 2)]
-
-
-class Flooded:
-    """The receiver of a topic with a message each 2 us, and a queue of 100000."""
-
-    def __init__(self, topic: 'FloodedTopic') -> None:
-        self._topic = topic
-
-    def take(self) -> Record | None:
-        received = max(self._topic.last + 2000, time_ns() - 200_000_000)
-        if received > time_ns():
-            return None
-        self._topic.last = received
-        self._topic.taken += 1
-        return Record(b'', received, 0, self._topic.taken)
-
-    def drain(self) -> None:
-        """Do nothing."""
-
-    poll = retire = stop = drain
-
-
-class FloodedTopic(RawTopic):
-    """A topic of which more comes than is delivered."""
-
-    taken = 0
-    last = 0
-
-    def open(self, subscription: RclSubscription) -> Any:
-        return Flooded(self)
-
-
-class CountedRounds:
-    """Counts the rounds that have ended."""
-
-    ended = 0
-
-    def begin_round(self) -> None:
-        """Do nothing."""
-
-    def end_round(self) -> None:
-        self.ended += 1
-
-    def time_left(self, most: int) -> int:
-        return most
-
-
-def test_rounds_end_while_a_queue_is_never_empty(partner: Partner) -> None:
-    rounds, node = CountedRounds(), Node('fret_monitor', context=partner.context)
-    feed = Feed(node, rounds)
-    topic = FloodedTopic(lambda data, received, sent: None)
-    try:
-        feed.subscribe('x', 'std_msgs/msg/Int32', Int32, topic, {})
-        feed.start()
-        wait_until(lambda: rounds.ended > 1, 'two rounds')
-        assert topic.taken > 10000
-        assert feed.failure is None
-    finally:
-        feed.close()
-        node.destroy_node()
-
-
 def test_a_qos_profile_of_the_bundle_stays_and_incompatible_publishers_are_reported(
     partner: Partner, capfd: pytest.CaptureFixture[str],
 ) -> None:
@@ -345,7 +275,7 @@ def test_a_resubscription_that_fails_is_retried_ever_more_rarely(
     if what == 'the subscription':
         monkeypatch.setattr(feed, 'RclSubscription', failing(RclSubscription))
     else:
-        monkeypatch.setattr(RecordingTopic, 'open', failing(RecordingTopic.open))
+        monkeypatch.setattr(EngineTopic, 'open', failing(EngineTopic.open))
     with listening(partner, is_started=False) as listener:
         topic, = listener.feed._topics
         topic.open()
@@ -364,9 +294,9 @@ def test_a_resubscription_that_fails_is_retried_ever_more_rarely(
         assert review_for(0.25) == 1
         assert review_for(63) == 6  # after 1, 2, 4, 8, 16 and 32 s
         assert [review_for(59), review_for(1), review_for(60)] == [0, 1, 1]
-        assert len(topic.subscriptions()) == 1
+        assert not topic._retired
         send([reliable], 0, 1)
-        wait_until(lambda: topic.receivers()[0].take() is not None, 'a message')
+        wait_until(lambda: listener.numbers(0) == [0], 'a message')
         log = capfd.readouterr().err
         assert log.count('cannot subscribe anew to /x (reliable, volatile): no room; the '
                          'subscription before is kept, and there are further attempts') == 1
@@ -375,7 +305,7 @@ def test_a_resubscription_that_fails_is_retried_ever_more_rarely(
         assert 'subscribed anew to /x (reliable, volatile)' in capfd.readouterr().err
         assert review_for(4) == 0
         send([reliable], 1, 2)
-        wait_until(lambda: topic.receivers()[-1].take() is not None, 'a message of the new one')
+        wait_until(lambda: listener.numbers(0) == [0, 1], 'a message of the new one')
         other = partner.publisher(Int32, 'x', BEST_EFFORT)
         wait_until(lambda: listener.node.count_publishers('x') == 2, 'another publisher')
         fails = True
@@ -391,8 +321,9 @@ def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> 
         raise RuntimeError('oh')
 
     node: Any = Node('fret_monitor', context=partner.context)
-    failing = Feed(node)
-    failing.subscribe('x', 'std_msgs/msg/Int32', Int32, RawTopic(fail), {})
+    intake = RawIntake(node)
+    failing = Feed(node, intake)
+    failing.subscribe('x', 'std_msgs/msg/Int32', Int32, RawTopic(intake, fail), {})
     publisher = partner.publisher(Int32, 'x')
     failing.start()
     partner.wait_for_listener(publisher)

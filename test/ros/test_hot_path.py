@@ -28,7 +28,7 @@ from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware
+from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, Unavailable
@@ -170,9 +170,9 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
         node.destroy_node()
 
 
-def test_a_middleware_without_a_callback_for_new_messages_is_used_from_python(
-    partner: Partner, stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
+@pytest.mark.parametrize('way', ['auto', 'off'])
+def test_a_middleware_without_a_callback_for_new_messages_is_refused(
+    stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
@@ -183,23 +183,17 @@ def test_a_middleware_without_a_callback_for_new_messages_is_used_from_python(
         return find_symbol(library, name, kind)
 
     monkeypatch.setattr('fret_monitor.ros.intake.hot_path.find_symbol', find)
-
-    def start(way: str) -> MonitorNode:
-        return MonitorNode(context=stranger.context, parameter_overrides=[
+    with pytest.raises(Refusal, match='cannot use the middleware: the middleware has no rmw_sub'):
+        MonitorNode(context=stranger.context, parameter_overrides=[
             Parameter('spec', value=str(bundle)), Parameter('hot_path', value=way)])
 
-    with pytest.raises(Refusal, match='hot_path is on, and C cannot take the messages'):
-        start('on')
-    node = start('auto')
-    try:
-        x = partner.publisher(Float32, 'x')
-        partner.listen('R')
-        partner.wait_for_listener(x)
-        x.publish(Float32(data=2.0))
-        partner.expect({'R': 1})
-    finally:
-        node.destroy_node()
-    assert 'messages are taken in Python: ' in capfd.readouterr().err
+
+def test_callbacks_of_an_unknown_middleware_only_wake(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('fret_monitor.ros.intake.hot_path.PROVEN', ('rmw_other',))
+    name = get_rmw_implementation_identifier()
+    assert why_callbacks_wake('auto') == f'it is known to work with rmw_other, not with {name}'
+    assert why_callbacks_wake('on') is None
+    assert why_callbacks_wake('off') == 'hot_path is off'
 
 
 def test_messages_are_read_in_place_only_with_known_versions() -> None:

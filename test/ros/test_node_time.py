@@ -237,7 +237,7 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     engine: Any = Served()
-    time = NodeTime(node, engine, None, on_move=engine.wake)
+    time = NodeTime(node, engine, None)
     simulator = node.create_publisher(Clock, '/clock', 1)
 
     def signs(seconds: float) -> int:

@@ -144,9 +144,9 @@ def test_a_periodic_bundle_may_take_its_period_from_a_parameter(
 
 
 @pytest.mark.parametrize(('word', 'told'), [
-    ('auto', 'messages are taken in C'), ('on', 'messages are taken in C'),
-    ('off', 'messages are taken in Python: hot_path is off')])
-def test_a_parameter_decides_whether_c_or_python_reads_the_messages(
+    ('auto', 'messages are taken in C, inside '), ('on', 'messages are taken in C, inside '),
+    ('off', 'messages are taken in C, in a thread of its own: hot_path is off')])
+def test_a_parameter_decides_whether_callbacks_take_the_messages(
     word: str, told: str, partner: Partner, bundle: Path,
 ) -> None:
     # YAML reads `on` and `off` as booleans; here they are words.

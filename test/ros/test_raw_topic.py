@@ -18,12 +18,16 @@ from pathlib import Path
 import signal
 from threading import Event
 from time import monotonic, sleep
+from typing import Any
 
-from fret_monitor.ros.intake.feed import Feed, Record
-from fret_monitor.ros.intake.raw_topic import Gaps, RawTopic
+from fret_monitor.ros.intake.feed import Feed
+from fret_monitor.ros.intake.raw_topic import (
+    Deliver, Gaps, RawIntake, RawTopic, Record,
+)
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from ros.harness import BEST_EFFORT, Partner, RELIABLE, started, wait_until
 from ros.operators import Operator
 from std_msgs.msg import Int32
@@ -75,7 +79,8 @@ def test_without_sequence_numbers_no_loss_is_counted() -> None:
 
 def test_a_message_that_arrives_twice_is_delivered_once_during_a_handover_only() -> None:
     got: list[bytes] = []
-    topic = RawTopic(lambda data, received, sent: got.append(data))
+    unused: Any = None
+    topic = RawTopic(unused, lambda data, received, sent: got.append(data))
 
     def deliver(data: bytes, sent: int, sequence: int) -> None:
         topic.deliver(Record(data, 0, sent, sequence))
@@ -105,14 +110,48 @@ def test_a_message_that_arrives_twice_is_delivered_once_during_a_handover_only()
     assert len(all_twice()) == 6
 
 
+def raw_feed(node: Node, topics: dict[str, Deliver], depth: int) -> Feed:
+    """Return a feed of raw topics."""
+    intake = RawIntake(node)
+    feed = Feed(node, intake)
+    for name, deliver in topics.items():
+        feed.subscribe(
+            name, 'std_msgs/msg/Int32', Int32, RawTopic(intake, deliver), {'depth': depth})
+    return feed
+
+
+def test_messages_that_wait_on_several_topics_come_in_the_order_of_their_reception(
+    partner: Partner,
+) -> None:
+    got: list[tuple[str, int]] = []
+
+    def keep(name: str) -> Deliver:
+        return lambda data, received, sent: got.append(
+            (name, deserialize_message(data, Int32).data))
+
+    node = Node('fret_monitor', context=partner.context)
+    feed = raw_feed(node, {name: keep(name) for name in 'xyz'}, 1000)
+    try:
+        publishers = {name: partner.publisher(Int32, name, BEST_EFFORT) for name in 'xyz'}
+        partner.wait_for_listener(*publishers.values())
+        sent = [('zyxxz'[number % 5], number) for number in range(200)]
+        for name, number in sent:
+            publishers[name].publish(Int32(data=number))
+        sleep(0.2)  # until all wait
+        feed.start()
+        wait_until(lambda: len(got) == len(sent), 'all messages')
+        assert got == sent
+    finally:
+        feed.close()
+        node.destroy_node()
+
+
 def test_a_subscription_is_replaced_without_repetition(
     partner: Partner, capfd: pytest.CaptureFixture[str],
 ) -> None:
     got: list[bytes] = []
     node = Node('fret_monitor', context=partner.context)
-    feed = Feed(node)
-    feed.subscribe('x', 'std_msgs/msg/Int32', Int32,
-                   RawTopic(lambda data, received, sent: got.append(data)), {'depth': 1000})
+    feed = raw_feed(node, {'x': lambda data, received, sent: got.append(data)}, 1000)
     feed.start()
     try:
         publisher = partner.publisher(Int32, 'x', RELIABLE)
@@ -140,8 +179,7 @@ def test_a_queue_that_overflows_is_reported(
         go.wait()
 
     node = Node('fret_monitor', context=partner.context)
-    feed = Feed(node)
-    feed.subscribe('x', 'std_msgs/msg/Int32', Int32, RawTopic(take), {'depth': 5})
+    feed = raw_feed(node, {'x': take}, 5)
     publisher = partner.publisher(Int32, 'x', BEST_EFFORT)
     feed.start()
     partner.wait_for_listener(publisher)

@@ -28,7 +28,7 @@ from ros.harness import NodeProcess, Partner, READY, wait_until
 from std_msgs.msg import Empty, Float32
 from strategies import EXAMPLES
 
-# The monitor reads messages in C, and in Python; the logger in Python only.
+# The monitor takes messages in callbacks, and in a thread of C; the logger in Python.
 nodes = pytest.mark.parametrize(
     'name, hot_path', [('monitor', 'on'), ('monitor', 'off'), ('logger', 'off')],
     indirect=['hot_path'])

@@ -272,23 +272,6 @@ def test_an_outdated_clock_gives_no_time_before_it_moves(
     assert engine.take(0) == [] and engine.deadline == 101 * SECOND
 
 
-def test_what_is_due_is_taken_at_the_end_of_a_round(engine: Engine, clock: SetClock) -> None:
-    engine.begin()
-    engine.begin_round()
-    engine.end_round()
-    clock.time = 7 * SECOND  # the timeout is over, and a message waits to be taken
-    engine.begin_round()
-    assert engine.take(0) == []
-    engine.message(0, a_float(0.5), received=1)
-    engine.end_round()
-    assert engine.take(0) == [] and engine.silence(0) == Silence(0, 0, False)
-    clock.time = 8 * SECOND + 1
-    engine.begin_round()
-    assert engine.take(0) == []
-    engine.end_round()
-    assert [item.stamp for item in engine.take(0)] == [8 * SECOND] * 2
-
-
 def test_a_reset_is_in_time(engine: Engine, clock: SetClock) -> None:
     engine.begin()
     clock.time = 7 * SECOND
@@ -297,13 +280,6 @@ def test_a_reset_is_in_time(engine: Engine, clock: SetClock) -> None:
     assert [item.stamp for item in engine.take(0)] == [6 * SECOND] * 2
     clock.time = 8 * SECOND
     assert [item.stamp for item in engine.take(0)] == [7 * SECOND] * 2
-
-
-def test_the_steady_clock_tells_the_time_left(engine: Engine) -> None:
-    engine.follow_steady()
-    assert engine.time_left(5) == 5
-    engine.begin()
-    assert 0 < engine.time_left(SECOND) <= SECOND and engine.time_left(7) == 7
 
 
 def test_a_message_received_by_two_subscriptions_is_one_step(engine: Engine) -> None:

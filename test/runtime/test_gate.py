@@ -618,40 +618,27 @@ class Guarded:
         self.engine.message(self.y, cdr('<f', value), time_ns())
 
 
-def test_a_gate_is_closed_while_no_messages_of_the_other_topics_are_taken(tmp_path: Path) -> None:
+def test_a_gate_is_closed_while_the_thread_hangs_that_moves_the_clock(tmp_path: Path) -> None:
     otherwise = ', otherwise: {substitute: {}, rate: 10}}'
     gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'onset').rstrip('\n}') + otherwise)
-    gated.engine.begin_round()
+
+    @ffi.callback('int(void *, int64_t *)')
+    def read(_: object, now: Any) -> int:
+        now[0] = 100 * SECOND
+        return 0
+
+    gated.engine.follow_clock(read, ffi.NULL)
     gated.sense(9.0)
-    gated.engine.end_round()
     assert gated.send(1.0) is PASSED
     gated.engine.take(0)
     assert gated.engine.replacement_due == NEVER
     sleep(0.6)
-    gated.engine.begin_round()  # but none ends, in which a silence would be taken
     gated.engine.take(0)
     assert gated.engine.replacement_due != NEVER
     assert gated.send(1.0) is CLOSED
     assert not gated.engine.gate_counts().is_known
-    gated.engine.begin_round()
-    gated.engine.end_round()
+    gated.engine.serve_clock()
     assert gated.send(1.0) is PASSED
-
-
-@pytest.mark.parametrize('policy', ['relevant_message', 'timed'])
-def test_a_message_that_is_judged_during_a_round_moves_no_time_back(
-        tmp_path: Path, policy: str) -> None:
-    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', policy)
-    bound = '5 s' if policy == 'timed' else '50'
-    gated = Guarded(tmp_path, text.replace('H (x < y)', f'(O[0,{bound}] y < 1.0) -> x <= 0.0'))
-    for level in (9.0, 0.5, 9.0):
-        gated.engine.begin_round()
-        gated.send(0.0)
-        for _ in range(5):  # all at the instant of the message that was judged, or later
-            gated.sense(level)
-        gated.engine.end_round()
-    assert gated.send(1.0) is VIOLATES
-    assert gated.engine.time_counts().restarts == 0
 
 
 def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_path: Path) -> None:
@@ -666,40 +653,18 @@ def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_pat
 
     gated.engine.follow_clock(read, ffi.NULL)
 
-    def take(*levels: float) -> None:
-        gated.engine.serve_clock()
-        gated.engine.begin_round()
-        for level in levels:
-            gated.sense(level)
-        gated.engine.end_round()
-
-    take(9.0)
+    gated.sense(9.0)
     assert gated.send(0.0) is PASSED
-    take(0.5)
+    gated.sense(0.5)
     clock[0] += SECOND
-    take(9.0)
-    gated.engine.begin_round()
+    gated.sense(9.0)
     gated.sense(9.0)
     assert gated.send(1.0) is VIOLATES  # a nanosecond after what was taken at this reading
-    gated.engine.end_round()
     for value in (0.0, 1.0, 0.0, 1.0):
-        take(9.0)
+        gated.engine.serve_clock()
+        gated.sense(9.0)
         assert gated.send(value) is (VIOLATES if value else PASSED)
     assert gated.engine.time_counts().restarts == 0
-
-
-def test_what_waits_for_the_end_of_a_round_is_taken_before_a_message_is_judged(
-        tmp_path: Path) -> None:
-    text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed')
-    gated = Guarded(tmp_path, text)
-    gated.engine.begin_round()
-    gated.sense(9.0)
-    gated.engine.end_round()
-    assert gated.send(1.0) is PASSED
-    gated.engine.begin_round()
-    gated.sense(0.5)
-    assert gated.send(1.0) is VIOLATES
-    gated.engine.end_round()
 
 
 def test_a_substitute_has_no_stamp_before_the_clock_has_a_time(tmp_path: Path) -> None:

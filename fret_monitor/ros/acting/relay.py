@@ -31,7 +31,7 @@ from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.feed import Record, UNNAMED
+from fret_monitor.ros.intake.feed import UNNAMED
 from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_publisher import RclPublisher
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
@@ -256,8 +256,6 @@ def _full_name(item: TopicEndpointInfo) -> str:
 class RelayedTopic:
     """The topic of a gate: the relay takes its messages."""
 
-    listens = True
-
     def __init__(self, relay: Relay, engine: Engine, gate: ManifestGate) -> None:
         """Give the subscriptions of this topic to a relay."""
         self._relay = relay
@@ -270,9 +268,6 @@ class RelayedTopic:
         if subscription.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
             self._relay.follow(is_durable=True)
         return RelayReceiver(self._relay, subscription)
-
-    def deliver(self, record: Record) -> None:
-        """Do nothing: C takes the messages."""
 
     def note_publishers(self, gids: Set[bytes]) -> None:
         """Look for other publishers on the target, and at the relay's own."""
@@ -315,10 +310,8 @@ class RelayReceiver:
             self.poll()
             undo.pop_all()
 
-    def take(self) -> None:
-        """Return None: C takes the messages."""
-
-    drain = take
+    def drain(self) -> None:
+        """Do nothing: `stop` does."""
 
     def poll(self) -> None:
         """Start taking, if that had to wait."""

@@ -15,23 +15,19 @@
 """
 The subscriptions of a bundle: made, replaced where they do not match a publisher, and closed.
 
-One thread checks the publishers periodically. Where C listens, it does nothing else. Otherwise it
-waits on all subscriptions, and delivers the messages in the order of the middleware's reception
-times: rclpy's executor needs 70 us for a message and takes the messages of one topic after the
-other, which loses the order across topics.
+One thread checks the publishers periodically. It takes messages only for nodes without an engine
+(`raw_topic`): for the others C does.
 
-The subscriptions are used by the feed's thread only, and not by an executor.
+The subscriptions are used by no executor.
 """
 
 from collections import deque
 from collections.abc import Mapping, Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass
-from heapq import merge
-from itertools import islice
 from threading import Event, Thread
-from time import monotonic, time_ns
-from typing import Any, NamedTuple, Protocol
+from time import monotonic
+from typing import Any, Protocol
 
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
@@ -40,39 +36,19 @@ from fret_monitor.ros.settings import qos
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.watch import ErrorKeeper
 
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
-class Record(NamedTuple):
-    """
-    A serialized message that was taken, and is to be delivered.
-
-    `received` is the middleware's time of reception, `sent` the time of its publisher (ns);
-    `sequence` its number, counted by the publisher that `gid` identifies; empty: not known.
-    """
-
-    data: bytes
-    received: int
-    sent: int
-    sequence: int
-    gid: bytes = b''
-    is_retired: bool = False
-
-
 class Receiver(Protocol):
     """Takes the messages of one subscription."""
 
-    def take(self) -> Record | None:
-        """Take the next message, unless C listens; None if there is none."""
-
     def drain(self) -> None:
-        """Deliver the messages in the queue, where C listens."""
+        """Deliver the messages in the queue."""
 
     def poll(self) -> None:
-        """Deliver messages whose notification was lost, where C listens; called periodically."""
+        """Do what had to wait; called periodically."""
 
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
@@ -84,15 +60,8 @@ class Receiver(Protocol):
 class Topic(Protocol):
     """What becomes of the messages of a topic."""
 
-    @property
-    def listens(self) -> bool:
-        """Whether C delivers the messages; otherwise the feed's thread calls `deliver`."""
-
     def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription."""
-
-    def deliver(self, record: Record) -> None:
-        """Deliver a message."""
 
     def note_publishers(self, gids: Set[bytes]) -> None:
         """Note which publishers there are; called periodically."""
@@ -111,20 +80,19 @@ class Topic(Protocol):
         """Messages lost: sent, and not received by any subscription of the topic."""
 
 
-class Rounds(Protocol):
-    """Is told of each round in which the feed takes all waiting messages."""
+class Taker(Protocol):
+    """Takes messages in the feed's thread."""
 
-    def begin_round(self) -> None:
-        """Note that a round begins: all messages received until now are taken in it."""
+    def take(self) -> None:
+        """Wait for messages, less than a period of the reviews, and deliver them."""
 
-    def end_round(self) -> None:
-        """Note that the messages of the round were delivered."""
+    def end(self) -> None:
+        """Deliver no more, and end a wait."""
 
-    def time_left(self, most: int) -> int:
-        """Return for how many nanoseconds the feed may wait for messages, at most `most`."""
+    def close(self) -> None:
+        """Release what `take` has used; its thread has ended."""
 
 
-_WAIT_NS = 200_000_000  # a wait without a timeout could outlast a shutdown
 _REVIEW_PERIOD = 0.25  # s between two checks of the publishers
 _REVIEWED_AT_ONCE = 50  # topics per check, 50 us each: at most 1 % of a processor
 # In a handover the old subscription is kept until all publishers have discovered the new one.
@@ -133,13 +101,9 @@ _ASSURED = 0.5  # s until it is closed if the new one has matched all publishers
 _GRACE = 1.0  # s after it was closed, during which duplicates are still recognised
 _NAMED = 2.0  # s until a publisher is logged without the name of its node
 UNNAMED = '_NODE_NAME_UNKNOWN_'
-_MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
 _LOSSES_S = 10.0  # between two log lines about lost messages of a topic
 _RETRY_S = 1.0  # after a subscription that failed, until the next attempt; it doubles
 _RETRY_MOST_S = 60.0
-
-
-_Taken = tuple['_Subscribed', Record]
 
 
 @dataclass(frozen=True)
@@ -159,28 +123,22 @@ class PublisherStatus:
 
 
 class Feed:
-    """Delivers the messages of any number of topics, one at a time, in a thread of its own."""
+    """The subscriptions to any number of topics, checked in a thread of its own."""
 
-    def __init__(self, node: Node, rounds: Rounds | None = None) -> None:
+    def __init__(self, node: Node, taker: Taker | None = None) -> None:
         """
         Prepare a feed for a node; nothing is delivered before `start`.
 
-        `rounds` is told of the rounds in which messages are taken, unless C listens.
+        `taker` takes the messages of topics for which C does not.
         """
         self._node = node
-        self._rounds = rounds
+        self._taker = taker
         self._topics: list[_Subscribed] = []
         self._added: deque[_Subscribed] = deque()  # since the start, until the next review
         self._removed: deque[str] = deque()
         self._next_reviewed = 0
         self._closing = Event()
         self._thread = Thread(target=self._run, name='feed', daemon=True)
-        self._guard = _rclpy.GuardCondition(node.context.handle)
-        self._held: list[_Taken] = []
-        self._is_behind = False  # more messages of the round wait than were taken
-        self._until = 0  # when the round began, as `time_ns`
-        self._waited: list[Any] = []  # handles of the subscriptions from which this thread takes
-        self._wait_set: Any = None
         self._kept = ErrorKeeper()
         self.turns = 0
         """How often the thread has looked for work: several times a second unless it hangs."""
@@ -213,11 +171,6 @@ class Feed:
         native_lifetimes.keep(self)
         self._thread.start()
 
-    def wake(self) -> None:
-        """End a wait for messages."""
-        if not self._closing.is_set():
-            self._guard.trigger_guard_condition()
-
     def end(self) -> None:
         """
         End the thread; a second call does nothing.
@@ -226,15 +179,17 @@ class Feed:
         terminates the process.
         """
         self._closing.set()
+        if self._taker is not None:
+            self._taker.end()
         if self._thread.is_alive():
-            self._guard.trigger_guard_condition()
             self._thread.join()
 
     def close(self) -> None:
         """Stop delivering, and destroy the subscriptions; nothing is delivered afterwards."""
         self._closing.set()
         with ExitStack() as last:  # all of them run, even if one is interrupted
-            last.callback(self._guard.destroy_when_not_in_use)
+            if self._taker is not None:
+                last.callback(self._taker.close)
             last.callback(self._topics.clear)
             last.callback(self._added.clear)
             for topic in {*self._topics, *self._added}:
@@ -262,28 +217,10 @@ class Feed:
             if monotonic() >= next_review:
                 self._review()
                 next_review = monotonic() + _REVIEW_PERIOD
-            if any(not item.topic.listens for item in self._topics):
-                self._take_round()
-            else:
+            if self._taker is None:
                 self._closing.wait(_REVIEW_PERIOD)
-
-    def _take_round(self) -> None:
-        """
-        Deliver all that was received before the round began; with a long queue, a part of it.
-
-        What is due is taken at the end of a round only, which a flood does not put off: the next
-        call goes on with the same round.
-        """
-        if not self._is_behind:
-            is_busy = bool(self._held)
-            left = _WAIT_NS if self._rounds is None else self._rounds.time_left(_WAIT_NS)
-            self._wait(0 if is_busy else left)
-            if self._rounds is not None:
-                self._rounds.begin_round()
-            self._until = time_ns()
-        self._deliver()
-        if self._rounds is not None and not self._closing.is_set() and not self._is_behind:
-            self._rounds.end_round()
+            else:
+                self._taker.take()
 
     def _add_and_remove(self) -> None:
         while self._added:
@@ -302,68 +239,9 @@ class Feed:
         begin = self._next_reviewed
         for topic in self._topics[begin:begin + _REVIEWED_AT_ONCE]:
             topic.review()
-            self._held += [(topic, record) for record in topic.rest()]
         self._next_reviewed = begin + _REVIEWED_AT_ONCE
         if self._next_reviewed >= len(self._topics):
             self._next_reviewed = 0
-        self._waited = [item.handle for topic in self._topics if not topic.topic.listens
-                        for item in topic.subscriptions()]
-        self._wait_set = _rclpy.WaitSet(
-            len(self._waited), 1, 0, 0, 0, 0, self._node.context.handle)
-
-    def _wait(self, nanoseconds: int) -> None:
-        # rcl removes from the set what is not ready, so everything is added again.
-        self._wait_set.clear_entities()
-        for handle in self._waited:
-            self._wait_set.add_subscription(handle)
-        self._wait_set.add_guard_condition(self._guard)
-        self._wait_set.wait(nanoseconds)
-
-    def _deliver(self) -> None:
-        """
-        Deliver the messages that were received before the round began, oldest first.
-
-        If more wait than are taken at once, what may come after one of these is held as well.
-        """
-        # Sorting is stable, so it keeps the order of a topic.
-        waiting = sorted(self._held, key=_received)
-        self._held = [item for item in waiting if self._is_later(item)]
-        batches = [[item for item in waiting if not self._is_later(item)]]
-        last: int | None = None
-        for topic in [item for item in self._topics if not item.topic.listens]:
-            for receiver in topic.receivers():
-                batch = self._take_all(topic, receiver)
-                if len(batch) == _MOST_AT_ONCE:
-                    received = batch[-1][1].received
-                    last = received if last is None else min(last, received)
-                batches.append(batch)
-        self._is_behind = last is not None
-        filled = [batch for batch in batches if batch]
-        for item in filled[0] if len(filled) == 1 else merge(*filled, key=_received):
-            if self._closing.is_set():
-                return
-            topic, record = item
-            if last is not None and record.received > last:
-                self._held.append(item)
-            else:
-                topic.topic.deliver(record)
-
-    def _take_all(self, topic: '_Subscribed', receiver: Receiver) -> list[_Taken]:
-        batch: list[_Taken] = []
-        for record in islice(iter(receiver.take, None), _MOST_AT_ONCE):
-            if self._is_later((topic, record)):
-                self._held.append((topic, record))
-                break
-            batch.append((topic, record))
-        return batch
-
-    def _is_later(self, taken: _Taken) -> bool:
-        """Return whether a message came after the round began; the clock may be set back."""
-        return self._until < taken[1].received <= time_ns()
-
-
-def _received(taken: _Taken) -> int:
-    return taken[1].received
 
 
 class _Subscribed:
@@ -385,7 +263,6 @@ class _Subscribed:
         self._retry_at = 0.0
         self._unnamed: dict[bytes, float] = {}  # publishers without a known node, and since when
         self._retired: list[tuple[RclSubscription, Receiver | None, float]] = []
-        self._rest: list[Record] = []  # taken from a subscription that was replaced
         self._overlaps_until: float | None = None
         self._current = self._subscribe(qos.wanted_profile((), fixed))
         self._receiver: Receiver | None = None
@@ -395,15 +272,6 @@ class _Subscribed:
     def open(self) -> None:
         """Start taking messages."""
         self._receiver = self.topic.open(self._current)
-
-    def subscriptions(self) -> list[RclSubscription]:
-        """Return the subscriptions; those that are being replaced come first."""
-        return [*(item for item, _, _ in self._retired), self._current]
-
-    def receivers(self) -> list[Receiver]:
-        """Return the receivers of `subscriptions`, as far as they are open."""
-        found = [*(item for _, item, _ in self._retired), self._receiver]
-        return [item for item in found if item is not None]
 
     def close(self) -> None:
         """Destroy all subscriptions."""
@@ -416,18 +284,12 @@ class _Subscribed:
             last.callback(subscription.close)
             if receiver is not None:
                 last.callback(receiver.stop)
-                if self.topic.listens:
-                    receiver.drain()
-
-    def rest(self) -> list[Record]:
-        """Return what was waiting in subscriptions that were replaced, and is to be delivered."""
-        rest, self._rest = self._rest, []
-        return rest
+                receiver.drain()
 
     def review(self) -> None:
         """Check the publishers, log mismatches, and replace the subscription if due."""
         self._let_go()
-        if self._receiver is not None and self.topic.listens:
+        if self._receiver is not None:
             self._receiver.poll()
         publishers = self._node.get_publishers_info_by_topic(self.name)
         same_type = [item for item in publishers if item.topic_type == self._message_type]
@@ -531,8 +393,6 @@ class _Subscribed:
                 self._current.handle.get_publisher_count() >= self.status.publishers
             if now >= until or is_assured:
                 self._retired.remove(retired)
-                if receiver is not None and not self.topic.listens:
-                    self._rest += islice(iter(receiver.take, None), _MOST_AT_ONCE)
                 self._destroy(item, receiver)
                 self._expect_end()
         if self._retired or self._overlaps_until is None:

@@ -16,21 +16,19 @@
 What C does with the middleware: it takes messages, and publishes violations.
 
 rclpy creates the subscriptions and publishers; the C in `csrc/ros` uses their handles. On the hot
-path it takes and evaluates messages inside the middleware's callbacks, without Python. Otherwise a
-thread of Python asks it for each message (`feed`). This module looks up the functions of the
-middleware that C calls, in the libraries that rclpy has loaded.
+path it takes and evaluates messages inside the middleware's callbacks. Otherwise the callbacks
+only wake the announcer's thread, which does. This module looks up the functions of the middleware
+that C calls, in the libraries that rclpy has loaded.
 """
 
 from collections.abc import Sequence, Set
 from contextlib import ExitStack
 from dataclasses import dataclass
 import threading
-from time import time_ns
 from typing import Any
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.feed import Record
 from fret_monitor.ros.intake.in_place import InPlaceTypes
 from fret_monitor.ros.intake.rcl_publisher import RclPublisher
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
@@ -41,8 +39,6 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.utilities import get_rmw_implementation_identifier
 
-_GID_BYTES: int = ffi.integer_const('FM_GID_BYTES')
-
 PROVEN = ('rmw_fastrtps_cpp',)
 """The middlewares that are known to allow taking inside their new-message callback."""
 
@@ -50,16 +46,16 @@ PROVEN = ('rmw_fastrtps_cpp',)
 class Middleware:
     """The functions of the middleware, as C calls them."""
 
-    def __init__(self, *, listens: bool = True) -> None:
+    def __init__(self, *, may_take: bool = True) -> None:
         """
-        Look up the functions; with `listens`, C takes messages inside the middleware's callbacks.
+        Look up the functions; with `may_take`, its callbacks take the messages.
 
         Raises
         ------
         Unavailable
             if a function is missing.
         """
-        self.listens = listens
+        self._may_take = may_take
         rmw = loaded_library(
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
@@ -67,11 +63,10 @@ class Middleware:
         self.functions: Any = ffi.new('struct fm_middleware *')
         self._in_place: InPlaceTypes | None = None
         wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
+                  ('listen', rmw, 'rmw_subscription_set_on_new_message_callback'),
                   ('publish', rmw, 'rmw_publish'),
                   ('forget_error', rcutils, 'rcutils_reset_error'),
                   ('has_error', rcutils, 'rcutils_error_is_set')]
-        if listens:
-            wanted.append(('listen', rmw, 'rmw_subscription_set_on_new_message_callback'))
         for field, library, name in wanted:
             kind = ffi.typeof(getattr(self.functions, field))
             setattr(self.functions, field, find_symbol(library, name, kind))
@@ -115,8 +110,8 @@ class Middleware:
         """Return how the messages of a subscription are taken (`enum fm_taking`)."""
         is_in_place = self._in_place is not None and \
             self._in_place.is_in_place(subscription.msg_type)
-        names = ('FM_WHEN_ASKED', 'FM_LISTEN', 'FM_LISTEN_IN_PLACE')
-        return int(ffi.integer_const(names[self.listens * (1 + is_in_place)]))
+        names = ('FM_WAKE', 'FM_LISTEN', 'FM_LISTEN_IN_PLACE')
+        return int(ffi.integer_const(names[self._may_take * (1 + is_in_place)]))
 
     def subscription(self, item: RclSubscription) -> Any:
         """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
@@ -134,8 +129,8 @@ class Middleware:
         return bytes(ffi.buffer(found.data))
 
 
-def why_not_listening(hot_path: str) -> str | None:
-    """Return why C does not take messages inside the middleware's callbacks; None if it does."""
+def why_callbacks_wake(hot_path: str) -> str | None:
+    """Return why the middleware's callbacks do not take the messages; None if they do."""
     if hot_path == 'off':
         return 'hot_path is off'
     name = get_rmw_implementation_identifier()
@@ -150,7 +145,7 @@ class EngineReceiver:
     def __init__(self, engine: Engine, middleware: Middleware,
                  subscription: RclSubscription, topic: int) -> None:
         """
-        Start taking. Where C listens, messages in the queue are delivered before this returns.
+        Start taking; messages in the queue are delivered before this returns.
 
         Raises
         ------
@@ -162,7 +157,6 @@ class EngineReceiver:
         self._middleware = middleware
         self._lock = threading.Lock()  # the feed's thread drains, another thread may stop
         self._place: Any = ffi.new('struct fm_receiver **')
-        self._record: Any = ffi.new('struct fm_record *')
         self._is_leaked = False
         self._held = ExitStack()
         with ExitStack() as undo:
@@ -180,26 +174,14 @@ class EngineReceiver:
     def _pointer(self) -> Any:
         return ffi.NULL if self._is_leaked else self._place[0]
 
-    def take(self) -> Record | None:
-        """Take the next message, where C does not listen; None if there is none."""
-        with self._lock:
-            if self._pointer == ffi.NULL or \
-                    not self._library.fm_receiver_take(self._pointer, self._record):
-                return None
-            origin = self._record.origin
-            return Record(
-                ffi.buffer(self._record.message, self._record.size)[:], origin.received,
-                origin.sent, origin.sequence, ffi.buffer(origin.gid, _GID_BYTES)[:],
-                bool(origin.is_retired))
-
     def drain(self) -> None:
-        """Deliver the messages in the queue, where C listens."""
+        """Deliver the messages in the queue."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_receiver_drain(self._pointer)
 
     def poll(self) -> None:
-        """Do nothing: where C listens, the announcer takes what callbacks leave."""
+        """Do nothing: the announcer looks at the queues."""
 
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
@@ -234,21 +216,9 @@ class EngineTopic:
         self._middleware = middleware
         self._topic = topic
 
-    @property
-    def listens(self) -> bool:
-        """Whether C delivers the messages; otherwise `deliver` has to be called."""
-        return self._middleware.listens
-
     def open(self, subscription: RclSubscription) -> EngineReceiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
         return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
-
-    def deliver(self, record: Record) -> None:
-        """Deliver a message that was taken, where C does not listen; one thread at a time."""
-        self._engine.message(
-            self._topic, record.data, record.received or time_ns(), sent=record.sent,
-            sequence=record.sequence, gid=ffi.from_buffer('uint8_t[]', record.gid),
-            is_retired=record.is_retired)
 
     def note_publishers(self, gids: Set[bytes]) -> None:
         """Do nothing: each message names its publisher."""

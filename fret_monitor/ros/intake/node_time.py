@@ -81,14 +81,8 @@ class ClockNode(Node):
 class NodeTime:
     """Lets an engine follow a node's time, from its creation until `close`."""
 
-    def __init__(self, node: Node, engine: Engine, clock_now: Any, *,
-                 on_move: Callable[[], None]) -> None:
-        """
-        Follow the clock.
-
-        `clock_now` is the address of `rcl_clock_get_now`. `on_move` is called when `/clock` has
-        moved; it wakes the engine, which notes the time for the messages that are received then.
-        """
+    def __init__(self, node: Node, engine: Engine, clock_now: Any) -> None:
+        """Follow the clock; `clock_now` is the address of `rcl_clock_get_now`."""
         self._node = node
         self._engine = engine
         self._serving: Timer | None = None  # while `/clock` is followed
@@ -102,7 +96,7 @@ class NodeTime:
         self._listen(JumpThreshold(min_forward=None, min_backward=None), self._leave, self._change)
         self._listen(JumpThreshold(
             min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
-            on_clock_change=False), None, on_move)
+            on_clock_change=False), None, engine.wake)
         with self._lock:
             self._engine.follow_steady()
             self._follow(is_outdated=False)

@@ -16,8 +16,8 @@
 One bundle on a node: from its subscriptions through the engine to published violations.
 
 The engine in C decodes the messages, steps, and waits for what is due without a message; C
-publishes the violations. C also takes the messages where the middleware allows it (`hot_path`);
-otherwise the feed's thread does. Closing a session removes from the node all that it created.
+publishes the violations. C also takes the messages, inside the middleware's callbacks where it
+allows that (`hot_path`). Closing a session removes from the node all that it created.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.acting.gate import gate_of, gate_text, RunningGate
 from fret_monitor.ros.intake.feed import Feed, PublisherStatus, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError, why_unusable
-from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_not_listening
+from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S, TimeLog
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.reports.condition_log import ConditionLog
@@ -78,9 +78,10 @@ class BundleSession:
         """
         Prepare to monitor; `watch` is told of threads and timers that fail.
 
-        `hot_path` decides whether C takes the messages (auto, on, off), `log_violations` whether
-        the node logs the violations; `name` is the bundle's name in diagnostics, empty if the
-        node has only one bundle; `blackbox` is where the last messages are written, if anywhere.
+        `hot_path` decides whether the middleware's callbacks take the messages (auto, on, off);
+        `log_violations` whether the node logs the violations; `name` is the bundle's name in
+        diagnostics, empty if the node has only one bundle; `blackbox` is where the last messages
+        are written, if anywhere.
 
         Raises
         ------
@@ -227,8 +228,6 @@ class BundleSession:
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""
         self._engine.reset()
-        if self._feed is not None:
-            self._feed.wake()
         return len(self.manifest.groups)
 
     # Publishers and subscriptions are closed in reverse order of creation, so the threads that
@@ -236,42 +235,29 @@ class BundleSession:
     # for the thread, so that an interrupted `stop` leaves no thread waiting.
 
     def _connect(self) -> None:
-        reason = why_not_listening(self._hot_path)
-        if reason is None:
-            try:
-                self._connect_through(self._listening())
-                return
-            except Unavailable as found:
-                self._running.close()
-                self._engine = self._new_engine()
-                reason = str(found)
-        if self._hot_path == 'on':
-            raise Refusal(f'hot_path is on, and C cannot take the messages: {reason}')
-        self._way = f'in Python: {reason}'
         try:
-            self._connect_through(Middleware(listens=False))
+            self._connect_through(self._middleware())
         except Unavailable as found:
             raise Refusal(f'cannot use the middleware: {found}') from None
 
-    def _listening(self) -> Middleware:
-        """Return the middleware for the hot path, reading in place if possible."""
+    def _middleware(self) -> Middleware:
+        """Return the middleware; on the hot path it reads in place if possible."""
+        reason = why_callbacks_wake(self._hot_path)
+        if reason is not None:
+            self._way = f'in C, in a thread of its own: {reason}'
+            return Middleware(may_take=False)
         self._way = f'in C, inside {get_rmw_implementation_identifier()}'
         middleware = Middleware()
         try:
             middleware.read_in_place(self._engine.library)
-        except Unavailable as reason:
-            self._way += f', and copied before they are read: {reason}'
+        except Unavailable as found:
+            self._way += f', and copied before they are read: {found}'
         return middleware
 
     def _connect_through(self, middleware: Middleware) -> None:
         engine = self._engine
-        feed = Feed(self._node, None if middleware.listens else engine)
-
-        def move() -> None:
-            engine.wake()
-            feed.wake()
-
-        time = NodeTime(self._node, engine, middleware.clock_now, on_move=move)
+        feed = Feed(self._node)
+        time = NodeTime(self._node, engine, middleware.clock_now)
         self._running.callback(time.close)
         if self._blackbox is not None:
             self._running.callback(self._blackbox.end)

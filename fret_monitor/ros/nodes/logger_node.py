@@ -36,7 +36,7 @@ from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.fields import UNDECODABLE
 from fret_monitor.ros.intake.node_time import ClockNode
-from fret_monitor.ros.intake.raw_topic import Deliver, RawTopic
+from fret_monitor.ros.intake.raw_topic import Deliver, RawIntake, RawTopic
 from fret_monitor.ros.reports.details import Detail, read_detail
 from fret_monitor.ros.reports.discovery import Announced, News
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
@@ -89,7 +89,8 @@ class LoggerNode(ClockNode):
             if the parameters, the bundle or the library are not usable. Nothing is left.
         """
         super().__init__(node_name, **options)
-        self._feed = Feed(self)
+        self._intake = RawIntake(self)
+        self._feed = Feed(self, self._intake)
         self._pairing = Pairing()
         self._changed = Condition()  # guards the pairing, the lines, and what is unknown
         self._unknown: deque[_Unknown] = deque(maxlen=_MOST_WAITING)
@@ -144,7 +145,8 @@ class LoggerNode(ClockNode):
         self._overrides = Overrides.of(self)
         self._fixed = violation_request(self._settings.handler_depth)
         self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
-                             RawTopic(self._keep_details), self._request(DETAILS_TOPIC))
+                             RawTopic(self._intake, self._keep_details),
+                             self._request(DETAILS_TOPIC))
         self._requirements = _requirements(manifests)
         self._listen(())
         with uninterrupted():
@@ -184,7 +186,8 @@ class LoggerNode(ClockNode):
         for topic in sorted(wanted.keys() - self._followed.keys()):
             name, handler = wanted[topic]
             self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty,
-                                 RawTopic(self._receive(handler)), self._request(name))
+                                 RawTopic(self._intake, self._receive(handler)),
+                                 self._request(name))
             self._followed[topic] = name
 
     def _follow(self, news: News) -> None:

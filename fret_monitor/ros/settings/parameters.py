@@ -65,8 +65,9 @@ MONITOR_PARAMETERS = {
                              "bundle's; read by `configure`"),
     'rate': Described(0.0, 'steps a second, with the policy periodic, instead of a period; 0 for '
                            "the bundle's; read by `configure`"),
-    'hot_path': Described('auto', 'whether C takes the messages: auto (where it can), on (or '
-                                  'do not start), off; read by `configure`'),
+    'hot_path': Described('auto', "whether the middleware's callbacks take the messages: auto "
+                                  '(where this is known to work), on, off (they wake a thread '
+                                  'that does); read by `configure`'),
     'handler_depth': Described(
         DEFAULT_HANDLER_DEPTH, 'violations that a slow listener of one handler may be behind '
                                'before it loses some; read by `configure`'),
