@@ -35,11 +35,13 @@ inputs:
   elbow: {topic: joints, type: sensor_msgs/msg/JointState, field: "position[name = elbow]"}
   spread: {topic: heat, type: sensor_msgs/msg/Temperature, field: variance, timeout: 1.0,
            startup: 60}
+  own: {topic: statuses, type: diagnostic_msgs/msg/DiagnosticArray, field: len(status)}
 evaluation: {policy: relevant_message}
 requirements:
   - {id: FIXED, ptltl: "fixed < 1.0"}
   - {id: HEAT, ptltl: "heat < 50.0", severity: warn}
   - {id: ELBOW, ptltl: "elbow < 1.0"}
+  - {id: OWN, ptltl: "own >= 0"}
 """
 WRAPPED = (
     'fm_steady_now', 'fm_log', 'rcl_subscription_init', 'rcl_publish',
@@ -59,8 +61,10 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize('name', TESTS)
 def test_parts_of_the_node(program: Path, domain: int, name: str) -> None:
     done = subprocess.run(
-        [program, name, '--ros-args', '-p', 'log_violations:=false', '-p', 'constants.whole:=3.0',
-         '-p', 'constants.real:=2'], text=True, timeout=120, stdout=subprocess.PIPE,
+        # Inputs may be read from a topic of the node itself.
+        [program, name, '--ros-args', '-r', 'statuses:=/diagnostics',
+         '-p', 'log_violations:=false', '-p', 'constants.whole:=3.0', '-p', 'constants.real:=2'],
+        text=True, timeout=120, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, check=False,
         # What a callback that stays uses is leaked on purpose.
         env={**os.environ, 'ASAN_OPTIONS': f'detect_leaks={int(name != "leak")}'})
