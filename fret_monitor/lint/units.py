@@ -16,7 +16,9 @@
 Warnings about numbers that are probably in another unit than the field of the message.
 
 Only fields are known whose unit the comments of their message give, and numbers that such a field
-never has: a percentage of 15 where 1.0 is all, an angle of 90 rad.
+never has: a percentage of 15 where 1.0 is all, an angle of 90 rad. They are in a table, since a
+comment alone does not tell: angles in radians of steering wheels, encoders and joints are more
+than a turn.
 """
 
 from collections.abc import Iterator
@@ -36,9 +38,9 @@ _RADIANS = 2 * math.pi
 _LARGEST = {
     ('sensor_msgs/msg/BatteryState', 'percentage'): 1.0,
     ('sensor_msgs/msg/RelativeHumidity', 'relative_humidity'): 1.0,
-    ('sensor_msgs/msg/LaserScan', 'angle_min'): _RADIANS,
-    ('sensor_msgs/msg/LaserScan', 'angle_max'): _RADIANS,
-    ('sensor_msgs/msg/LaserScan', 'angle_increment'): _RADIANS,
+    ('sensor_msgs/msg/JoyFeedback', 'intensity'): 1.0,
+    **{(f'sensor_msgs/msg/{scan}', f'angle_{name}'): _RADIANS
+       for scan in ('LaserScan', 'MultiEchoLaserScan') for name in ('min', 'max', 'increment')},
     ('sensor_msgs/msg/Range', 'field_of_view'): _RADIANS,
     ('geometry_msgs/msg/Pose2D', 'theta'): _RADIANS,
     ('turtlesim/msg/Pose', 'theta'): _RADIANS,

@@ -28,6 +28,8 @@ inputs:
   charge: {{topic: battery, type: sensor_msgs/msg/BatteryState, field: percentage{timeout}}}
   yaw: {{topic: pose, type: geometry_msgs/msg/PoseStamped, field: yaw(pose.orientation)}}
   first: {{topic: scan, type: sensor_msgs/msg/LaserScan, field: angle_min}}
+  last: {{topic: echoes, type: sensor_msgs/msg/MultiEchoLaserScan, field: angle_max}}
+  shake: {{topic: joy, type: sensor_msgs/msg/JoyFeedback, field: intensity}}
   volts: {{topic: battery, type: sensor_msgs/msg/BatteryState, field: voltage{timeout}}}
 requirements:
   - {{id: R, ptltl: "{formula}"}}
@@ -40,6 +42,9 @@ requirements:
      '90 degrees are 1.5708 rad'),
     ('-180.0 < first', "'first' is an angle in radians, and is compared with -180",
      '-180 degrees are -3.14159 rad'),
+    ('last > 270.0', "'last' is an angle in radians, and is compared with 270",
+     '270 degrees are 4.71239 rad'),
+    ('shake < 50.0', "'shake' is from 0 to 1, and is compared with 50", '50 % are 0.5'),
     ('charge > 0.15 & charge <= 1.0 & volts > 10.0 & abs(yaw) < 3.15', '', ''),
     ('charge > volts & yaw * 57.3 < 90.0 & volts > 24.0', '', ''),
 ])
