@@ -20,7 +20,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from fret_monitor.ros.intake import node_time
-from fret_monitor.ros.intake.node_time import are_worth_reading, NodeTime, TimeLog
+from fret_monitor.ros.intake.node_time import are_worth_reading, as_time, NodeTime, TimeLog
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.runtime import TimeCounts
 import pytest
@@ -53,6 +53,10 @@ def test_a_few_late_periods_are_not_worth_reading(
 ) -> None:
     before = TimeCounts(periods=1000, late=100, missed=0, restarts=0)
     assert are_worth_reading(before, now) is is_worth_reading
+
+
+def test_a_stamp_has_seconds_and_the_nanoseconds_of_the_next_one() -> None:
+    assert as_time(3_999_999_999) == Time(sec=3, nanosec=999_999_999)
 
 
 class Recorder:
