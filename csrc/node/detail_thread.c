@@ -22,7 +22,8 @@
 #include <rcl/error_handling.h>
 #include <stdlib.h>
 
-#include "detail_text.h"
+#include "details.h"
+#include "status_messages.h"
 #include "violation_log.h"
 
 #define MOST_PER_S 100u  // details of a requirement, while they are published
@@ -31,11 +32,11 @@
 struct fm_detail_thread
 {
   const struct fm_node * node;
-  const struct fm_node_table * table;
-  struct fm_engine * engine;
+  const struct fm_reporter * reporter;
   const rcl_publisher_t * publisher;
   struct fm_violation_log * log;  // NULL: violations are not logged
   struct fm_detail * detail;
+  struct fm_lines lines;
   pthread_t thread;
   uint64_t turns;  // atomic
 };
@@ -51,47 +52,45 @@ static bool has_listeners(const struct fm_detail_thread * thread)
 
 static void publish(const struct fm_detail_thread * thread)
 {
-  fm_status_array array;
-  if (!fm_statuses_begin(&array, 1, thread->detail->violation.stamp)) {
-    return;
-  }
-  fm_add_detail(&array, thread->table, thread->detail);
-  if (rcl_publish(thread->publisher, &array, NULL) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
-  fm_statuses_end(&array);
+  struct fm_statuses list = {NULL, 0, 0};
+  fm_add_detail(&list, thread->reporter, thread->detail);
+  fm_publish_statuses(thread->publisher, &list, thread->detail->violation.stamp);
+  fm_statuses_free(&list);
 }
 
-static void pass_on(const struct fm_detail_thread * thread)
+static void pass_on(struct fm_detail_thread * thread)
 {
   if (has_listeners(thread)) {
     publish(thread);
   }
   if (thread->log != NULL) {
-    fm_violation_log_add(thread->log, thread->detail);
+    fm_violation_log_add(thread->log, thread->detail, fm_steady_now(), &thread->lines);
+    fm_log_lines(thread->node, &thread->lines);
   }
 }
 
 static void * run(void * argument)
 {
   struct fm_detail_thread * thread = argument;
-  while (!fm_engine_is_closed(thread->engine)) {
+  while (!fm_engine_is_closed(thread->reporter->engine)) {
     const bool is_heard = has_listeners(thread);
     __atomic_fetch_add(&thread->turns, 1u, __ATOMIC_RELAXED);
     fm_engine_want_details(
-      thread->engine, is_heard || thread->log != NULL, is_heard ? MOST_PER_S : FM_LOGGED_PER_S);
-    if (fm_engine_take_detail(thread->engine, thread->detail, WAIT_MS)) {
+      thread->reporter->engine, is_heard || thread->log != NULL, is_heard ? MOST_PER_S : FM_LOGGED_PER_S);
+    if (fm_engine_take_detail(thread->reporter->engine, thread->detail, WAIT_MS)) {
       pass_on(thread);
     }
     if (thread->log != NULL) {
-      fm_violation_log_review(thread->log);
+      fm_violation_log_review(thread->log, fm_steady_now(), &thread->lines);
+      fm_log_lines(thread->node, &thread->lines);
     }
   }
-  while (fm_engine_take_detail(thread->engine, thread->detail, 0)) {
+  while (fm_engine_take_detail(thread->reporter->engine, thread->detail, 0)) {
     pass_on(thread);
   }
   if (thread->log != NULL) {
-    fm_violation_log_end(thread->log);
+    fm_violation_log_end(thread->log, &thread->lines);
+    fm_log_lines(thread->node, &thread->lines);
   }
   return NULL;
 }
@@ -100,11 +99,12 @@ static void free_thread(struct fm_detail_thread * thread)
 {
   fm_violation_log_destroy(thread->log);
   free(thread->detail);
+  fm_lines_free(&thread->lines);
   free(thread);
 }
 
 struct fm_detail_thread * fm_detail_thread_start(
-  const struct fm_node * node, const struct fm_node_table * table, struct fm_engine * engine,
+  const struct fm_node * node, const struct fm_reporter * reporter,
   const rcl_publisher_t * publisher, bool logs_violations)
 {
   struct fm_detail_thread * thread = calloc(1, sizeof(*thread));
@@ -112,11 +112,10 @@ struct fm_detail_thread * fm_detail_thread_start(
     return NULL;
   }
   thread->node = node;
-  thread->table = table;
-  thread->engine = engine;
+  thread->reporter = reporter;
   thread->publisher = publisher;
-  thread->detail = malloc(fm_detail_bytes(table->monitor()));
-  thread->log = logs_violations ? fm_violation_log_create(node, table, engine) : NULL;
+  thread->detail = malloc(fm_detail_bytes(reporter->monitor));
+  thread->log = logs_violations ? fm_violation_log_create(reporter) : NULL;
   if (thread->detail == NULL || (logs_violations && thread->log == NULL) ||
     pthread_create(&thread->thread, NULL, run, thread) != 0)
   {

@@ -18,16 +18,15 @@
 #ifndef DETAIL_THREAD_H_
 #define DETAIL_THREAD_H_
 
-#include "engine.h"
 #include "log.h"
-#include "node_table.h"
+#include "reporter.h"
 
 struct fm_detail_thread;
 
 /// Start the thread; NULL if none can be made, or memory is short. No other thread may take
 /// details. What it is given outlives it, except that the publisher is only used until the end.
 struct fm_detail_thread * fm_detail_thread_start(
-  const struct fm_node * node, const struct fm_node_table * table, struct fm_engine * engine,
+  const struct fm_node * node, const struct fm_reporter * reporter,
   const rcl_publisher_t * publisher, bool logs_violations);
 
 /// Return how often it has looked for work: several times a second, unless it hangs. O(1).

@@ -16,21 +16,21 @@
 
 #include "health.h"
 
+#include <diagnostic_msgs/msg/diagnostic_array.h>
 #include <inttypes.h>
 #include <rcl/error_handling.h>
 #include <rmw/qos_profiles.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "status_array.h"
+#include "status_messages.h"
 
 enum
 {
-  OK = diagnostic_msgs__msg__DiagnosticStatus__OK,
-  WARN = diagnostic_msgs__msg__DiagnosticStatus__WARN,
-  ERROR = diagnostic_msgs__msg__DiagnosticStatus__ERROR,
-  MOST_BEHIND = 1000000000,  // ns
-  MOST_OTHERS = 2  // statuses besides those of requirements and topics
+  OK = FM_STATUS_OK,
+  WARN = FM_STATUS_WARN,
+  ERROR = FM_STATUS_ERROR,
+  MOST_BEHIND = 1000000000  // ns
 };
 
 bool fm_health_begin(
@@ -71,15 +71,16 @@ void fm_health_end(struct fm_health * health)
   memset(health, 0, sizeof(*health));
 }
 
-static fm_status * add_status(
-  const struct fm_health * health, fm_status_array * array, uint8_t level, const char * kind,
-  const char * name, const char * message, size_t most)
+static struct fm_status * add_status(
+  const struct fm_health * health, struct fm_statuses * list, uint8_t level, const char * kind,
+  const char * name, const char * message)
 {
   struct fm_text text = {NULL, 0, 0};
   const char * node = rcl_node_get_fully_qualified_name(&health->session->node->node);
   fm_text_add(&text, "%s: %s%s", node + 1, kind, name);  // without its slash
-  fm_status * status = fm_status_add(
-    array, level, fm_text_get(&text), message, health->session->table->component, most);
+  struct fm_status * status = fm_statuses_add(
+    list, (enum fm_status_level)level, fm_text_get(&text), message,
+    health->session->table->report.component);
   fm_text_free(&text);
   return status;
 }
@@ -95,19 +96,19 @@ struct places
 };
 
 static struct places places_of(
-  const struct fm_health * health, const struct fm_node_requirement * requirement)
+  const struct fm_health * health, const struct fm_report_requirement * requirement)
 {
   struct places places;
   memset(&places, 0, sizeof(places));
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     const uint32_t input = requirement->inputs[k];
-    const char * name = health->session->table->inputs[input].name;
+    const char * name = health->session->table->report.inputs[input].name;
     if (!fm_has_value(health->session, input)) {
       fm_text_list(&places.missing, ", ", name);
     }
     if (health->reports->inputs[input].silence.is_silent) {
       fm_text_list(&places.silent, ", ", name);
-      if (health->session->table->violates[input]) {
+      if (health->session->table->report.inputs[input].violates) {
         fm_text_list(&places.violating, ", ", name);
       }
     }
@@ -116,7 +117,7 @@ static struct places places_of(
 }
 
 static uint8_t describe_requirement(
-  const struct fm_health * health, const struct fm_node_requirement * requirement,
+  const struct fm_health * health, const struct fm_report_requirement * requirement,
   const struct fm_requirement_counts * counts, struct fm_text * message)
 {
   struct places places = places_of(health, requirement);
@@ -142,16 +143,17 @@ static uint8_t describe_requirement(
 }
 
 static void add_requirement(
-  const struct fm_health * health, fm_status_array * array, uint32_t requirement)
+  const struct fm_health * health, struct fm_statuses * list, uint32_t requirement)
 {
-  const struct fm_node_requirement * about = &health->session->table->requirements[requirement];
+  const struct fm_report_requirement * about =
+    &health->session->table->report.requirements[requirement];
   const struct fm_requirement_counts counts =
     fm_engine_requirement_counts(health->session->engine, requirement);
-  const bool is_timed = health->session->table->policy == FM_TIMED;
+  const bool is_timed = health->session->table->report.policy == FM_TIMED;
   struct fm_text message = {NULL, 0, 0};
   const uint8_t level = describe_requirement(health, about, &counts, &message);
-  fm_status * status =
-    add_status(health, array, level, "", about->id, fm_text_get(&message), 5);
+  struct fm_status * status =
+    add_status(health, list, level, "", about->id, fm_text_get(&message));
   fm_status_value(status, is_timed ? "evaluations" : "steps", "%" PRIu64, counts.steps);
   fm_status_value(
     status, is_timed ? "violating evaluations" : "violations", "%" PRIu64, counts.violations);
@@ -197,7 +199,7 @@ static void add_silence(
       char lasted[32];
       (void)snprintf(lasted, sizeof(lasted), "%.1f", (double)silence->lasted / 1e9);
       if (level == OK) {
-        level = health->session->table->violates[fed->inputs[k]] ? ERROR : WARN;
+        level = health->session->table->report.inputs[fed->inputs[k]].violates ? ERROR : WARN;
       }
       if (strcmp(lasted, seconds) != 0) {
         fm_text_add(&text, "%sfor %s s of ", text.length > 0 ? ", " : "", lasted);
@@ -205,7 +207,7 @@ static void add_silence(
         fm_text_add(&text, ", ");
       }
       memcpy(seconds, lasted, sizeof(seconds));
-      fm_text_add(&text, "%s", health->session->table->inputs[fed->inputs[k]].name);
+      fm_text_add(&text, "%s", health->session->table->report.inputs[fed->inputs[k]].name);
     }
   }
   if (level != OK) {
@@ -220,7 +222,7 @@ static void add_fields(
   struct fm_text unusable = {NULL, 0, 0};
   struct fm_text absent = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const char * name = health->session->table->inputs[fed->inputs[k]].name;
+    const char * name = health->session->table->report.inputs[fed->inputs[k]].name;
     if (health->is_newly_unusable[fed->inputs[k]]) {
       fm_text_list(&unusable, ", ", name);
     }
@@ -251,7 +253,7 @@ static struct troubles troubles_of(
   const struct fm_health * health, uint32_t topic, const struct fm_topic_health * now)
 {
   const struct fm_mapped_topic * mapped = &health->session->topics[topic];
-  const struct fm_topic * fed = &health->session->table->topic_inputs[topic];
+  const struct fm_topic * fed = &health->session->table->report.topic_inputs[topic];
   const struct fm_topic_health * before = &health->topics[topic];
   struct troubles found = {{NULL, 0, 0}, OK};
   if (mapped->publishers.other_types.length > 0) {
@@ -277,21 +279,21 @@ static struct troubles troubles_of(
 }
 
 static void add_counts_of_inputs(
-  const struct fm_health * health, const struct fm_topic * fed, fm_status * status)
+  const struct fm_health * health, const struct fm_topic * fed, struct fm_status * status)
 {
   const struct fm_node_table * table = health->session->table;
   struct fm_text key = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (health->unusable[fed->inputs[k]] > 0) {
       fm_text_clear(&key);
-      fm_text_add(&key, "unusable %s", table->inputs[fed->inputs[k]].name);
+      fm_text_add(&key, "unusable %s", table->report.inputs[fed->inputs[k]].name);
       fm_status_value(status, fm_text_get(&key), "%" PRIu64, health->unusable[fed->inputs[k]]);
     }
   }
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    if (table->inputs[fed->inputs[k]].is_timed_out) {
+    if (table->report.inputs[fed->inputs[k]].is_timed_out) {
       fm_text_clear(&key);
-      fm_text_add(&key, "silences %s", table->inputs[fed->inputs[k]].name);
+      fm_text_add(&key, "silences %s", table->report.inputs[fed->inputs[k]].name);
       fm_status_value(status, fm_text_get(&key), "%" PRIu64,
         health->reports->inputs[fed->inputs[k]].silence.count);
     }
@@ -300,10 +302,10 @@ static void add_counts_of_inputs(
 }
 
 static void add_topic(
-  struct fm_health * health, fm_status_array * array, uint32_t topic, double seconds)
+  struct fm_health * health, struct fm_statuses * list, uint32_t topic, double seconds)
 {
   const struct fm_session * session = health->session;
-  const struct fm_topic * fed = &session->table->topic_inputs[topic];
+  const struct fm_topic * fed = &session->table->report.topic_inputs[topic];
   const struct fm_mapped_topic * mapped = &session->topics[topic];
   const struct fm_topic_counts counts = fm_engine_topic_counts(session->engine, topic);
   const struct fm_topic_health now = {
@@ -311,9 +313,9 @@ static void add_topic(
     fm_engine_order_counts(session->engine, topic),
     fm_engine_take_behind(session->engine, topic)};
   struct troubles troubles = troubles_of(health, topic, &now);
-  fm_status * status = array == NULL ? NULL : add_status(
-    health, array, troubles.level, "topic ", mapped->name,
-    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received", 9u + 2u * fed->n_inputs);
+  struct fm_status * status = list == NULL ? NULL : add_status(
+    health, list, troubles.level, "topic ", mapped->name,
+    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
   fm_status_value(status, "received", "%" PRIu64, now.received);
   fm_status_value(status, "rate", "%.1f",
     (double)(now.received - health->topics[topic].received) / seconds);
@@ -321,7 +323,7 @@ static void add_topic(
   fm_status_value(status, "lost", "%" PRIu64, now.lost);
   fm_status_value(status, "behind", "%.3f", (double)now.behind / 1e9);
   fm_status_value(status, "publishers", "%zu", mapped->publishers.matching_type);
-  if (session->table->uses_header_stamps) {
+  if (session->table->report.uses_header_stamps) {
     fm_status_value(status, "late", "%" PRIu64, now.order.late);
     fm_status_value(status, "too early", "%" PRIu64, now.order.overflows);
     fm_status_value(status, "ahead", "%" PRIu64, now.order.ahead);
@@ -333,29 +335,29 @@ static void add_topic(
 
 // ---- time and violations -----------------------------------------------------------------------
 
-static void add_time(struct fm_health * health, fm_status_array * array)
+static void add_time(struct fm_health * health, struct fm_statuses * list)
 {
   const struct fm_time_counts now = fm_engine_time_counts(health->session->engine);
   const struct fm_node_table * table = health->session->table;
   const bool went_back = now.restarts > health->time.restarts;
   const bool is_full = now.overflows > health->time.overflows;
-  if (array != NULL && table->policy == FM_TIMED) {
-    fm_status * status = add_status(
-      health, array, went_back || is_full ? WARN : OK, "time of ", table->bundle,
+  if (list != NULL && table->report.policy == FM_TIMED) {
+    struct fm_status * status = add_status(
+      health, list, went_back || is_full ? WARN : OK, "time of ", table->report.bundle,
       went_back ? "went back since the last report" :
-      is_full ? "more changes than max_rate allows" : "passes", 2);
+      is_full ? "more changes than max_rate allows" : "passes");
     fm_status_value(status, "restarts", "%" PRIu64, now.restarts);
     fm_status_value(status, "overflows", "%" PRIu64, now.overflows);
   }
-  if (array != NULL && table->policy == FM_PERIODIC) {
+  if (list != NULL && table->report.policy == FM_PERIODIC) {
     const bool is_bad = fm_are_worth_reading(&health->time, &now);
     struct fm_text message = {NULL, 0, 0};
     fm_text_add(&message, "%" PRIu64 " missed, %" PRIu64 " late since the last report",
       now.missed - health->time.missed, now.late - health->time.late);
-    fm_status * status = add_status(
-      health, array, is_bad ? WARN : OK, "periods of ", table->bundle,
-      is_bad ? fm_text_get(&message) : "in time", 5);
-    fm_status_value(status, "period", "%g", (double)table->period / 1e9);
+    struct fm_status * status = add_status(
+      health, list, is_bad ? WARN : OK, "periods of ", table->report.bundle,
+      is_bad ? fm_text_get(&message) : "in time");
+    fm_status_value(status, "period", "%g", (double)table->report.period / 1e9);
     fm_status_value(status, "taken", "%" PRIu64, now.periods);
     fm_status_value(status, "late", "%" PRIu64, now.late);
     fm_status_value(status, "missed", "%" PRIu64, now.missed);
@@ -365,16 +367,17 @@ static void add_time(struct fm_health * health, fm_status_array * array)
   health->time = now;
 }
 
-static void add_unpublished(struct fm_health * health, fm_status_array * array)
+static void add_unpublished(struct fm_health * health, struct fm_statuses * list)
 {
   const uint64_t now = fm_engine_unpublished(health->session->engine);
   const uint64_t more = now - health->unpublished;
   struct fm_text message = {NULL, 0, 0};
-  if (array != NULL && now > 0) {
+  if (list != NULL && now > 0) {
     fm_text_add(&message, "%" PRIu64 " not published since the last report", more);
-    fm_status * status = add_status(
-      health, array, more > 0 ? ERROR : WARN, "violations of ", health->session->table->bundle,
-      more > 0 ? fm_text_get(&message) : "some were not published", 1);
+    struct fm_status * status = add_status(
+      health, list, more > 0 ? ERROR : WARN, "violations of ",
+      health->session->table->report.bundle,
+      more > 0 ? fm_text_get(&message) : "some were not published");
     fm_status_value(status, "not published", "%" PRIu64, now);
   }
   health->unpublished = now;
@@ -405,27 +408,23 @@ void fm_health_publish(struct fm_health * health)
   const uint32_t n = health->session->table->monitor()->n_requirements;
   const double seconds = seconds_since_report(health);
   size_t listeners = 0;
-  fm_status_array made;
+  struct fm_statuses made = {NULL, 0, 0};
   if (rcl_publisher_get_subscription_count(&health->publisher, &listeners) != RCL_RET_OK) {
     rcl_reset_error();
   }
   // The counters since the last report are noted even if nobody listens.
-  fm_status_array * array = listeners > 0 && fm_statuses_begin(
-    &made, n + health->session->n_topics + MOST_OTHERS, fm_clock_now(health->session->clock)) ?
-    &made : NULL;
+  struct fm_statuses * list = listeners > 0 ? &made : NULL;
   note_unusable(health);
-  for (uint32_t k = 0; array != NULL && k < n; ++k) {
-    add_requirement(health, array, k);
+  for (uint32_t k = 0; list != NULL && k < n; ++k) {
+    add_requirement(health, list, k);
   }
   for (uint32_t k = 0; k < health->session->n_topics; ++k) {
-    add_topic(health, array, k, seconds);
+    add_topic(health, list, k, seconds);
   }
-  add_time(health, array);
-  add_unpublished(health, array);
-  if (array != NULL) {
-    if (rcl_publish(&health->publisher, array, NULL) != RCL_RET_OK) {
-      rcl_reset_error();
-    }
-    fm_statuses_end(array);
+  add_time(health, list);
+  add_unpublished(health, list);
+  if (list != NULL) {
+    fm_publish_statuses(&health->publisher, list, fm_clock_now(health->session->clock));
   }
+  fm_statuses_free(&made);
 }

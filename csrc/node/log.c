@@ -92,6 +92,14 @@ void fm_log(const struct fm_node * node, enum fm_level level, const char * forma
   fm_text_free(&text);
 }
 
+void fm_log_lines(const struct fm_node * node, struct fm_lines * lines)
+{
+  for (uint32_t k = 0; k < lines->n; ++k) {
+    fm_log(node, (enum fm_level)lines->lines[k].level, "%s", lines->lines[k].text);
+  }
+  fm_lines_clear(lines);
+}
+
 void fm_log_failure(const struct fm_node * node, const char * what)
 {
   fm_log(node, FM_ERROR, "%s: %s", what, rcl_get_error_string().str);

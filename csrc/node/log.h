@@ -22,7 +22,7 @@
 
 #include <rcl/rcl.h>
 
-#include "text.h"
+#include "lines.h"
 
 /// The node. Owned by main.c; the others use it between its start and its end.
 struct fm_node
@@ -30,13 +30,6 @@ struct fm_node
   rcl_context_t context;
   rcl_node_t node;
   rcl_allocator_t allocator;
-};
-
-enum fm_level
-{
-  FM_INFO,
-  FM_WARN,
-  FM_ERROR
 };
 
 /// Log to the terminal, the log file and /rosout, as the arguments of ROS say. Returns false, and
@@ -51,6 +44,9 @@ void fm_log_set_level(const struct fm_node * node, int severity);
 void fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
 FM_PRINTF(3, 4);
 
+/// Log the lines of a list, and clear it.
+void fm_log_lines(const struct fm_node * node, struct fm_lines * lines);
+
 /// Log the error of rcl after a text, and clear it.
 void fm_log_failure(const struct fm_node * node, const char * what);
 
@@ -60,7 +56,5 @@ bool fm_passes(int64_t * next, double seconds);
 /// CLOCK_MONOTONIC, and the system time, in nanoseconds.
 int64_t fm_steady_now(void);
 int64_t fm_system_now(void);
-
-#define FM_SECOND INT64_C(1000000000)
 
 #endif  // LOG_H_

@@ -23,8 +23,7 @@
 
 #include <rosidl_runtime_c/message_type_support_struct.h>
 
-#include "evaluator.h"
-#include "fret_fields.h"
+#include "report_table.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
 
@@ -34,27 +33,6 @@
   ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME(rosidl_typesupport_c, package, folder, name)
 #define FM_DECLARE_TYPE_SUPPORT(package, folder, name) \
   const rosidl_message_type_support_t * FM_TYPE_SUPPORT(package, folder, name)(void)
-
-/// A name of a value of an input. A string input is stored as the index of its name.
-struct fm_value_name
-{
-  const char * name;
-  union fm_value value;
-};
-
-struct fm_node_input
-{
-  const char * name;
-  const char * key;   // of its value in details
-  const char * path;  // the field, as written in the bundle
-  const struct fm_value_name * values;
-  uint32_t n_values;
-  bool is_timed_out;  // it has a timeout and a topic
-  bool has_initial;
-  union fm_value initial;
-  double timeout;     // s, for the log; 0: none
-  double startup;     // s, for the log
-};
 
 /// What the bundle fixes of a subscription's quality of service.
 enum fm_choice
@@ -80,53 +58,21 @@ struct fm_node_topic
   struct fm_fixed_qos qos;
 };
 
-struct fm_node_requirement
-{
-  const char * id;
-  const char * handler;   // topic, relative
-  const char * text;      // title, or sentence or formula, in one line
-  const char * sentence;  // of the log: title and text
-  const uint32_t * inputs;
-  uint32_t n_inputs;
-  const uint32_t * constants;  // that its text names, itself or in definitions
-  uint32_t n_constants;
-  bool is_warning;        // its severity; otherwise error
-  bool shows_verdict;     // in /diagnostics: it reports occurrences
-};
-
-/// A constant of the bundle, with the value that was compiled in, as written.
-struct fm_constant
-{
-  const char * name;
-  const char * key;    // of its value in details
-  const char * value;
-};
-
 struct fm_node_table
 {
-  const char * bundle;     // its name
-  const char * component;
+  struct fm_report_table report;
   const char * node_name;  // unless it is remapped
   const char * summary;    // of the log: requirements, inputs, topics, policy, bytes of state
   const char * judged_by_gates;  // of the log: requirements that are left to gates; may be ""
   const struct fm_monitor * (* monitor)(void);
   const struct fm_readers * (* readers)(void);  // NULL: no topics
-  const struct fm_topic * topic_inputs;         // a topic
   const struct fm_node_topic * topics;
-  const struct fm_node_input * inputs;
-  const struct fm_node_requirement * requirements;
-  const struct fm_constant * constants;
-  uint32_t n_topics;
-  uint32_t n_constants;
-  uint32_t policy;           // enum fm_policy
+  const char * const * handlers;  // topics, relative; a requirement
   const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`
   const uint8_t * sources;
   const int64_t * timeouts;
   const bool * violates;
   const int64_t * startups;
-  int64_t period;            // ns, with FM_PERIODIC
-  bool uses_header_stamps;   // as in fm_engine_options
-  int64_t reorder;
 };
 
 extern const struct fm_node_table fm_node_table;

@@ -477,13 +477,13 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
 {
   const struct fm_node_table * table = parameters->table;
   const uint32_t n = table->monitor()->n_requirements;
-  parameters->fixed = calloc(table->n_topics + 1u, sizeof(*parameters->fixed));
+  parameters->fixed = calloc(table->report.n_topics + 1u, sizeof(*parameters->fixed));
   for (size_t k = 0; k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, OVERRIDES)) {
       check_override(&parameters->given[k], problems);
     }
   }
-  for (uint32_t k = 0; parameters->fixed != NULL && k < table->n_topics; ++k) {
+  for (uint32_t k = 0; parameters->fixed != NULL && k < table->report.n_topics; ++k) {
     char * topic = fm_resolved_name(parameters->node, table->topics[k].name);
     parameters->fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
@@ -495,7 +495,7 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
   }
   refuse_publishers(parameters, FM_DETAILS_TOPIC, problems);
   for (uint32_t k = 0; k < n; ++k) {
-    refuse_publishers(parameters, table->requirements[k].handler, problems);
+    refuse_publishers(parameters, table->handlers[k], problems);
   }
 }
 
@@ -547,8 +547,8 @@ static void refuse_unknown_constants(
   const struct fm_parameters * parameters, struct fm_text * problems)
 {
   struct fm_text names = {NULL, 0, 0};
-  for (uint32_t k = 0; k < parameters->table->n_constants; ++k) {
-    fm_text_list(&names, ", ", parameters->table->constants[k].name);
+  for (uint32_t k = 0; k < parameters->table->report.n_constants; ++k) {
+    fm_text_list(&names, ", ", parameters->table->report.constants[k].name);
   }
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
@@ -591,8 +591,8 @@ void fm_parameters_begin(
   for (size_t k = 0; k < sizeof(described) / sizeof(described[0]); ++k) {
     declare(parameters, &described[k], problems);
   }
-  for (uint32_t k = 0; k < table->n_constants; ++k) {
-    declare_constant(parameters, &table->constants[k], problems);
+  for (uint32_t k = 0; k < table->report.n_constants; ++k) {
+    declare_constant(parameters, &table->report.constants[k], problems);
   }
   refuse_unknown_constants(parameters, problems);
   read_overrides(parameters, problems);
@@ -601,8 +601,8 @@ void fm_parameters_begin(
 
 static bool is_constant(const struct fm_parameters * parameters, const char * name)
 {
-  for (uint32_t k = 0; k < parameters->table->n_constants; ++k) {
-    if (strcmp(parameters->table->constants[k].name, name) == 0) {
+  for (uint32_t k = 0; k < parameters->table->report.n_constants; ++k) {
+    if (strcmp(parameters->table->report.constants[k].name, name) == 0) {
       return true;
     }
   }

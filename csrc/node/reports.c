@@ -33,7 +33,7 @@ bool fm_reports_begin(struct fm_reports * reports, const struct fm_session * ses
   memset(reports, 0, sizeof(*reports));
   reports->session = session;
   reports->inputs = calloc(session->table->monitor()->n_inputs + 1u, sizeof(*reports->inputs));
-  reports->topics = calloc(session->table->n_topics + 1u, sizeof(*reports->topics));
+  reports->topics = calloc(session->table->report.n_topics + 1u, sizeof(*reports->topics));
   reports->began = fm_steady_now();
   reports->logged = reports->judged = fm_engine_time_counts(session->engine);
   return reports->inputs != NULL && reports->topics != NULL;
@@ -86,7 +86,7 @@ static void add_quoted(struct names * names, const char * name, const char * not
 // ---- silences ----------------------------------------------------------------------------------
 
 static bool reads_any(
-  const struct fm_node_requirement * requirement, const bool * is_chosen)
+  const struct fm_report_requirement * requirement, const bool * is_chosen)
 {
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     if (is_chosen[requirement->inputs[k]]) {
@@ -100,25 +100,25 @@ static void log_begun(
   const struct fm_reports * reports, uint32_t topic, const bool * is_chosen, bool is_again)
 {
   const struct fm_node_table * table = reports->session->table;
-  const struct fm_topic * fed = &table->topic_inputs[topic];
+  const struct fm_topic * fed = &table->report.topic_inputs[topic];
   const struct fm_monitor * monitor = table->monitor();
   struct names inputs = {{NULL, 0, 0}, 0};
   struct names readers = {{NULL, 0, 0}, 0};
-  const struct fm_node_input * first = NULL;
+  const struct fm_report_input * first = NULL;
   bool violates = false;
   bool has_come = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_chosen[fed->inputs[k]]) {
-      violates = first == NULL ? table->violates[fed->inputs[k]] : violates;
-      first = first == NULL ? &table->inputs[fed->inputs[k]] : first;
+      violates = first == NULL ? table->report.inputs[fed->inputs[k]].violates : violates;
+      first = first == NULL ? &table->report.inputs[fed->inputs[k]] : first;
       has_come = has_come || fm_engine_input_counts(
         reports->session->engine, fed->inputs[k]).received > 0;
-      add_quoted(&inputs, table->inputs[fed->inputs[k]].name, "");
+      add_quoted(&inputs, table->report.inputs[fed->inputs[k]].name, "");
     }
   }
   for (uint32_t k = 0; first != NULL && k < monitor->n_requirements; ++k) {
-    if (reads_any(&table->requirements[k], is_chosen)) {
-      add_name(&readers, ", ", table->requirements[k].id);
+    if (reads_any(&table->report.requirements[k], is_chosen)) {
+      add_name(&readers, ", ", table->report.requirements[k].id);
     }
   }
   if (first != NULL) {
@@ -136,14 +136,14 @@ static void log_begun(
 static void log_ended(
   const struct fm_reports * reports, uint32_t topic, const bool * is_chosen)
 {
-  const struct fm_topic * fed = &reports->session->table->topic_inputs[topic];
+  const struct fm_topic * fed = &reports->session->table->report.topic_inputs[topic];
   struct names inputs = {{NULL, 0, 0}, 0};
   int64_t lasted = 0;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_chosen[fed->inputs[k]]) {
       const struct fm_silence * silence = &reports->inputs[fed->inputs[k]].silence;
       lasted = silence->lasted > lasted ? silence->lasted : lasted;
-      add_quoted(&inputs, reports->session->table->inputs[fed->inputs[k]].name, "");
+      add_quoted(&inputs, reports->session->table->report.inputs[fed->inputs[k]].name, "");
     }
   }
   if (inputs.n > 0) {
@@ -159,12 +159,12 @@ static bool review_silences_of(
   struct fm_reports * reports, uint32_t topic, bool * has_begun, bool * has_ended)
 {
   const struct fm_node_table * table = reports->session->table;
-  const struct fm_topic * fed = &table->topic_inputs[topic];
+  const struct fm_topic * fed = &table->report.topic_inputs[topic];
   bool is_again = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
     struct fm_silence * seen = &reports->inputs[input].silence;
-    if (table->inputs[input].is_timed_out) {
+    if (table->report.inputs[input].is_timed_out) {
       const struct fm_silence before = *seen;
       *seen = fm_engine_silence(reports->session->engine, input);
       has_begun[input] = seen->count > before.count;
@@ -179,7 +179,7 @@ static void review_silences(struct fm_reports * reports)
 {
   const uint32_t n = reports->session->table->monitor()->n_inputs;
   bool * flags = calloc(2u * n + 1u, sizeof(*flags));
-  for (uint32_t k = 0; flags != NULL && k < reports->session->table->n_topics; ++k) {
+  for (uint32_t k = 0; flags != NULL && k < reports->session->table->report.n_topics; ++k) {
     memset(flags, 0, 2u * n * sizeof(*flags));
     const bool is_again = review_silences_of(reports, k, flags, flags + n);
     log_begun(reports, k, flags, is_again);
@@ -191,7 +191,7 @@ static void review_silences(struct fm_reports * reports)
 // ---- fields ------------------------------------------------------------------------------------
 
 static void add_reason(
-  struct fm_text * text, const struct fm_node_input * input, const struct fm_field * field)
+  struct fm_text * text, const struct fm_report_input * input, const struct fm_field * field)
 {
   if (field->outcome == FM_FIELD_OUTSIDE) {
     fm_text_add(text, "%s cannot be read (the array has %u element%s)", input->path,
@@ -212,7 +212,7 @@ static void log_field(
   struct fm_reports * reports, uint32_t topic, uint32_t input, const struct fm_field * field)
 {
   struct fm_input_report * report = &reports->inputs[input];
-  const struct fm_node_input * about = &reports->session->table->inputs[input];
+  const struct fm_report_input * about = &reports->session->table->report.inputs[input];
   if (field->outcome == FM_FIELD_ABSENT && report->absent_since == 0) {
     report->absent_since = fm_steady_now();
     report->received_before =
@@ -231,7 +231,7 @@ static void log_field(
 static void read_evidence(
   struct fm_reports * reports, uint32_t topic, const uint8_t * message, size_t size)
 {
-  const struct fm_topic * fed = &reports->session->table->topic_inputs[topic];
+  const struct fm_topic * fed = &reports->session->table->report.topic_inputs[topic];
   struct fm_field * fields = calloc(fed->n_inputs + 1u, sizeof(*fields));
   if (fields != NULL &&
     reports->session->table->readers()->topics[topic].read(message, size, fields))
@@ -261,7 +261,7 @@ static void review_evidence(struct fm_reports * reports, uint32_t topic)
 
 static void review_names(struct fm_reports * reports, uint32_t topic)
 {
-  const struct fm_topic * fed = &reports->session->table->topic_inputs[topic];
+  const struct fm_topic * fed = &reports->session->table->report.topic_inputs[topic];
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     struct fm_input_report * report = &reports->inputs[fed->inputs[k]];
     if (report->absent_since == 0) {
@@ -275,7 +275,8 @@ static void review_names(struct fm_reports * reports, uint32_t topic)
     } else if (!report->is_absent_logged &&
       fm_steady_now() - report->absent_since >= ABSENT_S * FM_SECOND)
     {
-      const struct fm_node_input * about = &reports->session->table->inputs[fed->inputs[k]];
+      const struct fm_report_input * about =
+        &reports->session->table->report.inputs[fed->inputs[k]];
       report->is_absent_logged = true;
       fm_log(reports->session->node, FM_WARN,
         "%s: no message has had %s for %d s; input '%s' %s",
@@ -307,7 +308,7 @@ static void review_topic(struct fm_reports * reports, uint32_t topic)
   if (order.late > 0 && !report->is_order_logged) {
     fm_log(session->node, FM_WARN, "messages on %s come later than %g s (`reorder`) after their "
       "stamps: they take effect when they come; raise `reorder`", name,
-      (double)session->table->reorder / 1e9);
+      (double)session->table->report.reorder / 1e9);
   } else if (order.overflows > 0 && !report->is_order_logged) {
     fm_log(session->node, FM_WARN, "messages on %s take effect too early: too many wait for "
       "earlier stamps", name);
@@ -333,11 +334,11 @@ static void add_waits(const struct fm_reports * reports, struct fm_text * text,
   struct fm_text word = {NULL, 0, 0};
   bool has_timeouts = false;
   for (uint32_t k = 0; k < table->monitor()->n_inputs; ++k) {
-    has_timeouts = has_timeouts || table->inputs[k].timeout > 0.0;
+    has_timeouts = has_timeouts || table->report.inputs[k].timeout > 0.0;
   }
   const char * const waits[] = {
-    table->policy == FM_PERIODIC ? "period" : NULL,
-    table->policy == FM_TIMED && has_deadlines ? "deadline" : NULL,
+    table->report.policy == FM_PERIODIC ? "period" : NULL,
+    table->report.policy == FM_TIMED && has_deadlines ? "deadline" : NULL,
     has_timeouts ? "timeout" : NULL};
   for (size_t k = 0; k < sizeof(waits) / sizeof(waits[0]); ++k) {
     if (waits[k] != NULL) {
@@ -370,10 +371,11 @@ static void review_clock(struct fm_reports * reports)
 static void log_restart(struct fm_reports * reports, const struct fm_time_counts * counts)
 {
   struct fm_text waits = {NULL, 0, 0};
-  const bool is_timed = reports->session->table->policy == FM_TIMED;
+  const bool is_timed = reports->session->table->report.policy == FM_TIMED;
   add_waits(reports, &waits, " and ", "s", false);
   fm_log(reports->session->node, FM_WARN, "time went back, to %.3f s: %s%s%s",
-    (double)(counts->restarted_at + reports->session->table->reorder) / 1e9, fm_text_get(&waits),
+    (double)(counts->restarted_at + reports->session->table->report.reorder) / 1e9,
+    fm_text_get(&waits),
     waits.length > 0 ? " continue from there; " : "",
     is_timed ? "values are kept, and the requirements start afresh" :
     "values and past of the requirements are kept");
@@ -386,7 +388,7 @@ static void review_periods(struct fm_reports * reports, const struct fm_time_cou
     if (fm_passes(&reports->next_time_line, PERIODS_S)) {
       fm_log(reports->session->node, FM_WARN,
         "periods of %g s since the last such message: %" PRIu64 " missed (no step), %" PRIu64
-        " late by more than half a period", (double)reports->session->table->period / 1e9,
+        " late by more than half a period", (double)reports->session->table->report.period / 1e9,
         counts->missed - reports->logged.missed, counts->late - reports->logged.late);
       reports->logged = reports->judged = *counts;
     }
@@ -412,7 +414,7 @@ static void review_time(struct fm_reports * reports)
       "the window", counts.overflows);
   }
   reports->overflows = counts.overflows;
-  if (reports->session->table->policy == FM_PERIODIC) {
+  if (reports->session->table->report.policy == FM_PERIODIC) {
     review_periods(reports, &counts);
   }
 }
@@ -442,7 +444,7 @@ void fm_reports_review(struct fm_reports * reports)
 static bool note_awaited(
   const struct fm_session * session, uint32_t requirement, bool * is_awaited)
 {
-  const struct fm_node_requirement * about = &session->table->requirements[requirement];
+  const struct fm_report_requirement * about = &session->table->report.requirements[requirement];
   bool waits = false;
   for (uint32_t k = 0; k < about->n_inputs; ++k) {
     if (!fm_has_value(session, about->inputs[k])) {
@@ -464,13 +466,13 @@ static void add_reason_of_topic(
   const struct fm_session * session, uint32_t topic, const bool * is_awaited,
   struct names * reasons)
 {
-  const struct fm_topic * fed = &session->table->topic_inputs[topic];
+  const struct fm_topic * fed = &session->table->report.topic_inputs[topic];
   const struct fm_mapped_topic * mapped = &session->topics[topic];
   struct names inputs = {{NULL, 0, 0}, 0};
   struct fm_text reason = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_awaited[fed->inputs[k]]) {
-      add_quoted(&inputs, session->table->inputs[fed->inputs[k]].name,
+      add_quoted(&inputs, session->table->report.inputs[fed->inputs[k]].name,
         fm_has_value(session, fed->inputs[k]) ? " (it has its initial value)" : "");
     }
   }
@@ -496,7 +498,7 @@ void fm_reports_missing(const struct fm_reports * reports)
   struct names reasons = {{NULL, 0, 0}, 0};
   for (uint32_t k = 0; is_awaited != NULL && k < monitor->n_requirements; ++k) {
     if (note_awaited(session, k, is_awaited)) {
-      add_name(&waiting, ", ", session->table->requirements[k].id);
+      add_name(&waiting, ", ", session->table->report.requirements[k].id);
     }
   }
   for (uint32_t k = 0; waiting.n > 0 && k < session->n_topics; ++k) {

@@ -77,13 +77,13 @@ enum { N_OWN = sizeof(own) / sizeof(own[0]) };
 static struct used topic_of(const struct fm_node_table * table, uint32_t k)
 {
   const uint32_t n = table->monitor()->n_requirements;
-  if (k < table->n_topics) {
+  if (k < table->report.n_topics) {
     return (struct used) {table->topics[k].name, table->topics[k].type, MONITORED, NULL};
   }
-  k -= table->n_topics;
+  k -= table->report.n_topics;
   if (k < n) {
     return (struct used) {
-      table->requirements[k].handler, "std_msgs/msg/Empty", ANNOUNCED, NULL};
+      table->handlers[k], "std_msgs/msg/Empty", ANNOUNCED, NULL};
   }
   return k > n ? own[k - n - 1u] : (struct used) {
     FM_DETAILS_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", ANNOUNCED, NULL};
@@ -120,7 +120,7 @@ static bool refuse_used(
 static bool refuse_merged(const struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  const uint32_t n = table->n_topics + table->monitor()->n_requirements + 1u + N_OWN;
+  const uint32_t n = table->report.n_topics + table->monitor()->n_requirements + 1u + N_OWN;
   struct used * used = calloc(n, sizeof(*used));
   bool is_good = used != NULL;
   for (uint32_t k = 0; is_good && k < n; ++k) {
@@ -151,7 +151,7 @@ static bool advertise_all(struct fm_session * session)
     if (!advertise(
         session, &session->handlers[session->n_handlers],
         ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty),
-        session->table->requirements[session->n_handlers].handler))
+        session->table->handlers[session->n_handlers]))
     {
       return false;
     }
@@ -197,9 +197,10 @@ static struct fm_evaluator * make_evaluator(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
   const struct fm_evaluator_options options = {
-    .monitor = table->monitor(), .topics = table->topic_inputs, .n_topics = table->n_topics,
-    .policy = table->policy, .reports = table->reports, .timeouts = table->timeouts,
-    .violates = table->violates, .period = table->period, .patience = PATIENCE_NS,
+    .monitor = table->monitor(),
+    .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
+    .policy = table->report.policy, .reports = table->reports, .timeouts = table->timeouts,
+    .violates = table->violates, .period = table->report.period, .patience = PATIENCE_NS,
     .sources = table->sources, .reports_recoveries = true, .startups = table->startups};
   const uint64_t bytes = fm_evaluator_bytes(&options);
   session->memory = bytes == 0 ? NULL : malloc((size_t)bytes + ALIGNMENT);
@@ -210,8 +211,8 @@ static struct fm_evaluator * make_evaluator(struct fm_session * session)
   struct fm_evaluator * evaluator = fm_evaluator_init(
     (uint8_t *)session->memory + (-address % ALIGNMENT), &options);
   for (uint32_t k = 0; evaluator != NULL && k < options.monitor->n_inputs; ++k) {
-    if (table->inputs[k].has_initial) {
-      fm_evaluator_initial(evaluator, k, table->inputs[k].initial);
+    if (table->report.inputs[k].has_initial) {
+      fm_evaluator_initial(evaluator, k, table->report.inputs[k].initial);
     }
   }
   return evaluator;
@@ -223,14 +224,45 @@ static bool make_engine(struct fm_session * session)
   const struct fm_engine_options options = {
     .evaluator = make_evaluator(session), .monitor = table->monitor(),
     .readers = table->readers == NULL ? NULL : table->readers(),
-    .topics = table->topic_inputs, .n_topics = table->n_topics, .sources = table->sources,
-    .uses_header_stamps = table->uses_header_stamps, .reorder = table->reorder,
+    .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
+    .sources = table->sources,
+    .uses_header_stamps = table->report.uses_header_stamps, .reorder = table->report.reorder,
     .takes_recoveries = false};
   session->engine = options.evaluator == NULL ? NULL : fm_engine_create(&options);
   if (session->engine == NULL) {
     fm_log(session->node, FM_ERROR, "the engine cannot be made: memory is short");
   }
   return session->engine != NULL;
+}
+
+static bool begin_reporter(struct fm_session * session)
+{
+  const struct fm_report_table * table = &session->table->report;
+  session->topic_names = calloc(table->n_topics + 1u, sizeof(*session->topic_names));
+  if (session->topic_names == NULL) {
+    return false;
+  }
+  for (uint32_t k = 0; k < table->n_topics; ++k) {
+    session->topic_names[k] = fm_resolved_name(session->node, table->topics[k].name);
+    if (session->topic_names[k] == NULL) {
+      fm_log_failure(session->node, "cannot subscribe");
+      return false;
+    }
+  }
+  session->reporter = (struct fm_reporter) {
+    table, session->table->monitor(), session->engine,
+    rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
+    (const char * const *)session->topic_names};
+  return true;
+}
+
+static void end_reporter(struct fm_session * session)
+{
+  for (uint32_t k = 0; session->topic_names != NULL && k < session->table->report.n_topics; ++k) {
+    free(session->topic_names[k]);
+  }
+  free(session->topic_names);
+  session->topic_names = NULL;
 }
 
 static bool start_announcer(struct fm_session * session)
@@ -252,8 +284,7 @@ static bool start_announcer(struct fm_session * session)
 static bool start_threads(struct fm_session * session)
 {
   session->detail_thread = fm_detail_thread_start(
-    session->node, session->table, session->engine, &session->details,
-    session->settings.logs_violations);
+    session->node, &session->reporter, &session->details, session->settings.logs_violations);
   if (session->detail_thread == NULL || !start_announcer(session)) {
     fm_log(session->node, FM_ERROR, "no thread can be started");
     return false;
@@ -264,11 +295,11 @@ static bool start_threads(struct fm_session * session)
 static bool subscribe_all(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  session->topics = calloc(table->n_topics + 1u, sizeof(*session->topics));
+  session->topics = calloc(table->report.n_topics + 1u, sizeof(*session->topics));
   if (session->topics == NULL) {
     return false;
   }
-  for (uint32_t k = 0; k < table->n_topics; ++k) {
+  for (uint32_t k = 0; k < table->report.n_topics; ++k) {
     session->n_topics = k + 1u;
     if (!fm_topic_open(
         &session->topics[k], session->node, &table->topics[k], &session->settings.fixed[k], k))
@@ -276,7 +307,7 @@ static bool subscribe_all(struct fm_session * session)
       return false;
     }
   }
-  for (uint32_t k = 0; k < table->n_topics; ++k) {
+  for (uint32_t k = 0; k < table->report.n_topics; ++k) {
     if (!fm_topic_start(&session->topics[k], session->engine, &fm_rmw_functions)) {
       return false;
     }
@@ -286,7 +317,7 @@ static bool subscribe_all(struct fm_session * session)
 
 bool fm_session_activate(struct fm_session * session)
 {
-  if (!make_engine(session)) {
+  if (!make_engine(session) || !begin_reporter(session)) {
     fm_session_deactivate(session);
     return false;
   }
@@ -327,6 +358,7 @@ void fm_session_deactivate(struct fm_session * session)
   }
   session->engine = NULL;
   session->memory = NULL;
+  end_reporter(session);
 }
 
 // ---- while it runs -----------------------------------------------------------------------------

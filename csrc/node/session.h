@@ -45,6 +45,8 @@ struct fm_session
   rcl_publisher_t details;
   void * memory;                      // of the evaluator
   struct fm_engine * engine;
+  struct fm_reporter reporter;
+  char ** topic_names;                // as resolved
   struct fm_announcer * announcer;
   struct fm_detail_thread * detail_thread;
   struct fm_mapped_topic * topics;

@@ -30,6 +30,9 @@
 #define FM_PRINTF(place, first)
 #endif
 
+/// In nanoseconds.
+#define FM_SECOND INT64_C(1000000000)
+
 /// Zeroed: an empty text. The owner calls fm_text_free.
 struct fm_text
 {

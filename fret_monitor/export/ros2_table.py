@@ -26,7 +26,7 @@ from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
-from fret_monitor.model.names import HANDLER_TOPIC
+from fret_monitor.model.names import detail_key
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.paths import path_text
 from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
@@ -34,7 +34,6 @@ from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 _CHOICES = {
     'best_effort': 'FM_WEAKER', 'volatile': 'FM_WEAKER', 'keep_last': 'FM_WEAKER',
     'reliable': 'FM_STRONGER', 'transient_local': 'FM_STRONGER', 'keep_all': 'FM_STRONGER'}
-_OF_ALL = frozenset(('step', 'time', 'stamp', 'suppressed', 'silent'))  # keys of details
 
 
 def node_table(generated: GeneratedMonitor, node_name: str) -> str:
@@ -75,7 +74,7 @@ def _inputs(manifest: Manifest) -> Iterator[str]:
             yield from _array('struct fm_value_name', f'values_{index}', (
                 f'{{{_text(name)}, {union_value(item.value_type, number)}}}'
                 for name, number in _numbers(item)))
-    yield from _array('struct fm_node_input', 'inputs', (
+    yield from _array('struct fm_report_input', 'inputs', (
         '\n  '.join([*comment(origin(item)), _input(index, item)])
         for index, item in enumerate(manifest.inputs)))
     yield from _array('uint8_t', 'sources', (SOURCES[item.source] for item in manifest.inputs))
@@ -95,12 +94,13 @@ def _numbers(item: ManifestInput) -> Iterator[tuple[str, int]]:
 
 
 def _input(index: int, item: ManifestInput) -> str:
-    key = f'input {item.name}' if item.name in _OF_ALL else item.name
     is_timed_out = item.timeout is not None and item.topic is not None
     return ', '.join((
-        f'{{{_text(item.name)}', _text(key), _text(path_text(item.path)),
+        f'{{{_text(item.name)}', _text(detail_key(item.name, 'input')),
+        _text(path_text(item.path)),
         f'values_{index}' if item.values else 'NULL', f'{len(item.values)}u',
-        _truth(is_timed_out), _truth(item.initial is not None),
+        _truth(is_timed_out), _truth(item.stale is Stale.VIOLATE),
+        _truth(item.initial is not None),
         union_value(item.value_type, item.initial or 0), f'{item.timeout or 0.0!r}',
         f'{item.startup or item.timeout or 0.0!r}}}'))
 
@@ -110,6 +110,8 @@ def _topics(manifest: Manifest) -> Iterator[str]:
         yield from _array('uint32_t', f'fed_{index}', (f'{place}u' for place in item.inputs))
     yield from _array('struct fm_topic', 'topic_inputs', (
         f'{{fed_{index}, {len(item.inputs)}u}}' for index, item in enumerate(manifest.topics)))
+    yield from _array('struct fm_report_topic', 'named_topics', (
+        f'{{{_text(item.name)}, {_text(item.message_type)}}}' for item in manifest.topics))
     yield from _array('struct fm_node_topic', 'topics', map(_topic, manifest.topics))
 
 
@@ -128,17 +130,18 @@ def _requirements(manifest: Manifest) -> Iterator[str]:
         yield from _array('uint32_t', f'read_{index}', (f'{place}u' for place in item.inputs))
         if item.constants:
             yield from _array('uint32_t', f'named_{index}', (f'{k}u' for k in item.constants))
-    yield from _array('struct fm_node_requirement', 'requirements', (
+    yield from _array('struct fm_report_requirement', 'requirements', (
         _requirement(index, item) for index, item in enumerate(manifest.requirements)))
+    yield from _array('char * const', 'handlers', (
+        _text(item.topic) for item in manifest.requirements))
     yield from _array('uint8_t', 'reports', (
         f'FM_{item.report.name}' for item in manifest.requirements))
 
 
 def _requirement(index: int, item: ManifestRequirement) -> str:
-    text, title = (' '.join(part.split()) for part in (item.text, item.title))
     return ', '.join((
-        f'{{{_text(item.id)}', _text(f'{HANDLER_TOPIC}{item.handler}'), _text(title or text),
-        _text(f'{title} ({text})' if title else text), f'read_{index}', f'{len(item.inputs)}u',
+        f'{{{_text(item.id)}', _text(item.shown),
+        _text(item.sentence), f'read_{index}', f'{len(item.inputs)}u',
         f'named_{index}' if item.constants else 'NULL', f'{len(item.constants)}u',
         _truth(item.severity is Severity.WARN),
         f'{_truth(item.report is Report.OCCURRENCE)}}}'))
@@ -146,36 +149,40 @@ def _requirement(index: int, item: ManifestRequirement) -> str:
 
 def _constants(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_constant', 'constants', (
-        f'{{{_text(name)}, {_text(_constant_key(name))}, {_text(value)}}}'
+        f'{{{_text(name)}, {_text(detail_key(name, 'constant'))}, {_text(value)}}}'
         for name, value in manifest.constants))
-
-
-def _constant_key(name: str) -> str:
-    return f'constant {name}' if name in _OF_ALL else name
 
 
 def _table(manifest: Manifest, node_name: str) -> Iterator[str]:
     is_timed = manifest.policy is Policy.TIMED
     period = manifest.period if manifest.policy is Policy.PERIODIC else None
-    fields = {
+    report = {
         'bundle': _text(manifest.name),
         'component': _text(manifest.component),
+        'gate': _text(''),
+        'inputs': 'inputs',
+        'topics': 'named_topics',
+        **{name: name for name in ('topic_inputs', 'requirements', 'constants')},
+        **{f'n_{name}': f'{len(getattr(manifest, name))}u'
+           for name in ('inputs', 'topics', 'requirements', 'constants')},
+        'policy': f'FM_{manifest.policy.name}',
+        'period': nanoseconds(period),
+        'uses_header_stamps': _truth(is_timed and manifest.stamp is Stamp.HEADER),
+        'reorder': f'INT64_C({manifest.reorder})',
+    }
+    fields = {
         'node_name': _text(node_name),
         'summary': _text(_summary(manifest)),
         'judged_by_gates': _text(judged_by_gates(manifest.kept, FOLDER_OF_EACH)),
         'monitor': manifest.symbol,
         'readers': manifest.readers or 'NULL',
-        **{name: name for name in ('topic_inputs', 'topics', 'inputs', 'requirements',
-                                   'constants')},
-        'n_topics': f'{len(manifest.topics)}u',
-        'n_constants': f'{len(manifest.constants)}u',
-        'policy': f'FM_{manifest.policy.name}',
-        **{name: name for name in ('reports', 'sources', 'timeouts', 'violates', 'startups')},
-        'period': nanoseconds(period),
-        'uses_header_stamps': _truth(is_timed and manifest.stamp is Stamp.HEADER),
-        'reorder': f'INT64_C({manifest.reorder})',
+        **{name: name for name in ('topics', 'handlers', 'reports', 'sources', 'timeouts',
+                                   'violates', 'startups')},
     }
     yield 'const struct fm_node_table fm_node_table = {'
+    yield '  .report = {'
+    yield from (f'    .{name} = {value},' for name, value in report.items())
+    yield '  },'
     yield from (f'  .{name} = {value},' for name, value in fields.items())
     yield '};'
 

@@ -139,6 +139,17 @@ class ManifestRequirement:
         """The topic of its violations, relative to the namespace of the node."""
         return HANDLER_TOPIC + self.handler
 
+    @property
+    def shown(self) -> str:
+        """Its title, or its text if it has none, in one line."""
+        return ' '.join((self.title or self.text).split())
+
+    @property
+    def sentence(self) -> str:
+        """Its title and its text, for the log, in one line."""
+        text = ' '.join(self.text.split())
+        return f'{self.shown} ({text})' if self.title else text
+
 
 @dataclass(frozen=True)
 class ManifestAction:

@@ -30,7 +30,11 @@
 #include <time.h>
 
 #include "check.h"
-#include "detail_text.h"
+#include <diagnostic_msgs/msg/diagnostic_array.h>
+#include <diagnostic_msgs/msg/diagnostic_status.h>
+#include <diagnostic_msgs/msg/key_value.h>
+
+#include "details.h"
 #include "monitor_node.h"
 #include "offers.h"
 #include "violation_log.h"
@@ -90,6 +94,15 @@ rcl_ret_t __real_rcl_subscription_init(
   rcl_subscription_t * subscription, const rcl_node_t * node,
   const rosidl_message_type_support_t * type, const char * topic,
   const rcl_subscription_options_t * options);
+void __wrap_fm_log_lines(const struct fm_node * node, struct fm_lines * decided);
+void __wrap_fm_log_lines(const struct fm_node * node, struct fm_lines * decided)
+{
+  for (uint32_t k = 0; k < decided->n; ++k) {
+    __wrap_fm_log(node, (enum fm_level)decided->lines[k].level, "%s", decided->lines[k].text);
+  }
+  fm_lines_clear(decided);
+}
+
 rcl_ret_t __wrap_rcl_subscription_init(
   rcl_subscription_t * subscription, const rcl_node_t * node,
   const rosidl_message_type_support_t * type, const char * topic,
@@ -653,6 +666,7 @@ static void a_text_that_was_freed_is_empty(void)
 // ---- the log of violations ---------------------------------------------------------------------
 
 static struct fm_violation_log * violation_log;
+static struct fm_lines decided;
 
 // As if the engine announced a violation, or that one is over, at a time in seconds.
 static void happen(double seconds, bool is_over, bool has_detail)
@@ -667,7 +681,8 @@ static void happen(double seconds, bool is_over, bool has_detail)
     detail->violation.stamp = now;
     detail->violation.requirement = HEAT;
     detail->violation.is_recovery = is_over;
-    fm_violation_log_add(violation_log, detail);
+    fm_violation_log_add(violation_log, detail, now, &decided);
+    fm_log_lines(&node.node, &decided);
     free(detail);
   }
 }
@@ -675,7 +690,8 @@ static void happen(double seconds, bool is_over, bool has_detail)
 static void review_at(double seconds)
 {
   now = (int64_t)(seconds * 1e9);
-  fm_violation_log_review(violation_log);
+  fm_violation_log_review(violation_log, now, &decided);
+  fm_log_lines(&node.node, &decided);
 }
 
 #define VIOLATED(at, step) \
@@ -687,8 +703,7 @@ static void review_at(double seconds)
 static void violations_are_logged_once_a_second_and_all_are_counted(void)
 {
   requirement_counts.holds = true;
-  violation_log =
-    fm_violation_log_create(&node.node, node.table, node.session.engine);
+  violation_log = fm_violation_log_create(&node.session.reporter);
   happen(10.0, false, true);
   EXPECT_LINES(VIOLATED("10.000", "100") "\n");
   for (int tenth = 1; tenth < 9; ++tenth) {
@@ -725,7 +740,9 @@ static void violations_are_logged_once_a_second_and_all_are_counted(void)
   EXPECT_LINES("INFO HEAT satisfied again: heat < 50.0\n");
   happen(30.0, false, true);
   happen(30.1, true, true);
-  fm_violation_log_end(violation_log);
+  fm_violation_log_end(violation_log, &decided);
+  fm_log_lines(&node.node, &decided);
+  fm_lines_free(&decided);
   EXPECT_LINES(VIOLATED("30.000", "300") "\n" SATISFIED("30.100", "301") "\n");
   fm_violation_log_destroy(violation_log);
 }

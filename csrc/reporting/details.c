@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// detail_text.c: see detail_text.h for the contract.
+/// details.c: see details.h for the contract.
 
-#include "detail_text.h"
+#include "details.h"
 
 #include <inttypes.h>
 #include <string.h>
@@ -80,7 +80,7 @@ static bool are_equal(union fm_value one, union fm_value other, enum fm_type typ
 }
 
 static void add_value(
-  struct fm_text * text, const struct fm_node_input * input, union fm_value value,
+  struct fm_text * text, const struct fm_report_input * input, union fm_value value,
   enum fm_type type)
 {
   for (uint32_t k = 0; k < input->n_values; ++k) {
@@ -103,54 +103,54 @@ static void add_value(
 }
 
 void fm_add_input(
-  struct fm_text * text, const struct fm_node_table * table, const struct fm_detail * detail,
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail,
   uint32_t input)
 {
-  const struct fm_monitor * monitor = table->monitor();
+  const struct fm_monitor * monitor = reporter->monitor;
   const struct fm_input * stored = &monitor->inputs[input];
   if ((flags_of(monitor, detail, input) & HAS_VALUE) == 0) {
     fm_text_add(text, "(none yet)");
     return;
   }
   add_value(
-    text, &table->inputs[input],
+    text, &reporter->table->inputs[input],
     read_value(values_of(detail) + stored->offset, (enum fm_type)stored->type),
     (enum fm_type)stored->type);
 }
 
 void fm_add_silent(
-  struct fm_text * text, const struct fm_node_table * table, const struct fm_detail * detail)
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
-  const struct fm_node_requirement * requirement =
-    &table->requirements[detail->violation.requirement];
+  const struct fm_report_requirement * requirement =
+    &reporter->table->requirements[detail->violation.requirement];
   bool is_first = true;
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     const uint32_t input = requirement->inputs[k];
-    if ((flags_of(table->monitor(), detail, input) & IS_STALE) != 0) {
-      fm_text_add(text, "%s%s", is_first ? "" : ", ", table->inputs[input].name);
+    if ((flags_of(reporter->monitor, detail, input) & IS_STALE) != 0) {
+      fm_text_add(text, "%s%s", is_first ? "" : ", ", reporter->table->inputs[input].name);
       is_first = false;
     }
   }
 }
 
-static uint8_t level_of(
-  const struct fm_node_requirement * requirement, const struct fm_detail * detail)
+static enum fm_status_level level_of(
+  const struct fm_report_requirement * requirement, const struct fm_detail * detail)
 {
-  return detail->violation.is_recovery ? diagnostic_msgs__msg__DiagnosticStatus__OK :
-         requirement->is_warning ? diagnostic_msgs__msg__DiagnosticStatus__WARN :
-         diagnostic_msgs__msg__DiagnosticStatus__ERROR;
+  return detail->violation.is_recovery ? FM_STATUS_OK :
+         requirement->is_warning ? FM_STATUS_WARN :
+         FM_STATUS_ERROR;
 }
 
 void fm_add_detail(
-  fm_status_array * array, const struct fm_node_table * table, const struct fm_detail * detail)
+  struct fm_statuses * list, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
-  const struct fm_node_requirement * requirement =
-    &table->requirements[detail->violation.requirement];
+  const struct fm_report_requirement * requirement =
+    &reporter->table->requirements[detail->violation.requirement];
   struct fm_text text = {NULL, 0, 0};
-  fm_status * status = fm_status_add(
-    array, level_of(requirement, detail), requirement->id, requirement->text, table->component,
-    4u + requirement->n_inputs + requirement->n_constants);
-  if (table->policy == FM_TIMED) {
+  struct fm_status * status = fm_statuses_add(
+    list, level_of(requirement, detail), requirement->id, requirement->text,
+    reporter->table->component);
+  if (reporter->table->policy == FM_TIMED) {
     fm_text_add_short_seconds(&text, (int64_t)detail->violation.step);
     fm_status_value(status, "time", "%s", fm_text_get(&text));
   } else {
@@ -161,16 +161,20 @@ void fm_add_detail(
   fm_status_value(status, "stamp", "%s", fm_text_get(&text));
   fm_status_value(status, "suppressed", "%" PRIu64, detail->suppressed);
   fm_text_clear(&text);
-  fm_add_silent(&text, table, detail);
+  fm_add_silent(&text, reporter, detail);
   fm_status_value(status, "silent", "%s", fm_text_get(&text));
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     fm_text_clear(&text);
-    fm_add_input(&text, table, detail, requirement->inputs[k]);
-    fm_status_value(status, table->inputs[requirement->inputs[k]].key, "%s", fm_text_get(&text));
+    fm_add_input(&text, reporter, detail, requirement->inputs[k]);
+    fm_status_value(
+      status, reporter->table->inputs[requirement->inputs[k]].key, "%s", fm_text_get(&text));
   }
   for (uint32_t k = 0; k < requirement->n_constants; ++k) {
-    const struct fm_constant * constant = &table->constants[requirement->constants[k]];
+    const struct fm_constant * constant = &reporter->table->constants[requirement->constants[k]];
     fm_status_value(status, constant->key, "%s", constant->value);
+  }
+  if (detail->violation.is_withheld && reporter->table->gate[0] != '\0') {
+    fm_status_value(status, "withheld by", "%s", reporter->table->gate);
   }
   fm_text_free(&text);
 }

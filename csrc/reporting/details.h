@@ -12,32 +12,30 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// detail_text.h: the details of a violation as text: for `copilot/violations`, and for the log.
+/// details.h: the details of a violation as text: for `copilot/violations`, and for the log.
 ///
 /// Any thread; O(inputs of the requirement).
 
-#ifndef DETAIL_TEXT_H_
-#define DETAIL_TEXT_H_
+#ifndef DETAILS_H_
+#define DETAILS_H_
 
-#include "node_table.h"
-#include "outbox.h"
-#include "status_array.h"
-#include "text.h"
+#include "reporter.h"
 
 /// Bytes of a detail, with its values and flags (outbox.h).
 size_t fm_detail_bytes(const struct fm_monitor * monitor);
 
 /// Add the value of an input in a detail, as it is written in a bundle; a named value by its name.
 void fm_add_input(
-  struct fm_text * text, const struct fm_node_table * table, const struct fm_detail * detail,
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail,
   uint32_t input);
 
 /// Add the names of the stale inputs that the requirement reads.
 void fm_add_silent(
-  struct fm_text * text, const struct fm_node_table * table, const struct fm_detail * detail);
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail);
 
-/// Add the status that describes a violation, or its end, to an array.
-void fm_add_detail(
-  fm_status_array * array, const struct fm_node_table * table, const struct fm_detail * detail);
+/// Add the status that describes a violation, or its end, to a list.
+FM_EXPORT void fm_add_detail(
+  struct fm_statuses * list, const struct fm_reporter * reporter,
+  const struct fm_detail * detail);
 
-#endif  // DETAIL_TEXT_H_
+#endif  // DETAILS_H_

@@ -23,32 +23,32 @@
 #ifndef VIOLATION_LOG_H_
 #define VIOLATION_LOG_H_
 
-#include "engine.h"
-#include "log.h"
-#include "node_table.h"
+#include "reporter.h"
 
 /// Details of a requirement in a second while only the log reads them.
 #define FM_LOGGED_PER_S 10u
 
 struct fm_violation_log;
 
-/// Make a log of an engine's violations, which outlives it; NULL if memory is short.
+/// Make a log of an engine's violations; NULL if memory is short. The reporter outlives it.
 /// O(requirements).
-struct fm_violation_log * fm_violation_log_create(
-  const struct fm_node * node, const struct fm_node_table * table, struct fm_engine * engine);
+FM_EXPORT struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * reporter);
 
 /// Free it. NULL is allowed.
-void fm_violation_log_destroy(struct fm_violation_log * log);
+FM_EXPORT void fm_violation_log_destroy(struct fm_violation_log * log);
 
-/// Log a violation or its end, or leave it to the review if there was a line just now. The detail
-/// is copied. O(inputs).
-void fm_violation_log_add(struct fm_violation_log * log, const struct fm_detail * detail);
+/// Log a violation or its end, or leave it to the review if there was a line just now. `now` is
+/// CLOCK_MONOTONIC in nanoseconds. The detail is copied. O(inputs).
+FM_EXPORT void fm_violation_log_add(
+  struct fm_violation_log * log, const struct fm_detail * detail, int64_t now,
+  struct fm_lines * lines);
 
 /// Log what was left out, where a second has passed since the last line; to be called several
 /// times a second. O(requirements).
-void fm_violation_log_review(struct fm_violation_log * log);
+FM_EXPORT void fm_violation_log_review(
+  struct fm_violation_log * log, int64_t now, struct fm_lines * lines);
 
 /// Log all that was left out.
-void fm_violation_log_end(struct fm_violation_log * log);
+FM_EXPORT void fm_violation_log_end(struct fm_violation_log * log, struct fm_lines * lines);
 
 #endif  // VIOLATION_LOG_H_

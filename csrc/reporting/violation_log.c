@@ -20,7 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "detail_text.h"
+#include "details.h"
 
 #define INTERVAL_NS INT64_C(1000000000)
 
@@ -38,19 +38,16 @@ struct logged
 
 struct fm_violation_log
 {
-  const struct fm_node * node;
-  const struct fm_node_table * table;
-  struct fm_engine * engine;
+  const struct fm_reporter * reporter;
   struct logged * logged;
   uint32_t n;
   size_t detail_bytes;
   int64_t next_check;  // steady; 0: nothing new since the last
 };
 
-struct fm_violation_log * fm_violation_log_create(
-  const struct fm_node * node, const struct fm_node_table * table, struct fm_engine * engine)
+struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * reporter)
 {
-  const struct fm_monitor * monitor = table->monitor();
+  const struct fm_monitor * monitor = reporter->monitor;
   struct fm_violation_log * log = calloc(1, sizeof(*log));
   struct logged * logged = calloc(monitor->n_requirements + 1u, sizeof(*logged));
   if (log == NULL || logged == NULL) {
@@ -59,7 +56,7 @@ struct fm_violation_log * fm_violation_log_create(
     return NULL;
   }
   *log = (struct fm_violation_log) {
-    node, table, engine, logged, monitor->n_requirements, fm_detail_bytes(monitor), 0};
+    reporter, logged, monitor->n_requirements, fm_detail_bytes(monitor), 0};
   return log;
 }
 
@@ -80,79 +77,86 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
 
 // Add [step N: name = value, ...].
 static void add_shown(
-  struct fm_text * text, const struct fm_node_table * table, const struct fm_detail * detail)
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
-  const struct fm_node_requirement * requirement =
-    &table->requirements[detail->violation.requirement];
+  const struct fm_report_requirement * requirement =
+    &reporter->table->requirements[detail->violation.requirement];
   struct fm_text silent = {NULL, 0, 0};
-  if (table->policy == FM_TIMED) {
+  if (reporter->table->policy == FM_TIMED) {
     fm_text_add(text, " [");
     fm_text_add_short_seconds(text, (int64_t)detail->violation.step);
     fm_text_add(text, " s after its start");
   } else {
     fm_text_add(text, " [step %" PRIu64, detail->violation.step);
   }
-  fm_add_silent(&silent, table, detail);
+  fm_add_silent(&silent, reporter, detail);
   if (silent.length > 0) {
     fm_text_add(text, ", no message for %s", fm_text_get(&silent));
   }
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
-    fm_text_add(text, "%s%s = ", k == 0 ? ": " : ", ", table->inputs[requirement->inputs[k]].name);
-    fm_add_input(text, table, detail, requirement->inputs[k]);
+    fm_text_add(text, "%s%s = ", k == 0 ? ": " : ", ",
+      reporter->table->inputs[requirement->inputs[k]].name);
+    fm_add_input(text, reporter, detail, requirement->inputs[k]);
   }
   for (uint32_t k = 0; k < requirement->n_constants; ++k) {
-    const struct fm_constant * constant = &table->constants[requirement->constants[k]];
+    const struct fm_constant * constant = &reporter->table->constants[requirement->constants[k]];
     fm_text_add(text, "%s%s = %s", k == 0 && requirement->n_inputs == 0 ? ": " : ", ",
       constant->name, constant->value);
   }
   fm_text_add(text, "%s]",
     requirement->n_inputs == 0 && requirement->n_constants == 0 ? ": " : "");
+  if (detail->violation.is_withheld && reporter->table->gate[0] != '\0') {
+    fm_text_add(text, ", withheld by gate '%s'", reporter->table->gate);
+  }
   fm_text_free(&silent);
 }
 
-static enum fm_level level_of(const struct fm_node_requirement * requirement)
+static enum fm_level level_of(const struct fm_report_requirement * requirement)
 {
   return requirement->is_warning ? FM_WARN : FM_ERROR;
 }
 
 static void write_violated(
-  const struct fm_violation_log * log, const struct fm_detail * detail, uint64_t more)
+  const struct fm_violation_log * log, struct fm_lines * lines, const struct fm_detail * detail,
+  uint64_t more)
 {
-  const struct fm_node_requirement * requirement =
-    &log->table->requirements[detail->violation.requirement];
+  const struct fm_report_requirement * requirement =
+    &log->reporter->table->requirements[detail->violation.requirement];
   struct fm_text values = {NULL, 0, 0};
-  add_shown(&values, log->table, detail);
+  add_shown(&values, log->reporter, detail);
   if (more > 0) {
     fm_text_add(&values, " (%" PRIu64 " more violation%s since the last line)", more,
       more == 1u ? "" : "s");
   }
-  fm_log(log->node, level_of(requirement), "%s violated at %.3f: %s%s", requirement->id,
+  fm_lines_add(lines, level_of(requirement), "%s violated at %.3f: %s%s", requirement->id,
     (double)detail->violation.stamp / 1e9, requirement->sentence, fm_text_get(&values));
   fm_text_free(&values);
 }
 
 static void write_unseen(
-  const struct fm_violation_log * log, uint32_t requirement, uint64_t violations)
+  const struct fm_violation_log * log, struct fm_lines * lines, uint32_t requirement,
+  uint64_t violations)
 {
-  const struct fm_node_requirement * about = &log->table->requirements[requirement];
+  const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
   struct fm_text times = {NULL, 0, 0};
   fm_text_add(&times, "%" PRIu64 " times", violations);
-  fm_log(log->node, level_of(about), "%s violated %s more, without details: %s", about->id,
+  fm_lines_add(lines, level_of(about), "%s violated %s more, without details: %s", about->id,
     violations == 1u ? "once" : fm_text_get(&times), about->sentence);
   fm_text_free(&times);
 }
 
 static void write_satisfied(
-  const struct fm_violation_log * log, uint32_t requirement, const struct fm_detail * detail)
+  const struct fm_violation_log * log, struct fm_lines * lines, uint32_t requirement,
+  const struct fm_detail * detail)
 {
-  const struct fm_node_requirement * about = &log->table->requirements[requirement];
+  const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
   struct fm_text at = {NULL, 0, 0};
   struct fm_text values = {NULL, 0, 0};
   if (detail != NULL) {
     fm_text_add(&at, " at %.3f", (double)detail->violation.stamp / 1e9);
-    add_shown(&values, log->table, detail);
+    add_shown(&values, log->reporter, detail);
   }
-  fm_log(log->node, FM_INFO, "%s satisfied again%s: %s%s", about->id, fm_text_get(&at),
+  fm_lines_add(lines, FM_INFO, "%s satisfied again%s: %s%s", about->id, fm_text_get(&at),
     about->sentence, fm_text_get(&values));
   fm_text_free(&at);
   fm_text_free(&values);
@@ -163,16 +167,16 @@ static void write_satisfied(
 // Log a number of violations in one line, then their end, as far as there are any.
 static void write_lines(
   struct fm_violation_log * log, uint32_t requirement, uint64_t violations, bool is_over,
-  int64_t now)
+  int64_t now, struct fm_lines * lines)
 {
   struct logged * logged = &log->logged[requirement];
   if (violations > 0 && logged->has_violation) {
-    write_violated(log, logged->violation, violations - 1u);
+    write_violated(log, lines, logged->violation, violations - 1u);
   } else if (violations > 0) {
-    write_unseen(log, requirement, violations);
+    write_unseen(log, lines, requirement, violations);
   }
   if (is_over) {
-    write_satisfied(log, requirement, logged->has_recovery ? logged->recovery : NULL);
+    write_satisfied(log, lines, requirement, logged->has_recovery ? logged->recovery : NULL);
   }
   logged->is_violated = !is_over;
   logged->until = now + INTERVAL_NS;
@@ -180,11 +184,12 @@ static void write_lines(
 }
 
 // Log the violations that were left out, with their number, and then their end.
-static void settle(struct fm_violation_log * log, uint32_t requirement, int64_t now)
+static void settle(
+  struct fm_violation_log * log, uint32_t requirement, int64_t now, struct fm_lines * lines)
 {
   struct logged * logged = &log->logged[requirement];
   const struct fm_requirement_counts counts =
-    fm_engine_requirement_counts(log->engine, requirement);
+    fm_engine_requirement_counts(log->reporter->engine, requirement);
   uint64_t more = counts.announced > logged->violations ?
     counts.announced - logged->violations : 0;
   const bool was_violated = logged->is_violated || more > 0;
@@ -196,7 +201,7 @@ static void settle(struct fm_violation_log * log, uint32_t requirement, int64_t 
   }
   const bool is_over = was_violated && !is_violated;
   if (more > 0 || is_over) {
-    write_lines(log, requirement, more, is_over, now);
+    write_lines(log, requirement, more, is_over, now, lines);
   } else {
     logged->has_violation = logged->has_recovery = false;
     logged->until = 0;
@@ -215,9 +220,10 @@ static bool copy_detail(
   return *copy != NULL;
 }
 
-void fm_violation_log_add(struct fm_violation_log * log, const struct fm_detail * detail)
+void fm_violation_log_add(
+  struct fm_violation_log * log, const struct fm_detail * detail, int64_t now,
+  struct fm_lines * lines)
 {
-  const int64_t now = fm_steady_now();
   const bool is_recovery = detail->violation.is_recovery;
   struct logged * logged = &log->logged[detail->violation.requirement];
   if (log->next_check == 0) {
@@ -231,15 +237,17 @@ void fm_violation_log_add(struct fm_violation_log * log, const struct fm_detail 
   }
   if (logged->until == 0) {
     logged->violations += is_recovery ? 0u : 1u;
-    write_lines(log, detail->violation.requirement, is_recovery ? 0u : 1u, is_recovery, now);
+    write_lines(
+      log, detail->violation.requirement, is_recovery ? 0u : 1u, is_recovery, now, lines);
   }
 }
 
-static void review(struct fm_violation_log * log, int64_t now)
+void fm_violation_log_review(
+  struct fm_violation_log * log, int64_t now, struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < log->n; ++k) {
     if (log->logged[k].until != 0 && now >= log->logged[k].until) {
-      settle(log, k, now);
+      settle(log, k, now, lines);
     }
   }
   if (log->next_check == 0 || now < log->next_check) {
@@ -248,17 +256,12 @@ static void review(struct fm_violation_log * log, int64_t now)
   log->next_check = 0;
   for (uint32_t k = 0; k < log->n; ++k) {
     if (log->logged[k].until == 0) {  // the queue was full, or its details were suppressed
-      settle(log, k, now);
+      settle(log, k, now, lines);
     }
   }
 }
 
-void fm_violation_log_review(struct fm_violation_log * log)
+void fm_violation_log_end(struct fm_violation_log * log, struct fm_lines * lines)
 {
-  review(log, fm_steady_now());
-}
-
-void fm_violation_log_end(struct fm_violation_log * log)
-{
-  review(log, INT64_MAX - INTERVAL_NS);
+  fm_violation_log_review(log, INT64_MAX - INTERVAL_NS, lines);
 }

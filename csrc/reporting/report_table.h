@@ -1,0 +1,96 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// report_table.h: what reports must know of a bundle, beside its monitor: names and texts.
+///
+/// `export --to ros2` generates one; a node in Python fills one from the manifest. Texts are
+/// UTF-8. Indices of inputs, topics and requirements are those of the monitor's description.
+/// Constant, so that any thread may read it.
+
+#ifndef REPORT_TABLE_H_
+#define REPORT_TABLE_H_
+
+#include "evaluator.h"
+#include "fret_fields.h"
+
+/// A name of a value of an input. A string input is stored as the index of its name.
+struct fm_value_name
+{
+  const char * name;
+  union fm_value value;
+};
+
+struct fm_report_input
+{
+  const char * name;
+  const char * key;   // of its value in details
+  const char * path;  // the field, as written in the bundle
+  const struct fm_value_name * values;
+  uint32_t n_values;
+  bool is_timed_out;  // it has a timeout and a topic
+  bool violates;      // what reads it is violated while it is silent
+  bool has_initial;
+  union fm_value initial;
+  double timeout;     // s; 0: none
+  double startup;     // s
+};
+
+struct fm_report_topic
+{
+  const char * name;  // as written in the bundle
+  const char * type;  // package/msg/Name
+};
+
+struct fm_report_requirement
+{
+  const char * id;
+  const char * text;      // title, or sentence or formula, in one line
+  const char * sentence;  // of the log: title and text
+  const uint32_t * inputs;
+  uint32_t n_inputs;
+  const uint32_t * constants;  // that its text names, itself or in definitions
+  uint32_t n_constants;
+  bool is_warning;        // its severity; otherwise error
+  bool shows_verdict;     // in /diagnostics: it reports occurrences
+};
+
+/// A constant of the bundle, with the value that was compiled in, as written.
+struct fm_constant
+{
+  const char * name;
+  const char * key;    // of its value in details
+  const char * value;
+};
+
+struct fm_report_table
+{
+  const char * bundle;     // its name
+  const char * component;
+  const char * gate;       // the name of the gate that judges its messages; "": none
+  const struct fm_report_input * inputs;
+  const struct fm_report_topic * topics;
+  const struct fm_topic * topic_inputs;  // a topic: the inputs that it feeds
+  const struct fm_report_requirement * requirements;
+  const struct fm_constant * constants;
+  uint32_t n_inputs;
+  uint32_t n_topics;
+  uint32_t n_requirements;
+  uint32_t n_constants;
+  uint32_t policy;           // enum fm_policy
+  int64_t period;            // ns, with FM_PERIODIC
+  bool uses_header_stamps;
+  int64_t reorder;           // ns
+};
+
+#endif  // REPORT_TABLE_H_

@@ -1,0 +1,74 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// statuses.h: records of diagnostic_msgs/msg/DiagnosticStatus, without ROS.
+///
+/// The node makes messages of them: details of violations, and `/diagnostics`. Not thread-safe.
+/// When memory is short a record or a value is left out. O(characters).
+
+#ifndef STATUSES_H_
+#define STATUSES_H_
+
+#include "text.h"
+
+/// As the constants of diagnostic_msgs/msg/DiagnosticStatus.
+enum fm_status_level
+{
+  FM_STATUS_OK = 0,
+  FM_STATUS_WARN = 1,
+  FM_STATUS_ERROR = 2
+};
+
+struct fm_key_value
+{
+  char * key;
+  char * value;
+};
+
+/// All texts are UTF-8 and ended by a zero.
+struct fm_status
+{
+  uint8_t level;  // enum fm_status_level
+  char * name;
+  char * message;
+  char * hardware_id;
+  struct fm_key_value * values;
+  uint32_t n_values;
+  uint32_t capacity;
+};
+
+/// Zeroed: an empty list. The owner calls fm_statuses_free.
+struct fm_statuses
+{
+  struct fm_status * statuses;
+  uint32_t n;
+  uint32_t capacity;
+};
+
+/// Add a status. NULL if memory is short. Valid until the next one is added.
+struct fm_status * fm_statuses_add(
+  struct fm_statuses * list, enum fm_status_level level, const char * name, const char * message,
+  const char * hardware_id);
+
+/// Add a value, in the format of printf. Does nothing if `status` is NULL.
+void fm_status_value(struct fm_status * status, const char * key, const char * format, ...)
+FM_PRINTF(3, 4);
+
+/// Remove all statuses; keep the memory of the list.
+FM_EXPORT void fm_statuses_clear(struct fm_statuses * list);
+
+/// Remove all statuses, and free the memory of the list.
+FM_EXPORT void fm_statuses_free(struct fm_statuses * list);
+
+#endif  // STATUSES_H_
