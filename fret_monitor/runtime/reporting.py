@@ -164,7 +164,8 @@ class Lines:
 
     def take(self) -> list[LogLine]:
         """Return the lines, and remove them."""
-        found = [LogLine(LogLevel(self.pointer.lines[k].level), _string(self.pointer.lines[k].text))
+        lines = self.pointer.lines
+        found = [LogLine(LogLevel(lines[k].level), _string(lines[k].text))
                  for k in range(self.pointer.n)]
         self._library.fm_lines_clear(self.pointer)
         return found

@@ -26,6 +26,7 @@ import hashlib
 from importlib.util import find_spec
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -117,11 +118,13 @@ def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS) -> Path:
     return exported_node(build.generate_monitor(build.read(bundle, part=UNGATED)), flags)
 
 
-def exported_parts(bundle: Path, name: str, wrapped: Sequence[str]) -> Path:
-    """Return a program of `test/csrc` in place of main.c; the linker wraps functions for it."""
+def exported_parts(bundle: Path, name: str) -> Path:
+    """Return a program of `test/csrc` in place of main.c; the linker wraps what it replaces."""
     node = exported_bundle(bundle)
     flags = (*SANITIZERS, '-Wno-reserved-identifier')
-    program, = _compiled([ROOT / 'test' / 'csrc' / f'{name}.c'], node.parent / 'parts', flags)
+    source = ROOT / 'test' / 'csrc' / f'{name}.c'
+    wrapped = sorted(set(re.findall(r'__wrap_(\w+)\(', source.read_text(encoding='utf-8'))))
+    program, = _compiled([source], node.parent / 'parts', flags)
     objects = [*node.parent.glob('*.o'), *(
         item for item in hand_written(SANITIZERS) if item.stem != 'main')]
     return _linked([program, *objects], sorted({*NODE_PACKAGES, 'sensor_msgs'}),

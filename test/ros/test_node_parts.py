@@ -43,19 +43,13 @@ requirements:
   - {id: ELBOW, ptltl: "elbow < 1.0"}
   - {id: OWN, ptltl: "own >= 0"}
 """
-WRAPPED = (
-    'fm_steady_now', 'fm_log', 'rcl_subscription_init', 'rcl_publish',
-    'rmw_subscription_set_on_new_message_callback', 'rcl_subscription_get_publisher_count',
-    'rcl_publisher_get_subscription_count', 'fm_engine_requirement_counts',
-    'fm_engine_topic_counts', 'fm_engine_order_counts', 'fm_engine_silence',
-    'fm_engine_unpublished', 'fm_announcer_turns', 'fm_detail_thread_turns')
 
 
 @pytest.fixture(scope='module')
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bundle = tmp_path_factory.mktemp('parts') / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
-    return exported_parts(bundle, 'node_parts', WRAPPED)
+    return exported_parts(bundle, 'node_parts')
 
 
 @pytest.mark.parametrize('name', TESTS)
