@@ -478,6 +478,27 @@ static void it_ends_while_publishing_blocks(void)
   end(&bench);
 }
 
+static void another_publisher_has_all_after_the_message_that_is_being_published(void)
+{
+  struct subscription subscription;
+  bool is_polled = false;
+  struct bench bench = begin(FM_DROP, 0);
+  make_subscription(&subscription, 0);
+  publishers[0].delay = 50000000;
+  give_flag(bench.engine, true);
+  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  send(&subscription, 100);
+  while (left(&subscription) == 100) {
+    pause_ns(1000000);
+  }
+  fm_relay_publish_with(bench.relay, &publishers[1]);
+  const uint32_t before = published(&publishers[0]);
+  CHECK(wait_for(&publishers[1], 50));
+  CHECK(published(&publishers[0]) == before);
+  CHECK(fm_relay_remove(bench.relay, &subscription));
+  end(&bench);
+}
+
 static void a_callback_that_cannot_be_removed_outlives_the_relay(void)
 {
   static struct subscription subscription;  // the middleware's: it refers to the relay's memory
@@ -536,6 +557,7 @@ int main(void)
   substitutes_come_from_the_start_and_when_another_topic_violates();
   without_callbacks_it_polls_and_a_failing_publisher_is_counted();
   it_ends_while_publishing_blocks();
+  another_publisher_has_all_after_the_message_that_is_being_published();
   a_callback_that_cannot_be_removed_outlives_the_relay();
   return failures > 0;
 }
