@@ -15,13 +15,17 @@
 """Details of violations can be read for any name of an input or a constant."""
 
 from pathlib import Path
+import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.ros.intake import native_lifetimes
+from fret_monitor.ros.reports.detail_publisher import DetailPublisher
 from fret_monitor.ros.reports.details import Details, read_detail
 from fret_monitor.runtime import Engine, Evaluator
+import pytest
 from rclpy.node import Node
 from ros.harness import Partner, wait_until
 
@@ -60,4 +64,19 @@ def test_an_input_or_a_constant_may_have_the_name_of_a_key_of_every_detail(
     assert found is not None
     assert (found.step, found.values) == (
         0, (('step', '42'), ('stamp', '7'), ('time', '2.50'), ('silent', '0')))
+    node.destroy_node()
+
+
+def test_the_thread_of_details_ends_at_exit_although_nobody_ends_it(
+    partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    monkeypatch.setattr(native_lifetimes, '_KEPT', {})
+    engine = Engine(Evaluator(build.build(bundle).monitor))
+    node = Node('fret_monitor', context=partner.context)
+    DetailPublisher(engine, Details(node, engine.monitor.manifest), None)
+    thread, = (item for item in threading.enumerate() if item.name == 'details')
+    native_lifetimes._end_all()
+    assert not thread.is_alive()
     node.destroy_node()
