@@ -109,6 +109,19 @@ def test_a_compiled_folder_refuses_other_constants(bundles: list[str], tmp_path:
         {'v_mx': 2}, library=str(folder))
 
 
+@pytest.mark.parametrize(('compiled', 'given'), [
+    ('{policy: timed}', {}), ('{policy: timed}', {'policy': 'timed'}),
+    ('{policy: every_message}', {'policy': 'relevant_message'})])
+def test_a_compiled_folder_runs_with_a_policy_that_has_the_same_durations(
+    compiled: str, given: dict[str, str], bundles: list[str], tmp_path: Path,
+) -> None:
+    bundle, folder = Path(bundles[0]), tmp_path / 'compiled'
+    bundle.write_text(f'{BASE}evaluation: {compiled}\n', encoding='utf-8')
+    build.write(build.generate_monitor(build.read(bundle)), folder)
+    opened, = open_monitors(settings({}, library=str(folder), **given))
+    assert opened.policy.value == given.get('policy', 'timed')
+
+
 def test_the_node_shows_all_constants_and_reads_them_when_it_is_configured(
     partner: Partner, bundles: list[str],
 ) -> None:
