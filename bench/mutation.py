@@ -143,7 +143,7 @@ ROOMS = {
         'detail*.py': _ros('details violation_log monitor_node'),
         'duplicate_nodes.py': _ros('several'),
         'endpoint_types.py': _ros('missing refusals'),
-        'feed.py': _ros('feed monitor_node'),
+        'feed.py': _ros('feed logger_node monitor_node'),
         'fields.py': _ros('fields'),
         'gate*.py': _ros('gate parts'),
         'relay.py': _ros('gate'),
