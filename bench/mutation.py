@@ -107,7 +107,7 @@ _SPECIFY = 'test/elaboration/test_specify.py'
 ROOMS = {
     'csrc': Room('csrc', ('csrc/evaluator/*.c', 'csrc/engine/*.c', 'csrc/traces/*.c'), 110, {
         'gate.c': 'test/runtime/test_gate.py test/runtime/test_states.py '
-                  'test/traces/test_gated.py',
+                  f'test/traces/test_gated.py {_EVALUATOR}::test_scenario',
         'engine*.c': f'test/runtime {_THREADS} {_BACKLOG}',
         'states.c': 'test/runtime/test_states.py test/runtime',
         'handover.c': 'test/runtime ' + _ros('raw_topic feed'),

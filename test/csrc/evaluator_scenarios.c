@@ -1338,6 +1338,23 @@ static void a_substitute_that_violates_counts_while_another_topic_is_stale(void)
   free(block);
 }
 
+static void a_held_message_that_violates_never_happened(void)
+{
+  struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
+  const struct fm_gate_options rules = {
+    .evaluator = evaluator, .monitor = &MONITOR, .topics = TOPICS, .n_topics = N_TOPICS,
+    .from = FLAG_TOPIC, .otherwise = FM_HOLD, .hold = 1000};
+  void * block = malloc((size_t)fm_gate_bytes(&rules));
+  struct fm_gate * gate = fm_gate_init(block, &rules);
+  const struct fm_field no = {{.i = 0}, FM_FIELD_READ, 0};
+  uint32_t n;
+  (void)advance(evaluator, 0);
+  (void)level_at(evaluator, 5.0, 10);
+  CHECK(!fm_gate_replace(gate, &no, 20, 20, 20, out, &n) && n == 0);
+  CHECK(stepped(evaluator, 0, 1, 1) && fm_gate_counts(gate, 20).replaced == 0);
+  free(block);
+}
+
 // ---- values ------------------------------------------------------------------------------------
 
 struct all_types
@@ -1729,6 +1746,7 @@ static const struct scenario SCENARIOS[] = {
   SCENARIO(an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone),
   SCENARIO(a_saved_instance_holds_no_address),
   SCENARIO(a_substitute_that_violates_counts_while_another_topic_is_stale),
+  SCENARIO(a_held_message_that_violates_never_happened),
   SCENARIO(integers_wrap_to_the_type_of_the_input),
   SCENARIO(a_bool_is_whether_the_integer_is_not_zero),
   SCENARIO(a_bool_in_memory_may_be_any_byte),
