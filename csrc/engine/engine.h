@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 13u
+#define FM_ENGINE_ABI 14u
 
 struct fm_engine;
 
@@ -207,6 +207,11 @@ FM_EXPORT void fm_engine_begin(struct fm_engine * engine);
 
 /// The clock has moved: let fm_engine_take look at it.
 FM_EXPORT void fm_engine_wake(struct fm_engine * engine);
+
+/// Deliver all that was received before the call, and take what is due by then: before the clock
+/// that is followed goes back, and before a subscription ends. Not within a callback of the
+/// middleware. O(messages in the queues).
+FM_EXPORT void fm_engine_drain(struct fm_engine * engine);
 
 /// For the thread that moves the clock that is followed: note that it is alive, also while the
 /// clock stands still. O(1).

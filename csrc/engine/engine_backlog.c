@@ -141,61 +141,95 @@ void fm_engine_leave(struct fm_engine * engine)
   }
 }
 
-bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began)
+static int64_t processor_time(void) {return fm_read_clock(CLOCK_THREAD_CPUTIME_ID);}
+
+bool fm_engine_begin_taking(struct fm_engine * engine)
 {
   if (is_left_to_others(engine)) {
     return false;
   }
-  *began = fm_steady_time();
   fm_engine_lock(engine);
+  engine->began = fm_steady_time();
   const bool is_left = load(&engine->is_catching_up) ||
     (engine->has_announcer && (engine->is_overloaded || is_due_locked(engine)));
   if (is_left) {
+    engine->began = 0;
     leave_locked(engine);
     fm_engine_unlock(engine);
     return false;
   }
-  engine->began = *began;
+  engine->began_use = engine->measures_use ? processor_time() : 0;
   return true;
+}
+
+static void end_window_locked(struct fm_engine * engine, int64_t now)
+{
+  const int64_t window = fm_between(engine->busy_since, now);
+  const int64_t stood = engine->busy - engine->use;  // callbacks that had no processor
+  const bool seems_busy = engine->busy > window / 2;
+  if (engine->measures_use && seems_busy && engine->use > (window - stood) / 2) {
+    engine->is_overloaded = true;
+    engine->catching_use = 0;
+    engine->catching_since = now;
+  }
+  engine->measures_use = seems_busy;
+  engine->busy = 0;
+  engine->use = 0;
+  engine->busy_since = now;
 }
 
 // Whether callbacks take more than half of the time of the threads in which the middleware
 // receives: messages of all topics then wait, or are lost, before they have a time of reception.
-static void note_busy_locked(struct fm_engine * engine, int64_t began)
+// On a busy machine a callback may take long without doing much. So, where it seems so, the next
+// window decides, in which processor time is measured, too; that costs more than a message.
+static void note_busy_locked(struct fm_engine * engine)
 {
   const int64_t now = fm_steady_time();
-  engine->busy += fm_between(began, now);
+  engine->busy += fm_between(engine->began, now);
+  engine->use += engine->measures_use ? processor_time() - engine->began_use : 0;
   if (fm_between(engine->busy_since, now) >= BUSY_WINDOW_NS) {
-    engine->is_overloaded = engine->busy > fm_between(engine->busy_since, now) / 2;
-    engine->busy = 0;
-    engine->busy_since = now;
+    end_window_locked(engine, now);
   }
 }
 
-void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behind)
+void fm_engine_end_taking(struct fm_engine * engine, bool is_behind)
 {
   if (is_behind) {
     leave_locked(engine);
   }
-  note_busy_locked(engine, began);
+  note_busy_locked(engine);
   engine->began = 0;
   fm_engine_unlock(engine);
 }
 
 // ---- catching up -------------------------------------------------------------------------------
 
+// The system time was set back since the round began: what is received since is not of it.
+static void follow_set_back_locked(struct fm_engine * engine)
+{
+  const int64_t ahead = fm_engine_system_ahead_locked(engine);
+  const int64_t step = fm_between(engine->ahead_of_round, ahead);
+  if (step < 0) {
+    engine->received_by = fm_later(engine->received_by, step);
+    engine->ahead_of_round = ahead;
+  }
+}
+
 // A round delivers all that was received before it began, in the order of reception, and ends with
 // what is due by its time. One that stops at its limit goes on in the next call.
 static void begin_round(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
-  if (!engine->in_round) {
+  if (engine->in_round) {
+    follow_set_back_locked(engine);
+  } else {
     engine->in_round = true;
     store(&engine->is_catching_up, true);
     store(&engine->has_left, false);
     engine->has_round = !engine->is_closed && engine->source != FM_TOLD &&
       fm_engine_read_now_locked(engine, 0, &engine->round);
     engine->received_by = fm_engine_round_received_by_locked(engine);
+    engine->ahead_of_round = fm_engine_system_ahead_locked(engine);
     const int64_t now = fm_read_clock(CLOCK_REALTIME);
     for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
       if (queue->received > engine->received_by && queue->received > now) {
@@ -280,15 +314,15 @@ static bool end_round(struct fm_engine * engine)
   return is_over;
 }
 
-static void note_calm(struct fm_engine * engine, int64_t began)
+static void note_calm(struct fm_engine * engine, int64_t use, bool is_over)
 {
   fm_engine_lock(engine);
   const int64_t now = fm_steady_time();
-  engine->catching_busy += fm_between(began, now);
-  if (fm_between(engine->catching_since, now) >= CALM_WINDOW_NS) {
+  engine->catching_use += use;
+  if (is_over && fm_between(engine->catching_since, now) >= CALM_WINDOW_NS) {
     engine->is_overloaded = engine->is_overloaded &&
-      engine->catching_busy > fm_between(engine->catching_since, now) / 4;
-    engine->catching_busy = 0;
+      engine->catching_use > fm_between(engine->catching_since, now) / 4;
+    engine->catching_use = 0;
     engine->catching_since = now;
   }
   fm_engine_unlock(engine);
@@ -297,16 +331,19 @@ static void note_calm(struct fm_engine * engine, int64_t began)
 // Go on for so many rounds and messages, or until nothing is left.
 static void take_rounds(struct fm_engine * engine, uint32_t rounds, uint32_t messages)
 {
-  const int64_t began = fm_steady_time();
+  const int64_t began = processor_time();
   bool is_over = false;
   while (!is_over && rounds > 0 && messages > 0) {
+    uint32_t most = messages < MOST_AT_ONCE ? messages : MOST_AT_ONCE;
+    messages -= most;
     begin_round(engine);
-    if (deliver_round(engine, &messages)) {
+    if (deliver_round(engine, &most)) {
       is_over = end_round(engine);
       rounds -= 1;
     }
+    messages += most;
   }
-  note_calm(engine, began);
+  note_calm(engine, processor_time() - began, is_over);
   if (!is_over) {
     fm_engine_lock(engine);
     leave_locked(engine);
@@ -354,6 +391,13 @@ void fm_engine_begin_order(struct fm_engine * engine)
 void fm_engine_end_order(struct fm_engine * engine)
 {
   end_turn(engine);
+}
+
+void fm_engine_drain(struct fm_engine * engine)
+{
+  fm_engine_begin_order(engine);
+  fm_engine_end_order(engine);
+  fm_engine_catch_up(engine);  // what callbacks have left meanwhile
 }
 
 // Whether a message waits that takes effect by its stamp.

@@ -82,10 +82,10 @@ void fm_engine_leave(struct fm_engine * engine);
 /// Begin to take messages in a callback. Returns false if they are to be left in their queue:
 /// others are taken from the queues now, or something is due, before which older messages of other
 /// topics may wait, or callbacks take too much of the middleware's time. Otherwise the lock is
-/// held until fm_engine_end_taking, with the time that was `began`. `is_behind`: messages were
+/// held until fm_engine_end_taking, and the steady clock stands still. `is_behind`: messages were
 /// left. O(1), O(inputs + groups) once a deadline is over.
-bool fm_engine_begin_taking(struct fm_engine * engine, int64_t * began);
-void fm_engine_end_taking(struct fm_engine * engine, int64_t began, bool is_behind);
+bool fm_engine_begin_taking(struct fm_engine * engine);
+void fm_engine_end_taking(struct fm_engine * engine, bool is_behind);
 
 /// Deliver what waits in the queues, at most 1000 messages, in the order of reception, each after
 /// what was due before it; then take what is due by the time at which all that was received was

@@ -100,11 +100,14 @@ struct fm_engine
   uint32_t is_catching_up;      // atomic: callbacks take nothing
   uint32_t has_left;            // atomic: callbacks have left messages
   int64_t received_by;          // by system time: what the round of a catch up delivers
+  int64_t ahead_of_round;       // as `system_ahead`: by which `received_by` is meant
   int64_t caught_up;            // by CLOCK_MONOTONIC: the last one ended
   int64_t began;                // by CLOCK_MONOTONIC: a callback that takes now; 0: none
+  int64_t began_use;            // by the clock of its thread's processor time, if that is measured
   int64_t busy;                 // ns in callbacks since `busy_since`
+  int64_t use;                  // of these, processor time
   int64_t busy_since;
-  int64_t catching_busy;        // ns in catch ups since `catching_since`
+  int64_t catching_use;         // processor time in catch ups since `catching_since`
   int64_t catching_since;
   struct fm_clock_mark marks[FM_MOST_MARKS];  // the last, as a ring
   uint64_t n_marks;
@@ -113,6 +116,7 @@ struct fm_engine
   bool has_round;               // there is one
   bool has_announcer;           // a thread calls fm_engine_take
   bool is_overloaded;           // callbacks leave all messages
+  bool measures_use;            // of callbacks, until the next look whether they are too busy
 };
 
 // ---- engine_time.c -----------------------------------------------------------------------------
@@ -137,6 +141,9 @@ int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, in
 /// Note how long a message that is evaluated now has waited since a system time.
 void fm_engine_note_behind_locked(
   struct fm_engine * engine, struct fm_engine_topic * topic, int64_t received);
+
+/// How much the system time is ahead of the steady clock.
+int64_t fm_engine_system_ahead_locked(struct fm_engine * engine);
 
 /// How much later stamps are than the evaluator's times.
 int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);

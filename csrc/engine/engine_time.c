@@ -37,7 +37,7 @@
 // How much the system time is ahead of the steady clock. Readings may be far apart if the thread
 // is preempted, so that they only give limits. What was found before holds while it is within
 // them: the stamps of periods are then exactly a period apart.
-static int64_t system_ahead_locked(struct fm_engine * engine)
+int64_t fm_engine_system_ahead_locked(struct fm_engine * engine)
 {
   int64_t before;
   int64_t system;
@@ -71,13 +71,21 @@ static bool uses_headers(const struct fm_engine * engine)
   return engine->options.uses_header_stamps;
 }
 
+// Within a callback the steady clock stands still, but for a message that was received since.
+static int64_t steady_time_locked(const struct fm_engine * engine, int64_t received)
+{
+  return engine->began != 0 && fm_between(engine->system_ahead, received) <= engine->began ?
+         engine->began : fm_steady_time();
+}
+
 // Read the time of the source; returns false if it has none. `told`: the time if it is told. With
 // stamps of headers, messages take effect, and deadlines come, `reorder` later.
 static bool read_source_locked(struct fm_engine * engine, int64_t told, int64_t * now)
 {
   *now = told;
   if (engine->source == FM_STEADY) {
-    *now = fm_read_clock(uses_headers(engine) ? CLOCK_REALTIME : CLOCK_MONOTONIC);
+    *now = uses_headers(engine) ?
+      fm_read_clock(CLOCK_REALTIME) : steady_time_locked(engine, told);
   } else if (engine->source == FM_CLOCK &&
     (engine->is_outdated || engine->now(engine->clock, now) != 0 || *now <= 0))
   {
@@ -89,14 +97,14 @@ static bool read_source_locked(struct fm_engine * engine, int64_t told, int64_t 
 
 int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine)
 {
-  return engine->source == FM_STEADY && !uses_headers(engine) ? system_ahead_locked(engine) : 0;
+  return engine->source == FM_STEADY && !uses_headers(engine) ? fm_engine_system_ahead_locked(engine) : 0;
 }
 
 // The time of reception is system time, which somebody may have set since: a time before that, or
 // in the future, was read before.
 static int64_t steady_of_locked(struct fm_engine * engine, int64_t received, int64_t now)
 {
-  const int64_t ahead = system_ahead_locked(engine);
+  const int64_t ahead = fm_engine_system_ahead_locked(engine);
   const int64_t instant = fm_between(ahead, received);
   return instant < engine->set_after || instant > now ?
          fm_between(engine->ahead_before, received) : instant;
@@ -137,7 +145,7 @@ static void note_set_back_locked(struct fm_engine * engine)
     return;
   }
   const int64_t before = engine->ahead_noted;  // others may have compared the clocks since
-  engine->ahead_noted = system_ahead_locked(engine);
+  engine->ahead_noted = fm_engine_system_ahead_locked(engine);
   const int64_t step = fm_between(engine->ahead_noted, before);
   if (engine->has_begun && !engine->is_new_source && step > CLOSE_NS) {
     const int64_t now = fm_evaluator_now(engine->options.evaluator);
@@ -254,8 +262,13 @@ static bool mark_clock_locked(struct fm_engine * engine)
     return false;
   }
   const struct fm_clock_mark mark = {fm_read_clock(CLOCK_REALTIME), now};
-  const bool has_moved_on = engine->n_marks > 0 &&
-    engine->marks[(engine->n_marks - 1u) % FM_MOST_MARKS].clock <= now;
+  const struct fm_clock_mark last = engine->n_marks == 0 ?
+    (struct fm_clock_mark) {INT64_MIN, INT64_MAX} :
+    engine->marks[(engine->n_marks - 1u) % FM_MOST_MARKS];
+  const bool has_moved_on = last.clock <= now;
+  if (mark.system < last.system) {
+    engine->n_marks = 0;  // set back: the marks of before are not in order with those since
+  }
   engine->marks[engine->n_marks % FM_MOST_MARKS] = mark;
   engine->n_marks += 1;
   return has_moved_on && fm_engine_deadline_locked(engine) > now;

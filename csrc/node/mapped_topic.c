@@ -91,7 +91,7 @@ static bool receive(
 static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake)
 {
   if (intake->receiver != NULL) {
-    fm_receiver_drain(intake->receiver);
+    fm_engine_drain(topic->engine);
   }
   if (!fm_receiver_stop(&intake->receiver)) {
     return false;

@@ -336,11 +336,22 @@ static bool has_request(const struct fm_monitor_node * monitor)
   return false;
 }
 
-static void serve_all(struct fm_monitor_node * monitor)
+// What was received before the clock goes back counts by its time of before.
+static void serve_clock(struct fm_monitor_node * monitor)
 {
-  if (monitor->clock.is_simulated && fm_clock_take(&monitor->clock)) {
+  int64_t time;
+  if (monitor->clock.is_simulated && fm_clock_take(&monitor->clock, &time)) {
+    if (time < fm_clock_now(&monitor->clock)) {
+      fm_session_drain(&monitor->session);
+    }
+    fm_clock_move(&monitor->clock, time);
     fm_session_wake(&monitor->session);
   }
+}
+
+static void serve_all(struct fm_monitor_node * monitor)
+{
+  serve_clock(monitor);
   if (has_request(monitor)) {
     serve_reset(&monitor->reset, monitor);
     fm_parameter_services_serve(&monitor->parameter_services);

@@ -67,21 +67,25 @@ static void warn_of_negative(
   }
 }
 
-bool fm_clock_take(struct fm_node_clock * clock)
+bool fm_clock_take(struct fm_node_clock * clock, int64_t * time)
 {
   rosgraph_msgs__msg__Clock message;
   const int64_t before = __atomic_load_n(&clock->simulated, __ATOMIC_RELAXED);
-  int64_t now = before;
+  *time = before;
   while (rcl_take(&clock->subscription, &message, NULL, NULL) == RCL_RET_OK) {
     if (message.clock.sec >= 0) {
-      now = message.clock.sec * FM_SECOND + message.clock.nanosec;
+      *time = message.clock.sec * FM_SECOND + message.clock.nanosec;
     } else {
       warn_of_negative(clock, &message);
     }
   }
   rcl_reset_error();  // no message is left
-  __atomic_store_n(&clock->simulated, now, __ATOMIC_RELAXED);
-  return now != before;
+  return *time != before;
+}
+
+void fm_clock_move(struct fm_node_clock * clock, int64_t time)
+{
+  __atomic_store_n(&clock->simulated, time, __ATOMIC_RELAXED);
 }
 
 int64_t fm_clock_now(const struct fm_node_clock * clock)

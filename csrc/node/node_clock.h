@@ -33,9 +33,12 @@ struct fm_node_clock
 /// Subscribe to /clock, or end the subscription. Returns false, with the error logged.
 bool fm_clock_simulate(struct fm_node_clock * clock, bool is_simulated);
 
-/// Take the messages on /clock, without those of a negative time. Returns whether the time has
-/// moved.
-bool fm_clock_take(struct fm_node_clock * clock);
+/// Take the messages on /clock, without those of a negative time. Returns whether the time moves,
+/// to the last one.
+bool fm_clock_take(struct fm_node_clock * clock, int64_t * time);
+
+/// Move the time of /clock. O(1).
+void fm_clock_move(struct fm_node_clock * clock, int64_t time);
 
 /// The node's time in nanoseconds; 0 before the first message on /clock. O(1).
 int64_t fm_clock_now(const struct fm_node_clock * clock);

@@ -395,6 +395,13 @@ void fm_session_follow_clock(struct fm_session * session)
   }
 }
 
+void fm_session_drain(struct fm_session * session)
+{
+  if (session->is_active) {
+    fm_engine_drain(session->engine);
+  }
+}
+
 void fm_session_wake(struct fm_session * session)
 {
   if (session->is_active) {

@@ -78,9 +78,10 @@ void fm_session_review(struct fm_session * session);
 /// Reset all step groups between two steps.
 void fm_session_reset(struct fm_session * session);
 
-/// `use_sim_time` is about to be changed, was changed; /clock has moved.
+/// `use_sim_time` is about to be changed, was changed; /clock is about to go back, has moved.
 void fm_session_leave_clock(struct fm_session * session);
 void fm_session_follow_clock(struct fm_session * session);
+void fm_session_drain(struct fm_session * session);
 void fm_session_wake(struct fm_session * session);
 
 /// Whether each thread has looked for work since the counters in `turns` (two) were written, which

@@ -164,13 +164,12 @@ static bool take_locked(struct fm_receiver * receiver, size_t count)
 static void on_message(const void * user_data, size_t count)
 {
   struct fm_receiver * receiver = (struct fm_receiver *)user_data;
-  int64_t began;
   if (receiver->middleware->has_error()) {
     receiver->middleware->forget_error();  // left by other code: this may be a publisher's thread
   }
-  if (fm_engine_begin_taking(receiver->engine, &began)) {
+  if (fm_engine_begin_taking(receiver->engine)) {
     const bool is_behind = !receiver->is_stopped && take_locked(receiver, count);
-    fm_engine_end_taking(receiver->engine, began, is_behind);
+    fm_engine_end_taking(receiver->engine, is_behind);
   }
 }
 
@@ -247,13 +246,6 @@ bool fm_receiver_start(
   fm_engine_catch_up(engine);
   *started = receiver;
   return true;
-}
-
-void fm_receiver_drain(struct fm_receiver * receiver)
-{
-  fm_engine_begin_order(receiver->engine);
-  fm_engine_end_order(receiver->engine);
-  fm_engine_catch_up(receiver->engine);  // what callbacks have left meanwhile
 }
 
 void fm_receiver_retire(struct fm_receiver * receiver)

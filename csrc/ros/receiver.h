@@ -51,10 +51,6 @@ FM_EXPORT bool fm_receiver_start(
   struct fm_receiver ** receiver, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking);
 
-/// Deliver what waits in the queues of all receivers of the engine, in the order of reception.
-/// Callbacks that come meanwhile take nothing.
-FM_EXPORT void fm_receiver_drain(struct fm_receiver * receiver);
-
 /// A new subscription replaces this one: see fm_origin.is_retired. O(1).
 FM_EXPORT void fm_receiver_retire(struct fm_receiver * receiver);
 

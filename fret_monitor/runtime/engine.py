@@ -418,6 +418,10 @@ class Engine:
         """Let the thread in `take` look at the clock, which has moved."""
         self._library.fm_engine_wake(self.pointer)
 
+    def drain(self) -> None:
+        """Deliver all that was received before the call, with what is due by then."""
+        self._library.fm_engine_drain(self.pointer)
+
     def serve_clock(self) -> None:
         """Show that the thread that moves the clock is alive: see `fm_engine_hangs`."""
         self._library.fm_engine_serve_clock(self.pointer)

@@ -74,6 +74,12 @@ static void sleep_ms(int64_t milliseconds)
   nanosleep(&span, NULL);
 }
 
+static void work_ms(int64_t milliseconds)
+{
+  const int64_t end = time_of(CLOCK_THREAD_CPUTIME_ID) + milliseconds * MS;
+  while (time_of(CLOCK_THREAD_CPUTIME_ID) < end) {}
+}
+
 // ---- a middleware ------------------------------------------------------------------------------
 
 struct subscription
@@ -178,6 +184,7 @@ struct inputs
 };
 
 static int64_t cost_ms = 0;  // of reading a message
+static bool works = false;   // for so long, and does not only stand still
 static int64_t reorder = 0;  // if not 0: stamps of headers count
 static bool forbids_x = false;  // under other policies than FM_TIMED, ANSWER is !x
 
@@ -232,7 +239,9 @@ static const bool violates[] = {false, true};
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)
 {
   (void)size;
-  if (cost_ms > 0) {
+  if (works) {
+    work_ms(cost_ms);
+  } else if (cost_ms > 0) {
     sleep_ms(cost_ms);
   }
   fields[0].value.i = message[0];
@@ -387,7 +396,7 @@ static void a_message_of_before_the_system_time_was_set_counts_as_well(int64_t s
   receive(X, true, asked);
   sleep_ms(WINDOW / 2 / MS);
   set_by = seconds * 1000 * MS;
-  fm_receiver_drain(receivers[X]);
+  fm_engine_drain(engine);
   sleep_ms(2 * WINDOW / MS);
   announce(engine);
   CHECK(n_taken == 1 && is_taken(ANSWER, asked + WINDOW + set_by));
@@ -508,7 +517,7 @@ static void the_time_does_not_go_back_while_the_clock_stands(void)
   for (uint32_t k = 0; k < 3; ++k) {
     receive(Y, false, system_now());
     receive(X, true, system_now());
-    fm_receiver_drain(receivers[X]);
+    fm_engine_drain(engine);
   }
   announce(engine);
   CHECK(subscriptions[X].taken == 3 && fm_engine_time_counts(engine).restarts == 0);
@@ -560,7 +569,7 @@ static void a_round_takes_what_is_due_by_the_time_until_which_it_delivers(void)
   call_back(X);
   overdue_at = asked + WINDOW;
   meanwhile = answer_in_time;
-  fm_receiver_drain(receivers[X]);
+  fm_engine_drain(engine);
   announce(engine);
   CHECK(n_taken == 0 && subscriptions[Y].taken == 2);
   destroy(engine);
@@ -590,7 +599,7 @@ static void how_late_a_message_was_evaluated_is_known(int64_t seconds)
   receive(X, true, system_now());
   receive(Y, true, system_now());
   set_by = seconds * 1000 * MS;
-  fm_receiver_drain(receivers[X]);
+  fm_engine_drain(engine);
   const int64_t behind = fm_engine_take_behind(engine, X);
   CHECK(behind >= 300 * MS && behind < 5000 * MS);
   CHECK(fm_engine_take_behind(engine, Y) < behind);
@@ -604,6 +613,7 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0);
   announce(engine);
   cost_ms = 2;
+  works = true;
   uint32_t n = 0;
   while (subscriptions[X].taken == subscriptions[X].sent && n < 1000) {
     receive(X, true, system_now());
@@ -612,6 +622,7 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
   }
   CHECK(n > 1 && n < 1000);
   cost_ms = 0;
+  works = false;
   announce(engine);
   CHECK(subscriptions[X].taken == n);
   n = 0;
@@ -624,6 +635,86 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
     n += 1;
   } while (subscriptions[X].taken < subscriptions[X].sent && n < 100);
   CHECK(n > 10 && n < 100);
+  destroy(engine);
+}
+
+// As on a busy machine, where others have the processor meanwhile.
+static void callbacks_that_stand_still_take_their_messages(void)
+{
+  struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0);
+  announce(engine);
+  cost_ms = 2;
+  for (uint32_t k = 0; k < 60; ++k) {
+    work_ms(1);  // the middleware's
+    receive(X, true, system_now());
+    call_back(X);
+  }
+  cost_ms = 0;
+  CHECK(subscriptions[X].taken == 60);
+  destroy(engine);
+}
+
+// In a flood, the messages since then would all be of the round, for an hour.
+static void a_system_time_that_is_set_back_in_a_flood_suspends_no_deadline(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  receive(Y, false, system_now());
+  call_back(Y);
+  receive(X, true, system_now());
+  call_back(X);
+  sleep_ms(2 * WINDOW / MS);
+  is_endless = true;
+  set_back_at_take = X;
+  for (int k = 0; k < 3; ++k) {
+    announce(engine);
+  }
+  is_endless = false;
+  CHECK(set_by != 0 && n_taken == 1 && taken[0].requirement == ANSWER);
+  set_by = 0;
+  destroy(engine);
+}
+
+static void the_marks_of_a_clock_are_in_order_after_the_system_time_was_set_back(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  for (uint32_t k = 0; k < 100; ++k) {
+    fm_engine_wake(engine);
+  }
+  set_by = -3600 * 1000 * MS;
+  receive(Y, false, system_now());
+  call_back(Y);
+  receive(X, true, system_now());
+  call_back(X);
+  announce(engine);
+  move_clock(engine, 1000 * MS + 2 * WINDOW);
+  receive(Y, true, system_now());  // too late
+  move_clock(engine, 1000 * MS + 3 * WINDOW);
+  announce(engine);
+  CHECK(n_taken == 1 && taken[0].requirement == ANSWER);
+  set_by = 0;
+  destroy(engine);
+}
+
+// As nodes do: what waits counts by the clock of before.
+static void what_waits_while_a_clock_goes_back_is_of_the_time_before(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  receive(Y, false, system_now());
+  call_back(Y);
+  receive(X, true, system_now());
+  call_back(X);
+  announce(engine);
+  move_clock(engine, 1000 * MS + 2 * WINDOW);
+  receive(Y, true, system_now());  // too late
+  fm_engine_drain(engine);
+  move_clock(engine, MS);
+  announce(engine);
+  CHECK(n_taken == 1 && taken[0].stamp == 1000 * MS + WINDOW + 2);
+  CHECK(fm_engine_time_counts(engine).restarts == 1);
   destroy(engine);
 }
 
@@ -866,7 +957,7 @@ static void a_thread_that_asks_does_not_wait_until_others_have_caught_up(void)
   struct fm_engine * engine = asked = make(FM_TIMED, TIMEOUT);
   receive(X, true, system_now());
   in_take = ask_meanwhile;
-  fm_receiver_drain(receivers[X]);
+  fm_engine_drain(engine);
   CHECK(in_take == NULL && pthread_join(asker, NULL) == 0);
   destroy(engine);
 }
@@ -909,6 +1000,10 @@ int main(void)
   how_late_a_message_was_evaluated_is_known(3600);
   how_late_a_message_was_evaluated_is_known(-3600);
   callbacks_that_take_too_long_leave_their_messages();
+  callbacks_that_stand_still_take_their_messages();
+  a_system_time_that_is_set_back_in_a_flood_suspends_no_deadline();
+  the_marks_of_a_clock_are_in_order_after_the_system_time_was_set_back();
+  what_waits_while_a_clock_goes_back_is_of_the_time_before();
   what_begins_within_a_round_begins_once();
   a_header_counts_however_late_its_message_is_processed();
   a_gate_knows_what_was_received_before_its_message();

@@ -283,10 +283,10 @@ static void put(struct topic * topic, int place, struct subscription * subscript
 }
 
 // As the feed does now and then.
-static void empty(struct fm_receiver * receiver, struct subscription * subscription)
+static void empty(struct fm_engine * engine, struct subscription * subscription)
 {
   while (count_waiting(subscription) > 0) {
-    fm_receiver_drain(receiver);
+    fm_engine_drain(engine);
   }
 }
 
@@ -304,10 +304,10 @@ static struct fm_receiver * renew(
   CHECK(fm_receiver_start(&receiver, engine, &middleware, fresh, t, FM_LISTEN));
   for (int k = 0; k < 20; ++k) {
     pause_a_little();
-    fm_receiver_drain(receiver);
+    fm_engine_drain(engine);
   }
   put(topic, 1 - place, NULL);
-  empty(before, old);
+  empty(engine, old);
   CHECK(fm_receiver_stop(&before));
   fm_engine_end_handover(engine, t);
   free_subscription(old);
@@ -423,7 +423,7 @@ int main(void)
     pthread_join(senders[k], NULL);
   }
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
-    empty(receivers[t], topics[t].subscriptions[N_RENEWALS % 2]);
+    empty(engine, topics[t].subscriptions[N_RENEWALS % 2]);
     CHECK(fm_receiver_stop(&receivers[t]));
     free_subscription(topics[t].subscriptions[N_RENEWALS % 2]);
   }

@@ -163,7 +163,7 @@ static void a_drain_delivers_all_that_waits(void)
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
   CHECK(received(engine) == 1000);
-  fm_receiver_drain(receiver);
+  fm_engine_drain(engine);
   CHECK(received(engine) == 2500);
   CHECK(fm_receiver_stop(&receiver));
   fm_engine_destroy(engine);
@@ -179,7 +179,7 @@ static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
   CHECK(received(engine) == 3);
   subscription.late = 1;
-  fm_receiver_drain(receiver);
+  fm_engine_drain(engine);
   CHECK(received(engine) == 4);
   send(&subscription, 1);
   CHECK(received(engine) == 5);  // the callback takes again
@@ -220,7 +220,7 @@ static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_ca
     CHECK(received(engine) == 3 + k);
   }
   send(&subscription, 2500);
-  fm_receiver_drain(receiver);
+  fm_engine_drain(engine);
   CHECK(received(engine) == 2505);
   CHECK(fm_receiver_stop(&receiver));
   CHECK(fm_engine_lost(engine, 0) == 0);

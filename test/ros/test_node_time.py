@@ -14,22 +14,39 @@
 
 """Late and missed periods, and time that goes back, are logged when that is worth reading."""
 
+from pathlib import Path
 from time import monotonic
 from types import SimpleNamespace
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from fret_monitor import build
 from fret_monitor.ros.intake import node_time
+from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.node_time import are_worth_reading, as_time, NodeTime, TimeLog
+from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 from fret_monitor.ros.intake.throttle import Throttle
-from fret_monitor.runtime import TimeCounts
+from fret_monitor.runtime import Engine, Evaluator, MessageRing, TimeCounts
 import pytest
+import rclpy
+from rclpy.clock import ClockType
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from ros.harness import wait_until
+from ros.harness import Partner, RELIABLE, wait_until
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float32
+
+SECOND = 10**9
+BUNDLE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: "x < 2.0"}
+"""
 
 
 def test_a_throttle_lets_one_message_pass_per_interval() -> None:
@@ -211,6 +228,7 @@ class Served:
 
     signs = 0
     wakes = 0
+    drains = 0
     is_outdated: bool
 
     def serve_clock(self) -> None:
@@ -221,6 +239,9 @@ class Served:
 
     def follow_clock(self, now: Any, clock: Any, *, is_outdated: bool) -> None:
         self.is_outdated = is_outdated
+
+    def drain(self) -> None:
+        self.drains += 1
 
     def wake(self) -> None:
         self.is_outdated = False
@@ -269,3 +290,38 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
+
+
+def test_a_message_that_waits_while_the_clock_goes_back_counts_by_its_time_of_before(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE, encoding='utf-8')
+    engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
+    ring = MessageRing(engine.library, 1 << 16, 10)
+    engine.keep_messages(ring)
+    node = Node('clocked', context=partner.context, parameter_overrides=[
+        Parameter('use_sim_time', value=True)])
+    middleware = Middleware(may_take=False)
+    time = NodeTime(node, engine, middleware.clock_now)
+    engine.begin()
+    subscription = RclSubscription(node, Float32, 'x', RELIABLE)
+    receiver = EngineTopic(engine, middleware, 0).open(subscription)
+    try:
+        x = partner.publisher(Float32, 'x')
+        wait_until(lambda: x.get_subscription_count() > 0, 'a match')
+        clock: Any = node.get_clock()
+        for seconds in (100, 101, 2):
+            clock.set_ros_time_override(rclpy.time.Time(
+                seconds=seconds, clock_type=ClockType.ROS_TIME))
+            if seconds == 101:
+                x.publish(Float32(data=1.0))  # no thread takes it
+                wait_until(lambda: x.wait_for_all_acked(Duration(seconds=0.1)), 'its reception')
+        assert [item.time for _, item in ring.read(0)] == [101 * SECOND]
+    finally:
+        receiver.stop()
+        subscription.close()
+        time.close()
+        engine.close()
+        engine.follow_steady()  # before the clock is gone
+        node.destroy_node()

@@ -176,9 +176,7 @@ class EngineReceiver:
 
     def drain(self) -> None:
         """Deliver the messages in the queue."""
-        with self._lock:
-            if self._pointer != ffi.NULL:
-                self._library.fm_receiver_drain(self._pointer)
+        self._engine.drain()
 
     def poll(self) -> None:
         """Do nothing: the announcer looks at the queues."""

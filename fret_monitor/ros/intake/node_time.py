@@ -97,14 +97,19 @@ class NodeTime:
         self._listen(JumpThreshold(
             min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1),
             on_clock_change=False), None, engine.wake)
+        # What was received before `/clock` goes back counts by its time of before.
+        self._listen(JumpThreshold(
+            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False),
+            engine.drain, None)
         with self._lock:
             self._engine.follow_steady()
             self._follow(is_outdated=False)
 
     def _listen(self, threshold: JumpThreshold, before: Callable[[], None] | None,
-                after: Callable[[], None]) -> None:
+                after: Callable[[], None] | None) -> None:
         jumps = self._clock.create_jump_callback(
-            threshold, pre_callback=before, post_callback=lambda _: after())
+            threshold, pre_callback=before,
+            post_callback=None if after is None else lambda _: after())
         self._held.callback(jumps.unregister)
 
     def _leave(self) -> None:
