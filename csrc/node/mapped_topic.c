@@ -80,7 +80,8 @@ static bool receive(
 {
   if (fm_receiver_start(
       &intake->receiver, topic->engine, topic->middleware,
-      rcl_subscription_get_rmw_handle(&intake->subscription), topic->index, FM_LISTEN))
+      rcl_subscription_get_rmw_handle(&intake->subscription), topic->index,
+      fm_receiver_taking(rmw_get_implementation_identifier())))
   {
     return true;
   }

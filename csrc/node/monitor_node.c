@@ -60,6 +60,16 @@ static void deactivate(void * context)
   fm_session_deactivate(&monitor->session);
 }
 
+static void log_taking(const struct fm_node * node, const char * middleware)
+{
+  if (fm_receiver_taking(middleware) == FM_WAKE) {
+    fm_log(node, FM_INFO, "messages are taken in C, in a thread of its own: the callbacks of %s "
+      "are not known to allow it", middleware);
+  } else {
+    fm_log(node, FM_INFO, "messages are taken in C, inside %s", middleware);
+  }
+}
+
 static bool activate(void * context)
 {
   struct fm_monitor_node * monitor = context;
@@ -75,8 +85,7 @@ static bool activate(void * context)
   monitor->next_review = now + REVIEW_PERIOD_NS;
   monitor->next_report = now + REPORT_PERIOD_NS;
   monitor->missing_at = now + MISSING_NS;
-  fm_log(&monitor->node, FM_INFO, "messages are taken in C, inside %s",
-    rmw_get_implementation_identifier());
+  log_taking(&monitor->node, rmw_get_implementation_identifier());
   fm_log(&monitor->node, FM_INFO, "%s", monitor->table->summary);
   return true;
 }

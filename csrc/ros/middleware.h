@@ -85,7 +85,7 @@ struct fm_middleware
   int (* take)(
     const void * subscription, struct fm_serialized * message, bool * taken,
     struct fm_message_info * info, void * allocation);
-  /// rmw_subscription_set_on_new_message_callback; NULL: no receiver listens
+  /// rmw_subscription_set_on_new_message_callback
   int (* listen)(void * subscription, fm_on_message callback, const void * user_data);
   /// rmw_publish
   int (* publish)(const void * publisher, const void * message, void * allocation);

@@ -51,6 +51,11 @@ struct fm_receiver
   bool is_stopped;
 };
 
+uint32_t fm_receiver_taking(const char * middleware)
+{
+  return strcmp(middleware, "rmw_fastrtps_cpp") == 0 ? FM_LISTEN : FM_WAKE;
+}
+
 // ---- reading -----------------------------------------------------------------------------------
 
 static const struct fm_reader * reader_of(const struct fm_receiver * receiver)

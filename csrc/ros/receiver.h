@@ -38,6 +38,10 @@ enum fm_taking
   FM_WAKE = 2              // in the thread in fm_engine_take, which the callback wakes
 };
 
+/// How to take the messages of a middleware (rmw_get_implementation_identifier): FM_LISTEN where
+/// its callbacks are known to allow it, otherwise FM_WAKE. O(1).
+FM_EXPORT uint32_t fm_receiver_taking(const char * middleware);
+
 /// Start to take the messages of a subscription (an rmw_subscription_t from which no other code
 /// takes) as those of a topic. Messages that are already queued are delivered first, at most 1000
 /// before this returns. The engine, the middleware and the

@@ -32,7 +32,6 @@
 #include "thread.h"
 
 #define WAIT_NS 250000000  // between two probes, which find messages whose notification was lost
-#define POLL_NS 1000000    // without notifications
 #define MOST_AT_END 1000u  // messages of a subscription that is removed
 
 struct source
@@ -42,7 +41,6 @@ struct source
   uint64_t waiting;    // messages by the notifications
   uint32_t left;       // messages to take before it is removed
   bool probes;         // there may be more, whose notification was lost
-  bool is_polled;
   bool is_retired;
   bool is_leaving;
 };
@@ -123,19 +121,10 @@ static void on_due(void * argument)
   pthread_mutex_unlock(&relay->mutex);
 }
 
-static int64_t next_probe_locked(const struct fm_relay * relay)
-{
-  int64_t wait = WAIT_NS;
-  for (uint32_t k = 0; k < relay->n_sources; ++k) {
-    wait = relay->sources[k]->is_polled ? POLL_NS : wait;
-  }
-  return relay->probed_at + wait;
-}
-
 // Asking for one message more each time would cost a tenth of a message.
 static void probe_if_due_locked(struct fm_relay * relay, int64_t now)
 {
-  if (now >= next_probe_locked(relay)) {
+  if (now >= relay->probed_at + WAIT_NS) {
     relay->probed_at = now;
     for (uint32_t k = 0; k < relay->n_sources; ++k) {
       relay->sources[k]->probes = true;
@@ -145,8 +134,8 @@ static void probe_if_due_locked(struct fm_relay * relay, int64_t now)
 
 static void wait_locked(struct fm_relay * relay)
 {
-  int64_t until = next_probe_locked(relay);
-  until = relay->due < until ? relay->due : until;
+  const int64_t probe = relay->probed_at + WAIT_NS;
+  const int64_t until = relay->due < probe ? relay->due : probe;
   fm_wait_until(&relay->woken, &relay->mutex, until);
 }
 
@@ -381,10 +370,13 @@ void fm_relay_stop(struct fm_relay ** relay)
 
 // ---- subscriptions -----------------------------------------------------------------------------
 
-bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled)
+bool fm_relay_add(struct fm_relay * relay, void * subscription)
 {
   const struct fm_middleware * middleware = relay->options.middleware;
-  struct source * source = calloc(1, sizeof(*source));
+  pthread_mutex_lock(&relay->mutex);
+  const bool has_room = relay->n_sources < FM_MOST_SOURCES;
+  pthread_mutex_unlock(&relay->mutex);
+  struct source * source = has_room ? calloc(1, sizeof(*source)) : NULL;
   if (source == NULL) {
     return false;
   }
@@ -392,29 +384,16 @@ bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled
   source->subscription = subscription;
   source->probes = true;
   source->left = MOST_AT_END;
-  pthread_mutex_lock(&relay->mutex);
-  const bool has_room = relay->n_sources < FM_MOST_SOURCES;
-  if (has_room) {
-    relay->sources[relay->n_sources] = source;
-    relay->n_sources += 1;
-    pthread_cond_signal(&relay->woken);
-  }
-  pthread_mutex_unlock(&relay->mutex);
-  if (!has_room) {
+  if (middleware->listen(subscription, on_message, source) != 0) {
+    middleware->forget_error();
     free(source);
     return false;
   }
-  const bool listens =
-    middleware->listen != NULL && middleware->listen(subscription, on_message, source) == 0;
-  if (!listens) {
-    middleware->forget_error();
-  }
   pthread_mutex_lock(&relay->mutex);
-  source->is_polled = !listens;
-  source->probes = true;
+  relay->sources[relay->n_sources] = source;
+  relay->n_sources += 1;
   pthread_cond_signal(&relay->woken);
   pthread_mutex_unlock(&relay->mutex);
-  *is_polled = !listens;
   return true;
 }
 
@@ -453,8 +432,7 @@ bool fm_relay_remove(struct fm_relay * relay, const void * subscription)
   if (source == NULL) {
     return true;
   }
-  const bool is_quiet =
-    source->is_polled || middleware->listen(source->subscription, NULL, NULL) == 0;
+  const bool is_quiet = middleware->listen(source->subscription, NULL, NULL) == 0;
   if (!is_quiet) {
     middleware->forget_error();
   }

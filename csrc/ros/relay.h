@@ -56,10 +56,9 @@ struct fm_relay_options
 FM_EXPORT bool fm_relay_start(struct fm_relay ** relay, const struct fm_relay_options * options);
 
 /// Take the messages of a subscription (an rmw_subscription_t from which no other code takes),
-/// from now on, those in its queue first. Where the middleware has no new-message callback, it is
-/// polled every millisecond; `*is_polled` says so. False if there are FM_MOST_SOURCES already, or
-/// memory is short.
-FM_EXPORT bool fm_relay_add(struct fm_relay * relay, void * subscription, bool * is_polled);
+/// from now on, those in its queue first. False if the middleware has no new-message callback,
+/// there are FM_MOST_SOURCES already, or memory is short.
+FM_EXPORT bool fm_relay_add(struct fm_relay * relay, void * subscription);
 
 /// As fm_receiver_retire.
 FM_EXPORT void fm_relay_retire(struct fm_relay * relay, const void * subscription);

@@ -321,18 +321,16 @@ static void a_flood_passes_in_order_through_a_handover(void)
   struct bench bench = begin(FM_DROP, 0);
   pthread_t sender;
   pthread_t other;
-  bool is_polled = true;
   make_subscription(&flooded[0], 0);
   make_subscription(&flooded[1], FLOOD / 2);
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &flooded[0], &is_polled));
-  CHECK(!is_polled);
+  CHECK(fm_relay_add(bench.relay, &flooded[0]));
   pthread_create(&sender, NULL, flood, NULL);
   pthread_create(&other, NULL, keep_flag, bench.engine);
   pause_ns(1000000);
   fm_engine_begin_handover(bench.engine, LEVEL, false);
   fm_relay_retire(bench.relay, &flooded[0]);
-  CHECK(fm_relay_add(bench.relay, &flooded[1], &is_polled));
+  CHECK(fm_relay_add(bench.relay, &flooded[1]));
   fm_relay_publish_with(bench.relay, &publishers[1]);
   const uint32_t before = published(&publishers[0]);
   pthread_join(sender, NULL);
@@ -365,12 +363,11 @@ static void nothing_is_lost_or_repeated_without_a_handover(void)
 {
   struct bench bench = begin(FM_DROP, 0);
   struct subscription subscription;
-  bool is_polled = true;
   uint64_t expected = 0;
   bool are_equal = true;
   make_subscription(&subscription, 0);
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &subscription));
   for (uint32_t k = 0; k < 500; ++k) {
     send(&subscription, 3);
   }
@@ -394,10 +391,9 @@ static void what_waits_in_a_subscription_that_is_removed_is_taken(void)
 {
   struct bench bench = begin(FM_DROP, 0);
   struct subscription subscription;
-  bool is_polled = true;
   make_subscription(&subscription, 0);
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &subscription));
   send(&subscription, 900);
   for (int k = 0; k < 5000 && left(&subscription) > 0; ++k) {
     pause_ns(1000000);
@@ -414,14 +410,13 @@ static void substitutes_come_from_the_start_and_when_another_topic_violates(void
 {
   const int64_t period = 20000000;
   struct subscription subscription;
-  bool is_polled = true;
   struct bench bench = begin(FM_SUBSTITUTE, period);
   CHECK(wait_for(&publishers[0], 3));
   CHECK(publishers[0].numbers[0] == 12345);
   CHECK(publishers[0].times[2] - publishers[0].times[0] > period);
   make_subscription(&subscription, 0);
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &subscription));
   send(&subscription, 1);  // level 7 passes, and ends the substitutes
   pause_ns(3 * period);
   const uint32_t n = published(&publishers[0]);
@@ -434,16 +429,38 @@ static void substitutes_come_from_the_start_and_when_another_topic_violates(void
   end(&bench);
 }
 
-static void without_callbacks_it_polls_and_a_failing_publisher_is_counted(void)
+static void a_middleware_without_callbacks_is_refused(void)
 {
   struct subscription subscription;
-  bool is_polled = false;
+  struct bench bench = begin(FM_DROP, 0);
+  make_subscription(&subscription, 0);
+  subscription.has_no_callbacks = true;
+  CHECK(!fm_relay_add(bench.relay, &subscription));
+  CHECK(fm_relay_remove(bench.relay, &subscription));
+  end(&bench);
+}
+
+static void there_is_room_for_eight_subscriptions(void)
+{
+  static struct subscription subscriptions[FM_MOST_SOURCES + 1];
+  struct bench bench = begin(FM_DROP, 0);
+  for (uint32_t k = 0; k <= FM_MOST_SOURCES; ++k) {
+    make_subscription(&subscriptions[k], 0);
+    CHECK(fm_relay_add(bench.relay, &subscriptions[k]) == (k < FM_MOST_SOURCES));
+  }
+  for (uint32_t k = 0; k < FM_MOST_SOURCES; ++k) {
+    CHECK(fm_relay_remove(bench.relay, &subscriptions[k]));
+  }
+  end(&bench);
+}
+
+static void a_failing_publisher_is_counted(void)
+{
+  struct subscription subscription;
   struct bench bench = begin(FM_HOLD, 0);
   make_subscription(&subscription, 13);
-  subscription.has_no_callbacks = true;
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
-  CHECK(is_polled);
+  CHECK(fm_relay_add(bench.relay, &subscription));
   send(&subscription, 2);  // levels 98 and 105
   CHECK(wait_for(&publishers[0], 2));
   CHECK(publishers[0].levels[0] == 98 && publishers[0].levels[1] == 98);
@@ -461,12 +478,11 @@ static void without_callbacks_it_polls_and_a_failing_publisher_is_counted(void)
 static void it_ends_while_publishing_blocks(void)
 {
   struct subscription subscription;
-  bool is_polled = false;
   struct bench bench = begin(FM_DROP, 0);
   make_subscription(&subscription, 0);
   publishers[0].delay = 100000000;
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &subscription));
   send(&subscription, 100);
   pause_ns(20000000);
   const int64_t began = steady();
@@ -481,12 +497,11 @@ static void it_ends_while_publishing_blocks(void)
 static void another_publisher_has_all_after_the_message_that_is_being_published(void)
 {
   struct subscription subscription;
-  bool is_polled = false;
   struct bench bench = begin(FM_DROP, 0);
   make_subscription(&subscription, 0);
   publishers[0].delay = 50000000;
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &subscription));
   send(&subscription, 100);
   while (left(&subscription) == 100) {
     pause_ns(1000000);
@@ -502,12 +517,11 @@ static void another_publisher_has_all_after_the_message_that_is_being_published(
 static void a_callback_that_cannot_be_removed_outlives_the_relay(void)
 {
   static struct subscription subscription;  // the middleware's: it refers to the relay's memory
-  bool is_polled = false;
   struct bench bench = begin(FM_DROP, 0);
   make_subscription(&subscription, 13);
   subscription.keeps_callback = true;
   give_flag(bench.engine, true);
-  CHECK(fm_relay_add(bench.relay, &subscription, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &subscription));
   send(&subscription, 1);
   CHECK(wait_for(&publishers[0], 1));
   CHECK(!fm_relay_remove(bench.relay, &subscription));
@@ -523,11 +537,10 @@ static void a_message_is_judged_after_what_was_received_before_it(void)
   struct fm_receiver * receiver = NULL;
   static struct subscription flag;
   static struct subscription level;
-  bool is_polled = true;
   make_subscription(&flag, 126);  // 127 is true, 128 is false
   make_subscription(&level, 0);
   CHECK(fm_receiver_start(&receiver, bench.engine, &middleware, &flag, FLAG, FM_LISTEN));
-  CHECK(fm_relay_add(bench.relay, &level, &is_polled));
+  CHECK(fm_relay_add(bench.relay, &level));
   send(&flag, 1);
   send(&level, 1);
   CHECK(wait_for(&publishers[0], 1));
@@ -555,7 +568,9 @@ int main(void)
   what_waits_in_a_subscription_that_is_removed_is_taken();
   a_flood_passes_in_order_through_a_handover();
   substitutes_come_from_the_start_and_when_another_topic_violates();
-  without_callbacks_it_polls_and_a_failing_publisher_is_counted();
+  a_failing_publisher_is_counted();
+  a_middleware_without_callbacks_is_refused();
+  there_is_room_for_eight_subscriptions();
   it_ends_while_publishing_blocks();
   another_publisher_has_all_after_the_message_that_is_being_published();
   a_callback_that_cannot_be_removed_outlives_the_relay();

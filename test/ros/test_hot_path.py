@@ -25,6 +25,7 @@ import weakref
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode
 from fret_monitor.ros.intake import native_lifetimes
@@ -188,12 +189,18 @@ def test_a_middleware_without_a_callback_for_new_messages_is_refused(
             Parameter('spec', value=str(bundle)), Parameter('hot_path', value=way)])
 
 
-def test_callbacks_of_an_unknown_middleware_only_wake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr('fret_monitor.ros.intake.hot_path.PROVEN', ('rmw_other',))
-    name = get_rmw_implementation_identifier()
-    assert why_callbacks_wake('auto') == f'it is known to work with rmw_other, not with {name}'
-    assert why_callbacks_wake('on') is None
-    assert why_callbacks_wake('off') == 'hot_path is off'
+@pytest.mark.parametrize(('name', 'reason'), [
+    ('rmw_fastrtps_cpp', None),
+    ('rmw_other', 'the callbacks of rmw_other are not known to allow it')])
+def test_callbacks_of_an_unknown_middleware_only_wake(
+    name: str, reason: str | None, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    library = load_evaluator(evaluator_library())
+    monkeypatch.setattr(
+        'fret_monitor.ros.intake.hot_path.get_rmw_implementation_identifier', lambda: name)
+    assert why_callbacks_wake('auto', library) == reason
+    assert why_callbacks_wake('on', library) is None
+    assert why_callbacks_wake('off', library) == 'hot_path is off'
 
 
 def test_messages_are_read_in_place_only_with_known_versions() -> None:

@@ -213,11 +213,11 @@ class Relay:
 
     def add(self, subscription: RclSubscription) -> None:
         """Take the messages of a subscription."""
-        is_polled = ffi.new('bool *')
         with self._lock:
             if self._place[0] == ffi.NULL or not self._library.fm_relay_add(
-                    self._place[0], self._middleware.subscription(subscription), is_polled):
-                raise Unavailable('a relay has room for eight subscriptions')
+                    self._place[0], self._middleware.subscription(subscription)):
+                raise Unavailable('the middleware has no callback for new messages, or there are '
+                                  'eight subscriptions already')
 
     def retire(self, subscription: RclSubscription) -> None:
         """Mark a subscription as one that is being replaced."""

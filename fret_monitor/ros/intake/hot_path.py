@@ -39,9 +39,6 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.utilities import get_rmw_implementation_identifier
 
-PROVEN = ('rmw_fastrtps_cpp',)
-"""The middlewares that are known to allow taking inside their new-message callback."""
-
 
 class Middleware:
     """The functions of the middleware, as C calls them."""
@@ -129,13 +126,18 @@ class Middleware:
         return bytes(ffi.buffer(found.data))
 
 
-def why_callbacks_wake(hot_path: str) -> str | None:
-    """Return why the middleware's callbacks do not take the messages; None if they do."""
+def why_callbacks_wake(hot_path: str, library: Any) -> str | None:
+    """
+    Return why the middleware's callbacks do not take the messages; None if they do.
+
+    `library` holds the functions of csrc.
+    """
     if hot_path == 'off':
         return 'hot_path is off'
     name = get_rmw_implementation_identifier()
-    if name not in PROVEN and hot_path != 'on':
-        return f'it is known to work with {", ".join(PROVEN)}, not with {name}'
+    if hot_path != 'on' and \
+            library.fm_receiver_taking(name.encode()) == ffi.integer_const('FM_WAKE'):
+        return f'the callbacks of {name} are not known to allow it'
     return None
 
 

@@ -242,7 +242,7 @@ class BundleSession:
 
     def _middleware(self) -> Middleware:
         """Return the middleware; on the hot path it reads in place if possible."""
-        reason = why_callbacks_wake(self._hot_path)
+        reason = why_callbacks_wake(self._hot_path, self._engine.library)
         if reason is not None:
             self._way = f'in C, in a thread of its own: {reason}'
             return Middleware(may_take=False)
