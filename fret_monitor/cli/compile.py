@@ -32,7 +32,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
     add_constants(parser)
-    parser.add_argument('-o', '--output', metavar='DIR', type=Path, required=True)
+    parser.add_argument('-o', '--output', metavar='DIR', type=Path, required=True,
+                        help='the folder to write; an earlier one is replaced')
     parser.add_argument('--gate', metavar='NAME',
                         help='compile the requirements that this gate keeps, for the node `gate`; '
                              'default: those that no gate keeps, for the node `monitor`')
