@@ -16,135 +16,116 @@
 Finds and reports values that YAML cuts or misreads because they are not in quotes.
 
 In YAML a formula such as `!p & q`, `a: b` or `[x] > 3` is invalid or has another meaning. The
-error gives the line to paste, and reading continues after the value.
+error gives the line to paste, and reading continues after the value. Other errors of YAML get
+their place and a label, and end the reading.
 """
 
-from collections.abc import Iterator
 import re
 
 from fret_monitor.model.diagnostics import Problems, Source, Span
-from fret_monitor.model.names import index_fault
 import yaml
 
 _MAX_REPAIRS = 50
-_MAX_LINES = 30  # of a value in braces
-_MAX_PASTED = 2000
+_MAX_VALUE = 2000  # characters of a line to paste, and before a value for its key and brace
 _MAX_READ = 2 ** 26  # characters in total, a limit for many repairs of a huge file
 
-_VALUE_LINE = re.compile(
-    r"""[ \t]*(?:-[ ]+)*(?P<key>[A-Za-z_][^:#'"\[\]{},]*|"[^"]*"|'[^']*')[ \t]*:[ \t]+(?=\S)""")
-_CLOSERS = {'(': ')', '[': ']', '{': '}'}
-_FLOW_KEY = re.compile(r'[{,][ \t]*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
-_OPEN_INDEX = re.compile(r'\[[0-9]+$')
+_KEY = re.compile(
+    r"""(?:^[ \t]*(?:-[ ]+)*|[{,][ \t]*)(?:[A-Za-z_][^:#'"\[\]{},\n]*|"[^"\n]*"|'[^'\n]*')"""
+    r'[ \t]*:[ \t]+(?=\S)', re.MULTILINE)
 _NEXT_KEY = re.compile(r',[ \t]*[A-Za-z_]\w*[ \t]*:(?:[ \t]|$)')
-
-_LACKS_COMMA = re.compile(
-    r"""(?:"[^"]*"|'[^']*'|[^\s,:{}"']+)(?P<gap>\s+)"""
-    r'(?P<key>topic|type|field|initial|values|role|qos|timeout|stale|startup|max_rate'
-    r'|fretish|ptltl|cocospec|title|report|severity|assume):\s')
-_BRACE_KEY = re.compile(r'[{,]\s*[A-Za-z_]\w*[ \t]*:[ \t]+(?=\S)')
-# Their values have no space, so that a word after one is a key.
-_KEY_BEFORE = re.compile(
-    r'\b(?:topic|type|field|initial|role|timeout|stale|startup|max_rate|id|report|severity'
-    r'|assume)'
-    r'[ \t]*:[ \t]+$')
-
+_TAB = re.compile(r'[ ]*(?:-[ ]*)*(\t)')
+_QUOTE_WITHIN = re.compile(r"""(?:"[^"]*"|'[^']*')\w""")
+_CLOSERS = {'(': ')', '[': ']', '{': '}'}
 _MARKS = {
     '!': 'starts a tag', '&': 'starts an anchor', '*': 'starts an alias', '#': 'starts a comment',
     '|': 'starts a block of lines', '>': 'starts a folded block', '[': 'starts a list',
     '{': 'starts a mapping', '%': 'starts a directive', '@': 'is reserved', '`': 'is reserved',
-    '-': 'starts a list', '?': 'starts a key', ':': 'ends a key', ',': 'parts items',
-    ']': 'ends a list', '}': 'ends a mapping',
+    '-': 'starts a list', '?': 'starts a key',
+}
+# Messages of libyaml and PyYAML, each with a label for the user.
+_LABELS = {
+    'flow mapping': 'this brace is not closed',
+    "expected ':'": "a ':' is missing after this key",
+    'expected key': 'expected a key: indent it like those above',
+    'expected <block end>': 'expected a key: indent it like those above',
+    'mapping values': "a ':' is not allowed here: indent this line like the key above, "
+                      'or put the text in quotes',
+    "expected '-'": "expected a '-', or indent it like the key after the '-' above",
+    'escape': 'write two backslashes, or put the text in single quotes',
 }
 
 
 LACKS_SPACE = re.compile(r'[ ]*(?:-[ ]+)*([A-Za-z_]\w*):(?=[^\s/:]|/[^/])[^\r\n]*')
 """A line with a key and a value, but no space between them."""
-_KEY_LINE = re.compile(r'[ ]+([A-Za-z_]\w*)(?=:(?:[ ]|$))')
 
 
 def report_lacking_space(match: re.Match[str], span: Span, problems: Problems) -> None:
     """Report `key:value`, which `LACKS_SPACE` matches, at its place."""
-    key, value = match[0][match.start(1):].split(':', 1)
+    key, value = match.string[match.start(1):match.end()].split(':', 1)
     problems.error("a space is missing after the ':'", span, 'YAML reads this as a text',
                    f'{key}: {value.strip()}')
 
 
 def report_misread(source: Source, start: int, problems: Problems) -> None:
     """Report that the value that starts at `start` needs quotes, with the line to paste."""
-    written = _OPEN_INDEX.sub(r'\g<0>]', value_as_written(source, start))
-    fault = index_fault(written)
-    if fault is not None and re.search(r'\bfield[ \t]*:[ \t]*$', source.text[:start][-99:]):
-        problems.error(fault.reason, Span(source, start, start + len(written)), 'not supported',
-                       fault.help)
-        return
-    first = source.text[start]
-    quotes = first in '"\''
-    if quotes:
-        title = 'text follows the closing quote'
-    elif first in _MARKS:
-        title = f"'{first}' {_MARKS[first]} in YAML"
-    elif re.search(r':(?:\s|$)', written):
-        title = "a ':' ends a key in YAML"
+    written = value_as_written(source, start)
+    label, help_ = 'put it in quotes', quoted_line(source, start, written)
+    has_colon = re.search(r':(?:\s|$)', written)
+    if written[0] in '"\'':
+        title, label = 'text follows the closing quote', 'put quotes around all of it'
+        if _QUOTE_WITHIN.match(written):
+            label, help_ = 'the quotes around a text must differ from those within', ''
+    elif written[0] in _MARKS:
+        title = f"'{written[0]}' {_MARKS[written[0]]} in YAML"
     else:
-        title = 'YAML cannot read this as text'
-    label = 'put quotes around all of it' if quotes else 'put it in quotes'
-    if _has_nested_quotes(written):
-        label, written = 'the text has the same quotes within', _unwrapped(written)
-    end = min(_line_end(source.text, start), _value_end(source, start))
-    problems.error(title, Span(source, start, start + len(source.text[start:end].rstrip())),
-                   label, quoted_line(source, start, written))
-
-
-def _has_nested_quotes(written: str) -> bool:
-    """
-    Return whether a value is a text in quotes with the same quotes within: `"a = "b" & c"`.
-
-    Then the second quote opens. In `"a" & "b"`, two names of a formula, it closes.
-    """
-    quote = written[0]
-    return quote in '"\'' and written.endswith(quote) and written.count(quote) % 2 == 0 \
-        and re.match(rf'{quote}[^{quote}]*{quote}\w', written) is not None
-
-
-def _unwrapped(written: str) -> str:
-    """Return a text without its quotes; a name that it looks up gets double quotes."""
-    return re.sub(r"=\s*'([^'\"]*)'\s*\]", r'= "\1"]', written[1:-1])
+        title = "a ':' ends a key in YAML" if has_colon else 'YAML cannot read this as text'
+    if has_colon and written[0] not in _MARKS and _is_in_braces(source, start):
+        label, help_ = 'put all of it in quotes, or add the missing comma', ''
+    shown = source.text[start:_value_end(source, start)].partition('\n')[0].rstrip()
+    problems.error(title, Span(source, start, start + len(shown)), label, help_)
 
 
 def value_as_written(source: Source, start: int) -> str:
     """Return what the user seems to have meant as the value that starts at `start`."""
-    lines = source.text[start:_value_end(source, start)].splitlines()
-    return ' '.join(line.strip() for line in lines if line.strip())
+    return re.sub(r'\s*\n\s*', ' ', source.text[start:_value_end(source, start)].rstrip())
+
+
+def quoted_line(source: Source, start: int, value: str) -> str:
+    """Return `key: "value"` for the value at `start`, to be pasted; '' for a very long one."""
+    if len(value) > _MAX_VALUE:
+        return ''
+    keys = _keys_before(source.text, start)
+    key = keys[-1][0].strip(' \t{,') if keys and keys[-1].end() == start else ''
+    if '"' not in value and '\\' not in value:
+        return f'{key} "{value}"'.strip()
+    return f"{key} '{value.replace(chr(39), chr(39) * 2)}'".strip()
+
+
+def _keys_before(text: str, place: int) -> list[re.Match[str]]:
+    """Return the keys with a value in the line of `place`, up to a value that starts there."""
+    return [*_KEY.finditer(text, max(_line_start(text, place), place - _MAX_VALUE), place + 1)]
 
 
 def _value_end(source: Source, start: int) -> int:
     """Return where the value ends that starts at `start`, by indentation or within braces."""
+    number, column = source.position(start)
+    line = source.line(number)
     if _is_in_braces(source, start):
-        return start + _flow_length(source.text[start:_line_end(source.text, start)])
-    base = _indentation(source.line(source.position(start)[0]))
-    end = found = _line_end(source.text, start)
-    while end < len(source.text):
-        begin, end = end + 1, _line_end(source.text, end + 1)
-        line = source.text[begin:end]
-        if line.strip() and (_indentation(line) <= base or line.lstrip().startswith('#')):
-            break
-        found = end if line.strip() else found
-    return found
+        return start + _flow_length(line[column - 1:])
+    deeper = len(line) - len(line.lstrip(' -')) + 1
+    more = re.compile(rf'\r*\n(?:[ \t\r]*\n)*+[ ]{{{deeper},}}(?![\s#])[^\n]*')
+    end = source.line_start(number) + len(line)
+    while match := more.match(source.text, end):
+        end = match.end()
+    return end
 
 
 def _is_in_braces(source: Source, start: int) -> bool:
     """Return whether a brace is open at `start`, in its line or those that contain it."""
-    number = source.position(start)[0]
-    before = source.line(number)[:source.position(start)[1] - 1]
-    base = _indentation(before) if before.strip() else start
-    first = max(number - _MAX_LINES, 1)
-    while number > first and base > 0:
-        number -= 1
-        line = source.line(number)
-        before = f'{line}\n{before}'
-        if line.strip() and _indentation(line) < base:
-            break
+    *above, line = source.text[max(start - _MAX_VALUE, 0):start].split('\n')
+    outer = next((number for number, text in reversed([*enumerate(above)])
+                  if text.strip() and _indentation(text) < _indentation(line)), len(above))
+    before = '\n'.join([*above[outer:], line])
     return any(before.count(left) > before.count(right) for left, right in ('{}', '[]'))
 
 
@@ -152,7 +133,7 @@ def _flow_length(rest: str) -> int:
     """Return the length of a value within braces: up to the closing brace or the next key."""
     opened: list[str] = []
     for place, char in enumerate(rest):
-        if char in '([{':
+        if char in _CLOSERS:
             opened.append(_CLOSERS[char])
         elif opened and char == opened[-1]:
             opened.pop()
@@ -161,34 +142,12 @@ def _flow_length(rest: str) -> int:
     return len(rest.rstrip().removesuffix(',').rstrip())
 
 
-def _closed(value: str) -> str:
-    """Return the opening brackets that are all closed."""
-    return ''.join(left for left, right in _CLOSERS.items()
-                   if value.count(left) <= value.count(right))
-
-
-def quoted_line(source: Source, start: int, value: str) -> str:
-    """Return `key: "value"` for the value at `start`, to be pasted; '' for a very long one."""
-    if len(value) > _MAX_PASTED:
-        return ''
-    line_start = source.text.rfind('\n', 0, start) + 1
-    match = _VALUE_LINE.match(source.text, line_start)
-    before = source.text[line_start:start].strip() if match and match.end() == start else ''
-    if not before:
-        keys = re.findall(r'[A-Za-z_][\w.]*[ \t]*:[ \t]*$', source.text[line_start:start])
-        before = keys[-1].strip() if keys else ''
-    if '"' not in value and '\\' not in value:
-        return f'{before} "{value}"'.strip()
-    return f"{before} '{value.replace(chr(39), chr(39) * 2)}'".strip()
-
-
 def _indentation(line: str) -> int:
     return len(line) - len(line.lstrip(' '))
 
 
-def _line_end(text: str, start: int) -> int:
-    end = text.find('\n', start)
-    return len(text) if end < 0 else end
+def _line_start(text: str, place: int) -> int:
+    return text.rfind('\n', 0, place) + 1
 
 
 class YamlRepair:
@@ -196,7 +155,7 @@ class YamlRepair:
     Continues reading after values that YAML cannot read.
 
     Such a value is reported and replaced by a word of the same length, so that places stay valid.
-    `unread` are the places of such values; those in `swallowing` included keys below them.
+    `unread` are the places of such values.
     """
 
     def __init__(self, source: Source, problems: Problems) -> None:
@@ -205,165 +164,74 @@ class YamlRepair:
         self._shift = 1 if source.text.startswith('\ufeff') else 0
         self.text = source.text[self._shift:]
         self.unread: frozenset[int] = frozenset()
-        self.swallowing: frozenset[int] = frozenset()
 
-    def mend(self, error: yaml.YAMLError, last_scalar: int) -> bool:
+    def mend(self, error: yaml.YAMLError) -> bool:
         """Report an error of YAML; return whether the changed text can be read again."""
-        place = min(self._place(error), max(len(self._source.text) - 1, 0))
-        if (self._is_tab(place) or self._lacks_space(error, place)
-                or self._lacks_comma_above(error)):
+        fault = f"{getattr(error, 'context', None) or ''} {getattr(error, 'problem', None) or ''}"
+        mark = getattr(error, 'problem_mark', None)
+        context = getattr(error, 'context_mark', None) or mark
+        place = min((mark.index if mark else 0) + self._shift, len(self._source.text) - 1)
+        opened = min(context.index + self._shift if context else place, place)
+        if self._is_tab(place) or self._lacks_space(fault, place):
             return False
-        starts = self._value_starts(error, place, last_scalar)
-        start = next((item for item in starts if item not in self.unread), None)
+        start = self._value_start(fault, opened, place)
         limit = min(_MAX_REPAIRS, _MAX_READ // max(len(self.text), 1))
-        if start is None or len(self.unread) >= limit:
-            self._report(error, place)
+        if start is None or len(self.unread) >= limit or 'escape' in fault:
+            at = opened if 'simple key' in fault or 'flow' in fault else place
+            label = next((text for part, text in _LABELS.items() if part in fault), fault.strip())
+            self._error('not valid YAML', at, label)
             return False
-        if not self._lacks_comma(start):
-            self._report_value(error, start, place)
+        self._report_value(fault, start, place)
         self._blank(start)
         return True
 
-    def _place(self, error: yaml.YAMLError) -> int:
-        mark = getattr(error, 'problem_mark', None) or getattr(error, 'context_mark', None)
-        return (mark.index if mark else 0) + self._shift
+    def _error(self, title: str, place: int, label: str) -> None:
+        self._problems.error(title, Span(self._source, place, place + 1), label)
 
     def _is_tab(self, place: int) -> bool:
-        text = self._source.text
-        start = text.rfind('\n', 0, place) + 1
-        match = re.compile(r'[ ]*(?:-[ ]*)*(\t)').match(text, start)
+        match = _TAB.match(self._source.text, _line_start(self._source.text, place))
         if match:
-            self._problems.error('YAML cannot be indented with tabs',
-                                 Span(self._source, match.start(1), match.end(1)),
-                                 'use spaces here')
+            self._error('YAML cannot be indented with tabs', match.start(1), 'use spaces here')
         return match is not None
 
-    def _lacks_space(self, error: yaml.YAMLError, at: int) -> bool:
+    def _lacks_space(self, fault: str, place: int) -> bool:
         """Report `key:value` in the line above, which YAML reads as a text."""
-        if 'mapping values' not in str(error):
+        end = len(self._source.text[:_line_start(self._source.text, place)].rstrip())
+        match = LACKS_SPACE.match(self._source.text, _line_start(self._source.text, end))
+        if match is None or 'mapping values' not in fault:
             return False
-        number = self._line(at) - 1
-        while number > 0 and not self._source.line(number).strip():
-            number -= 1
-        match = LACKS_SPACE.match(self._source.line(number)) if number else None
-        if match is None:
-            return False
-        start = self._source.line_start(number)
-        place = Span(self._source, start + match.start(1), start + match.end())
-        report_lacking_space(match, place, self._problems)
+        span = Span(self._source, match.start(1), match.end())
+        report_lacking_space(match, span, self._problems)
         return True
 
-    def _lacks_comma_above(self, error: yaml.YAMLError) -> bool:
-        """Report a missing comma at the end of a line within braces."""
-        opened, place = (getattr(error, name, None) for name in ('context_mark', 'problem_mark'))
-        if not opened or not place or "',' or '}'" not in str(error):
-            return False
-        keys = [*_BRACE_KEY.finditer(self._source.text, opened.index + self._shift,
-                                     place.index + self._shift)]
-        match = _LACKS_COMMA.match(self._source.text, keys[-1].end()) if keys else None
-        return match is not None and '\n' in match['gap'] and self._lacks_comma(keys[-1].end())
-
-    def _lacks_comma(self, start: int) -> bool:
-        """Report a key within braces that follows a value without a comma."""
-        match = _LACKS_COMMA.match(self._source.text, start)
-        before = _KEY_BEFORE.search(self._source.text, max(start - _MAX_PASTED, 0), start)
-        if match is None or before is None or not _is_in_braces(self._source, start):
-            return False
-        self.swallowing |= {start}
-        value, key = match[0][:match.start('gap') - start], match['key']
-        self._problems.error(f"a comma is missing before '{key}'",
-                             Span(self._source, match.start('key'), match.end('key')),
-                             'the key after a value in braces',
-                             f'{before[0]}{value}, {key}: ...')
-        return True
-
-    def _value_starts(self, error: yaml.YAMLError, place: int,
-                      last_scalar: int) -> Iterator[int]:
-        """Yield the starts of values that may be the cause, the most likely first."""
-        context = getattr(error, 'context', None) or ''
-        mark = getattr(error, 'context_mark', None)
-        last = place
-        if mark and any(word in context for word in ('anchor', 'alias', 'tag', 'scalar', 'flow')):
-            place = min(mark.index + self._shift, last)
-        elif self._line(last_scalar) != self._line(place) and 'mapping values' in str(error):
-            place = last_scalar  # a plain text of several lines that has a colon
-        if 'flow' in context:
-            yield from self._within_braces(place, last)
-        elif any(word in context for word in ('anchor', 'alias', 'tag')):
-            # `{ptltl: !p}`: the brace is read as a part of the tag.
-            keys = _FLOW_KEY.finditer(
-                self._source.text, self._source.line_start(self._line(place)), place + 1)
-            yield from [key.end() for key in keys][-1:]
-        line_start = self._source.text.rfind('\n', 0, place) + 1
-        match = _VALUE_LINE.match(self._source.text, line_start)
-        if match and match.end() <= place:
-            yield match.end()
-
-    def _within_braces(self, opened: int, place: int) -> Iterator[int]:
-        """Yield the starts of values between the bracket at `opened` and `place`."""
-        line_start = self._source.text.rfind('\n', 0, place) + 1
-        if self._source.text[opened] == '[':  # the cause is the list itself
-            keys = _FLOW_KEY.finditer(
-                self._source.text, self._source.text.rfind('\n', 0, opened) + 1, opened)
-            yield from (key.end() for key in keys if key.end() == opened)
-            return
-        keys = _FLOW_KEY.finditer(self._source.text, max(opened, line_start), place + 1)
-        yield from [key.end() for key in keys][-1:]
-        match = _VALUE_LINE.match(self._source.text, line_start)
-        if match and opened < line_start and match.end() <= place and _indentation(
-                match[0]) > _indentation(self._source.line(self._line(opened))):
-            yield match.end()
-
-    def _line(self, place: int) -> int:
-        return self._source.position(place)[0]
-
-    def _report_value(self, error: yaml.YAMLError, start: int, place: int) -> None:
+    def _value_start(self, fault: str, opened: int, place: int) -> int | None:
+        """Return the start of the value that is most likely the cause."""
         text = self._source.text
-        problem = getattr(error, 'problem', None) or ''
-        if text[start] in '"\'' and 'end of stream' in problem:
-            self._problems.error('this quote is not closed',
-                                 Span(self._source, start, start + 1), 'opened here')
-        elif text[start] in '[{' and text[start] not in _closed(
-                value_as_written(self._source, start)):
-            self._problems.error(f"this '{text[start]}' is not closed",
-                                 Span(self._source, start, start + 1), 'opened here')
-        elif _FLOW_KEY.match(text, start):
-            self._problems.error('these braces cannot be read',
-                                 Span(self._source, start, start + 1),
-                                 'look at the brackets, commas and colons within them')
-        elif 'escape' in problem:
-            self._problems.error(
-                "a '\\' in double quotes must start an escape sequence",
-                Span(self._source, place, place + 2), 'this is not an escape sequence',
-                'write two backslashes, or put the text in single quotes')
-        elif self._line(place) != self._line(start) and text[start] not in _MARKS:
-            self.swallowing |= {start}
-            if self._is_too_deep(start, place):
-                return
-            self._problems.error(
-                "a text of several lines contains ': '",
-                Span(self._source, place, place + 1),
-                f'the text begins in line {self._line(start)}',
-                'put the text in quotes, or correct the indentation of this line')
+        lines = [_line_start(text, opened), _line_start(text, place)]
+        is_within = lines[0] == lines[1] or _indentation(text[lines[0]:opened]) < _indentation(
+            text[lines[1]:place])
+        places = [opened] if re.search('anchor|alias|tag|scalar|flow', fault) else [place]
+        if 'flow mapping' in fault and is_within:
+            places = [place, opened]
+        return next((key.end() for at in places for key in reversed(_keys_before(text, at))
+                     if key.end() not in self.unread
+                     and text.count('}', key.end(), at) <= text.count('{', key.end(), at)), None)
+
+    def _report_value(self, fault: str, start: int, place: int) -> None:
+        text = self._source.text
+        written = value_as_written(self._source, start)
+        unclosed = next((left for left, right in ('[]', '{}')
+                         if written.count(left) > written.count(right)), '')
+        if text[start] in '"\'' and 'end of stream' in fault:
+            self._error('this quote is not closed', start, 'opened here')
+        elif text[start] not in '"\'' and unclosed:
+            self._error(f"this '{unclosed}' is not closed", text.index(unclosed, start),
+                        'opened here')
+        elif _KEY.match(text, start):
+            self._error('these braces cannot be read', place,
+                        'look for a missing comma or bracket before this')
         else:
             report_misread(self._source, start, self._problems)
-
-    def _is_too_deep(self, start: int, place: int) -> bool:
-        """Report a key that is indented deeper than the key above, and so is part of its value."""
-        key = _KEY_LINE.match(self._source.line(self._line(place)))
-        above = _VALUE_LINE.match(self._source.line(self._line(start)))
-        begin = self._source.line_start(self._line(place))
-        is_word = ' ' not in self._source.text[start:begin].strip()
-        if key is None or above is None or begin + key.end(1) != place or not is_word:
-            return False
-        rest = self._source.line(self._line(place)).strip()
-        line = ' ' * above.start('key') + rest
-        self._problems.error(
-            'this key is indented deeper than the one above',
-            Span(self._source, begin + key.start(1), place),
-            f'so YAML reads it as part of the text of line {self._line(start)}',
-            f'indent it like {above["key"].strip()!r}, or put that text in quotes:\n{line}')
-        return True
 
     def _blank(self, start: int) -> None:
         """Replace a value, including its further lines, by a word and blanks."""
@@ -371,26 +239,3 @@ class YamlRepair:
         blanks = ''.join(char if char in '\r\n' else ' ' for char in self.text[begin + 1:end])
         self.text = f'{self.text[:begin]}x{blanks}{self.text[end:]}'
         self.unread |= {start}
-
-    def _report(self, error: yaml.YAMLError, place: int) -> None:
-        problem = getattr(error, 'problem', None) or 'this cannot be read'
-        context = getattr(error, 'context', None) or ''
-        mark = getattr(error, 'context_mark', None)
-        if mark and ('simple key' in context or 'flow' in context):
-            place = mark.index + self._shift
-        label = next((label for part, label in _PROBLEMS if part in f'{context} {problem}'),
-                     problem)
-        self._problems.error('not valid YAML', Span(self._source, place, place + 1), label)
-
-
-# Messages of libyaml and PyYAML, each with a label for the user.
-_PROBLEMS = (
-    ('flow sequence', 'this list is not closed'),
-    ('flow mapping', 'this brace is not closed'),
-    ("expected ':'", "a ':' is missing after this key"),
-    ('expected key', 'expected a key: indent it like those above'),
-    ('expected <block end>', 'expected a key: indent it like those above'),
-    ('mapping values', "a ':' is not allowed here"),
-    ("expected '-'", "expected a '-', or indent it like the key after the '-' above"),
-    ('document start', 'text follows the end of the document'),
-)

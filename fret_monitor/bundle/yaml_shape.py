@@ -82,8 +82,9 @@ class Shape:
         self._meant: set[str] = set()
         self._unknown: list[tuple[Node, list[str]]] = []
         self._elsewhere = elsewhere or {}
-        self._has_swallowed = any(isinstance(node, Unread) and node.has_swallowed
-                                  for _, node in mapping.entries)
+        # Where a comma is missing in braces, the value before it includes the next key.
+        self._has_swallowed = mapping.is_flow and any(
+            isinstance(node, Unread) for _, node in mapping.entries)
         self.is_cut = _report_comma(mapping, self._known, problems)
         if not self.is_cut:
             for key, _ in mapping.entries:

@@ -80,14 +80,9 @@ class YamlMapping:
 
 @dataclass(frozen=True, eq=False)
 class Unread:
-    """
-    A value that cannot be read, which was reported.
-
-    `has_swallowed` if it may include keys of the mapping that contains it.
-    """
+    """A value that cannot be read, which was reported."""
 
     span: Span
-    has_swallowed: bool = False
 
 
 Node: TypeAlias = YamlScalar | YamlList | YamlMapping | Unread
@@ -104,11 +99,11 @@ def read_tree(source: Source, problems: Problems) -> Node | None:
         return None
     repair = YamlRepair(source, problems)
     while True:
-        builder = _TreeBuilder(source, repair.unread, repair.swallowing)
+        builder = _TreeBuilder(source, repair.unread)
         try:
             builder.build(_events(repair.text))
         except yaml.YAMLError as error:
-            if repair.mend(error, builder.last_scalar):
+            if repair.mend(error):
                 continue
             builder.root = None
         problems.extend(builder.problems.errors)
@@ -144,14 +139,11 @@ class _TooMuch(Exception):
 class _TreeBuilder:
     """Builds the tree from the events of one document, without recursion."""
 
-    def __init__(self, source: Source, unread: frozenset[int],
-                 swallowing: frozenset[int]) -> None:
+    def __init__(self, source: Source, unread: frozenset[int]) -> None:
         self.source = source
         self.problems = Problems()
         self.root: Node | None = None
-        self.last_scalar = 0
         self._unread = unread
-        self._swallowing = swallowing
         self._shift = 1 if source.text.startswith('\ufeff') else 0
         self._open: list[_Open] = []
         self._documents = 0
@@ -218,9 +210,8 @@ class _TreeBuilder:
 
     def _scalar(self, event: yaml.ScalarEvent) -> Node:
         span = self._span(event)
-        self.last_scalar = span.start
         if span.start in self._unread:
-            return Unread(span, span.start in self._swallowing)
+            return Unread(span)
         if event.anchor or event.tag:
             return self._marked(event)
         style = event.style if event.style and event.style in '\'"|>' else ''
