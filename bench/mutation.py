@@ -130,6 +130,7 @@ ROOMS = {
         '*': _ros('feed hot_path raw_topic monitor_node')}),
     'csrc/node': Room('csrc/node', ('csrc/reporting/*.c', 'csrc/node/*.c'), 30, {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('node_parts exported_node'),
+        'subscription.c': 'test/runtime/test_subscription.py',
         '*': _ros('node_parts exported_node')}),
     'ros': Room('fret_monitor/ros', ('fret_monitor/ros/*.py', 'fret_monitor/ros/*/*.py'), 50, {
         'action*.py': _ros('actions'),
@@ -161,7 +162,7 @@ ROOMS = {
         'player.py': _ros('played'),
         'process.py': _ros('usage interrupts'),
         'signals.py': _ros('interrupts'),
-        'qos.py': _ros('qos publishers'),
+        'qos.py': _ros('qos feed'),
         'raw_topic.py': _ros('raw_topic'),
         'rcl_*.py': _ros('feed monitor_node'),
         'service_gate.py': _ros('service_gate services'),

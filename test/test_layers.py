@@ -63,7 +63,8 @@ LEVELS = {
     'fret_monitor.__main__': 20,
 }
 # The rooms of `ros`, between its own modules: what all use, and the entries.
-ROOMS_OF_ROS = ('signals', 'watch', 'settings', 'intake', 'acting', 'reports', 'nodes', '')
+ROOMS_OF_ROS = (
+    'signals', 'watch', 'log_lines', 'settings', 'intake', 'acting', 'reports', 'nodes', '')
 FACES = {name for name, level in LEVELS.items() if level in (18, 19)}
 BETWEEN_FACES = {('fret_monitor.cli', 'fret_monitor.bag')}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}

@@ -253,15 +253,16 @@ static struct troubles troubles_of(
   const struct fm_health * health, uint32_t topic, const struct fm_topic_health * now)
 {
   const struct fm_mapped_topic * mapped = &health->session->topics[topic];
+  const struct fm_publishers publishers = fm_subscription_publishers(mapped->state);
   const struct fm_topic * fed = &health->session->table->report.topic_inputs[topic];
   const struct fm_topic_health * before = &health->topics[topic];
   struct troubles found = {{NULL, 0, 0}, OK};
-  if (mapped->publishers.other_types.length > 0) {
-    add_trouble(&found, ERROR, "a publisher of %s, and not %s",
-      fm_text_get(&mapped->publishers.other_types), mapped->about->type);
+  if (publishers.other_types[0] != '\0') {
+    add_trouble(&found, ERROR, "a publisher of %s, and not %s", publishers.other_types,
+      mapped->about->type);
   }
-  if (mapped->publishers.unmatched.length > 0) {
-    add_trouble(&found, ERROR, "not received: %s", fm_text_get(&mapped->publishers.unmatched));
+  if (publishers.unmatched[0] != '\0') {
+    add_trouble(&found, ERROR, "not received: %s", publishers.unmatched);
   }
   add_silence(health, fed, &found);
   add_fields(health, fed, &found);
@@ -272,7 +273,7 @@ static struct troubles troubles_of(
   if (now->behind > MOST_BEHIND) {
     add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
   }
-  if (mapped->publishers.matching_type == 0 && mapped->publishers.other_types.length == 0) {
+  if (publishers.n == 0 && publishers.other_types[0] == '\0') {
     add_trouble(&found, WARN, "no publisher");
   }
   return found;
@@ -322,7 +323,8 @@ static void add_topic(
   fm_status_value(status, "undecodable", "%" PRIu64, counts.undecodable);
   fm_status_value(status, "lost", "%" PRIu64, now.lost);
   fm_status_value(status, "behind", "%.3f", (double)now.behind / 1e9);
-  fm_status_value(status, "publishers", "%zu", mapped->publishers.matching_type);
+  fm_status_value(status, "publishers", "%u",
+    fm_subscription_publishers(mapped->state).n);
   if (session->table->report.uses_header_stamps) {
     fm_status_value(status, "late", "%" PRIu64, now.order.late);
     fm_status_value(status, "too early", "%" PRIu64, now.order.overflows);

@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// mapped_topic.h: the subscription to a topic of the bundle: made, replaced where it does not
-/// match a publisher, and closed.
+/// mapped_topic.h: the subscription to a topic of the bundle: made, replaced and closed as
+/// subscription.h decides.
 ///
 /// The engine's receiver takes the messages in the middleware's threads. All functions are called
 /// by the main thread only.
@@ -24,28 +24,13 @@
 #include "log.h"
 #include "node_table.h"
 #include "receiver.h"
+#include "subscription.h"
 
 /// A subscription and the receiver of its messages.
 struct fm_intake
 {
   rcl_subscription_t subscription;
-  rmw_qos_profile_t profile;
   struct fm_receiver * receiver;
-  int64_t until;  // replaced: closed then, at the latest
-};
-
-/// The known publishers of a topic, for /diagnostics.
-struct fm_publishers
-{
-  size_t matching_type;
-  struct fm_text unmatched;    // nodes whose quality of service does not match
-  struct fm_text other_types;
-};
-
-struct fm_known_publisher
-{
-  uint8_t gid[RMW_GID_STORAGE_SIZE];
-  bool is_logged;
 };
 
 /// A topic. Zeroed before fm_topic_open; fm_topic_close frees all of it.
@@ -55,24 +40,13 @@ struct fm_mapped_topic
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
   const struct fm_node_topic * about;
-  struct fm_fixed_qos fixed;
   char * name;                       // resolved
   uint32_t index;
+  struct fm_subscription * state;
   struct fm_intake current;
-  struct fm_intake * retired;        // being replaced, with room for one more during a handover
+  struct fm_intake * retired;        // being replaced, the oldest first
   uint32_t n_retired;
   bool is_leaked;                    // the middleware may still call back for a closed one
-  int64_t handover_ends;             // 0: no handover
-  double retry_s;                    // between two attempts to subscribe anew; 0: none failed
-  int64_t retry_at;                  // the next attempt, if one failed
-  struct fm_publishers publishers;
-  struct fm_known_publisher * known; // those of the last review
-  size_t n_known;
-  bool has_new;                      // publishers for which the subscription was not checked yet
-  struct fm_text logged_types;
-  int64_t unnamed_since;             // 0: the nodes of all publishers are known
-  uint64_t logged_losses;
-  int64_t next_loss_line;
 };
 
 /// Resolve the name of a topic as the node does: namespace, remapping. The caller frees it. NULL
@@ -89,8 +63,8 @@ bool fm_topic_start(
   struct fm_mapped_topic * topic, struct fm_engine * engine,
   const struct fm_middleware * middleware);
 
-/// Look for publishers that came or ended, log those that do not match, replace the subscription
-/// if it is due. To be called a few times a second. O(publishers).
+/// Look for the publishers, and do what is decided. To be called a few times a second.
+/// O(publishers^2).
 void fm_topic_review(struct fm_mapped_topic * topic);
 
 /// Take what waits, and unsubscribe. Returns false if the middleware may still call back: the

@@ -24,6 +24,7 @@
 #include <rosidl_runtime_c/message_type_support_struct.h>
 
 #include "report_table.h"
+#include "subscription.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
 
@@ -33,22 +34,6 @@
   ROSIDL_TYPESUPPORT_INTERFACE__MESSAGE_SYMBOL_NAME(rosidl_typesupport_c, package, folder, name)
 #define FM_DECLARE_TYPE_SUPPORT(package, folder, name) \
   const rosidl_message_type_support_t * FM_TYPE_SUPPORT(package, folder, name)(void)
-
-/// What the bundle fixes of a subscription's quality of service.
-enum fm_choice
-{
-  FM_FOLLOW = 0,  // as the publishers offer; of `history`: keep last
-  FM_WEAKER = 1,  // best effort, volatile, keep last
-  FM_STRONGER = 2 // reliable, transient local, keep all
-};
-
-struct fm_fixed_qos
-{
-  enum fm_choice reliability;
-  enum fm_choice durability;
-  enum fm_choice history;
-  uint32_t depth;  // messages; 0: the default
-};
 
 struct fm_node_topic
 {

@@ -27,7 +27,6 @@
 #include <strings.h>
 
 #include "mapped_topic.h"
-#include "offers.h"
 
 #define OVERRIDES "qos_overrides."
 #define CONSTANTS "constants."

@@ -468,6 +468,7 @@ static void add_reason_of_topic(
 {
   const struct fm_topic * fed = &session->table->report.topic_inputs[topic];
   const struct fm_mapped_topic * mapped = &session->topics[topic];
+  const struct fm_publishers publishers = fm_subscription_publishers(mapped->state);
   struct names inputs = {{NULL, 0, 0}, 0};
   struct fm_text reason = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
@@ -477,10 +478,10 @@ static void add_reason_of_topic(
     }
   }
   if (inputs.n > 0) {
-    const bool has_others = mapped->publishers.other_types.length > 0;
-    fm_text_add(&reason, "nothing %sreceived on %s (%zu publisher%s%s%s) for %s",
+    const bool has_others = publishers.other_types[0] != '\0';
+    fm_text_add(&reason, "nothing %sreceived on %s (%u publisher%s%s%s) for %s",
       fm_engine_topic_counts(session->engine, topic).messages > 0 ? "usable " : "", mapped->name,
-      mapped->publishers.matching_type, mapped->publishers.matching_type == 1u ? "" : "s",
+      publishers.n, publishers.n == 1u ? "" : "s",
       has_others ? " of " : "", has_others ? session->table->topics[topic].type : "",
       all_names(&inputs));
     add_name(reasons, "; ", fm_text_get(&reason));

@@ -29,11 +29,7 @@ from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequire
 from fret_monitor.model.names import detail_key
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.paths import path_text
-from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
-
-_CHOICES = {
-    'best_effort': 'FM_WEAKER', 'volatile': 'FM_WEAKER', 'keep_last': 'FM_WEAKER',
-    'reliable': 'FM_STRONGER', 'transient_local': 'FM_STRONGER', 'keep_all': 'FM_STRONGER'}
+from fret_monitor.model.policies import fixed_qos, Policy, Report, Severity, Stale, Stamp
 
 
 def node_table(generated: GeneratedMonitor, node_name: str) -> str:
@@ -116,13 +112,11 @@ def _topics(manifest: Manifest) -> Iterator[str]:
 
 
 def _topic(item: ManifestTopic) -> str:
-    qos = dict(item.qos)
-    choices = [_CHOICES.get(str(qos.get(policy)), 'FM_FOLLOW')
-               for policy in ('reliability', 'durability', 'history')]
+    *choices, depth = fixed_qos(dict(item.qos))
     return ', '.join((
         f'{{{_text(item.name)}', _text(item.message_type),
         f'FM_TYPE_SUPPORT({", ".join(item.message_type.split("/"))})',
-        f'{{{", ".join(choices)}, {qos.get("depth", 0)}u}}}}'))
+        f'{{{", ".join(choices)}, {depth}u}}}}'))
 
 
 def _requirements(manifest: Manifest) -> Iterator[str]:

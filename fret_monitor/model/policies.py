@@ -14,7 +14,22 @@
 
 """When a step happens, who sets an input, which violations are announced, what follows them."""
 
+from collections.abc import Mapping
 from enum import Enum
+
+QOS_CHOICES = {
+    'reliability': {'reliable': 'FM_STRONGER', 'best_effort': 'FM_WEAKER'},
+    'durability': {'transient_local': 'FM_STRONGER', 'volatile': 'FM_WEAKER'},
+    'history': {'keep_last': 'FM_WEAKER', 'keep_all': 'FM_STRONGER'},
+}
+"""The policies of the quality of service, and their values with those of `enum fm_choice`."""
+
+
+def fixed_qos(qos: Mapping[str, str | int]) -> tuple[str, str, str, int]:
+    """Return the fields of a `struct fm_fixed_qos` for policies that are fixed."""
+    reliability, durability, history = (
+        values.get(str(qos.get(policy)), 'FM_FOLLOW') for policy, values in QOS_CHOICES.items())
+    return reliability, durability, history, int(qos.get('depth', 0))
 
 
 class Policy(Enum):

@@ -57,7 +57,7 @@ EVALUATOR_SOURCES = (
     'instance.c', 'tables.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c', 'states.c',
     'handover.c', 'outbox.c', 'reorder.c', 'blackbox.c', 'thread.c', 'engine_time.c',
     'engine_backlog.c', 'engine_gate.c', 'engine.c', 'records.c', 'text.c', 'lines.c',
-    'statuses.c', 'details.c', 'violation_log.c', 'thinning.c', 'csv.c',
+    'subscription.c', 'statuses.c', 'details.c', 'violation_log.c', 'thinning.c', 'csv.c',
     'serialized.c', 'receiver.c', 'in_place.c', 'announcer.c', 'relay.c',
 )
 

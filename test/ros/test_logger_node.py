@@ -25,6 +25,7 @@ from fret_monitor.ros.reports.details import Detail
 from fret_monitor.ros.reports.discovery import Announced
 from fret_monitor.ros.reports.pairing import Pairing
 from fret_monitor.ros.settings.overrides import DeclaredOverrides
+from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.start import manifest_of
 import pytest
 from rclpy.executors import SingleThreadedExecutor
@@ -283,13 +284,16 @@ def test_a_detail_whose_violation_never_came_is_dropped(
         assert '[step' not in lines(node, 1)[0]
 
 
-def test_the_logger_needs_no_compiler_and_builds_nothing(
-    domain: int, arguments: tuple[str, ...], tmp_path: Path,
+def test_a_logger_without_a_compiler_names_what_is_missing(
+    partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    environment = {'PATH': str(tmp_path / 'empty'), 'ROS_HOME': str(tmp_path / 'home'), 'CC': ''}
-    with started('logger', *arguments, environment=environment) as node:
-        assert 'listening for violations of 1 requirement: A-1' in node.output
-    assert not (tmp_path / 'home' / 'fret_monitor').exists()
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(BUNDLE)
+    monkeypatch.setenv('PATH', str(tmp_path))
+    monkeypatch.delenv('CC', raising=False)
+    with pytest.raises(Refusal, match='no C compiler found: install gcc'):
+        LoggerNode(context=partner.context, cli_args=['--ros-args'],
+                   parameter_overrides=[Parameter('spec', value=str(bundle))])
 
 
 def test_overrides_decide_the_qos_of_the_subscriptions(

@@ -22,7 +22,7 @@ import pytest
 from ros.exported import exported_parts
 
 TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'order', 'increases', 'backlog',
-         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'nameless', 'again',
+         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'again',
          'violations')
 BUNDLE = """
 format: 1

@@ -14,56 +14,43 @@
 
 from itertools import product
 
-from fret_monitor.ros.settings.qos import DEFAULT_DEPTH, matches, wanted_profile
+from fret_monitor.native import evaluator_library, load_evaluator
+from fret_monitor.ros.intake.feed import offer_of
+from fret_monitor.ros.settings.qos import profile_of
+from fret_monitor.runtime.subscription import Request, SubscriptionState
 import pytest
 from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, QoSCompatibility, QoSProfile,
     ReliabilityPolicy,
 )
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-RELIABILITY = (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
-DURABILITY = (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
 OFFERS = [QoSProfile(depth=1, reliability=reliability, durability=durability)
-          for reliability, durability in product(RELIABILITY, DURABILITY)]
-
-
-def kinds(profile: QoSProfile) -> tuple[ReliabilityPolicy, DurabilityPolicy]:
-    return profile.reliability, profile.durability
-
-
-def test_without_a_publisher_the_subscription_requests_the_least() -> None:
-    assert kinds(wanted_profile((), {})) == (
-        ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
-
-
-@pytest.mark.parametrize('offers', list(product(OFFERS, OFFERS)))
-def test_every_publisher_is_received_with_the_best_qos_it_offers(
-    offers: tuple[QoSProfile, QoSProfile],
-) -> None:
-    wanted = wanted_profile(offers, {})
-    assert all(matches(wanted, offer) for offer in offers)
-    for better in OFFERS:
-        if all(matches(better, offer) for offer in offers):
-            # The enumerations are ordered: reliable is 1, best effort 2; transient local is 1.
-            assert wanted.reliability.value <= better.reliability.value
-            assert wanted.durability.value <= better.durability.value
+          for reliability, durability in product(
+              (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT),
+              (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL))]
 
 
 @pytest.mark.parametrize(('offer', 'request_'), list(product(OFFERS, OFFERS)))
-def test_compatible_profiles_are_those_that_the_middleware_calls_compatible(
+def test_publishers_are_received_that_the_middleware_calls_compatible(
     offer: QoSProfile, request_: QoSProfile,
 ) -> None:
-    compatibility, _ = qos_check_compatible(offer, request_)
-    assert matches(request_, offer) is (compatibility != QoSCompatibility.ERROR)
+    state = SubscriptionState(load_evaluator(evaluator_library()), '/x', 'a', {
+        'reliability': request_.reliability.name.lower(),
+        'durability': request_.durability.name.lower()})
+    state.decide([offer_of(TopicEndpointInfo(
+        node_name='n', node_namespace='/', topic_type='a', endpoint_gid=[0] * 16,
+        qos_profile=offer))], 0, 1)
+    state.conclude(None, 0, 1)
+    compatibility, _ = qos_check_compatible(offer, profile_of(state.request))
+    assert (not state.publishers.unmatched) is (compatibility != QoSCompatibility.ERROR)
 
 
-def test_publishers_do_not_change_what_the_bundle_sets() -> None:
-    fixed: dict[str, str | int] = {
-        'reliability': 'best_effort', 'durability': 'volatile', 'depth': 3,
-        'history': 'keep_all'}
-    wanted = wanted_profile([OFFERS[1]], fixed)
-    assert kinds(wanted) == (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
-    assert wanted.history is HistoryPolicy.KEEP_ALL
-    assert wanted_profile([], {'depth': 3}).depth == 3
-    assert wanted_profile([], {}).depth == DEFAULT_DEPTH
-    assert kinds(wanted_profile([], {'reliability': 'reliable'}))[0] is ReliabilityPolicy.RELIABLE
+def test_a_request_is_a_profile_of_the_middleware() -> None:
+    weak, strong = Request(False, False, False, 3), Request(True, True, True, 4)
+    assert profile_of(weak) == QoSProfile(
+        depth=3, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.VOLATILE)
+    assert profile_of(strong) == QoSProfile(
+        depth=4, history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -20,6 +20,7 @@ from threading import Event
 from time import monotonic, sleep
 from typing import Any
 
+from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.raw_topic import (
     Deliver, Gaps, RawIntake, RawTopic, Record,
@@ -116,7 +117,8 @@ def raw_feed(node: Node, topics: dict[str, Deliver], depth: int) -> Feed:
     feed = Feed(node, intake)
     for name, deliver in topics.items():
         feed.subscribe(
-            name, 'std_msgs/msg/Int32', Int32, RawTopic(intake, deliver), {'depth': depth})
+            load_evaluator(evaluator_library()), name, 'std_msgs/msg/Int32', Int32,
+            RawTopic(intake, deliver), {'depth': depth})
     return feed
 
 

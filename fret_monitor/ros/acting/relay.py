@@ -20,7 +20,7 @@ publisher follows the publishers of the topic: it is reliable, and transient loc
 is. Its queue is as long as that of the subscription.
 """
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import Lock
@@ -31,13 +31,13 @@ from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.feed import UNNAMED
 from fret_monitor.ros.intake.hot_path import Middleware
+from fret_monitor.ros.intake.rcl_endpoint import UNNAMED
 from fret_monitor.ros.intake.rcl_publisher import RclPublisher
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
-from fret_monitor.ros.settings.qos import DEFAULT_DEPTH
 from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.subscription import DEFAULT_DEPTH
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -155,7 +155,7 @@ class Relay:
         may be taken in this thread, and without them the gate closes.
         """
         wanted = self._publisher if self._next is None else self._next.publisher
-        if (wanted.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL) is is_durable:
+        if _is_durable(wanted.qos_profile) is is_durable:
             return
         self._drop_next()
         if wanted is self._publisher:
@@ -249,6 +249,10 @@ class Relay:
         self._publisher.close()
 
 
+def _is_durable(profile: QoSProfile) -> bool:
+    return profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
+
+
 def _full_name(item: TopicEndpointInfo) -> str:
     return f'{item.node_namespace.rstrip("/")}/{item.node_name}'
 
@@ -262,23 +266,24 @@ class RelayedTopic:
         self._engine = engine
         # The engine has one more than there are, for a topic that feeds no input.
         self._topic = len(engine.monitor.manifest.topics) if gate.topic is None else gate.topic
+        self._receiver: RelayReceiver | None = None  # of the present subscription
 
     def open(self, subscription: RclSubscription) -> 'RelayReceiver':
         """Start taking the messages of a subscription; raises `Unavailable`."""
-        if subscription.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+        if _is_durable(subscription.qos_profile):
             self._relay.follow(is_durable=True)
-        return RelayReceiver(self._relay, subscription)
+        self._receiver = RelayReceiver(self._relay, subscription)
+        return self._receiver
 
-    def note_publishers(self, gids: Set[bytes]) -> None:
-        """Look for other publishers on the target, and at the relay's own."""
+    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
+        """Offer what the publishers of the source offer; look for others on the target."""
         self._relay.review()
+        if self._receiver is not None:
+            self._receiver.start()
         self._relay.look_for_others()
-
-    def follow(self, offers: Sequence[QoSProfile]) -> None:
-        """Offer what the publishers of the source offer."""
-        if offers:
+        if publishers:
             self._relay.follow(is_durable=any(
-                item.durability is DurabilityPolicy.TRANSIENT_LOCAL for item in offers))
+                _is_durable(item.qos_profile) for item in publishers))
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
@@ -307,14 +312,14 @@ class RelayReceiver:
         self._is_added = False
         with ExitStack() as undo:
             undo.callback(self._held.close)
-            self.poll()
+            self.start()
             undo.pop_all()
 
     def drain(self) -> None:
         """Do nothing: `stop` does."""
 
-    def poll(self) -> None:
-        """Start taking, if that had to wait."""
+    def start(self) -> None:
+        """Start taking, unless that has to wait."""
         if not self._relay.is_changing:
             self._add()
 

@@ -21,7 +21,7 @@ only wake the announcer's thread, which does. This module looks up the functions
 that C calls, in the libraries that rclpy has loaded.
 """
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 import threading
@@ -36,7 +36,7 @@ from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavail
 from fret_monitor.runtime.engine import Engine
 
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import get_rmw_implementation_identifier
 
 
@@ -180,9 +180,6 @@ class EngineReceiver:
         """Deliver the messages in the queue."""
         self._engine.drain()
 
-    def poll(self) -> None:
-        """Do nothing: the announcer looks at the queues."""
-
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
         with self._lock:
@@ -220,11 +217,8 @@ class EngineTopic:
         """Start taking the messages of a subscription; raises `Unavailable`."""
         return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
 
-    def note_publishers(self, gids: Set[bytes]) -> None:
-        """Do nothing: each message names its publisher."""
-
-    def follow(self, offers: Sequence[QoSProfile]) -> None:
-        """Do nothing: the messages go no further."""
+    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
+        """Do nothing: each message names its publisher, and goes no further."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""

@@ -34,7 +34,7 @@ from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _WAIT_NS = 200_000_000  # a wait without a timeout could outlast a shutdown
 _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
@@ -135,12 +135,9 @@ class RawTopic:
         self._gaps.note(record.sequence)
         self._deliver(record.data, record.received, record.sent)
 
-    def note_publishers(self, gids: Set[bytes]) -> None:
+    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Count the losses since the last call, if there is one publisher."""
-        self._gaps.confirm(gids)
-
-    def follow(self, offers: Sequence[QoSProfile]) -> None:
-        """Do nothing: the messages go no further."""
+        self._gaps.confirm({bytes(item.endpoint_gid) for item in publishers})
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on, but no history; treat the next message as the first."""
@@ -188,10 +185,8 @@ class _RawReceiver:
     def stop(self) -> None:
         self._intake.remove(self)
 
-    def poll(self) -> None:
+    def retire(self) -> None:
         """Do nothing."""
-
-    retire = poll
 
 
 class Keys:

@@ -21,6 +21,10 @@ from rclpy.qos import QoSProfile
 from rclpy.type_support import check_is_valid_msg_type
 
 
+UNNAMED = '_NODE_NAME_UNKNOWN_'
+"""The node of an endpoint, until the middleware has discovered it."""
+
+
 class RclEndpoint:
     """
     A publisher or subscription of a node; its owner closes it.

@@ -297,8 +297,10 @@ class BundleSession:
         kind = self._classes[mapped.message_type]
         if in_place is not None and in_place.reads_in_place:
             kind = self._class_in_place(in_place, mapped.name, kind)
-        feed.subscribe(mapped.name, mapped.message_type, kind, topic, self._overrides.apply(
-            self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
+        feed.subscribe(
+            self._engine.library, mapped.name, mapped.message_type, kind, topic,
+            self._overrides.apply(
+                self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
 
     def _violation_log(self, engine: Engine) -> ViolationLog | None:
         if not self._logs_violations:

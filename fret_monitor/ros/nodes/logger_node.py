@@ -41,7 +41,7 @@ from fret_monitor.ros.reports.details import Detail, read_detail
 from fret_monitor.ros.reports.discovery import Announced, News
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
 from fret_monitor.ros.reports.violation_lines import ViolationLines
-from fret_monitor.ros.settings.opened import open_manifests
+from fret_monitor.ros.settings.opened import load_reporting, open_manifests
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
     LOGGER_PARAMETERS, Parameters, read_settings, Refusal,
@@ -141,12 +141,13 @@ class LoggerNode(ClockNode):
         with parameters.warning_of_ignored():
             self._settings = read_settings(parameters.values())
             manifests = open_manifests(self._settings)
+            self._library = load_reporting(self._settings)
             parameters.show_constants(manifests)  # they are read-only, so they stay as they are
         self._overrides = Overrides.of(self)
         self._fixed = violation_request(self._settings.handler_depth)
-        self._feed.subscribe(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
-                             RawTopic(self._intake, self._keep_details),
-                             self._request(DETAILS_TOPIC))
+        self._feed.subscribe(
+            self._library, DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
+            RawTopic(self._intake, self._keep_details), self._request(DETAILS_TOPIC))
         self._requirements = _requirements(manifests)
         self._listen(())
         with uninterrupted():
@@ -185,9 +186,9 @@ class LoggerNode(ClockNode):
             self._feed.unsubscribe(self._followed.pop(topic))
         for topic in sorted(wanted.keys() - self._followed.keys()):
             name, handler = wanted[topic]
-            self._feed.subscribe(name, 'std_msgs/msg/Empty', Empty,
-                                 RawTopic(self._intake, self._receive(handler)),
-                                 self._request(name))
+            self._feed.subscribe(
+                self._library, name, 'std_msgs/msg/Empty', Empty,
+                RawTopic(self._intake, self._receive(handler)), self._request(name))
             self._followed[topic] = name
 
     def _follow(self, news: News) -> None:

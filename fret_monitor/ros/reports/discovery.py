@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fret_monitor.model.names import DETAILS_TOPIC, HANDLER_PREFIX, HANDLER_TOPIC
-from fret_monitor.ros.intake.feed import UNNAMED
+from fret_monitor.ros.intake.rcl_endpoint import UNNAMED
 
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo

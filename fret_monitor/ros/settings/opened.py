@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import os
 from pathlib import Path
 from time import monotonic, time
+from typing import Any
 
 from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
@@ -32,7 +33,7 @@ from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import exact, fret_name
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates, NodePart, UNGATED
 from fret_monitor.model.policies import Policy
-from fret_monitor.native import load, load_evaluator, Monitor, NativeError
+from fret_monitor.native import evaluator_library, load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.settings.parameters import Origin, Refusal, Settings
 
@@ -120,6 +121,23 @@ def open_manifests(settings: Settings) -> list[Manifest]:
     manifests = _all(lambda origin: _manifest(settings, origin), settings)
     _refuse_combinations(settings, manifests)
     return manifests
+
+
+def load_reporting(settings: Settings) -> Any:
+    """
+    Return the functions of csrc: from a compiled folder, if one is given, or from the cache.
+
+    Raises
+    ------
+    Refusal
+        if there is neither, and no compiler.
+    """
+    with _as_refusal(''):
+        for directory in (item.library for item in settings.origins):
+            if directory is not None:
+                folder = open_folder(directory)
+                return load_evaluator(folder.private().evaluator, origin=folder.evaluator)
+        return load_evaluator(evaluator_library())
 
 
 def _refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> None:

@@ -24,22 +24,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.policies import QOS_CHOICES
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.ros.settings.qos import (
-    DEFAULT_DEPTH, DURABILITY, HISTORY, LARGEST_DEPTH, RELIABILITY,
-)
+from fret_monitor.ros.settings.qos import LARGEST_DEPTH
 from fret_monitor.ros.watch import Watch
+from fret_monitor.runtime.subscription import DEFAULT_DEPTH
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 _PREFIX = 'qos_overrides.'
-_WORDS: dict[str, Collection[str]] = {
-    'reliability': RELIABILITY, 'durability': DURABILITY, 'history': HISTORY}
 _AVAILABLE = 'best_available'  # the subscription requests what its publishers offer
 _FOLLOWS = f'; {_AVAILABLE}: as its publishers offer'
-_POLICIES = (*_WORDS, 'depth')
+_POLICIES = (*QOS_CHOICES, 'depth')
 _TIMED = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
 _OF_RCLPY = ('/clock', '/parameter_events', '/rosout')
 _DECLARE_S = 0.01  # between two topics
@@ -191,7 +189,7 @@ def _problems(item: _Override) -> Iterator[str]:
                 or not 0 < item.value <= LARGEST_DEPTH:
             yield f'{where} is {item.value!r}, and has to be a number of messages, at least 1'
     else:
-        words = [*_WORDS[item.policy]]
+        words = [*QOS_CHOICES[item.policy]]
         words += [] if item.policy == 'history' else [_AVAILABLE]
         if str(item.value).lower() not in words:
             yield f'{where} is {item.value!r}, and has to be one of {", ".join(words)}'
