@@ -1,0 +1,490 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Tables and numbers of the pages are those of the program.
+
+Compared are keys of bundles, parameters, launch arguments, verbs, options, exit statuses, limits
+and defaults; that measured tables stand on one page, with date and command; and that links lead to
+headings.
+"""
+
+from argparse import ArgumentParser
+import ast
+from importlib import import_module
+from keyword import iskeyword
+from pathlib import Path
+import re
+import signal
+from typing import Any
+
+from fret_monitor.bag import overview, report
+from fret_monitor.build import read
+from fret_monitor.bundle import yaml_tree
+from fret_monitor.bundle.actions import ACTION_KEYS, KIND_KEYS
+from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS
+from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
+from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS
+from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
+from fret_monitor.bundle.source_file import MAX_BYTES
+from fret_monitor.cli.main import _VERBS as VERBS
+from fret_monitor.elaboration.durations import MAX_BOUND
+from fret_monitor.export.targets import TARGETS
+from fret_monitor.logic.specification import Specification
+from fret_monitor.native import cache, compiler
+from fret_monitor.program.cost import step_cost
+from fret_monitor.program.layout import lay_out
+from fret_monitor.program.lower import lower
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / 'docs'
+
+if not (ROOT / 'README.md').is_file():
+    pytest.skip('needs the source tree', allow_module_level=True)
+
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted(DOCS.glob('*.md'))]
+COUNTS = {2: 'two', 3: 'three', 4: 'four', 5: 'five', 6: 'six'}
+
+
+def text_of(page: str) -> str:
+    """Return the text of a page of docs, or of the root."""
+    path = DOCS / page if (DOCS / page).is_file() else ROOT / page
+    return path.read_text(encoding='utf-8')
+
+
+def table(page: str, *headings: str) -> list[list[str]]:
+    """Return the rows of the table of a page whose first headings are these."""
+    start = '| ' + ''.join(f'{heading} | ' if heading else '| ' for heading in headings).rstrip()
+    _, found, rest = text_of(page).partition(start)
+    assert found, f'{page} has no table {start}'
+    rows = re.match(r'[^\n]*\n\|[-|]+\n((?:\|.*\n)+)', rest)
+    assert rows is not None
+    return [[cell.strip().replace('\0', '|') for cell in row.replace('\\|', '\0')[1:-1].split('|')]
+            for row in rows[1].splitlines()]
+
+
+def words(cell: str) -> list[str]:
+    """Return what stands between backquotes."""
+    return re.findall(r'`([^`]+)`', cell)
+
+
+def parser_of(verb: str) -> ArgumentParser:
+    """Return a parser with the arguments of a verb."""
+    parser = ArgumentParser()
+    import_module(f'fret_monitor.cli.{verb}_' if iskeyword(verb) else
+                  f'fret_monitor.cli.{verb}').add_arguments(parser)
+    return parser
+
+
+def options_of(verb: str) -> set[str]:
+    """Return the options of a verb, long and short."""
+    return set(parser_of(verb)._option_string_actions) - {'-h', '--help'}
+
+
+def constants(path: str) -> dict[str, Any]:
+    """Return the literal values that a module assigns, without importing it."""
+    found = {}
+    for node in ast.parse((ROOT / path).read_text(encoding='utf-8')).body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            try:
+                found[node.targets[0].id] = ast.literal_eval(node.value)
+            except ValueError:
+                continue
+    return found
+
+
+# -- bundles -------------------------------------------------------------------------------------
+
+def test_the_page_on_bundles_has_every_key_where_it_may_stand() -> None:
+    found: dict[str, set[str]] = {}
+    for keys, where, *_ in table('bundle.md', 'key', 'where'):
+        for place in where.split(', '):
+            found.setdefault(place, set()).update(words(keys))
+    assert found == {'bundle': set(BUNDLE_KEYS), 'input': set(INPUT_KEYS),
+                     'requirement': set(REQUIREMENT_KEYS)}
+
+
+def test_the_page_on_bundles_has_the_keys_of_a_topic_and_of_its_fields() -> None:
+    said = re.search(r'Under `topics` the (.*?) of a topic are written once\. Each of its `fields`'
+                     r' is an input: a\npath, or a mapping with (.*?)\. Both',
+                     text_of('bundle.md'))
+    assert said is not None
+    assert {*words(said[1]), 'fields'} == set(BLOCK_KEYS)
+    assert set(words(said[2])) == set(FIELD_KEYS)
+
+
+def test_the_page_on_bundles_has_the_keys_of_an_evaluation_and_of_qos() -> None:
+    rows = {keys: meaning for keys, _, meaning in table('bundle.md', 'key', 'where')}
+    assert set(words(rows['`evaluation`'])) - {'timed', 'periodic'} == set(EVALUATION_KEYS)
+    assert set(words(rows['`qos`'])) == set(QOS_KEYS)
+
+
+def test_the_page_on_time_has_the_keys_of_timed() -> None:
+    timed = {key for row in table('time.md', 'key', 'meaning, default') for key in words(row[0])}
+    assert timed == set(EVALUATION_KEYS) - {'policy', 'period', 'rate'}
+
+
+def test_the_page_on_bundles_has_the_keys_of_a_gate() -> None:
+    rows = {key: meaning for keys, meaning in table('bundle.md', 'key', 'meaning, default')
+            for key in words(keys)}
+    assert set(rows) == set(GATE_KEYS)
+    assert set(OTHERWISE_KEYS) <= {*re.findall(r'\w+', rows['otherwise'])}
+
+
+def test_the_page_on_actions_has_the_keys_of_each_kind() -> None:
+    found: dict[str, set[str]] = {}
+    for keys, where, _ in table('actions.md', 'key', 'of'):
+        for place in words(where) if '`' in where and 'all but' not in where else ['action']:
+            found.setdefault(place, set()).update(words(keys))
+    assert found.pop('action') == set(ACTION_KEYS) - {kind.value for kind in KIND_KEYS}
+    assert found == {kind.value: set(keys) for kind, keys in KIND_KEYS.items()}
+
+
+# -- the command line ----------------------------------------------------------------------------
+
+def test_the_readme_has_every_verb() -> None:
+    commands = ' '.join(row[1] for row in table('README.md', 'to', 'command', 'page'))
+    assert set(re.findall(r'fret-monitor ([\w-]+)', commands)) == set(VERBS)
+
+
+def test_the_page_on_the_command_line_has_the_verbs_with_json_and_with_progress() -> None:
+    text = text_of('command_line.md')
+    with_json = {verb for verb in VERBS if '--json' in options_of(verb)}
+    documents = {words(row[0])[0] for row in table('command_line.md', 'verb')}
+    said = re.search(r'^(.*) take `--json`', text, re.MULTILINE)
+    assert said is not None and set(words(said[1])) == documents == with_json - {'bag'}
+    shown = re.search(r'^(.*) \(its proof\) show on standard error', text, re.MULTILINE)
+    sources = {verb: (ROOT / 'fret_monitor/cli' / f'{verb}{"_" * iskeyword(verb)}.py').read_text()
+               for verb in VERBS}
+    assert shown is not None and set(words(shown[1])) == {
+        verb for verb, source in sources.items() if 'with progress(' in source}
+
+
+def test_the_page_on_the_command_line_has_the_exit_statuses() -> None:
+    rows = table('command_line.md', 'exit status', 'means')
+    statuses = {int(number) for row in rows for number in row[0].split(', ')}
+    assert statuses == {0, 1, 2, 128 + signal.SIGINT, 128 + signal.SIGTERM}
+    answers = {verb for verb in VERBS if '--fail-on-violation' in options_of(verb)}
+    said = re.search(r'a violation with `--fail-on-violation` \((.*?)\)', rows[1][1])
+    assert said is not None and set(words(said[1])) == answers
+
+
+def test_the_page_on_bundles_has_the_verbs_that_take_constants() -> None:
+    said = re.search(r'`--constant NAME=VALUE` of (.*?), and the', text_of('bundle.md'))
+    assert said is not None and set(words(said[1])) == {
+        verb for verb in VERBS if '--constant' in options_of(verb)}
+
+
+@pytest.mark.parametrize(('page', 'verb'), [
+    ('recordings.md', 'bag'), ('export.md', 'export'), ('analysis.md', 'analyze'),
+    ('tests.md', 'tests'), ('prove.md', 'prove'), ('explain.md', 'explain'),
+    ('simulate.md', 'simulate'), ('import.md', 'import'), ('c.md', 'compile')])
+def test_the_page_of_a_verb_has_its_options(page: str, verb: str) -> None:
+    everywhere = {'--constant', '--json'}  # bundle.md and command_line.md have them
+    long = {option for option in options_of(verb) if option.startswith('--')} - everywhere
+    text = text_of(page)
+    short = {option: action.option_strings for option, action in
+             parser_of(verb)._option_string_actions.items()}
+    assert [option for option in sorted(long)
+            if not any(re.search(rf'(?<![\w-]){each}(?![\w-])', text)
+                       for each in short[option])] == []
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_the_commands_of_a_page_use_options_that_exist(page: Path) -> None:
+    text = re.sub(r'\\\n', ' ', page.read_text(encoding='utf-8'))
+    wrong = []
+    for verb, rest in re.findall(r'fret-monitor ([a-z]+)([^`\n|#>]*)', text):
+        if verb not in VERBS:
+            continue
+        options = re.findall(r'(?<!\S)\[?(--?[a-z][a-z-]*)', rest.partition('cc -')[0])
+        wrong += [f'{verb} {option}' for option in options
+                  if option not in options_of(verb) | {'--help'}]
+    assert wrong == []
+
+
+def test_every_option_has_a_line_in_its_help() -> None:
+    assert [f'{verb} {action.option_strings or action.dest}' for verb in VERBS
+            for action in parser_of(verb)._actions if not action.help] == []
+
+
+def test_the_page_on_export_has_its_targets() -> None:
+    assert {words(row[0])[0] for row in table('export.md', 'target', 'is')} == set(TARGETS)
+
+
+def test_the_pages_name_targets_of_make_that_exist_and_make_lists_all() -> None:
+    makefile = text_of('Makefile')
+    targets = set(re.search(r'^\.PHONY: (.*)', makefile, re.MULTILINE)[1].split())  # type: ignore
+    listed = set(re.findall(r"^\t@echo 'make ([\w-]+)", makefile, re.MULTILINE))
+    assert listed == targets - {'help', 'setup-test'}
+    named = {(page.name, name) for page in PAGES for name in
+             re.findall(r'(?:`|^)make ([\w-]+)', page.read_text(encoding='utf-8'), re.MULTILINE)}
+    assert [item for item in sorted(named) if item[1] not in targets] == []
+
+
+# -- the nodes -----------------------------------------------------------------------------------
+
+def parameter_rows() -> dict[str, tuple[str, str]]:
+    """Return what the page says of each parameter: of which nodes, and its meaning."""
+    return {name: (of, meaning) for names, of, meaning in table('ros.md', 'parameter', 'of')
+            for name in words(names)}
+
+
+def test_the_page_on_ros_has_the_parameters_of_each_node() -> None:
+    pytest.importorskip('rclpy')
+    from fret_monitor.ros.settings import parameters
+    rows = parameter_rows()
+    of_all = {'constants.NAME', 'use_sim_time', 'qos_overrides.TOPIC.subscription.POLICY'}
+    monitor = set(parameters.MONITOR_PARAMETERS)
+    logger = set(parameters.LOGGER_PARAMETERS)
+    assert {name for name, (of, _) in rows.items() if of in ('monitor', 'both')} == \
+        monitor | of_all
+    assert {name for name, (of, _) in rows.items() if of == 'both'} == logger | of_all
+    assert {name for name, (of, _) in rows.items() if of == 'gate'} == \
+        set(parameters.GATE_PARAMETERS) - monitor
+    assert '`gates`' in text_of('ros.md') and 'no `period` and no `rate`' in rows['gates'][1]
+    assert monitor - set(parameters.GATE_PARAMETERS) == {'period', 'rate'}
+
+
+def test_the_page_on_ros_has_the_defaults_and_least_values_of_parameters() -> None:
+    pytest.importorskip('rclpy')
+    from fret_monitor.ros.settings import parameters
+    rows = parameter_rows()
+
+    def numbers(name: str, word: str) -> list[float]:
+        said = re.search(rf'{word} ([^;.]*)', rows[name][1])
+        assert said is not None, (name, word)
+        return [float(item) for item in re.findall(r'(?<![(\d])\d+\b(?! [MG]iB)', said[1])]
+
+    defaults = {name: item.default for name, item in parameters.MONITOR_PARAMETERS.items()}
+    for name in ('handler_depth', 'blackbox_seconds'):
+        assert numbers(name, 'default') == [defaults[name]]
+    assert numbers('blackbox_bytes', 'default')[0] == defaults['blackbox_bytes']
+    assert numbers('blackbox_bytes', 'at least') == [parameters._LEAST_BYTES]
+    pair = (defaults['blackbox_files'], defaults['blackbox_disk_bytes'])
+    assert tuple(numbers('blackbox_files', 'default')) == pair
+    assert numbers('blackbox_files', 'at least') == [1, parameters._LEAST_DISK_BYTES]
+
+
+def test_the_page_on_ros_has_the_arguments_of_the_launch_file() -> None:
+    arguments = constants('launch/monitor.launch.py')['ARGUMENTS']
+    said = re.search(r'^Arguments are (.*?)\. The monitor is', text_of('ros.md'), re.MULTILINE)
+    assert said is not None and words(said[1]) == list(arguments)
+
+
+def test_the_page_on_ros_has_every_executable_and_the_name_of_its_node() -> None:
+    setup = text_of('setup.py')
+    names = set(re.findall(r"f'(\S+) = \{NAME\}", setup)) - {'fret-monitor'}
+    head = text_of('ros.md').split('```')[0]
+    assert f'There are {COUNTS[len(names)]} executables' in head
+    assert names <= set(words(head))
+    assert {f'fret_{name}' for name in names - {'monitor'}} | {'fret_monitor'} <= set(words(head))
+
+
+def test_the_page_on_the_exported_node_has_its_parameters() -> None:
+    source = (ROOT / 'csrc/node/parameters.c').read_text(encoding='utf-8')
+    own = re.search(r'this node has ([\w, ]+?), " CONSTANTS',
+                    re.sub(r'"\s*\n\s*"', '', source))
+    assert own is not None
+    row = next(row for row in table('export_ros2.md', '', 'monitor in Python')
+               if row[0] == 'parameters')
+    assert set(words(row[2])) == {*own[1].split(', '), 'qos_overrides'}
+
+
+def test_specs_in_commands_of_the_pages_are_found() -> None:
+    wrong = []
+    for page in PAGES:
+        text = page.read_text(encoding='utf-8')
+        written = set(re.findall(r'^# (\S+\.yaml)$', text, re.MULTILINE))
+        for spec in re.findall(r'\bspec:="?\[?([\w./-]+(?:://[\w./-]+)?\.yaml)', text):
+            name = spec.removeprefix('package://fret_monitor/')
+            is_there = (ROOT / name).is_file() if name != spec else (
+                name in written or (ROOT / 'config' / name).is_file() or name in
+                ('tank.yaml', 'vehicle.yaml', 'drive.yaml', 'NAME.yaml', 'hello.yaml'))
+            if not is_there:
+                wrong.append(f'{page.name}: {spec}')
+    assert wrong == []
+
+
+# -- limits and defaults -------------------------------------------------------------------------
+
+LIMITS = [
+    ('bundle.md', r'UTF-8, up to (\d+) MiB', MAX_BYTES >> 20),
+    ('security.md', r'Python objects, (\d+) MiB', MAX_BYTES >> 20),
+    ('security.md', r'MiB and (\d+) levels', yaml_tree.MAX_DEPTH),
+    ('security.md', r'unused for (\d+) days', cache._UNUSED_AGE / 86400),
+    ('security.md', r'above (\d+) libraries', cache._MOST),
+    ('security.md', r'\((\d+) notes\)', constants('fret_monitor/start.py')['_MOST_NOTES']),
+    ('language.md', r'one above (\d+), in', MAX_BOUND),
+    ('language.md', r'sentence above (\d+)', MAX_BOUND - 1),
+    ('recordings.md', r'the first (\d+) times', report._MOST_LISTED),
+    ('ros.md', r'publishers of (\d+) topics',
+     constants('fret_monitor/ros/intake/feed.py')['_REVIEWED_AT_ONCE']),
+    ('design.md', r'publishers of (\d+) topics',
+     constants('fret_monitor/ros/intake/feed.py')['_REVIEWED_AT_ONCE']),
+    ('ros.md', r'at most (\d+) a second get them',
+     constants('fret_monitor/runtime/engine.py')['MOST_DETAILS_PER_S']),
+    ('ros.md', r'\((\d+) without a subscriber\)',
+     constants('fret_monitor/ros/reports/violation_log.py')['LOGGED_PER_S']),
+    ('ros.md', r'with a lease of (\d+) s',
+     constants('fret_monitor/ros/nodes/sign_of_life.py')['_LEASE_S']),
+    ('bundle.md', r'default: (\d+), or the `timeout`',
+     constants('fret_monitor/elaboration/signals.py')['_USUAL_STARTUP_S']),
+    ('actions.md', r'first one that failed \((\d+)\)',
+     constants('fret_monitor/bundle/actions.py')['_USUAL_RETRIES']),
+]
+
+
+@pytest.mark.parametrize(('page', 'pattern', 'value'), LIMITS)
+def test_a_limit_or_default_of_a_page_is_that_of_the_program(
+    page: str, pattern: str, value: float,
+) -> None:
+    said = re.search(pattern.replace(' ', r'\s+'), text_of(page))
+    assert said is not None and float(said[1]) == value
+
+
+def test_times_and_counts_in_words_are_those_of_the_program() -> None:
+    security = text_of('security.md')
+    assert (compiler.TIMEOUT, compiler._VERSION_TIMEOUT) == (600, 20)
+    assert 'After ten minutes (`--version`: twenty seconds)' in security
+    assert f'Up to {COUNTS[overview.MOST_SHOWN]} of each are drawn' in text_of('recordings.md')
+
+
+def test_the_page_on_design_names_every_file_of_c_in_its_folder() -> None:
+    rows = {words(folder)[0].rstrip('/'): holds for folder, holds in
+            table('design.md', 'folder', 'holds')}
+    assert set(rows) == {path.name for path in (ROOT / 'csrc').iterdir() if path.is_dir()}
+    missing = [f'{folder}/{path.name}' for folder in ('evaluator', 'engine', 'reporting', 'traces')
+               for path in sorted((ROOT / 'csrc' / folder).glob('*.c'))
+               if f'`{path.name}`' not in rows[folder]
+               and f'`{path.stem}.h`' not in rows[folder]]
+    assert missing == []
+
+
+# -- what was measured ---------------------------------------------------------------------------
+
+MEASURED = re.compile(r'^[\d.,]+ (?:ns|us|µs|ms|MB|GB)$')
+DATE = re.compile(r'\b\d{1,2} (?:November|December) 20\d\d\b|\b20\d\d-\d\d-\d\d\b')
+
+
+def test_measured_tables_stand_on_one_page() -> None:
+    wrong = []
+    for page in PAGES:
+        if page.name == 'benchmarks.md':
+            continue
+        for row in re.findall(r'^\|(.*)\|$', page.read_text(encoding='utf-8'), re.MULTILINE):
+            cells = [cell.strip() for cell in row.split('|')]
+            if any(MEASURED.match(cell) for cell in cells) or {'seconds', 'ratio'} & set(cells):
+                wrong.append(f'{page.name}: {row}')
+    assert wrong == []
+
+
+def test_every_measured_table_has_a_date_and_a_command() -> None:
+    chapters = re.split(r'^## ', text_of('benchmarks.md'), flags=re.MULTILINE)[1:]
+    assert [chapter.split('\n')[0] for chapter in chapters
+            if not DATE.search(chapter) or not re.search(r'bench\.\w+|make \w+', chapter)] == []
+
+
+def test_a_figure_beside_a_link_to_the_benchmarks_is_there() -> None:
+    page = text_of('benchmarks.md')
+    wrong = []
+    for path in PAGES:
+        for line in re.split(r'(?<=[.:|])\s', path.read_text(encoding='utf-8')):
+            if 'benchmarks.md' not in line or path.name == 'README.md':
+                continue
+            wrong += [f'{path.name}: {found}' for found in re.findall(
+                r'(?<![\w.-])\d+\.\d+(?![\w.])|\d[\d,]* (?:ns|us|µs|MB)\b', line)
+                if found not in page]
+    assert wrong == []
+
+
+def test_the_figures_of_the_readme_are_those_of_the_benchmarks() -> None:
+    rows = [[cell.strip() for cell in row.split('|')] for row in
+            re.findall(r'^\| (.*) \|$', text_of('benchmarks.md'), re.MULTILINE)]
+    readme = text_of('README.md')
+    step = next(row for row in rows if row[:2] == ['running example', 'random'])
+    said = re.search(r'\(ratio ([\d.]+)\), in (\d+) bytes of state', readme)
+    assert said is not None
+    assert (said[1], f'{said[2]} B') == (f'{float(step[4]):.1f}', step[5])
+    node = next(row for row in rows if row[:2] == ['CPU a message, no violation', 'monitor'])
+    share = re.search(r'took (\d+) % of the processor\s+time of a subscriber', readme)
+    assert share is not None and int(share[1]) == round(100 * float(node[4]))
+
+
+def specification(name: str) -> Specification:
+    """Return what a bundle of `config` requires."""
+    return read(ROOT / 'config' / name).specification
+
+
+def test_the_bounds_of_instructions_are_those_that_compile_prints() -> None:
+    said = re.search(r'largest counts on (.*?)\n\n', text_of('worst_case.md'), re.DOTALL)
+    assert said is not None
+    rows = re.findall(r'`(\w+\.yaml)` (\d+) \((?:bound )?(\d+)\)', said[1])
+    bounds = {name: step_cost(tuple(map(lay_out, lower(specification(name)).groups))).own
+              for name in ('quadrotor.yaml', 'arm.yaml', 'mobile_base.yaml')}
+    assert {name: int(bound) for name, _, bound in rows} == bounds
+    times = re.search(r'([\d.]+) times for `quadrotor\.yaml`', text_of('assurance.md'))
+    assert times is not None
+    assert {name: float(bound) / float(count) for name, count, bound in rows}[
+        'quadrotor.yaml'] == pytest.approx(float(times[1]), abs=0.05)
+
+
+def test_the_number_of_obligations_is_that_of_a_proof() -> None:
+    pytest.importorskip('z3')
+    pytest.importorskip('pycparser')
+    from fret_monitor.build import generate_monitor
+    from fret_monitor.proving.verification import verify
+    rows = {row[0]: int(row[1]) for row in table('benchmarks.md', 'proof of', 'obligations')}
+    for name in ('quadrotor.yaml', 'arm.yaml', 'mobile_base.yaml'):
+        found = verify(generate_monitor(read(ROOT / 'config' / name)), seconds=60.0)
+        assert rows[name] == sum(len(item.proofs) for item in found.groups)
+        assert rows['cells'] == len(found.cells)
+
+
+def test_the_page_on_benchmarks_has_the_figures_that_can_be_asked_for() -> None:
+    source = (ROOT / 'bench/ros.py').read_text(encoding='utf-8')
+    figures = re.search(r'^FIGURES: .* = \{(.*?)^\}', source, re.MULTILINE | re.DOTALL)
+    said = re.search(r'`--only` is one of (.*?);', text_of('benchmarks.md'), re.DOTALL)
+    assert figures is not None and said is not None
+    assert words(said[1]) == re.findall(r"'(\w+)':", figures[1])
+
+
+# -- links ---------------------------------------------------------------------------------------
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors that GitHub gives the headings of a page."""
+    text = re.sub(r'^```.*?^```$', '', page.read_text(encoding='utf-8'),
+                  flags=re.MULTILINE | re.DOTALL)
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-')
+            for heading in re.findall(r'^#+ (.*)$', text, re.MULTILINE)}
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_a_link_to_a_heading_leads_to_one(page: Path) -> None:
+    links = re.findall(r'\]\((?!\w+:)([^)#]*)#([^)]+)\)', page.read_text(encoding='utf-8'))
+    assert [f'{file}#{anchor}' for file, anchor in links
+            if anchor not in anchors(page.parent / file if file else page)] == []
+
+
+def test_every_page_can_be_reached_from_the_readme() -> None:
+    seen, left = set(), [ROOT / 'README.md']
+    while left:
+        page = left.pop()
+        if page in seen:
+            continue
+        seen.add(page)
+        left += [(page.parent / link).resolve() for link in
+                 re.findall(r'\]\((?!\w+:|#)([^)#]+\.md)', page.read_text(encoding='utf-8'))]
+    assert sorted(path.name for path in set(PAGES) - seen) == []
