@@ -18,7 +18,10 @@ Write the LALR tables of the grammars in fret_monitor/language; run it after a g
 
     python3 tools/parser_tables.py
 
-It needs lark (0.12 or 1.x). `fret_monitor.language.tables` explains the files.
+It needs lark (0.12 or 1.x). Never install it over the `lark-parser` of ROS 2, but elsewhere with
+`pip install --target`, as test/language/test_tables.py does.
+
+`fret_monitor.language.tables` explains the files.
 """
 
 from collections.abc import Sequence
