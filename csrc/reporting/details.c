@@ -17,9 +17,19 @@
 #include "details.h"
 
 #include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { HAS_VALUE = 1, IS_STALE = 2 };  // flags of an input (outbox.h)
+
+// The keys of all details, in this order; under the policy timed the first one is another.
+enum { PLACE, STAMP, SUPPRESSED, SILENT };
+static const char * const OF_ALL[FM_OF_ALL_DETAILS] = {"step", "stamp", "suppressed", "silent"};
+static const char OF_TIMES[] = "time";
+static const char WITHHELD_BY[] = "withheld by";  // the last; no input has such a name
+// Before the name of an input or a constant that has the name of such a key.
+static const char INPUT[] = "input ";
+static const char CONSTANT[] = "constant ";
 
 size_t fm_detail_bytes(const struct fm_monitor * monitor)
 {
@@ -102,7 +112,7 @@ static void add_value(
   }
 }
 
-void fm_add_input(
+static void add_input(
   struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail,
   uint32_t input)
 {
@@ -118,19 +128,48 @@ void fm_add_input(
     (enum fm_type)stored->type);
 }
 
-void fm_add_silent(
+// Add the names of the stale inputs that the requirement reads.
+static void add_silent(
   struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
   const struct fm_report_requirement * requirement =
     &reporter->table->requirements[detail->violation.requirement];
-  bool is_first = true;
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     const uint32_t input = requirement->inputs[k];
     if ((flags_of(reporter->monitor, detail, input) & IS_STALE) != 0) {
-      fm_text_add(text, "%s%s", is_first ? "" : ", ", reporter->table->inputs[input].name);
-      is_first = false;
+      fm_text_list(text, ", ", reporter->table->inputs[input].name);
     }
   }
+}
+
+static bool is_of_all(const char * name)
+{
+  bool is_found = strcmp(name, OF_TIMES) == 0;
+  for (uint32_t k = 0; k < FM_OF_ALL_DETAILS; ++k) {
+    is_found = is_found || strcmp(name, OF_ALL[k]) == 0;
+  }
+  return is_found;
+}
+
+static void add_named(
+  struct fm_status * status, const char * prefix, const char * name, const char * value)
+{
+  struct fm_text key = {NULL, 0, 0};
+  fm_text_add(&key, "%s%s", is_of_all(name) ? prefix : "", name);
+  fm_status_value(status, fm_text_get(&key), "%s", value);
+  fm_text_free(&key);
+}
+
+static const char * without(const char * key, const char * prefix)
+{
+  return strncmp(key, prefix, strlen(prefix)) == 0 ? key + strlen(prefix) : key;
+}
+
+// The name of the input or constant with this key.
+static const char * name_of(const char * key)
+{
+  const char * name = without(without(key, INPUT), CONSTANT);
+  return is_of_all(name) ? name : key;
 }
 
 static enum fm_status_level level_of(
@@ -141,40 +180,138 @@ static enum fm_status_level level_of(
          FM_STATUS_ERROR;
 }
 
-void fm_add_detail(
-  struct fm_statuses * list, const struct fm_reporter * reporter, const struct fm_detail * detail)
+static void add_of_all(
+  struct fm_status * status, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
-  const struct fm_report_requirement * requirement =
-    &reporter->table->requirements[detail->violation.requirement];
   struct fm_text text = {NULL, 0, 0};
-  struct fm_status * status = fm_statuses_add(
-    list, level_of(requirement, detail), requirement->id, requirement->text,
-    reporter->table->component);
   if (reporter->table->policy == FM_TIMED) {
     fm_text_add_short_seconds(&text, (int64_t)detail->violation.step);
-    fm_status_value(status, "time", "%s", fm_text_get(&text));
+    fm_status_value(status, OF_TIMES, "%s", fm_text_get(&text));
   } else {
-    fm_status_value(status, "step", "%" PRIu64, detail->violation.step);
+    fm_status_value(status, OF_ALL[PLACE], "%" PRIu64, detail->violation.step);
   }
   fm_text_clear(&text);
   fm_text_add_seconds(&text, detail->violation.stamp);
-  fm_status_value(status, "stamp", "%s", fm_text_get(&text));
-  fm_status_value(status, "suppressed", "%" PRIu64, detail->suppressed);
+  fm_status_value(status, OF_ALL[STAMP], "%s", fm_text_get(&text));
+  fm_status_value(status, OF_ALL[SUPPRESSED], "%" PRIu64, detail->suppressed);
   fm_text_clear(&text);
-  fm_add_silent(&text, reporter, detail);
-  fm_status_value(status, "silent", "%s", fm_text_get(&text));
+  add_silent(&text, reporter, detail);
+  fm_status_value(status, OF_ALL[SILENT], "%s", fm_text_get(&text));
+  fm_text_free(&text);
+}
+
+void fm_add_detail(
+  struct fm_statuses * list, const struct fm_reporter * reporter, const struct fm_detail * detail)
+{
+  const struct fm_report_table * table = reporter->table;
+  const struct fm_report_requirement * requirement =
+    &table->requirements[detail->violation.requirement];
+  struct fm_text text = {NULL, 0, 0};
+  struct fm_status * status = fm_statuses_add(
+    list, level_of(requirement, detail), requirement->id, requirement->text, table->component);
+  add_of_all(status, reporter, detail);
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     fm_text_clear(&text);
-    fm_add_input(&text, reporter, detail, requirement->inputs[k]);
-    fm_status_value(
-      status, reporter->table->inputs[requirement->inputs[k]].key, "%s", fm_text_get(&text));
+    add_input(&text, reporter, detail, requirement->inputs[k]);
+    add_named(status, INPUT, table->inputs[requirement->inputs[k]].name, fm_text_get(&text));
   }
   for (uint32_t k = 0; k < requirement->n_constants; ++k) {
-    const struct fm_constant * constant = &reporter->table->constants[requirement->constants[k]];
-    fm_status_value(status, constant->key, "%s", constant->value);
+    const struct fm_constant * constant = &table->constants[requirement->constants[k]];
+    add_named(status, CONSTANT, constant->name, constant->value);
   }
-  if (detail->violation.is_withheld && reporter->table->gate[0] != '\0') {
-    fm_status_value(status, "withheld by", "%s", reporter->table->gate);
+  if (detail->violation.is_withheld && table->gate[0] != '\0') {
+    fm_status_value(status, WITHHELD_BY, "%s", table->gate);
   }
   fm_text_free(&text);
+}
+
+// ---- details that were received ----------------------------------------------------------------
+
+static bool is_of_times(const struct fm_status * detail)
+{
+  return strcmp(detail->values[PLACE].key, OF_TIMES) == 0;
+}
+
+// The end of a number with so many digits; NULL if it has fewer or more.
+static const char * past_digits(const char * text, size_t fewest, size_t most)
+{
+  const size_t n = strspn(text, "0123456789");
+  return n >= fewest && n <= most ? text + n : NULL;
+}
+
+static bool is_count(const char * text)
+{
+  const char * end = past_digits(text, 1, 20);
+  return end != NULL && *end == '\0';
+}
+
+static bool is_time(const char * text)
+{
+  const char * end = past_digits(text, 1, 12);
+  if (end != NULL && *end == '.') {
+    end = past_digits(end + 1, 1, 9);
+  }
+  return end != NULL && *end == '\0';
+}
+
+static bool read_stamp(const char * text, int64_t * stamp)
+{
+  const char * whole = *text == '-' ? text + 1 : text;
+  const char * point = past_digits(whole, 1, 10);
+  const char * end = point != NULL && *point == '.' ? past_digits(point + 1, 9, 9) : NULL;
+  const int64_t seconds = end != NULL && *end == '\0' ? strtoll(whole, NULL, 10) : INT64_MAX;
+  if (seconds >= INT64_MAX / FM_SECOND) {
+    return false;
+  }
+  *stamp = seconds * FM_SECOND + strtoll(point + 1, NULL, 10);
+  *stamp = *text == '-' ? -*stamp : *stamp;
+  return true;
+}
+
+bool fm_read_detail(const struct fm_status * status, struct fm_received_detail * found)
+{
+  const struct fm_key_value * values = status->values;
+  if (status->n_values < FM_OF_ALL_DETAILS) {
+    return false;
+  }
+  for (uint32_t k = 0; k < FM_OF_ALL_DETAILS; ++k) {
+    if (strcmp(values[k].key, OF_ALL[k]) != 0 && (k != PLACE || !is_of_times(status))) {
+      return false;
+    }
+  }
+  if (!(is_of_times(status) ? is_time : is_count)(values[PLACE].value) ||
+    !read_stamp(values[STAMP].value, &found->stamp) || !is_count(values[SUPPRESSED].value))
+  {
+    return false;
+  }
+  found->suppressed = strtoull(values[SUPPRESSED].value, NULL, 10);
+  found->is_recovery = status->level == FM_STATUS_OK;
+  return true;
+}
+
+void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
+{
+  const struct fm_key_value * values = detail->values;
+  const char * gate = NULL;
+  if (detail->n_values < FM_OF_ALL_DETAILS) {
+    return;
+  }
+  fm_text_add(text, " [%s%s%s", is_of_times(detail) ? "" : "step ", values[PLACE].value,
+    is_of_times(detail) ? " s after its start" : "");
+  if (values[SILENT].value[0] != '\0') {
+    fm_text_add(text, ", no message for %s", values[SILENT].value);
+  }
+  fm_text_add(text, ": ");
+  for (uint32_t k = FM_OF_ALL_DETAILS; k < detail->n_values; ++k) {
+    if (strcmp(values[k].key, WITHHELD_BY) == 0) {
+      gate = values[k].value;
+    } else {
+      fm_text_add(
+        text, "%s%s = %s", k == FM_OF_ALL_DETAILS ? "" : ", ", name_of(values[k].key), values[k].value);
+    }
+  }
+  fm_text_add(text, "]");
+  if (gate != NULL) {
+    fm_text_add(text, ", withheld by gate '%s'", gate);
+  }
 }

@@ -14,28 +14,37 @@
 
 /// details.h: the details of a violation as text: for `copilot/violations`, and for the log.
 ///
-/// Any thread; O(inputs of the requirement).
+/// Any thread; O(inputs and constants of the requirement).
 
 #ifndef DETAILS_H_
 #define DETAILS_H_
 
 #include "reporter.h"
 
+/// Values that all details begin with; the last of them names the silent inputs.
+#define FM_OF_ALL_DETAILS 4
+
+/// What is read of a detail that was received, beside its text.
+struct fm_received_detail
+{
+  int64_t stamp;        // of the violation
+  uint64_t suppressed;  // details of the requirement that were not published so far
+  bool is_recovery;     // the violation is over
+};
+
 /// Bytes of a detail, with its values and flags (outbox.h).
-size_t fm_detail_bytes(const struct fm_monitor * monitor);
-
-/// Add the value of an input in a detail, as it is written in a bundle; a named value by its name.
-void fm_add_input(
-  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail,
-  uint32_t input);
-
-/// Add the names of the stale inputs that the requirement reads.
-void fm_add_silent(
-  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail);
+FM_EXPORT size_t fm_detail_bytes(const struct fm_monitor * monitor);
 
 /// Add the status that describes a violation, or its end, to a list.
 FM_EXPORT void fm_add_detail(
   struct fm_statuses * list, const struct fm_reporter * reporter,
   const struct fm_detail * detail);
+
+/// Read a status that fm_add_detail made. False if it has another form: any node may publish some.
+FM_EXPORT bool fm_read_detail(
+  const struct fm_status * status, struct fm_received_detail * found);
+
+/// Add what a line of the log shows of such a status: [step N: name = value, ...].
+void fm_show_detail(struct fm_text * text, const struct fm_status * detail);
 
 #endif  // DETAILS_H_

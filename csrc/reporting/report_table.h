@@ -34,7 +34,6 @@ struct fm_value_name
 struct fm_report_input
 {
   const char * name;
-  const char * key;   // of its value in details
   const char * path;  // the field, as written in the bundle
   const struct fm_value_name * values;
   uint32_t n_values;
@@ -69,7 +68,6 @@ struct fm_report_requirement
 struct fm_constant
 {
   const char * name;
-  const char * key;    // of its value in details
   const char * value;
 };
 

@@ -20,8 +20,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "details.h"
-
 #define INTERVAL_NS INT64_C(1000000000)
 
 // What the log says of a requirement.
@@ -43,6 +41,7 @@ struct fm_violation_log
   uint32_t n;
   size_t detail_bytes;
   int64_t next_check;  // steady; 0: nothing new since the last
+  struct fm_statuses worded;
 };
 
 struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * reporter)
@@ -56,7 +55,7 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
     return NULL;
   }
   *log = (struct fm_violation_log) {
-    reporter, logged, monitor->n_requirements, fm_detail_bytes(monitor), 0};
+    reporter, logged, monitor->n_requirements, fm_detail_bytes(monitor), 0, {NULL, 0, 0}};
   return log;
 }
 
@@ -69,75 +68,38 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
     free(log->logged[k].violation);
     free(log->logged[k].recovery);
   }
+  fm_statuses_free(&log->worded);
   free(log->logged);
   free(log);
 }
 
 // ---- lines -------------------------------------------------------------------------------------
 
-// Add [step N: name = value, ...].
-static void add_shown(
-  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail)
+static enum fm_level level_of(const struct fm_report_requirement * about)
 {
-  const struct fm_report_requirement * requirement =
-    &reporter->table->requirements[detail->violation.requirement];
-  struct fm_text silent = {NULL, 0, 0};
-  if (reporter->table->policy == FM_TIMED) {
-    fm_text_add(text, " [");
-    fm_text_add_short_seconds(text, (int64_t)detail->violation.step);
-    fm_text_add(text, " s after its start");
-  } else {
-    fm_text_add(text, " [step %" PRIu64, detail->violation.step);
-  }
-  fm_add_silent(&silent, reporter, detail);
-  if (silent.length > 0) {
-    fm_text_add(text, ", no message for %s", fm_text_get(&silent));
-  }
-  for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
-    fm_text_add(text, "%s%s = ", k == 0 ? ": " : ", ",
-      reporter->table->inputs[requirement->inputs[k]].name);
-    fm_add_input(text, reporter, detail, requirement->inputs[k]);
-  }
-  for (uint32_t k = 0; k < requirement->n_constants; ++k) {
-    const struct fm_constant * constant = &reporter->table->constants[requirement->constants[k]];
-    fm_text_add(text, "%s%s = %s", k == 0 && requirement->n_inputs == 0 ? ": " : ", ",
-      constant->name, constant->value);
-  }
-  fm_text_add(text, "%s]",
-    requirement->n_inputs == 0 && requirement->n_constants == 0 ? ": " : "");
-  if (detail->violation.is_withheld && reporter->table->gate[0] != '\0') {
-    fm_text_add(text, ", withheld by gate '%s'", reporter->table->gate);
-  }
-  fm_text_free(&silent);
+  return about->is_warning ? FM_WARN : FM_ERROR;
 }
 
-static enum fm_level level_of(const struct fm_report_requirement * requirement)
+void fm_add_violated(
+  struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
+  const struct fm_status * detail, uint64_t more)
 {
-  return requirement->is_warning ? FM_WARN : FM_ERROR;
-}
-
-static void write_violated(
-  const struct fm_violation_log * log, struct fm_lines * lines, const struct fm_detail * detail,
-  uint64_t more)
-{
-  const struct fm_report_requirement * requirement =
-    &log->reporter->table->requirements[detail->violation.requirement];
   struct fm_text values = {NULL, 0, 0};
-  add_shown(&values, log->reporter, detail);
+  if (detail != NULL) {
+    fm_show_detail(&values, detail);
+  }
   if (more > 0) {
     fm_text_add(&values, " (%" PRIu64 " more violation%s since the last line)", more,
       more == 1u ? "" : "s");
   }
-  fm_lines_add(lines, level_of(requirement), "%s violated at %.3f: %s%s", requirement->id,
-    (double)detail->violation.stamp / 1e9, requirement->sentence, fm_text_get(&values));
+  fm_lines_add(lines, level_of(about), "%s violated at %.3f: %s%s", about->id,
+    (double)stamp / 1e9, about->sentence, fm_text_get(&values));
   fm_text_free(&values);
 }
 
-static void write_unseen(
-  const struct fm_violation_log * log, struct fm_lines * lines, uint32_t requirement,
-  uint64_t violations)
+static void add_unseen(
+  struct fm_lines * lines, const struct fm_report_requirement * about, uint64_t violations)
 {
-  const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
   struct fm_text times = {NULL, 0, 0};
   fm_text_add(&times, "%" PRIu64 " times", violations);
   fm_lines_add(lines, level_of(about), "%s violated %s more, without details: %s", about->id,
@@ -145,21 +107,29 @@ static void write_unseen(
   fm_text_free(&times);
 }
 
-static void write_satisfied(
-  const struct fm_violation_log * log, struct fm_lines * lines, uint32_t requirement,
-  const struct fm_detail * detail)
+void fm_add_satisfied(
+  struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
+  const struct fm_status * detail)
 {
-  const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
   struct fm_text at = {NULL, 0, 0};
   struct fm_text values = {NULL, 0, 0};
   if (detail != NULL) {
-    fm_text_add(&at, " at %.3f", (double)detail->violation.stamp / 1e9);
-    add_shown(&values, log->reporter, detail);
+    fm_text_add(&at, " at %.3f", (double)stamp / 1e9);
+    fm_show_detail(&values, detail);
   }
   fm_lines_add(lines, FM_INFO, "%s satisfied again%s: %s%s", about->id, fm_text_get(&at),
     about->sentence, fm_text_get(&values));
   fm_text_free(&at);
   fm_text_free(&values);
+}
+
+// The text of a detail; NULL if memory is short. Valid until the next one.
+static const struct fm_status * worded(
+  struct fm_violation_log * log, const struct fm_detail * detail)
+{
+  fm_statuses_clear(&log->worded);
+  fm_add_detail(&log->worded, log->reporter, detail);
+  return log->worded.n > 0 ? log->worded.statuses : NULL;
 }
 
 // ---- what is logged when -----------------------------------------------------------------------
@@ -169,14 +139,19 @@ static void write_lines(
   struct fm_violation_log * log, uint32_t requirement, uint64_t violations, bool is_over,
   int64_t now, struct fm_lines * lines)
 {
+  const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
   struct logged * logged = &log->logged[requirement];
   if (violations > 0 && logged->has_violation) {
-    write_violated(log, lines, logged->violation, violations - 1u);
+    fm_add_violated(lines, about, logged->violation->violation.stamp,
+      worded(log, logged->violation), violations - 1u);
   } else if (violations > 0) {
-    write_unseen(log, lines, requirement, violations);
+    add_unseen(lines, about, violations);
   }
-  if (is_over) {
-    write_satisfied(log, lines, requirement, logged->has_recovery ? logged->recovery : NULL);
+  if (is_over && logged->has_recovery) {
+    fm_add_satisfied(lines, about, logged->recovery->violation.stamp,
+      worded(log, logged->recovery));
+  } else if (is_over) {
+    fm_add_satisfied(lines, about, 0, NULL);
   }
   logged->is_violated = !is_over;
   logged->until = now + INTERVAL_NS;

@@ -23,10 +23,22 @@
 #ifndef VIOLATION_LOG_H_
 #define VIOLATION_LOG_H_
 
-#include "reporter.h"
+#include "details.h"
 
 /// Details of a requirement in a second while only the log reads them.
 #define FM_LOGGED_PER_S 10u
+
+/// Add the line of a violation, at its severity. `about`: id, sentence and severity are read.
+/// `stamp` is in nanoseconds. `detail` is a status of details.h; NULL: not known. The line stands
+/// for `more` other violations, too. Any thread. O(characters).
+FM_EXPORT void fm_add_violated(
+  struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
+  const struct fm_status * detail, uint64_t more);
+
+/// Add the line of the end of a violation; without a detail its time is not known either.
+FM_EXPORT void fm_add_satisfied(
+  struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
+  const struct fm_status * detail);
 
 struct fm_violation_log;
 

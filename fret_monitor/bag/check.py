@@ -37,10 +37,13 @@ from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, 
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
+from fret_monitor.model.times import short_seconds
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
-from fret_monitor.runtime.detail_text import short_seconds
-from fret_monitor.runtime.engine import Engine, MOST_QUEUED, ViolationDetail
-from fret_monitor.runtime.evaluator import Evaluator, NEVER, RequirementCounts, Violation
+from fret_monitor.runtime.engine import Engine, MOST_QUEUED
+from fret_monitor.runtime.evaluator import (
+    Evaluator, NEVER, RequirementCounts, Violation, violation as violation_of,
+)
+from fret_monitor.runtime.reporting import Reporter, ReportTable, StatusRecord
 from fret_monitor.start import manifest_of, start
 
 if TYPE_CHECKING:  # a bundle in the cache needs no parser
@@ -150,7 +153,7 @@ class Changes(Protocol):
     def judged(self, requirement: int, time: int) -> None:
         """Take that a requirement is judged from a time on, and is fulfilled."""
 
-    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+    def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take that a requirement is violated, or fulfilled again; with details if wanted."""
 
     def end(self, time: int) -> None:
@@ -254,6 +257,7 @@ class _Run:
         self._manifest = self._monitor.manifest
         self._evaluator = Evaluator(self._monitor, reports_recoveries=True)
         self._engine = Engine(self._evaluator, takes_recoveries=True)
+        self._reporter = Reporter(self._engine, ReportTable(self._manifest))
         self._wants_details = False
         self._most = MOST_QUEUED
         self._want_details()
@@ -472,8 +476,8 @@ class _Run:
             first_steps = deque(item for item in self._first_steps() if item not in changed)
             for violation in batch:
                 # Both are queued together; a detail is missing if its queue was full.
-                has_detail = bool(details) and details[-1].violation == violation
-                detail = details.pop() if has_detail else None
+                has_detail = bool(details) and details[-1][0] == violation
+                detail = details.pop()[1] if has_detail else None
                 self._report_judged(first_steps, violation.stamp)
                 findings = self._findings[violation.requirement]
                 if not self._is_judging or violation.requirement in self._unread or (
@@ -496,9 +500,9 @@ class _Run:
             self._most = _MOST_WITH_DETAILS if are_wanted else MOST_QUEUED
             self._engine.want_details(are_wanted, _ALL)
 
-    def _details(self) -> Iterator[ViolationDetail]:
+    def _details(self) -> Iterator[tuple[Violation, StatusRecord]]:
         while (detail := self._engine.take_detail(0)) is not None:
-            yield detail
+            yield violation_of(detail.violation), self._reporter.detail(detail)
 
     def _finish(self, end: int) -> None:
         """Set the verdicts."""

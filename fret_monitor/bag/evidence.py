@@ -43,8 +43,9 @@ from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Report, Stale
 from fret_monitor.model.values import ValueType
-from fret_monitor.runtime.engine import Engine, ViolationDetail
+from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import NEVER, Violation
+from fret_monitor.runtime.reporting import StatusRecord
 from fret_monitor.runtime.thinning import Thinning, TimeWindow, WindowPart
 
 _LABEL = 90
@@ -322,7 +323,7 @@ class _LaneChanges:
     def judged(self, requirement: int, time: int) -> None:
         """Take that a requirement is judged from a time on."""
 
-    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+    def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take that a formula is false, or true again."""
         number = violation.requirement
         self._paint(number, violation.stamp - 1)

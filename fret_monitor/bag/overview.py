@@ -21,9 +21,9 @@ from fret_monitor.bag.check import AnyBatch, Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.detail_text import constants_of, show
-from fret_monitor.runtime.engine import Engine, ViolationDetail
+from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.reporting import OF_ALL_DETAILS, StatusRecord
 from fret_monitor.runtime.thinning import Thinning, TimeWindow
 
 MOST_SHOWN = 5
@@ -42,7 +42,7 @@ class Start:
     time: int
     step: int
     values: tuple[tuple[str, str], ...] = ()
-    silent: tuple[str, ...] = ()
+    silent: str = ''
 
 
 class Overview:
@@ -81,7 +81,7 @@ class Overview:
     def judged(self, requirement: int, time: int) -> None:
         """Take that a requirement is judged from a time on."""
 
-    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+    def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take a change of a verdict."""
         index = violation.requirement
         self._taken += 1
@@ -93,16 +93,15 @@ class Overview:
         if not violation.is_recovery and len(self.starts[index]) < MOST_SHOWN:
             self.starts[index].append(self._start(violation, detail))
 
-    def _start(self, violation: Violation, detail: ViolationDetail | None) -> Start:
+    def _start(self, violation: Violation, detail: StatusRecord | None) -> Start:
         if detail is None:
             return Start(violation.stamp, violation.step)
         requirement = self._manifest.requirements[violation.requirement]
-        read, inputs = requirement.inputs, self._manifest.inputs
-        return Start(
-            violation.stamp, violation.step,
-            (*((inputs[k].name, show(inputs[k], detail.values[k])) for k in read),
-             *constants_of(self._manifest, requirement)),
-            tuple(inputs[k].name for k in read if k in detail.stale))
+        names = [*(self._manifest.inputs[k].name for k in requirement.inputs),
+                 *(self._manifest.constants[k][0] for k in requirement.constants)]
+        texts = [text for _, text in detail.values]
+        silent, shown = texts[OF_ALL_DETAILS - 1], texts[OF_ALL_DETAILS:]
+        return Start(violation.stamp, violation.step, tuple(zip(names, shown)), silent)
 
     def end(self, time: int) -> None:
         """End the run."""

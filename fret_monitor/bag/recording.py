@@ -42,8 +42,8 @@ from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.packages import search_path
+from fret_monitor.model.times import seconds
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.detail_text import seconds
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.thinning import Thinning

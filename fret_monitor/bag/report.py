@@ -38,9 +38,8 @@ from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.progress import no_progress, Progress
-from fret_monitor.model.times import iso_time
+from fret_monitor.model.times import iso_time, short_seconds
 from fret_monitor.model.values import ValueType
-from fret_monitor.runtime.detail_text import short_seconds
 from fret_monitor.runtime.thinning import WindowPart
 
 _MOST_LISTED = 50  # times of occurrences that are not drawn
@@ -195,7 +194,7 @@ class _Report:
         elif item.trigger is not None:
             yield f'<br>The last trigger before it came at {self._since(item.trigger)}.'
         if item.start.silent:
-            yield f'<br>No message for {escaped(", ".join(item.start.silent))}.'
+            yield f'<br>No message for {escaped(item.start.silent)}.'
         if item.start.values:
             values = ', '.join(f'{name} = {value}' for name, value in item.start.values)
             yield f'<br>Values: <code>{escaped(values)}</code>'

@@ -23,9 +23,9 @@ from xml.etree import ElementTree
 from fret_monitor.bag.check import Findings, RecordingResult
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.runtime.detail_text import seconds, short_seconds
-from fret_monitor.runtime.engine import ViolationDetail
+from fret_monitor.model.times import seconds, short_seconds
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.reporting import StatusRecord
 
 _CONTROLS = {chr(k): '?' for k in range(32) if chr(k) not in '\t\n\r'}
 
@@ -154,7 +154,7 @@ class ChangesCsv:
             self._waiting = time
         self._state[requirement] = 1
 
-    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+    def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Write a row with one verdict changed."""
         self._end_row()
         self._state[violation.requirement] = int(violation.is_recovery)

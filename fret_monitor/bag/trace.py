@@ -26,9 +26,9 @@ from typing import Any, BinaryIO
 from fret_monitor.bag.recording import DamagedRecording
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.policies import Policy
+from fret_monitor.model.times import short_seconds
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.detail_text import short_seconds
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.thinning import Thinning

@@ -27,16 +27,14 @@ from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.mcap import McapWriter
 from fret_monitor.model.output import open_output
-from fret_monitor.model.policies import Severity
-from fret_monitor.runtime.detail_text import detail_text, seconds
-from fret_monitor.runtime.engine import ViolationDetail
+from fret_monitor.model.times import seconds
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.reporting import StatusRecord
 from rosbags.typesys import get_typestore, Stores
 
 _ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 _BOOL = 'std_msgs/msg/Bool'
 _END_OF_STAMPS = 2**31 * 10**9  # the seconds of builtin_interfaces/msg/Time have 32 bits
-_LEVELS = {None: 0, Severity.WARN: 1, Severity.ERROR: 2}
 
 
 @contextmanager
@@ -71,7 +69,6 @@ class ViolationsMcap:
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin at a time (ns); there is no verdict yet."""
-        self._manifest = manifest
         self._state = [None] * len(manifest.requirements)
         self._violations = self._topic('copilot/violations', _ARRAY)
         self._verdicts = [self._topic(f'copilot/verdicts/{item.handler}', _BOOL)
@@ -82,7 +79,7 @@ class ViolationsMcap:
         self._state[requirement] = True
         self._write_verdict(time, requirement, True)
 
-    def change(self, violation: Violation, detail: ViolationDetail | None) -> None:
+    def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Write a verdict, and the details of its change."""
         self._state[violation.requirement] = violation.is_recovery
         self._write_verdict(violation.stamp, violation.requirement, violation.is_recovery)
@@ -105,16 +102,15 @@ class ViolationsMcap:
         message = self._types.types[_BOOL](verdict)
         self._write(self._verdicts[index], time, message, _BOOL)
 
-    def _write_detail(self, time: int, detail: ViolationDetail) -> None:
+    def _write_detail(self, time: int, detail: StatusRecord) -> None:
         types = self._types.types
         if time >= _END_OF_STAMPS:
             refuse(f'the time {seconds(time)} is too late for the stamp of a message, which ends '
                    'in 2038', help='leave --mcap out, or end with --to before it')
-        text = detail_text(self._manifest, detail)
         stamp = types['builtin_interfaces/msg/Time'](time // 10**9, time % 10**9)
-        values = [types['diagnostic_msgs/msg/KeyValue'](*pair) for pair in text.values]
+        values = [types['diagnostic_msgs/msg/KeyValue'](*pair) for pair in detail.values]
         status = types['diagnostic_msgs/msg/DiagnosticStatus'](
-            _LEVELS[text.severity], text.name, text.message, text.hardware_id, values)
+            detail.level, detail.name, detail.message, detail.hardware_id, values)
         message = types[_ARRAY](types['std_msgs/msg/Header'](stamp, ''), [status])
         self._write(self._violations, time, message, _ARRAY)
 

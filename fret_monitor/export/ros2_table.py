@@ -26,7 +26,6 @@ from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
-from fret_monitor.model.names import detail_key
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.paths import path_text
 from fret_monitor.model.policies import fixed_qos, Policy, Report, Severity, Stale, Stamp
@@ -92,8 +91,7 @@ def _numbers(item: ManifestInput) -> Iterator[tuple[str, int]]:
 def _input(index: int, item: ManifestInput) -> str:
     is_timed_out = item.timeout is not None and item.topic is not None
     return ', '.join((
-        f'{{{_text(item.name)}', _text(detail_key(item.name, 'input')),
-        _text(path_text(item.path)),
+        f'{{{_text(item.name)}', _text(path_text(item.path)),
         f'values_{index}' if item.values else 'NULL', f'{len(item.values)}u',
         _truth(is_timed_out), _truth(item.stale is Stale.VIOLATE),
         _truth(item.initial is not None),
@@ -143,7 +141,7 @@ def _requirement(index: int, item: ManifestRequirement) -> str:
 
 def _constants(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_constant', 'constants', (
-        f'{{{_text(name)}, {_text(detail_key(name, 'constant'))}, {_text(value)}}}'
+        f'{{{_text(name)}, {_text(value)}}}'
         for name, value in manifest.constants))
 
 

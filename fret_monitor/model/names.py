@@ -32,7 +32,6 @@ HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
 DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
 DIAGNOSTICS_TOPIC = '/diagnostics'
-_OF_ALL_DETAILS = frozenset(('step', 'time', 'stamp', 'suppressed', 'silent'))
 _OWN_TOPICS = (f'/{DETAILS_TOPIC}', DIAGNOSTICS_TOPIC, '~/alive')
 OWN_SERVICES = ('~/reset', '~/change_state')  # those that change what is monitored
 
@@ -179,11 +178,6 @@ def handler_name(id: str) -> str:
     """Return `handlerprop` and the id, with `_` for characters that C or ROS does not allow."""
     letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in id)
     return HANDLER_PREFIX + ''.join(letters)
-
-
-def detail_key(name: str, prefix: str) -> str:
-    """Return the key of a value in details: its name, with a prefix where all have such a key."""
-    return f'{prefix} {name}' if name in _OF_ALL_DETAILS else name
 
 
 def handler_fault(handler: str) -> Fault | None:

@@ -39,12 +39,23 @@ def time_text(nanoseconds: int) -> str:
 
 def iso_time(nanoseconds: int) -> str:
     """Return a time since 1970 as ISO 8601 in UTC, exactly; in seconds if it has no such date."""
-    seconds, rest = divmod(nanoseconds, NANOSECONDS['s'])
+    whole, rest = divmod(nanoseconds, NANOSECONDS['s'])
     try:
-        date = datetime(1970, 1, 1) + timedelta(seconds=seconds)
+        date = datetime(1970, 1, 1) + timedelta(seconds=whole)
     except OverflowError:
-        return f'{seconds}.{rest:09d}'
+        return f'{whole}.{rest:09d}'
     return f'{date.isoformat()}.{rest:09d}Z'
+
+
+def seconds(nanoseconds: int) -> str:
+    """Return a time in seconds, exactly, with nine decimals."""
+    whole, rest = divmod(abs(nanoseconds), 10**9)
+    return f"{'-' if nanoseconds < 0 else ''}{whole}.{rest:09d}"
+
+
+def short_seconds(nanoseconds: int) -> str:
+    """Return a time in seconds, exactly, without zeros at its end."""
+    return seconds(nanoseconds).rstrip('0').rstrip('.')
 
 
 def _in_unit(nanoseconds: int, unit: str) -> str:

@@ -16,7 +16,6 @@
 
 from fret_monitor.runtime.engine import (
     Conditions, Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, RequirementState, State,
-    ViolationDetail,
 )
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
@@ -47,5 +46,4 @@ __all__ = [
     'TimeCounts',
     'TopicCounts',
     'Violation',
-    'ViolationDetail',
 ]

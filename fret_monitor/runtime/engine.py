@@ -131,26 +131,6 @@ class OrderCounts:
     most_ahead: int = 0
 
 
-@dataclass(frozen=True)
-class ViolationDetail:
-    """
-    A violation with the values of all inputs at that time (None: no value yet).
-
-    `stale` are the indices of the stale inputs. `suppressed` counts the violations
-    of this requirement so far whose details were not queued.
-    """
-
-    violation: Violation
-    suppressed: int
-    values: tuple[bool | int | float | None, ...]
-    stale: frozenset[int] = frozenset()
-
-    @property
-    def is_recovery(self) -> bool:
-        """Whether it is the end of a violation."""
-        return self.violation.is_recovery
-
-
 class Engine:
     """
     Evaluates messages, takes what is due, and queues violations and their details.
@@ -196,11 +176,8 @@ class Engine:
         self._ring: MessageRing | None = None  # outlives the engine
         self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
-        self._types = [item.value_type.c_name for item in self._monitor.manifest.inputs]
-        self._values = [ffi.new(f'{name} *') for name in self._types]
-        self._inputs_bytes = int(self._monitor.pointer.inputs_bytes)
-        self._detail = ffi.new(
-            'char[]', ffi.sizeof('struct fm_detail') + self._inputs_bytes + len(self._types))
+        self._values = [ffi.new(f'{item.value_type.c_name} *') for item in manifest.inputs]
+        self._detail = ffi.new('char[]', self._library.fm_detail_bytes(self._monitor.pointer))
 
     @property
     def library(self) -> Any:
@@ -453,23 +430,16 @@ class Engine:
         """Queue details from now on; or queue none, and drop those in the queue."""
         self._library.fm_engine_want_details(self.pointer, are_wanted, most_per_s)
 
-    def take_detail(self, milliseconds: int) -> ViolationDetail | None:
-        """Return the next detail; wait if there is none. One thread at a time."""
-        detail: Any = ffi.cast('struct fm_detail *', self._detail)
-        if not self._library.fm_engine_take_detail(self.pointer, detail, milliseconds):
-            return None
-        values = self._detail + ffi.sizeof('struct fm_detail')
-        flags = ffi.buffer(values + self._inputs_bytes, len(self._types))[:]
-        return ViolationDetail(
-            violation(detail.violation), detail.suppressed,
-            tuple(self._value_at(index, values) if flag & 1 else None
-                  for index, flag in enumerate(flags)),
-            frozenset(index for index, flag in enumerate(flags) if flag & 2))
+    def take_detail(self, milliseconds: int) -> Any | None:
+        """
+        Return the next detail; wait if there is none. One thread at a time.
 
-    def _value_at(self, index: int, values: Any) -> bool | int | float:
-        place = values + self._monitor.pointer.inputs[index].offset
-        value: bool | int | float = ffi.cast(f'const {self._types[index]} *', place)[0]
-        return value
+        It is a `struct fm_detail *` with values and flags behind it, for `reporting.py`; it is
+        overwritten by the next call.
+        """
+        detail: Any = ffi.cast('struct fm_detail *', self._detail)
+        found = self._library.fm_engine_take_detail(self.pointer, detail, milliseconds)
+        return detail if found else None
 
     def order_counts(self, topic: int) -> OrderCounts:
         """Return how many messages of a topic took effect out of order, or wait for long."""

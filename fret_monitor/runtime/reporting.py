@@ -22,15 +22,22 @@ the manifest, and copies what C returns.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from time import monotonic_ns
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput
-from fret_monitor.model.names import detail_key
 from fret_monitor.model.paths import path_text
 from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.engine import Engine
+
+
+OF_ALL_DETAILS: int = ffi.integer_const('FM_OF_ALL_DETAILS')
+"""Values that all details begin with; the last of them names the silent inputs."""
+
+LOGGED_PER_S: int = ffi.integer_const('FM_LOGGED_PER_S')
+"""Details of a requirement in a second while only the log reads them."""
 
 
 class LogLevel(IntEnum):
@@ -91,8 +98,7 @@ class ReportTable:
                 'shows_verdict': item.report is Report.OCCURRENCE,
             } for item in manifest.requirements]),
             'constants': self._array('struct fm_constant[]', [
-                (self._text(name), self._text(detail_key(name, 'constant')),
-                 self._text(value)) for name, value in manifest.constants]),
+                (self._text(name), self._text(value)) for name, value in manifest.constants]),
             'n_inputs': len(inputs), 'n_topics': len(topics),
             'n_requirements': len(manifest.requirements),
             'n_constants': len(manifest.constants),
@@ -105,7 +111,7 @@ class ReportTable:
         })
 
     def _text(self, text: str) -> Any:
-        self._kept.append(ffi.new('char[]', text.encode(errors='replace')))
+        self._kept.append(_characters(text))
         return self._kept[-1]
 
     def _array(self, kind: str, items: Sequence[Any]) -> Any:
@@ -115,7 +121,6 @@ class ReportTable:
     def _input(self, item: ManifestInput) -> dict[str, Any]:
         return {
             'name': self._text(item.name),
-            'key': self._text(detail_key(item.name, 'input')),
             'path': self._text(path_text(item.path)),
             'values': self._array('struct fm_value_name[]', [
                 (self._text(name),
@@ -144,7 +149,7 @@ class Reporter:
         self.engine = engine
         self.library: Any = engine.library
         self._table = table
-        self._texts = [ffi.new('char[]', name.encode()) for name in (
+        self._texts = [_characters(name) for name in (
             node.removeprefix('/'),
             *([item.name for item in engine.monitor.manifest.topics]
               if topics is None else topics))]
@@ -152,6 +157,13 @@ class Reporter:
         self.pointer: Any = ffi.new('struct fm_reporter *', {
             'table': table.pointer, 'monitor': engine.monitor.pointer, 'engine': engine.pointer,
             'node': self._texts[0], 'topics': self._topics})
+
+    def detail(self, detail: Any) -> StatusRecord:
+        """Return the text of a detail (`Engine.take_detail`), as `copilot/violations` has it."""
+        found = Statuses(self.library)
+        self.library.fm_add_detail(found.pointer, self.pointer, detail)
+        status, = found.take()
+        return status
 
 
 class Lines:
@@ -184,6 +196,111 @@ class Statuses:
         found = [_status(self.pointer.statuses[k]) for k in range(self.pointer.n)]
         self._library.fm_statuses_clear(self.pointer)
         return found
+
+
+class ViolationLog:
+    """
+    The log of violations: at most a line a second of each requirement. Not thread-safe.
+
+    Each method returns the lines that are due. `now` is on the monotonic clock (ns).
+    """
+
+    def __init__(self, reporter: Reporter) -> None:
+        """Log the violations of an engine."""
+        self._reporter = reporter
+        self._library = reporter.library
+        self._lines = Lines(reporter.library)
+        self._pointer: Any = ffi.gc(self._library.fm_violation_log_create(reporter.pointer),
+                                    self._library.fm_violation_log_destroy)
+        if self._pointer == ffi.NULL:
+            raise MemoryError
+
+    def add(self, detail: Any, now: int | None = None) -> list[LogLine]:
+        """Log a violation or its end, or leave it to `review` if there was a line just now."""
+        self._library.fm_violation_log_add(
+            self._pointer, detail, monotonic_ns() if now is None else now, self._lines.pointer)
+        return self._lines.take()
+
+    def review(self, now: int | None = None) -> list[LogLine]:
+        """Log what was left out, where a second has passed since the last line; call it often."""
+        self._library.fm_violation_log_review(
+            self._pointer, monotonic_ns() if now is None else now, self._lines.pointer)
+        return self._lines.take()
+
+    def end(self) -> list[LogLine]:
+        """Log all that was left out."""
+        self._library.fm_violation_log_end(self._pointer, self._lines.pointer)
+        return self._lines.take()
+
+
+@dataclass(frozen=True)
+class ReceivedDetail:
+    """
+    A detail that was received: the time of the violation (ns), and its text, as C keeps it.
+
+    `suppressed` counts the details of the requirement that were not published so far. With
+    `is_recovery` a violation is over.
+    """
+
+    stamp: int
+    suppressed: int = 0
+    is_recovery: bool = False
+    text: 'StatusText | None' = None
+
+
+class StatusText:
+    """A status that was received, as C reads it; `pointer` is a `const struct fm_status *`."""
+
+    def __init__(self, record: StatusRecord) -> None:
+        """Copy its texts."""
+        values = [(_characters(key), _characters(value)) for key, value in record.values]
+        texts = [_characters(text) for text in (record.name, record.message, record.hardware_id)]
+        pairs = ffi.new('struct fm_key_value[]', values)
+        self._kept = (values, texts, pairs)
+        self.pointer: Any = ffi.new(
+            'struct fm_status *', (record.level, *texts, pairs, len(values), len(values)))
+
+
+class ViolationLines:
+    """Words the violations of one requirement from details that were received."""
+
+    def __init__(self, library: Any, name: str, sentence: str, severity: Severity) -> None:
+        """`library` has the functions of csrc; `name` is the requirement's id."""
+        self._library = library
+        self._texts = (_characters(name), _characters(sentence))
+        self._about = ffi.new('struct fm_report_requirement *', {
+            'id': self._texts[0], 'sentence': self._texts[1],
+            'is_warning': severity is Severity.WARN})
+
+    def violated(self, stamp: int, detail: ReceivedDetail | None) -> list[LogLine]:
+        """Return the line of a violation at a time (ns)."""
+        lines = Lines(self._library)
+        self._library.fm_add_violated(lines.pointer, self._about, stamp, _text_of(detail), 0)
+        return lines.take()
+
+    def satisfied(self, detail: ReceivedDetail) -> list[LogLine]:
+        """Return the line of the end of a violation."""
+        lines = Lines(self._library)
+        self._library.fm_add_satisfied(
+            lines.pointer, self._about, detail.stamp, _text_of(detail))
+        return lines.take()
+
+
+def read_detail(library: Any, record: StatusRecord) -> ReceivedDetail | None:
+    """Read a status that a monitor has published as a detail; None if it has another form."""
+    text = StatusText(record)
+    found: Any = ffi.new('struct fm_received_detail *')
+    if not library.fm_read_detail(text.pointer, found):
+        return None
+    return ReceivedDetail(found.stamp, found.suppressed, found.is_recovery, text)
+
+
+def _text_of(detail: ReceivedDetail | None) -> Any:
+    return ffi.NULL if detail is None or detail.text is None else detail.text.pointer
+
+
+def _characters(text: str) -> Any:
+    return ffi.new('char[]', text.encode(errors='replace'))
 
 
 def _status(found: Any) -> StatusRecord:

@@ -36,7 +36,6 @@
 
 #include "details.h"
 #include "monitor_node.h"
-#include "violation_log.h"
 
 enum { FIXED, HEAT, JOINTS };  // topics and inputs, in the order of the bundle
 
@@ -50,7 +49,6 @@ static uint32_t attempts;         // to subscribe
 static size_t n_matched;          // publishers
 static bool is_matched_scripted;
 static bool are_counts_scripted;
-static struct fm_requirement_counts requirement_counts;
 static struct fm_topic_counts topic_counts;
 static struct fm_order_counts order_counts;
 static struct fm_silence silence;  // of HEAT
@@ -150,16 +148,6 @@ rcl_ret_t __wrap_rcl_publisher_get_subscription_count(
   (void)publisher;
   *n = 1;
   return RCL_RET_OK;
-}
-
-struct fm_requirement_counts __wrap_fm_engine_requirement_counts(
-  struct fm_engine * engine, uint32_t requirement);
-struct fm_requirement_counts __wrap_fm_engine_requirement_counts(
-  struct fm_engine * engine, uint32_t requirement)
-{
-  const struct fm_requirement_counts others = {.holds = true};
-  (void)engine;
-  return requirement == HEAT ? requirement_counts : others;
 }
 
 struct fm_topic_counts __real_fm_engine_topic_counts(struct fm_engine * engine, uint32_t topic);
@@ -606,90 +594,6 @@ static void a_text_that_was_freed_is_empty(void)
   fm_text_free(&text);
 }
 
-// ---- the log of violations ---------------------------------------------------------------------
-
-static struct fm_violation_log * violation_log;
-static struct fm_lines decided;
-
-// As if the engine announced a violation, or that one is over, at a time in seconds.
-static void happen(double seconds, bool is_over, bool has_detail)
-{
-  now = (int64_t)(seconds * 1e9);
-  requirement_counts.announced += is_over ? 0u : 1u;
-  requirement_counts.holds = is_over;
-  requirement_counts.is_violated = !is_over;
-  if (has_detail) {
-    struct fm_detail * detail = calloc(1, fm_detail_bytes(node.table->monitor()));
-    detail->violation.step = (uint64_t)(seconds * 10.0);
-    detail->violation.stamp = now;
-    detail->violation.requirement = HEAT;
-    detail->violation.is_recovery = is_over;
-    fm_violation_log_add(violation_log, detail, now, &decided);
-    fm_log_lines(&node.node, &decided);
-    free(detail);
-  }
-}
-
-static void review_at(double seconds)
-{
-  now = (int64_t)(seconds * 1e9);
-  fm_violation_log_review(violation_log, now, &decided);
-  fm_log_lines(&node.node, &decided);
-}
-
-#define VIOLATED(at, step) \
-  "WARN HEAT violated at " at ": heat < 50.0 [step " step ": heat = (none yet)]"
-#define SATISFIED(at, step) \
-  "INFO HEAT satisfied again at " at ": heat < 50.0 [step " step ": heat = (none yet)]"
-
-// The lines are those of the log in Python (test/ros/test_violation_log.py).
-static void violations_are_logged_once_a_second_and_all_are_counted(void)
-{
-  requirement_counts.holds = true;
-  violation_log = fm_violation_log_create(&node.session.reporter);
-  happen(10.0, false, true);
-  EXPECT_LINES(VIOLATED("10.000", "100") "\n");
-  for (int tenth = 1; tenth < 9; ++tenth) {
-    happen(10.0 + tenth * 0.1 + 1e-6, false, true);
-  }
-  review_at(10.9);
-  EXPECT_LINES("");
-  review_at(11.0);
-  EXPECT_LINES(VIOLATED("10.800", "108") " (7 more violations since the last line)\n");
-  happen(11.5, true, true);
-  happen(11.6, false, true);
-  happen(11.7, true, true);
-  review_at(11.9);
-  EXPECT_LINES("");
-  review_at(12.0);
-  EXPECT_LINES(VIOLATED("11.600", "116") "\n" SATISFIED("11.700", "117") "\n");
-  review_at(20.0);
-  EXPECT_LINES("");
-  happen(20.5, false, true);
-  EXPECT_LINES(VIOLATED("20.500", "205") "\n");
-  happen(20.6, false, true);
-  happen(20.7, false, true);
-  review_at(21.5);
-  EXPECT_LINES(VIOLATED("20.700", "207") " (1 more violation since the last line)\n");
-  happen(21.6, false, false);
-  happen(21.7, false, false);
-  review_at(22.5);
-  EXPECT_LINES("WARN HEAT violated 2 times more, without details: heat < 50.0\n");
-  happen(22.6, false, false);
-  review_at(23.5);
-  EXPECT_LINES("WARN HEAT violated once more, without details: heat < 50.0\n");
-  happen(23.6, true, false);
-  review_at(24.5);
-  EXPECT_LINES("INFO HEAT satisfied again: heat < 50.0\n");
-  happen(30.0, false, true);
-  happen(30.1, true, true);
-  fm_violation_log_end(violation_log, &decided);
-  fm_log_lines(&node.node, &decided);
-  fm_lines_free(&decided);
-  EXPECT_LINES(VIOLATED("30.000", "300") "\n" SATISFIED("30.100", "301") "\n");
-  fm_violation_log_destroy(violation_log);
-}
-
 int main(int argc, char ** argv)
 {
   static const struct {const char * name; void (* run)(void);} tests[] = {
@@ -708,7 +612,6 @@ int main(int argc, char ** argv)
     {"text", a_text_that_was_freed_is_empty},
     {"names", a_name_that_is_missing_is_logged_again_after_it_was_found},
     {"again", a_value_between_two_silences_is_logged_as_again},
-    {"violations", violations_are_logged_once_a_second_and_all_are_counted},
   };
   const int status = fm_monitor_node_begin(
     &node, &fm_node_table, argc - 1, (const char * const *)argv + 1);

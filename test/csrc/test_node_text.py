@@ -22,8 +22,8 @@ import subprocess
 from csrc.test_evaluator import gcc, run, SANITIZERS
 from differential.compiled import WARNINGS
 from fret_monitor.model.floats import shortest_float32
+from fret_monitor.model.times import short_seconds
 from fret_monitor.native import csrc_file, csrc_includes
-from fret_monitor.runtime.detail_text import short_seconds
 
 HERE = Path(__file__).resolve().parent
 

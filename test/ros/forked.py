@@ -50,7 +50,7 @@ _MODULES = (
     'diagnostic_msgs.msg', 'fret_monitor.build', 'fret_monitor.model.bundle_files',
     'fret_monitor.model.mcap', 'fret_monitor.model.output', 'fret_monitor.native.folder',
     'fret_monitor.ros.signals', 'fret_monitor.ros.intake.throttle', 'fret_monitor.runtime',
-    'fret_monitor.runtime.detail_text', 'fret_monitor.runtime.fields', 'fret_monitor.start',
+    'fret_monitor.runtime.fields', 'fret_monitor.runtime.reporting', 'fret_monitor.start',
     'lifecycle_msgs.msg', 'lifecycle_msgs.srv', 'numpy', 'rcl_interfaces.msg',
     'rcl_interfaces.srv', 'rosgraph_msgs.msg', 'rosidl_generator_py', 'service_msgs.msg',
     'std_msgs.msg', 'std_srvs.srv', 'type_description_interfaces.msg',

@@ -12,19 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Details of violations can be read for any name of an input or a constant."""
+"""Details of violations on their topic, and the thread that publishes them."""
 
 from pathlib import Path
 import threading
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.reports.detail_publisher import DetailPublisher
-from fret_monitor.ros.reports.details import Details, read_detail
+from fret_monitor.ros.reports.details import Details
+from fret_monitor.ros.reports.messages import status_record
 from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime.reporting import Reporter, ReportTable
 import pytest
 from rclpy.node import Node
 from ros.harness import Partner, wait_until
@@ -41,29 +43,28 @@ requirements:
 """
 
 
-def test_an_input_or_a_constant_may_have_the_name_of_a_key_of_every_detail(
+def test_details_are_published_as_they_are_worded_with_the_time_of_the_violation(
     partner: Partner, tmp_path: Path,
 ) -> None:
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE, encoding='utf-8')
     engine = Engine(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)
-    details = Details(node, engine.monitor.manifest)
+    details = Details(node)
     heard: list[Any] = []
     partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, heard.append, 10)
     wait_until(lambda: details.listeners() == 1, 'who listens')
     engine.want_details(True)
-    engine.message(0, b'\0\1\0\0\x2a\0\0\0', received=3)
-    detail = engine.take_detail(1000)
-    assert detail is not None
-    details.publish(detail)
+    engine.message(0, b'\0\1\0\0\x2a\0\0\0', received=3_000_000_007)
+    record = Reporter(engine, ReportTable(engine.monitor.manifest)).detail(
+        engine.take_detail(1000))
+    details.publish(record, 3_000_000_007)
     wait_until(lambda: bool(heard), 'the details')
-    keys = [item.key for item in heard[0].status[0].values]
-    assert len({*keys}) == len(keys)
-    found = read_detail(heard[0].status[0])
-    assert found is not None
-    assert (found.step, found.values) == (
-        0, (('step', '42'), ('stamp', '7'), ('time', '2.50'), ('silent', '0')))
+    status, = heard[0].status
+    assert (heard[0].header.stamp.sec, heard[0].header.stamp.nanosec) == (3, 7)
+    assert (status.level, status.name) == (DiagnosticStatus.ERROR, 'R')
+    assert status_record(status) == record
+    assert ('input step', '42') in record.values
     node.destroy_node()
 
 
@@ -75,7 +76,8 @@ def test_the_thread_of_details_ends_at_exit_although_nobody_ends_it(
     monkeypatch.setattr(native_lifetimes, '_KEPT', {})
     engine = Engine(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)
-    DetailPublisher(engine, Details(node, engine.monitor.manifest), None)
+    DetailPublisher(
+        Reporter(engine, ReportTable(engine.monitor.manifest)), Details(node), None)
     thread, = (item for item in threading.enumerate() if item.name == 'details')
     native_lifetimes._end_all()
     assert not thread.is_alive()

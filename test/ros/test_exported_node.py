@@ -30,7 +30,6 @@ from time import sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fret_monitor.ros.reports.details import read_detail
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
@@ -38,6 +37,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
 from ros.harness import BEST_EFFORT, LATCHED, Partner, PATIENCE, RELIABLE, started, wait_until
+from ros.received import read_detail
 from ros.simulator import simulating
 from ros.talker import talking
 from std_msgs.msg import Bool, Float32, Header, Int32, String, UInt8
@@ -180,7 +180,7 @@ class Both:
 
 def _is_of_message(status: DiagnosticStatus) -> bool:
     detail = read_detail(status)
-    return detail is not None and not detail.is_recovery and not detail.silent
+    return not detail.is_recovery and not detail.silent
 
 
 @contextmanager

@@ -36,10 +36,10 @@ from fret_monitor.logic.specification import Specification
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.model.policies import InputSource
 from fret_monitor.program.rewriting import without_queues
-from fret_monitor.ros.reports.details import read_detail
 import pytest
 from ros.exported import exported_bundle, running
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.received import read_detail
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Float32, Header
@@ -114,7 +114,7 @@ class Face:
     def hear(self, array: DiagnosticArray) -> None:
         for status in array.status:
             detail = read_detail(status)
-            assert detail is not None and detail.suppressed == 0
+            assert detail.suppressed == 0
             stamp = int(status.values[1].value.replace('.', ''))
             topic = status.name.removeprefix('ACK_')
             if topic == status.name:

@@ -33,15 +33,16 @@ from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware, why_cal
 from fret_monitor.ros.intake.in_place import KNOWN, loaded_versions, refuse_unknown_versions
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, Unavailable
-from fret_monitor.ros.reports.details import Details, read_detail
+from fret_monitor.ros.reports.details import Details
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.runtime import ViolationDetail
+from fret_monitor.runtime.reporting import StatusRecord
 import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import get_rmw_implementation_identifier
 from ros.harness import Partner, wait_until
+from ros.received import read_detail
 from std_msgs.msg import Float32, Int32
 
 BUNDLE = """
@@ -145,9 +146,9 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
     details: list[Any] = []
     original = Details.publish
 
-    def publish(self: Details, detail: ViolationDetail) -> None:
+    def publish(self: Details, detail: StatusRecord, stamp: int) -> None:
         may_publish.wait()
-        original(self, detail)
+        original(self, detail, stamp)
 
     monkeypatch.setattr(Details, 'publish', publish)
     node = MonitorNode(context=stranger.context, parameter_overrides=[
@@ -165,7 +166,7 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
         may_publish.set()
         wait_until(lambda: len(details) == 50, 'the details')
         found = [read_detail(array.status[0]) for array in details]
-        assert [item.step for item in found if item is not None] == list(range(50))
+        assert [item.step for item in found] == list(range(50))
     finally:
         may_publish.set()
         node.destroy_node()

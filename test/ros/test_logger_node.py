@@ -15,17 +15,18 @@
 """The logger and its messages: from a monitor or not, in any order."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import sleep
 from typing import Any
 
 from fret_monitor.ros.nodes.logger_node import LoggerNode
-from fret_monitor.ros.reports.details import Detail
 from fret_monitor.ros.reports.discovery import Announced
 from fret_monitor.ros.reports.pairing import Pairing
 from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.settings.parameters import Refusal
+from fret_monitor.runtime.reporting import ReceivedDetail
 from fret_monitor.start import manifest_of
 import pytest
 from rclpy.executors import SingleThreadedExecutor
@@ -134,6 +135,16 @@ def test_messages_that_no_monitor_publishes_are_ignored(
 MS = 10**6  # ns
 
 
+@dataclass(frozen=True)
+class Numbered(ReceivedDetail):
+    step: int = 0
+
+
+def numbered(step: int, seconds: float, suppressed: int = 0, *,
+             is_recovery: bool = False) -> Numbered:
+    return Numbered(round(seconds * 1e9), suppressed, is_recovery, step=step)
+
+
 def paired(pairing: Pairing, now: float = 1e9) -> list[int | None]:
     """Return the steps of all violations that are due; None for one without a detail."""
     found: Any = iter(lambda: pairing.take(now), None)
@@ -145,7 +156,7 @@ def test_a_violation_is_reported_with_its_detail_in_any_order(detail_comes_first
     pairing = Pairing()
     for step in range(5):
         sent = 1000 * step * MS
-        detail = Detail(step, sent / 1e9, ())
+        detail = numbered(step, sent / 1e9)
         if detail_comes_first:
             pairing.add_detail('R', detail, sent + MS)
         pairing.add_violation('R', 0, sent + 2 * MS, now=0.0)
@@ -160,7 +171,7 @@ def test_a_violation_waits_for_its_detail_for_a_short_time_only() -> None:
     assert paired(pairing, now=0.2) == []
     assert pairing.next_due == 0.3
     assert paired(pairing, now=0.4) == [None]
-    pairing.add_detail('R', Detail(0, 0.0, ()), 10)  # too late
+    pairing.add_detail('R', numbered(0, 0.0), 10)  # too late
     pairing.add_violation('R', 0, 1000 * MS, now=1.0)
     assert paired(pairing, now=1.5) == [None]
 
@@ -172,7 +183,7 @@ def test_after_a_lost_detail_the_next_ones_are_paired_while_violations_go_on() -
         sent = 100 * step * MS  # earlier than violations without a detail are reported
         pairing.add_violation('R', 0, sent + 2 * MS, now=0.1 * step)
         if step > 0:
-            pairing.add_detail('R', Detail(step, sent / 1e9, ()), sent + 3 * MS)
+            pairing.add_detail('R', numbered(step, sent / 1e9), sent + 3 * MS)
         found += paired(pairing, now=0.1 * step)
     assert found + paired(pairing) == [None, *range(1, 30)]
 
@@ -186,7 +197,7 @@ def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation(
     for step in range(400):
         if step % 4 != 3 and not 100 <= step < 150:  # the others are suppressed
             before = step // 4 + sum(each % 4 != 3 for each in range(100, min(step, 150)))
-            detail = Detail(step, step * 0.001, (), suppressed=before)
+            detail = numbered(step, step * 0.001, suppressed=before)
             pairing.add_detail('R', detail, step * MS)
         if step >= lag_ms:
             late = step - lag_ms
@@ -202,15 +213,15 @@ def test_suppressed_details_do_not_pair_other_details_with_the_wrong_violation(
 def test_details_that_come_after_their_violations_were_reported_are_all_passed_over() -> None:
     pairing = Pairing()
     pairing.add_violation('R', 0, MS, now=0.0)
-    pairing.add_detail('R', Detail(0, 0.001, ()), MS)
+    pairing.add_detail('R', numbered(0, 0.001), MS)
     assert paired(pairing) == [0]
     for step in (1, 2, 3):
         pairing.add_violation('R', 0, step * 10 * MS, now=0.0)
     assert paired(pairing) == [None] * 3
     for step in (1, 2, 3):
-        pairing.add_detail('R', Detail(step, step * 0.01, ()), step * 10 * MS)
+        pairing.add_detail('R', numbered(step, step * 0.01), step * 10 * MS)
     pairing.add_violation('R', 0, 40 * MS, now=0.0)
-    pairing.add_detail('R', Detail(4, 0.04, ()), 40 * MS)
+    pairing.add_detail('R', numbered(4, 0.04), 40 * MS)
     assert paired(pairing) == [4]
 
 
@@ -221,8 +232,8 @@ def released(pairing: Pairing, now: float) -> list[str]:
             for item in found]
 
 
-def over(step: int) -> Detail:
-    return Detail(step, step / 1e3, (), is_recovery=True)
+def over(step: int) -> ReceivedDetail:
+    return numbered(step, step / 1e3, is_recovery=True)
 
 
 def test_the_end_of_a_violation_waits_for_the_violations_before_it() -> None:
@@ -230,34 +241,34 @@ def test_the_end_of_a_violation_waits_for_the_violations_before_it() -> None:
     pairing.add_recovery('R', over(0), now=0.0)
     assert released(pairing, now=0.0) == ['0+']
     pairing.add_violation('Q', 0, MS, now=0.0)  # its detail is late; R's go after it
-    pairing.add_detail('R', Detail(1, 0.001, ()), MS)
+    pairing.add_detail('R', numbered(1, 0.001), MS)
     pairing.add_recovery('R', over(2), now=0.0)
     assert released(pairing, now=0.0) == []  # the violation of step 1 is on its way
     pairing.add_violation('R', 0, 2 * MS, now=0.1)
     assert released(pairing, now=0.1) == []
-    pairing.add_detail('Q', Detail(9, 0.001, ()), MS)
+    pairing.add_detail('Q', numbered(9, 0.001), MS)
     assert released(pairing, now=0.1) == ['9', '1', '2+']
     assert pairing.next_due is None
 
 
 def test_the_end_of_a_violation_comes_before_the_next_violation() -> None:
     pairing = Pairing()
-    pairing.add_detail('R', Detail(0, 0.0, ()), 0)
+    pairing.add_detail('R', numbered(0, 0.0), 0)
     pairing.add_violation('R', 0, 10, now=0.0)
     assert released(pairing, now=0.0) == ['0']
     for step in (1, 3):
         pairing.add_violation('R', 0, step * MS + 10, now=0.0)
-    pairing.add_detail('R', Detail(1, 0.001, ()), MS + 20)
+    pairing.add_detail('R', numbered(1, 0.001), MS + 20)
     pairing.add_recovery('R', over(2), now=0.0)
     assert released(pairing, now=0.0) == ['1']
-    pairing.add_detail('R', Detail(3, 0.003, ()), 3 * MS + 20)
+    pairing.add_detail('R', numbered(3, 0.003), 3 * MS + 20)
     pairing.add_recovery('R', over(4), now=0.0)
     assert released(pairing, now=0.0) == ['2+', '3', '4+']
 
 
 def test_the_end_of_a_violation_that_never_comes_is_reported() -> None:
     pairing = Pairing()
-    pairing.add_detail('R', Detail(1, 0.001, ()), MS)
+    pairing.add_detail('R', numbered(1, 0.001), MS)
     pairing.add_recovery('R', over(2), now=0.0)
     assert released(pairing, now=0.2) == []
     assert pairing.next_due == 0.3
@@ -268,8 +279,8 @@ def test_a_detail_that_may_be_of_several_violations_is_given_to_none() -> None:
     pairing = Pairing()
     for step in range(200):
         pairing.add_violation('R', 0, step * MS + 10, now=0.0)
-    pairing.add_detail('R', Detail(150, 0.150, (), suppressed=150), 151 * MS)
-    pairing.add_detail('Q', Detail(3, 0.0, ()), 151 * MS)  # of another requirement
+    pairing.add_detail('R', numbered(150, 0.150, suppressed=150), 151 * MS)
+    pairing.add_detail('Q', numbered(3, 0.0), 151 * MS)  # of another requirement
     assert paired(pairing) == [None] * 200
 
 

@@ -22,8 +22,7 @@ import pytest
 from ros.exported import exported_parts
 
 TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'order', 'increases', 'backlog',
-         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'again',
-         'violations')
+         'unpublished', 'depth', 'clock', 'life', 'text', 'names', 'again')
 BUNDLE = """
 format: 1
 constants: {whole: 3, real: 2.0}

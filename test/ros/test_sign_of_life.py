@@ -30,9 +30,9 @@ from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
-from fret_monitor.ros.reports.violation_log import ViolationLog
 from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.watch import Watch
+from fret_monitor.runtime.reporting import ViolationLog
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest

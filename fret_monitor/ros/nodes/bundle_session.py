@@ -43,8 +43,6 @@ from fret_monitor.ros.reports.handlers import Handlers
 from fret_monitor.ros.reports.health import describe_missing, Health, PERIOD
 from fret_monitor.ros.reports.look_ups import LookUpLog
 from fret_monitor.ros.reports.silences import SilenceLog
-from fret_monitor.ros.reports.violation_lines import ViolationLines
-from fret_monitor.ros.reports.violation_log import ViolationLog
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
@@ -53,6 +51,7 @@ from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator, OrderCounts
 from fret_monitor.runtime.fields import read_fields, ReadOutcome
+from fret_monitor.runtime.reporting import Reporter, ReportTable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
@@ -141,7 +140,7 @@ class BundleSession:
     def _advertise(self, depth: int) -> None:
         self._handlers = Handlers(self._node, self.manifest, depth)
         self._advertised.callback(self._handlers.close)
-        self._details = Details(self._node, self.manifest, depth)
+        self._details = Details(self._node, depth)
         self._advertised.callback(self._details.close)
         try:
             self._actions = Actions(self._node, self.manifest)
@@ -267,7 +266,8 @@ class BundleSession:
         self._running.callback(announcer.join)
         self._running.callback(self._actions.stop)
         self._actions.start(engine)
-        details = DetailPublisher(engine, self._details, self._violation_log(engine))
+        details = DetailPublisher(self._new_reporter(engine), self._details,
+                                  self._node.get_logger() if self._logs_violations else None)
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
         self._running.callback(feed.close)
@@ -302,12 +302,11 @@ class BundleSession:
             self._overrides.apply(
                 self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
 
-    def _violation_log(self, engine: Engine) -> ViolationLog | None:
-        if not self._logs_violations:
-            return None
-        logger = self._node.get_logger()
-        lines = [ViolationLines.of(logger, item) for item in self.manifest.requirements]
-        return ViolationLog(lines, engine.requirement_counts, self._details.describe)
+    def _new_reporter(self, engine: Engine) -> Reporter:
+        return Reporter(engine, ReportTable(self.manifest, self._name),
+                        self._node.get_fully_qualified_name(),
+                        [self._node.resolve_topic_name(item.name)
+                         for item in self.manifest.topics])
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
         """Return the class for reading in place, or `message_class` if messages must be copied."""

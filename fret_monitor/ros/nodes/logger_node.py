@@ -37,10 +37,9 @@ from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.fields import UNDECODABLE
 from fret_monitor.ros.intake.node_time import ClockNode
 from fret_monitor.ros.intake.raw_topic import Deliver, RawIntake, RawTopic
-from fret_monitor.ros.reports.details import Detail, read_detail
 from fret_monitor.ros.reports.discovery import Announced, News
+from fret_monitor.ros.reports.messages import log_lines, status_record
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
-from fret_monitor.ros.reports.violation_lines import ViolationLines
 from fret_monitor.ros.settings.opened import load_reporting, open_manifests
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
@@ -49,6 +48,7 @@ from fret_monitor.ros.settings.parameters import (
 from fret_monitor.ros.settings.qos import violation_request
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, Watch
+from fret_monitor.runtime.reporting import read_detail, ReceivedDetail, ViolationLines
 
 from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message
@@ -66,7 +66,7 @@ class _Unknown:
 
     handler: str
     status: DiagnosticStatus
-    detail: Detail
+    detail: ReceivedDetail
     sent: int
     came: float
 
@@ -174,9 +174,9 @@ class LoggerNode(ClockNode):
         self._outside = {topic.rpartition('/')[2]: topic for topic in sorted(outside)}
         wanted |= {topic: (topic, handler) for handler, topic in self._outside.items()}
         lines = {
-            item.handler: ViolationLines.of(self.get_logger(), item)
+            item.handler: ViolationLines(self._library, item.id, item.sentence, item.severity)
             for item in self._requirements} | {
-            handler: ViolationLines(self.get_logger(), handler, topic, Severity.ERROR)
+            handler: ViolationLines(self._library, handler, topic, Severity.ERROR)
             for handler, topic in self._outside.items()}
         with self._changed:
             # Lines of former requirements stay, for violations that wait to be logged.
@@ -242,7 +242,8 @@ class LoggerNode(ClockNode):
         except UNDECODABLE:
             return  # any node may publish here; the violation is logged without details
         for status in array.status:
-            detail, handler = read_detail(status), handler_name(status.name)
+            detail = read_detail(self._library, status_record(status))
+            handler = handler_name(status.name)
             if detail is None:
                 continue
             with self._changed:
@@ -251,7 +252,7 @@ class LoggerNode(ClockNode):
                 else:
                     self._unknown.append(_Unknown(handler, status, detail, sent, monotonic()))
 
-    def _add_detail(self, handler: str, status: DiagnosticStatus, detail: Detail,
+    def _add_detail(self, handler: str, status: DiagnosticStatus, detail: ReceivedDetail,
                     sent: int) -> None:
         if handler in self._outside:
             self._lines[handler] = self._described(status)
@@ -292,15 +293,14 @@ class LoggerNode(ClockNode):
 
     def _log(self, item: ReceivedViolation | ViolationEnd) -> None:
         lines, detail = self._lines[item.requirement], item.detail
-        if isinstance(item, ViolationEnd):
-            lines.satisfied(detail)
-        else:
-            lines.violated(item.received / 1e9 if detail is None else detail.stamp, detail)
+        log_lines(self.get_logger(), (
+            lines.satisfied(item.detail) if isinstance(item, ViolationEnd) else
+            lines.violated(item.received if detail is None else detail.stamp, detail)))
 
     def _described(self, status: DiagnosticStatus) -> ViolationLines:
         """Return the lines of a requirement that is not in the bundle."""
         severity = Severity.WARN if status.level == DiagnosticStatus.WARN else Severity.ERROR
-        return ViolationLines(self.get_logger(), status.name, status.message, severity)
+        return ViolationLines(self._library, status.name, status.message, severity)
 
 
 def _requirements(manifests: Iterable[Manifest]) -> list[ManifestRequirement]:

@@ -14,13 +14,18 @@
 
 """The thread that publishes and logs details; `hot_path.Announcer` announces violations."""
 
+from collections.abc import Iterable
 from threading import Event, Thread
+from typing import Any
 
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.reports.details import Details
-from fret_monitor.ros.reports.violation_log import LOGGED_PER_S, ViolationLog
+from fret_monitor.ros.reports.messages import log_lines
 from fret_monitor.ros.watch import ErrorKeeper
-from fret_monitor.runtime import Engine, MOST_DETAILS_PER_S, ViolationDetail
+from fret_monitor.runtime import MOST_DETAILS_PER_S
+from fret_monitor.runtime.reporting import LOGGED_PER_S, LogLine, Reporter, ViolationLog
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
 _WAIT_MS = 200  # longest wait for a detail; closing the engine ends it at once
 _POLL_S = 0.1  # between two checks for a subscriber, where the middleware has no matched event
@@ -29,11 +34,14 @@ _POLL_S = 0.1  # between two checks for a subscriber, where the middleware has n
 class DetailPublisher:
     """Publishes the details of violations while their topic has a subscriber, and logs them."""
 
-    def __init__(self, engine: Engine, details: Details, log: ViolationLog | None) -> None:
-        """Start the thread; `log` is None if violations are not logged."""
-        self._engine = engine
+    def __init__(self, reporter: Reporter, details: Details,
+                 logger: RcutilsLogger | None) -> None:
+        """Start the thread; `logger` is None if violations are not logged."""
+        self._reporter = reporter
+        self._engine = reporter.engine
         self._details = details
-        self._log = log
+        self._logger = logger
+        self._log = None if logger is None else ViolationLog(reporter)
         self._is_over = Event()
         self._kept = ErrorKeeper()
         self.turns = 0
@@ -72,11 +80,11 @@ class DetailPublisher:
             elif (detail := self._engine.take_detail(_WAIT_MS)) is not None:
                 self._take(detail)
             if self._log is not None:
-                self._log.review()
+                self._write(self._log.review())
         while (detail := self._engine.take_detail(0)) is not None:
             self._take(detail)
         if self._log is not None:
-            self._log.end()
+            self._write(self._log.end())
 
     def _has_listeners(self) -> bool:
         try:
@@ -84,11 +92,16 @@ class DetailPublisher:
         except RuntimeError:  # the context was shut down
             return False
 
-    def _take(self, detail: ViolationDetail) -> None:
+    def _take(self, detail: Any) -> None:
         if self._has_listeners():
             try:
-                self._details.publish(detail)
+                self._details.publish(
+                    self._reporter.detail(detail), detail.violation.stamp)
             except RuntimeError:  # the context was shut down
                 pass
         if self._log is not None:
-            self._log.add(detail)
+            self._write(self._log.add(detail))
+
+    def _write(self, lines: Iterable[LogLine]) -> None:
+        if self._logger is not None:
+            log_lines(self._logger, lines)

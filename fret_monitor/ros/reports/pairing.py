@@ -27,11 +27,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import islice
 
-from fret_monitor.ros.reports.details import Detail
+from fret_monitor.runtime.reporting import ReceivedDetail
 
 WAIT_S = 0.3
 _TOGETHER_NS = int(WAIT_S * 1e9)
-_ROUNDING_NS = 1000  # a stamp is a float of seconds
 _MOST_DETAILS = 1000  # of a requirement, waiting for their violations
 
 
@@ -43,7 +42,7 @@ class ReceivedViolation:
     received: int
     sent: int
     due: float  # s, on the monotonic clock: it is reported then at the latest
-    detail: Detail | None = None
+    detail: ReceivedDetail | None = None
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,12 @@ class ViolationEnd:
 
     requirement: str
     due: float  # s, as for a violation
-    detail: Detail
+    detail: ReceivedDetail
 
 
 @dataclass(frozen=True)
 class _WaitingDetail:
-    detail: Detail
+    detail: ReceivedDetail
     sent: int
     without: int | None  # violations without a detail before its own; None: not known
 
@@ -99,7 +98,7 @@ class Pairing:
         stream.held += 1
         self._pair(stream)
 
-    def add_detail(self, requirement: str, detail: Detail, sent: int) -> None:
+    def add_detail(self, requirement: str, detail: ReceivedDetail, sent: int) -> None:
         """Add a detail, by the time at which it was sent (ns)."""
         stream = self._streams.setdefault(requirement, _Stream())
         before, stream.suppressed = stream.suppressed, detail.suppressed
@@ -109,7 +108,7 @@ class Pairing:
         stream.details.append(_WaitingDetail(detail, sent, without))
         self._pair(stream)
 
-    def add_recovery(self, requirement: str, detail: Detail, now: float) -> None:
+    def add_recovery(self, requirement: str, detail: ReceivedDetail, now: float) -> None:
         """Add the end of a violation; `now` is on the monotonic clock."""
         stream = self._streams.setdefault(requirement, _Stream())
         stream.recoveries.append(ViolationEnd(requirement, now + WAIT_S, detail))
@@ -180,6 +179,6 @@ class Pairing:
             violation.detail = waiting.detail
 
 
-def _is_sent_before(violation: ReceivedViolation, detail: Detail) -> bool:
+def _is_sent_before(violation: ReceivedViolation, detail: ReceivedDetail) -> bool:
     """Whether a violation was sent before the step of a detail, and so is of an earlier step."""
-    return violation.sent < detail.stamp * 1e9 - _ROUNDING_NS
+    return violation.sent < detail.stamp

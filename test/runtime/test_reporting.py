@@ -1,0 +1,275 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+What is reported of violations, in words: details, and at most a line a second of each requirement.
+
+Both nodes and the logger say what csrc/reporting decides here.
+"""
+
+from pathlib import Path
+import struct
+
+from fret_monitor import build
+from fret_monitor.model.policies import Severity
+from fret_monitor.native import evaluator_library, load_evaluator
+from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime.reporting import (
+    LogLine, read_detail, Reporter, ReportTable, StatusRecord, ViolationLines, ViolationLog,
+)
+import pytest
+
+TWO = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32}
+  y: {topic: y, type: std_msgs/msg/Float32}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: R, ptltl: "x < 1"}
+  - {id: Q, ptltl: "y < 1", severity: warn}
+"""
+
+
+def engine_of(folder: Path, text: str) -> Engine:
+    bundle = folder / 'bundle.yaml'
+    bundle.write_text(text, encoding='utf-8')
+    engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
+    engine.want_details(True, 1000)
+    return engine
+
+
+def a_float(value: float) -> bytes:
+    return b'\0\1\0\0' + struct.pack('<f', value)
+
+
+def an_int(value: int) -> bytes:
+    return b'\0\1\0\0' + struct.pack('<i', value)
+
+
+class Log:
+    """The log of an engine with two requirements; each message is a violation, or its end."""
+
+    def __init__(self, folder: Path) -> None:
+        self.engine = engine_of(folder, TWO)
+        self._log = ViolationLog(Reporter(self.engine, ReportTable(self.engine.monitor.manifest)))
+        self.lines: list[str] = []
+
+    def happens(self, now: float, index: int = 0, *, is_over: bool = False,
+                has_detail: bool = True) -> None:
+        self.engine.message(index, a_float(0.0 if is_over else 2.0), int(now * 1e9))
+        if has_detail:
+            self.detail_comes(now)
+        elif now:
+            self.engine.want_details(False)  # drops it
+            self.engine.want_details(True, 1000)
+
+    def detail_comes(self, now: float) -> None:
+        detail = self.engine.take_detail(0)
+        assert detail is not None
+        self._keep(self._log.add(detail, int(now * 1e9)))
+
+    def end(self) -> None:
+        self._keep(self._log.end())
+
+    def taken(self, now: float) -> list[str]:
+        self._keep(self._log.review(int(now * 1e9)))
+        taken, self.lines = self.lines, []
+        return taken
+
+    def _keep(self, lines: list[LogLine]) -> None:
+        self.lines += [f'{line.level.name}: {line.text}' for line in lines]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Log:
+    return Log(tmp_path)
+
+
+def test_a_violation_and_its_end_are_logged_at_once_if_nothing_was_logged_just_before(
+        log: Log) -> None:
+    log.happens(10.0)
+    assert log.lines == ['ERROR: R violated at 10.000: x < 1 [step 0: x = 2.0]']
+    log.happens(10.0, 1)
+    assert log.taken(10.5)[1:] == ['WARN: Q violated at 10.000: y < 1 [step 0: y = 2.0]']
+    assert log.taken(11.1) == []
+    log.happens(11.2, is_over=True)
+    assert log.taken(11.2) == ['INFO: R satisfied again at 11.200: x < 1 [step 1: x = 0.0]']
+    assert log.taken(20.0) == []
+
+
+def test_what_comes_within_a_second_is_counted_and_the_latest_is_logged(log: Log) -> None:
+    log.happens(10.0)
+    for tenth in range(1, 9):
+        log.happens(10 + tenth / 10)
+    log.happens(10.0, 1)  # the other requirement has its own line
+    assert len(log.taken(10.9)) == 2
+    assert log.taken(11.0) == ['ERROR: R violated at 10.800: x < 1 [step 8: x = 2.0] '
+                               '(7 more violations since the last line)']
+    log.happens(11.5, is_over=True)
+    log.happens(11.6)
+    log.happens(11.7, is_over=True)
+    assert log.taken(11.9) == []
+    assert log.taken(12.0) == ['ERROR: R violated at 11.600: x < 1 [step 10: x = 2.0]',
+                               'INFO: R satisfied again at 11.700: x < 1 [step 11: x = 0.0]']
+    assert log.taken(20.0) == []
+
+
+def test_one_more_violation_is_in_the_singular(log: Log) -> None:
+    for tenth in range(3):
+        log.happens(10 + tenth / 10)
+    assert log.taken(11.0)[1:] == ['ERROR: R violated at 10.200: x < 1 [step 2: x = 2.0] '
+                                   '(1 more violation since the last line)']
+
+
+def test_each_violation_is_in_a_line_of_its_severity_although_all_are_short(log: Log) -> None:
+    found = []
+    for quarter in range(24):
+        log.happens(10 + quarter / 4)
+        log.happens(10 + quarter / 4 + 0.05, is_over=True)
+        found += log.taken(10 + quarter / 4 + 0.2)
+    log.end()
+    found += log.lines
+    errors = [line for line in found if line.startswith('ERROR: R violated at ')]
+    more = [int(line.rpartition('(')[2].split()[0]) for line in errors if 'more viol' in line]
+    assert len(errors) + sum(more) == 24
+    assert 6 <= len(errors) <= 7
+    assert all('INFO: R satisfied again at' in line for line in found if line not in errors)
+
+
+def test_violations_without_details_are_counted_and_their_end_is_logged(log: Log) -> None:
+    log.happens(10.0)
+    for tenth in range(1, 4):
+        log.happens(10 + tenth / 10, has_detail=False)
+    assert log.taken(11.0)[1:] == ['ERROR: R violated 3 times more, without details: x < 1']
+    log.happens(11.5, is_over=True, has_detail=False)
+    assert log.taken(12.0) == ['INFO: R satisfied again: x < 1']
+    log.happens(12.5, has_detail=False)
+    log.happens(12.6, is_over=True)
+    assert log.taken(13.0) == ['ERROR: R violated once more, without details: x < 1',
+                               'INFO: R satisfied again at 12.600: x < 1 [step 6: x = 0.0]']
+    assert log.taken(20.0) == []
+
+
+def test_a_violation_that_was_counted_before_its_detail_came_is_logged_after_an_end(
+        log: Log) -> None:
+    log.happens(10.0)
+    log.happens(10.1, is_over=True)
+    log.engine.message(0, a_float(2.0), 10_200_000_000)  # its detail is on its way
+    assert log.taken(11.0)[1:] == ['ERROR: R violated once more, without details: x < 1',
+                                   'INFO: R satisfied again at 10.100: x < 1 [step 1: x = 0.0]']
+    log.detail_comes(11.1)
+    assert log.taken(12.0) == ['ERROR: R violated at 10.200: x < 1 [step 2: x = 2.0]']
+    log.happens(13.5, is_over=True)
+    assert log.taken(13.5) == ['INFO: R satisfied again at 13.500: x < 1 [step 3: x = 0.0]']
+
+
+def test_a_requirement_of_which_no_detail_came_is_logged_too(log: Log) -> None:
+    log.happens(10.0)
+    log.happens(10.1, 1, has_detail=False)  # the queue was full
+    assert log.taken(11.0)[1:] == ['WARN: Q violated once more, without details: y < 1']
+    assert log.taken(20.0) == []
+
+
+def test_what_was_left_out_is_logged_at_the_end(log: Log) -> None:
+    log.happens(10.0)
+    log.happens(10.1, is_over=True)
+    log.end()
+    assert log.lines[1:] == ['INFO: R satisfied again at 10.100: x < 1 [step 1: x = 0.0]']
+
+
+OF_ALL_KINDS = """
+format: 1
+component: arm
+inputs:
+  step: {topic: gait, type: std_msgs/msg/Int32, values: {STAND: 0, WALK: 42}}
+  stamp: {topic: imu, type: std_msgs/msg/Int32, initial: 7, timeout: 1.0, startup: 1.0,
+          stale: violate}
+  on: {topic: on, type: std_msgs/msg/Bool}
+constants: {time: 48.50, silent: 0, other: 1}
+definitions: {few: step + stamp < time}
+evaluation: POLICY
+requirements:
+  - {id: R, title: Few  steps, ptltl: "few & (on | step < silent)"}
+"""
+
+
+@pytest.mark.parametrize(('policy', 'place', 'shown'), [
+    ('{policy: relevant_message}', ('step', '1'), 'step 1'),
+    ('{policy: timed}', ('time', '0.249999998'), '0.249999998 s after its start')])
+def test_the_logger_words_a_detail_that_it_receives_as_the_monitor_does(
+        policy: str, place: tuple[str, str], shown: str, tmp_path: Path) -> None:
+    engine = engine_of(tmp_path, OF_ALL_KINDS.replace('POLICY', policy))
+    manifest = engine.monitor.manifest
+    reporter = Reporter(engine, ReportTable(manifest))
+    begin, later = 1_000_000_000, 1_250_000_000
+    engine.advance(begin)
+    engine.message(2, b'\0\1\0\0\1', begin)
+    engine.message(1, an_int(7), begin)
+    engine.message(0, an_int(0), begin)
+    engine.message(0, an_int(42), later)
+    engine.advance(later + 1)
+    detail = engine.take_detail(0)
+    assert detail is not None
+    found = reporter.detail(detail)
+    assert found == StatusRecord(2, 'R', 'Few steps', 'arm', (
+        place, ('stamp', '1.250000000'), ('suppressed', '0'), ('silent', ''),
+        ('input step', 'WALK'), ('input stamp', '7'), ('on', 'true'),
+        ('constant time', '48.50'), ('constant silent', '0')))
+    received = read_detail(engine.library, found)
+    assert received is not None
+    requirement, = manifest.requirements
+    line, = ViolationLines(engine.library, 'R', requirement.sentence, requirement.severity) \
+        .violated(received.stamp, received)
+    assert [line] == ViolationLog(reporter).add(detail)
+    assert line.text.endswith(
+        f') [{shown}: step = WALK, stamp = 7, on = true, time = 48.50, silent = 0]')
+
+
+RIGHT = (('step', '3'), ('stamp', '12.345678901'), ('suppressed', '2'), ('silent', 'y'))
+
+
+def test_a_silent_input_and_a_gate_that_withheld_are_in_the_line() -> None:
+    library = load_evaluator(evaluator_library())
+    lines = ViolationLines(library, 'R', 'x < 1', Severity.WARN)
+    withheld = ('x', '(none yet)'), ('withheld by', 'door')
+    detail = read_detail(library, StatusRecord(1, 'R', '', '', RIGHT + withheld))
+    assert detail is not None
+    assert (detail.stamp, detail.suppressed, detail.is_recovery) == (12_345_678_901, 2, False)
+    line, = lines.violated(detail.stamp, detail)
+    assert (line.level.name, line.text) == (
+        'WARN', 'R violated at 12.346: x < 1 [step 3, no message for y: x = (none yet)], '
+        "withheld by gate 'door'")
+    line, = lines.violated(7 * 10**9, None)
+    assert line.text == 'R violated at 7.000: x < 1'
+    over = read_detail(library, StatusRecord(0, 'R', '', '', (('time', '2.5'), *RIGHT[1:])))
+    assert over is not None and over.is_recovery
+    line, = lines.satisfied(over)
+    assert (line.level.name, line.text) == (
+        'INFO', 'R satisfied again at 12.346: x < 1 [2.5 s after its start, no message for y: ]')
+
+
+@pytest.mark.parametrize(('place', 'pair'), [
+    (0, ('step', 'one')), (0, ('step', '1.5')), (0, ('step', '')), (0, ('step', '1' * 21)),
+    (0, ('time', '1.')), (0, ('time', '-1')), (0, ('place', '1')), (1, ('stamp', 'nan')),
+    (1, ('stamp', '1.5')), (1, ('stamp', '1.0000000000')), (1, ('stamp', '9999999999.000000000')),
+    (1, ('time', '12.345678901')), (2, ('suppressed', '-1')), (3, ('silence', 'y'))])
+def test_a_status_of_another_form_is_no_detail(place: int, pair: tuple[str, str]) -> None:
+    library = load_evaluator(evaluator_library())
+    values = [*RIGHT]
+    assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values))) is not None
+    assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values[:3]))) is None
+    values[place] = pair
+    assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values))) is None
