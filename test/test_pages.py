@@ -46,6 +46,7 @@ from fret_monitor.native import cache, compiler
 from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
+from fret_monitor.runtime.reporting import LOGGED_PER_S
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -323,37 +324,40 @@ def test_specs_in_commands_of_the_pages_are_found() -> None:
 
 # -- limits and defaults -------------------------------------------------------------------------
 
-LIMITS = [
+# A value, or `PATH:NAME` of a constant that is read without importing its module.
+LIMITS: list[tuple[str, str, float | str]] = [
     ('bundle.md', r'UTF-8, up to (\d+) MiB', MAX_BYTES >> 20),
     ('security.md', r'Python objects, (\d+) MiB', MAX_BYTES >> 20),
     ('security.md', r'MiB and (\d+) levels', yaml_tree.MAX_DEPTH),
     ('security.md', r'unused for (\d+) days', cache._UNUSED_AGE / 86400),
     ('security.md', r'above (\d+) libraries', cache._MOST),
-    ('security.md', r'\((\d+) notes\)', constants('fret_monitor/start.py')['_MOST_NOTES']),
+    ('security.md', r'\((\d+) notes\)', 'fret_monitor/start.py:_MOST_NOTES'),
     ('language.md', r'one above (\d+), in', MAX_BOUND),
     ('language.md', r'sentence above (\d+)', MAX_BOUND - 1),
     ('recordings.md', r'the first (\d+) times', report._MOST_LISTED),
     ('ros.md', r'publishers of (\d+) topics',
-     constants('fret_monitor/ros/intake/feed.py')['_REVIEWED_AT_ONCE']),
+     'fret_monitor/ros/intake/feed.py:_REVIEWED_AT_ONCE'),
     ('design.md', r'publishers of (\d+) topics',
-     constants('fret_monitor/ros/intake/feed.py')['_REVIEWED_AT_ONCE']),
+     'fret_monitor/ros/intake/feed.py:_REVIEWED_AT_ONCE'),
     ('ros.md', r'at most (\d+) a second get them',
-     constants('fret_monitor/runtime/engine.py')['MOST_DETAILS_PER_S']),
-    ('ros.md', r'\((\d+) without a subscriber\)',
-     constants('fret_monitor/ros/reports/violation_log.py')['LOGGED_PER_S']),
+     'fret_monitor/runtime/engine.py:MOST_DETAILS_PER_S'),
+    ('ros.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
     ('ros.md', r'with a lease of (\d+) s',
-     constants('fret_monitor/ros/nodes/sign_of_life.py')['_LEASE_S']),
+     'fret_monitor/ros/nodes/sign_of_life.py:_LEASE_S'),
     ('bundle.md', r'default: (\d+), or the `timeout`',
-     constants('fret_monitor/elaboration/signals.py')['_USUAL_STARTUP_S']),
+     'fret_monitor/elaboration/signals.py:_USUAL_STARTUP_S'),
     ('actions.md', r'first one that failed \((\d+)\)',
-     constants('fret_monitor/bundle/actions.py')['_USUAL_RETRIES']),
+     'fret_monitor/bundle/actions.py:_USUAL_RETRIES'),
 ]
 
 
 @pytest.mark.parametrize(('page', 'pattern', 'value'), LIMITS)
 def test_a_limit_or_default_of_a_page_is_that_of_the_program(
-    page: str, pattern: str, value: float,
+    page: str, pattern: str, value: float | str,
 ) -> None:
+    if isinstance(value, str):
+        path, _, name = value.partition(':')
+        value = constants(path)[name]
     said = re.search(pattern.replace(' ', r'\s+'), text_of(page))
     assert said is not None and float(said[1]) == value
 
