@@ -21,7 +21,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "check.h"
+#include "scenarios.h"
 
 enum { BEAT, FED, N_REQUIREMENTS, PERIOD = 100, TIMEOUT = 1000, PATIENCE = 10, MOST = 4096 };
 
@@ -134,9 +134,15 @@ static int read_clock(void * clock, int64_t * nanoseconds)
   return ((struct clock *)clock)->fails ? 1 : 0;
 }
 
+static void follow(struct fm_engine * engine, struct clock * clock)
+{
+  fm_engine_follow_clock(engine, read_clock, clock, false);
+  fm_engine_begin(engine);
+}
+
 // ---- tests -------------------------------------------------------------------------------------
 
-static void what_is_due_is_stamped_with_its_instant(void)
+SCENARIO(what_is_due_is_stamped_with_its_instant)
 {
   struct fm_engine * engine = make(FM_PERIODIC, 0, 0);
   CHECK(fm_engine_deadline(engine) == FM_NEVER);
@@ -156,12 +162,11 @@ static void what_is_due_is_stamped_with_its_instant(void)
   destroy(engine);
 }
 
-static void of_very_many_periods_the_last_are_taken(void)
+SCENARIO(of_very_many_periods_the_last_are_taken)
 {
   struct clock clock = {PERIOD, false};
   struct fm_engine * engine = make(FM_PERIODIC, 0, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   clock.now = 3001 * PERIOD + 1;
   CHECK(take(engine) == FM_MOST_PERIODS_BEHIND && are_counted(engine, 1000, 2000, 0));
   for (uint32_t k = 0; k < FM_MOST_PERIODS_BEHIND; ++k) {
@@ -170,12 +175,11 @@ static void of_very_many_periods_the_last_are_taken(void)
   destroy(engine);
 }
 
-static void a_clock_that_goes_back_loses_no_period_and_adds_none(void)
+SCENARIO(a_clock_that_goes_back_loses_no_period_and_adds_none)
 {
   struct clock clock = {1000000, false};
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   clock.now += 30;
   CHECK(take(engine) == 0);
   clock.now = 5;
@@ -194,12 +198,11 @@ static void a_clock_that_goes_back_loses_no_period_and_adds_none(void)
   destroy(engine);
 }
 
-static void a_clock_without_time_lets_nothing_be_due(void)
+SCENARIO(a_clock_without_time_lets_nothing_be_due)
 {
   struct clock clock = {0, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   deliver(engine, false, 77);
   CHECK(take(engine) == 2 && is_taken(0, BEAT, 0) && is_taken(1, FED, 0));
   clock.now = 500;
@@ -220,7 +223,7 @@ static void a_clock_without_time_lets_nothing_be_due(void)
   destroy(engine);
 }
 
-static void a_message_at_the_instant_of_a_deadline_comes_first(void)
+SCENARIO(a_message_at_the_instant_of_a_deadline_comes_first)
 {
   struct clock clock = {100, false};
   for (int is_told = 0; is_told < 2; ++is_told) {
@@ -229,8 +232,7 @@ static void a_message_at_the_instant_of_a_deadline_comes_first(void)
     if (is_told) {
       fm_engine_advance(engine, 100);
     } else {
-      fm_engine_follow_clock(engine, read_clock, &clock, false);
-      fm_engine_begin(engine);
+      follow(engine, &clock);
     }
     for (int64_t now = 100 + TIMEOUT; now < 100 + 10 * TIMEOUT; now += TIMEOUT) {
       clock.now = now;
@@ -250,12 +252,11 @@ static void a_message_at_the_instant_of_a_deadline_comes_first(void)
   }
 }
 
-static void a_timeout_that_is_found_late_is_put_off_once(void)
+SCENARIO(a_timeout_that_is_found_late_is_put_off_once)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   clock.now += 5 * TIMEOUT;  // the process was stopped, and a message is waiting
   CHECK(take(engine) == 0 && fm_engine_silence(engine, 0).count == 0);
   CHECK(fm_engine_deadline(engine) == clock.now + TIMEOUT);
@@ -271,12 +272,11 @@ static void a_timeout_that_is_found_late_is_put_off_once(void)
   destroy(engine);
 }
 
-static void a_timeout_that_a_coarse_clock_finds_late_is_not_put_off(void)
+SCENARIO(a_timeout_that_a_coarse_clock_finds_late_is_not_put_off)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   for (; clock.now < 100 + TIMEOUT; clock.now += 2 * TIMEOUT / 5) {
     CHECK(take(engine) == 0);
   }
@@ -285,7 +285,7 @@ static void a_timeout_that_a_coarse_clock_finds_late_is_not_put_off(void)
   destroy(engine);
 }
 
-static void another_source_of_the_time_puts_nothing_off(void)
+SCENARIO(another_source_of_the_time_puts_nothing_off)
 {
   struct clock one = {1000000, false};
   struct clock other = {5, false};
@@ -293,19 +293,16 @@ static void another_source_of_the_time_puts_nothing_off(void)
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
   fm_engine_advance(engine, -50);
   fm_engine_advance(engine, -20);  // 70 are left
-  fm_engine_follow_clock(engine, read_clock, &one, false);
-  fm_engine_begin(engine);
+  follow(engine, &one);
   CHECK(fm_engine_deadline(engine) == one.now + 70);
   fm_engine_advance(engine, INT64_MAX);  // ignored: the time is not told
   one.now += 30;
-  fm_engine_follow_clock(engine, read_clock, &other, false);
-  fm_engine_begin(engine);
+  follow(engine, &other);
   CHECK(fm_engine_deadline(engine) == other.now + 40);
   other.now += 41;
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 45));
   other.now += 9;
-  fm_engine_follow_clock(engine, read_clock, &none, false);
-  fm_engine_begin(engine);
+  follow(engine, &none);
   CHECK(take(engine) == 0);
   none.now = 7000;
   CHECK(take(engine) == 0 && fm_engine_deadline(engine) == 7090);
@@ -313,12 +310,11 @@ static void another_source_of_the_time_puts_nothing_off(void)
   destroy(engine);
 }
 
-static void a_reset_finds_a_silent_input_anew(void)
+SCENARIO(a_reset_finds_a_silent_input_anew)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   clock.now += TIMEOUT + 1;
   CHECK(take(engine) == 1 && is_taken(0, FED, 100 + TIMEOUT));
   fm_engine_reset(engine);
@@ -329,12 +325,11 @@ static void a_reset_finds_a_silent_input_anew(void)
   destroy(engine);
 }
 
-static void a_closed_engine_takes_nothing(void)
+SCENARIO(a_closed_engine_takes_nothing)
 {
   struct clock clock = {100, false};
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, 0);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   fm_engine_close(engine);
   clock.now += 10 * TIMEOUT;
   deliver(engine, true, 0);
@@ -352,7 +347,7 @@ static void a_closed_engine_takes_nothing(void)
 
 // ---- bad input ---------------------------------------------------------------------------------
 
-static void a_record_of_an_unknown_topic_is_ignored(void)
+SCENARIO(a_record_of_an_unknown_topic_is_ignored)
 {
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, 0);
   uint8_t room[8];
@@ -368,7 +363,7 @@ static void a_record_of_an_unknown_topic_is_ignored(void)
   destroy(engine);
 }
 
-static void an_engine_of_another_abi_is_refused(void)
+SCENARIO(an_engine_of_another_abi_is_refused)
 {
   struct fm_monitor other = monitor;
   other.abi = FM_ABI + 1;
@@ -395,7 +390,7 @@ static void an_engine_of_another_abi_is_refused(void)
   free(memory);
 }
 
-static void a_deadline_that_never_comes_is_not_waited_for(void)
+SCENARIO(a_deadline_that_never_comes_is_not_waited_for)
 {
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, 0, 0);
   fm_engine_advance(engine, 0);
@@ -415,14 +410,13 @@ static void a_deadline_that_never_comes_is_not_waited_for(void)
   destroy(engine);
 }
 
-static void times_at_the_ends_of_the_range_are_times(void)
+SCENARIO(times_at_the_ends_of_the_range_are_times)
 {
   struct clock clock = {INT64_MAX - 1, false};
   struct fm_engine * engine = make(FM_PERIODIC, TIMEOUT, PATIENCE);
   fm_engine_advance(engine, INT64_MIN);
   fm_engine_advance(engine, INT64_MIN + 10);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  follow(engine, &clock);
   CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND);
   clock.now = 1;
   CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND && fm_engine_time_counts(engine).restarts == 1);
@@ -435,23 +429,4 @@ static void times_at_the_ends_of_the_range_are_times(void)
   fm_engine_advance(engine, INT64_MIN);
   CHECK(take(engine) == 0 && fm_engine_time_counts(engine).restarts == 1);
   destroy(engine);
-}
-
-int main(void)
-{
-  what_is_due_is_stamped_with_its_instant();
-  of_very_many_periods_the_last_are_taken();
-  a_clock_that_goes_back_loses_no_period_and_adds_none();
-  a_clock_without_time_lets_nothing_be_due();
-  a_message_at_the_instant_of_a_deadline_comes_first();
-  a_timeout_that_is_found_late_is_put_off_once();
-  a_timeout_that_a_coarse_clock_finds_late_is_not_put_off();
-  another_source_of_the_time_puts_nothing_off();
-  a_reset_finds_a_silent_input_anew();
-  a_closed_engine_takes_nothing();
-  a_record_of_an_unknown_topic_is_ignored();
-  an_engine_of_another_abi_is_refused();
-  a_deadline_that_never_comes_is_not_waited_for();
-  times_at_the_ends_of_the_range_are_times();
-  return failures == 0 ? 0 : 1;
 }

@@ -27,7 +27,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "check.h"
+#include "scenarios.h"
 
 enum { X, Y, GOT_X, AGE, N_INPUTS };
 enum { ANSWER, BEAT, OLD, N_REQUIREMENTS };
@@ -220,11 +220,53 @@ struct clock
   bool fails;
 };
 
+static struct clock simulated;
+
 static int read_clock(void * clock, int64_t * nanoseconds)
 {
   *nanoseconds = ((struct clock *)clock)->now;
   return ((struct clock *)clock)->fails ? 1 : 0;
 }
+
+static struct fm_engine * make_with_clock(int64_t reorder, int64_t now)
+{
+  struct fm_engine * engine = make(reorder);
+  simulated = (struct clock) {now, false};
+  fm_engine_follow_clock(engine, read_clock, &simulated, false);
+  fm_engine_begin(engine);
+  return engine;
+}
+
+struct event
+{
+  enum {ADVANCES, CLOCK_MOVES, TAKES, COMES} what;
+  int64_t time;  // of the clock; of a message, the stamp of its header
+  uint32_t topic;
+  bool value;
+  int64_t received;
+};
+
+static void play(struct fm_engine * engine, const struct event * events, size_t count)
+{
+  for (const struct event * each = events; each < events + count; ++each) {
+    switch (each->what) {
+      case ADVANCES: fm_engine_advance(engine, each->time); break;
+      case CLOCK_MOVES: simulated.now = each->time; break;
+      case TAKES: take(engine, 0); break;
+      case COMES: deliver(engine, each->topic, each->value, each->time, each->received); break;
+    }
+  }
+}
+
+#define ADVANCE(time) {ADVANCES, time, 0, false, 0}
+#define CLOCK(time) {CLOCK_MOVES, time, 0, false, 0}
+#define TAKE {TAKES, 0, 0, false, 0}
+#define X_OF(value, stamp, received) {COMES, stamp, TOPIC_X, value, received}
+#define Y_OF(value, stamp, received) {COMES, stamp, TOPIC_Y, value, received}
+#define PLAY(engine, ...) \
+  play( \
+    engine, (const struct event[]) {__VA_ARGS__}, \
+    sizeof((const struct event[]) {__VA_ARGS__}) / sizeof(struct event))
 
 // The linker puts it in place of clock_gettime: a system time that the test sets back, and clocks
 // that stand.
@@ -254,18 +296,13 @@ static int64_t time_of(clockid_t clock)
 
 // ---- time that is told -------------------------------------------------------------------------
 
-static void deadlines_before_a_message_come_first(void)
+SCENARIO(deadlines_before_a_message_come_first)
 {
   struct fm_engine * engine = make(-1);
-  fm_engine_advance(engine, 1000);
-  deliver(engine, TOPIC_Y, false, 0, 1000);
-  deliver(engine, TOPIC_X, true, 0, 1010);
-  deliver(engine, TOPIC_Y, true, 0, 1500);
-  take(engine, 0);
+  PLAY(engine, ADVANCE(1000), Y_OF(false, 0, 1000), X_OF(true, 0, 1010), Y_OF(true, 0, 1500),
+    TAKE);
   CHECK(is_taken(ANSWER, 1110, 100) && is_taken(BEAT, 1211, 201));
-  deliver(engine, TOPIC_Y, false, 0, 1600);
-  deliver(engine, TOPIC_X, true, 0, 1700);
-  deliver(engine, TOPIC_Y, true, 0, 1800);
+  PLAY(engine, Y_OF(false, 0, 1600), X_OF(true, 0, 1700), Y_OF(true, 0, 1800));
   CHECK(fm_engine_deadline(engine) == 1901);
   fm_engine_advance(engine, 5000);
   n_taken = 0;
@@ -274,7 +311,7 @@ static void deadlines_before_a_message_come_first(void)
   destroy(engine);
 }
 
-static void ages_are_seconds_from_the_stamp_to_the_reception(void)
+SCENARIO(ages_are_seconds_from_the_stamp_to_the_reception)
 {
   struct fm_engine * engine = make(-1);
   double age = 0.0;
@@ -289,7 +326,7 @@ static void ages_are_seconds_from_the_stamp_to_the_reception(void)
   destroy(engine);
 }
 
-static void a_recovery_is_a_detail_and_no_violation(void)
+SCENARIO(a_recovery_is_a_detail_and_no_violation)
 {
   struct fm_engine * engine = make(-1);
   struct { struct fm_detail detail; char rest[64]; } room;
@@ -311,67 +348,46 @@ static void a_recovery_is_a_detail_and_no_violation(void)
 
 // ---- a clock -----------------------------------------------------------------------------------
 
-static void a_clock_that_starts_again_starts_the_groups_afresh(void)
+SCENARIO(a_clock_that_starts_again_starts_the_groups_afresh)
 {
-  struct clock clock = {1000, false};
-  struct fm_engine * engine = make(-1);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 0, 1);
-  deliver(engine, TOPIC_X, true, 0, 1);
-  clock.now = 1050;
-  take(engine, 0);
-  clock.now = 20;
-  deliver(engine, TOPIC_X, true, 0, 1);
+  struct fm_engine * engine = make_with_clock(-1, 1000);
+  PLAY(engine, Y_OF(false, 0, 1), X_OF(true, 0, 1), CLOCK(1050), TAKE, CLOCK(20),
+    X_OF(true, 0, 1));
   CHECK(fm_engine_time_counts(engine).restarts == 1);
   CHECK(fm_engine_time_counts(engine).restarted_at == 20);
-  clock.now = 119;
-  take(engine, 0);
+  PLAY(engine, CLOCK(119), TAKE);
   CHECK(count_of(ANSWER) == 0);
-  clock.now = 500;
-  take(engine, 0);
+  PLAY(engine, CLOCK(500), TAKE);
   // x and y keep their values: asked when the time began again.
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 120, 100));
   destroy(engine);
 }
 
-static void messages_at_one_time_of_a_clock_take_effect_one_by_one(void)
+SCENARIO(messages_at_one_time_of_a_clock_take_effect_one_by_one)
 {
-  struct clock clock = {1000, false};
-  struct fm_engine * engine = make(-1);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  struct fm_engine * engine = make_with_clock(-1, 1000);
   deliver(engine, TOPIC_Y, false, 0, 1);
   for (int k = 0; k < 50; ++k) {
     deliver(engine, TOPIC_X, k % 2 == 0, 0, 1);
     take(engine, 0);
   }
-  clock.now = 1010;
-  take(engine, 0);
-  deliver(engine, TOPIC_X, false, 0, 1);
+  PLAY(engine, CLOCK(1010), TAKE, X_OF(false, 0, 1));
   CHECK(fm_engine_time_counts(engine).restarts == 0);
-  clock.now = 1099;
-  take(engine, 0);
+  PLAY(engine, CLOCK(1099), TAKE);
   CHECK(n_taken == 0);
-  clock.now = 1101;
-  take(engine, 0);
+  PLAY(engine, CLOCK(1101), TAKE);
   CHECK(n_taken == 0);  // a message may still come at that time
-  clock.now = 1102;
-  take(engine, 0);
+  PLAY(engine, CLOCK(1102), TAKE);
   CHECK(is_taken(ANSWER, 1101, 100));  // asked by the second message, at 1001
   destroy(engine);
 }
 
-static void a_violation_before_another_clock_has_a_time_has_the_stamp_0(void)
+SCENARIO(a_violation_before_another_clock_has_a_time_has_the_stamp_0)
 {
-  struct clock clock = {5000, false};
   struct clock none = {0, false};
   window = 2;
-  struct fm_engine * engine = make(-1);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 0, 1);
-  deliver(engine, TOPIC_X, true, 0, 1);
+  struct fm_engine * engine = make_with_clock(-1, 5000);
+  PLAY(engine, Y_OF(false, 0, 1), X_OF(true, 0, 1));
   fm_engine_follow_clock(engine, read_clock, &none, false);
   for (int k = 0; k < 5; ++k) {
     deliver(engine, TOPIC_Y, false, 0, 1);
@@ -383,18 +399,14 @@ static void a_violation_before_another_clock_has_a_time_has_the_stamp_0(void)
 }
 
 // A simulator sends its messages after the tick of /clock to which they belong.
-static void an_answer_while_the_clock_stands_at_the_deadline_counts(void)
+SCENARIO(an_answer_while_the_clock_stands_at_the_deadline_counts)
 {
   for (int64_t reorder = -1; reorder <= 0; ++reorder) {  // without and with stamps of headers
     for (int64_t late = 0; late < 2; ++late) {
-      struct clock clock = {1000, false};
-      struct fm_engine * engine = make(reorder);
-      fm_engine_follow_clock(engine, read_clock, &clock, false);
-      fm_engine_begin(engine);
+      struct fm_engine * engine = make_with_clock(reorder, 1000);
       const int64_t times[] = {1000, 1000, 1101 + late, 1300};
       for (int k = 0; k < 4; ++k) {
-        clock.now = times[k];
-        take(engine, 0);
+        PLAY(engine, CLOCK(times[k]), TAKE);
         deliver(engine, k == 1 ? TOPIC_X : TOPIC_Y, k == 1 || k == 2, times[k], 1);
         take(engine, 0);
       }
@@ -406,36 +418,28 @@ static void an_answer_while_the_clock_stands_at_the_deadline_counts(void)
   }
 }
 
-static void without_a_time_messages_are_steps_of_the_last_instant(void)
+SCENARIO(without_a_time_messages_are_steps_of_the_last_instant)
 {
-  struct clock clock = {0, false};
-  struct fm_engine * engine = make(-1);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 0, 1);
-  deliver(engine, TOPIC_X, true, 0, 1);
-  take(engine, 0);
+  struct fm_engine * engine = make_with_clock(-1, 0);
+  PLAY(engine, Y_OF(false, 0, 1), X_OF(true, 0, 1), TAKE);
   CHECK(n_taken == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 0);
-  clock.now = 500;
-  take(engine, 0);
+  PLAY(engine, CLOCK(500), TAKE);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
-  clock.now = 501;
-  take(engine, 0);
+  PLAY(engine, CLOCK(501), TAKE);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
-  clock.fails = true;
+  simulated.fails = true;
   deliver(engine, TOPIC_X, false, 0, 1);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
   CHECK(count_of(OLD) == 0 && fm_engine_input_counts(engine, AGE).unusable == 2);
-  clock.fails = false;
-  clock.now = 10000;
-  take(engine, 0);
+  simulated.fails = false;
+  PLAY(engine, CLOCK(10000), TAKE);
   CHECK(is_taken(ANSWER, 600, 100) && is_taken(BEAT, 702, 202));
   destroy(engine);
 }
 
 // ---- the steady clock --------------------------------------------------------------------------
 
-static void a_wait_ends_at_the_deadline(void)
+SCENARIO(a_wait_ends_at_the_deadline)
 {
   struct fm_engine * engine = make(-1);
   window = 30 * MS;
@@ -453,7 +457,7 @@ static void a_wait_ends_at_the_deadline(void)
   destroy(engine);
 }
 
-static void a_reception_ends_with_its_message_and_wakes_no_thread(void)
+SCENARIO(a_reception_ends_with_its_message_and_wakes_no_thread)
 {
   struct fm_engine * engine = make(-1);
   fm_engine_follow_steady(engine);
@@ -468,19 +472,15 @@ static void a_reception_ends_with_its_message_and_wakes_no_thread(void)
 
 // ---- stamps of headers -------------------------------------------------------------------------
 
-static void messages_take_effect_in_the_order_of_their_stamps(void)
+SCENARIO(messages_take_effect_in_the_order_of_their_stamps)
 {
   struct fm_engine * engine = make(50);
-  fm_engine_advance(engine, 1000);
-  deliver(engine, TOPIC_Y, false, 1000, 1010);
-  deliver(engine, TOPIC_Y, true, 1120, 1130);
-  deliver(engine, TOPIC_X, true, 1100, 1140);
-  deliver(engine, TOPIC_Y, false, 1130, 1141);
+  PLAY(engine, ADVANCE(1000), Y_OF(false, 1000, 1010), Y_OF(true, 1120, 1130),
+    X_OF(true, 1100, 1140), Y_OF(false, 1130, 1141));
   CHECK(fm_engine_deadline(engine) == 1100);
   fm_engine_advance(engine, 1149);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
-  fm_engine_advance(engine, 1279);
-  take(engine, 0);
+  PLAY(engine, ADVANCE(1279), TAKE);
   CHECK(count_of(ANSWER) == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 3);
   fm_engine_advance(engine, 1280);  // x is still true since 1130, and no answer until 1230
   take(engine, 0);
@@ -489,86 +489,64 @@ static void messages_take_effect_in_the_order_of_their_stamps(void)
   destroy(engine);
 }
 
-static void a_message_that_is_too_late_takes_effect_at_once(void)
+SCENARIO(a_message_that_is_too_late_takes_effect_at_once)
 {
   struct fm_engine * engine = make(50);
-  fm_engine_advance(engine, 1000);
-  deliver(engine, TOPIC_Y, false, 990, 1010);
-  fm_engine_advance(engine, 1200);
-  deliver(engine, TOPIC_X, true, 1100, 1201);
+  PLAY(engine, ADVANCE(1000), Y_OF(false, 990, 1010), ADVANCE(1200), X_OF(true, 1100, 1201));
   CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 1);
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 0);
-  fm_engine_advance(engine, 2000);
-  take(engine, 0);
+  PLAY(engine, ADVANCE(2000), TAKE);
   CHECK(is_taken(ANSWER, 1251, 100));  // asked at 1151: what came before is decided
   destroy(engine);
 }
 
-static void a_stamp_ahead_of_the_clock_is_counted(void)
+SCENARIO(a_stamp_ahead_of_the_clock_is_counted)
 {
   struct fm_engine * engine = make(50);
-  fm_engine_advance(engine, 1000);
-  deliver(engine, TOPIC_X, true, 1010 + 100000000, 1010);
+  PLAY(engine, ADVANCE(1000), X_OF(true, 1010 + 100000000, 1010));
   CHECK(fm_engine_order_counts(engine, TOPIC_X).ahead == 0);
-  deliver(engine, TOPIC_X, true, 1010 + 300000000, 1010);
-  deliver(engine, TOPIC_X, true, 1010 + 200000000, 1010);
+  PLAY(engine, X_OF(true, 1010 + 300000000, 1010), X_OF(true, 1010 + 200000000, 1010));
   CHECK(fm_engine_order_counts(engine, TOPIC_X).ahead == 2);
   CHECK(fm_engine_order_counts(engine, TOPIC_X).most_ahead == 300000000);
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).ahead == 0);
   destroy(engine);
 }
 
-static void a_late_message_takes_effect_after_what_is_decided_then(void)
+SCENARIO(a_late_message_takes_effect_after_what_is_decided_then)
 {
-  struct clock clock = {1000, false};
-  struct fm_engine * engine = make(100);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  clock.now = 1110;
-  deliver(engine, TOPIC_Y, false, 1020, 1);
-  deliver(engine, TOPIC_X, true, 1030, 1);
+  struct fm_engine * engine = make_with_clock(100, 1000);
+  PLAY(engine, CLOCK(1110), Y_OF(false, 1020, 1), X_OF(true, 1030, 1));
   // Nothing was taken since. x waits until 1130, its deadline is 1130, and all before 1900 passed.
-  clock.now = 2000;
-  deliver(engine, TOPIC_Y, true, 0, 1);
+  PLAY(engine, CLOCK(2000), Y_OF(true, 0, 1));
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 1);
   take(engine, 0);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 1130, 100));
   deliver(engine, TOPIC_Y, false, 1850, 1);
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).late == 2);
   n_taken = 0;
-  clock.now = 3000;
-  take(engine, 0);
+  PLAY(engine, CLOCK(3000), TAKE);
   CHECK(is_taken(ANSWER, 2001, 971));  // asked again at 1901, after the message at 1900
   CHECK(fm_engine_time_counts(engine).restarts == 0);
   destroy(engine);
 }
 
-static void messages_of_one_stamp_do_not_move_the_time_back(void)
+SCENARIO(messages_of_one_stamp_do_not_move_the_time_back)
 {
-  struct clock clock = {1000, false};
-  struct fm_engine * engine = make(50);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
+  struct fm_engine * engine = make_with_clock(50, 1000);
   for (int k = 0; k < 4; ++k) {
-    deliver(engine, TOPIC_Y, false, 1000, 1);
-    deliver(engine, TOPIC_X, false, 1000, 1);
+    PLAY(engine, Y_OF(false, 1000, 1), X_OF(false, 1000, 1));
   }
-  clock.now = 1050;
-  take(engine, 0);
-  deliver(engine, TOPIC_X, false, 10, 1);
-  deliver(engine, TOPIC_X, false, 10, 1);
-  deliver(engine, TOPIC_X, false, 10, 1);
-  take(engine, 0);
+  PLAY(engine, CLOCK(1050), TAKE, X_OF(false, 10, 1), X_OF(false, 10, 1), X_OF(false, 10, 1),
+    TAKE);
   CHECK(fm_engine_time_counts(engine).restarts == 0);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 10);
   destroy(engine);
 }
 
-static void when_too_many_wait_the_oldest_takes_effect(void)
+SCENARIO(when_too_many_wait_the_oldest_takes_effect)
 {
   struct fm_engine * engine = make(1000000);
-  fm_engine_advance(engine, 1000000);
-  deliver(engine, TOPIC_Y, false, 1, 1000000);
+  PLAY(engine, ADVANCE(1000000), Y_OF(false, 1, 1000000));
   for (int64_t k = 0; k < MOST_WAITING + 9; ++k) {
     deliver(engine, TOPIC_X, false, 1000 + k, 1000000);
   }
@@ -581,76 +559,49 @@ static void when_too_many_wait_the_oldest_takes_effect(void)
   destroy(engine);
 }
 
-static void when_the_clock_of_stamps_goes_back_what_waits_takes_effect(void)
+SCENARIO(when_the_clock_of_stamps_goes_back_what_waits_takes_effect)
 {
-  struct clock clock = {10000, false};
-  struct fm_engine * engine = make(50);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 10000, 1);
-  deliver(engine, TOPIC_X, true, 10010, 1);
-  clock.now = 500;
-  deliver(engine, TOPIC_X, false, 490, 1);
+  struct fm_engine * engine = make_with_clock(50, 10000);
+  PLAY(engine, Y_OF(false, 10000, 1), X_OF(true, 10010, 1), CLOCK(500), X_OF(false, 490, 1));
   CHECK(fm_engine_time_counts(engine).restarts == 1);
   CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 0);
-  clock.now = 540;
-  take(engine, 0);
-  clock.now = 1000;
-  take(engine, 0);
+  PLAY(engine, CLOCK(540), TAKE, CLOCK(1000), TAKE);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));  // asked at 450, the begin
   destroy(engine);
 }
 
-static void when_the_clock_goes_back_no_deadline_is_taken_that_never_came(void)
+SCENARIO(when_the_clock_goes_back_no_deadline_is_taken_that_never_came)
 {
-  struct clock clock = {10000, false};
-  struct fm_engine * engine = make(50);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 9940, 1);
-  deliver(engine, TOPIC_X, true, 9950, 1);
-  take(engine, 0);  // asked for an answer until 10050
-  deliver(engine, TOPIC_X, false, 20000, 1);
-  clock.now = 500;
-  take(engine, 0);
+  struct fm_engine * engine = make_with_clock(50, 10000);
+  // asked for an answer until 10050
+  PLAY(engine, Y_OF(false, 9940, 1), X_OF(true, 9950, 1), TAKE);
+  PLAY(engine, X_OF(false, 20000, 1), CLOCK(500), TAKE);
   CHECK(fm_engine_time_counts(engine).restarts == 1);
   CHECK(count_of(ANSWER) == 0);
-  deliver(engine, TOPIC_X, true, 450, 1);
-  deliver(engine, TOPIC_X, false, 9000, 1);  // and of another clock
+  PLAY(engine, X_OF(true, 450, 1), X_OF(false, 9000, 1));  // and of another clock
   fm_engine_follow_steady(engine);
   take(engine, 0);
   CHECK(!is_taken(ANSWER, 550, 100));
   destroy(engine);
 }
 
-static void when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first(void)
+SCENARIO(when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first)
 {
-  struct clock clock = {10000, false};
-  struct fm_engine * engine = make(50);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 9950, 1);
-  deliver(engine, TOPIC_X, true, 9960, 1);  // asked for an answer until 10060
-  clock.now = 10020;
-  take(engine, 0);
-  clock.now = 10150;
-  deliver(engine, TOPIC_Y, true, 20000, 1);  // the time is 10100, and nothing was taken since
-  clock.now = 500;
-  take(engine, 0);
+  struct fm_engine * engine = make_with_clock(50, 10000);
+  PLAY(engine, Y_OF(false, 9950, 1), X_OF(true, 9960, 1));  // asked for an answer until 10060
+  // the time is 10100, and nothing was taken since
+  PLAY(engine, CLOCK(10020), TAKE, CLOCK(10150), Y_OF(true, 20000, 1));
+  PLAY(engine, CLOCK(500), TAKE);
   CHECK(fm_engine_time_counts(engine).restarts == 1);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 10060, 100));
   destroy(engine);
 }
 
-static void messages_that_wait_take_effect_before_another_clock_is_followed(void)
+SCENARIO(messages_that_wait_take_effect_before_another_clock_is_followed)
 {
-  struct clock clock = {10000, false};
   struct clock other = {500, false};
-  struct fm_engine * engine = make(50);
-  fm_engine_follow_clock(engine, read_clock, &clock, false);
-  fm_engine_begin(engine);
-  deliver(engine, TOPIC_Y, false, 9940, 1);
-  deliver(engine, TOPIC_X, true, 9980, 1);
+  struct fm_engine * engine = make_with_clock(50, 10000);
+  PLAY(engine, Y_OF(false, 9940, 1), X_OF(true, 9980, 1));
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
   fm_engine_follow_clock(engine, read_clock, &other, false);
   CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
@@ -660,7 +611,7 @@ static void messages_that_wait_take_effect_before_another_clock_is_followed(void
   destroy(engine);
 }
 
-static void a_message_without_a_stamp_cannot_be_decoded(void)
+SCENARIO(a_message_without_a_stamp_cannot_be_decoded)
 {
   struct fm_engine * engine = make(50);
   const uint8_t message[] = {1};
@@ -670,15 +621,14 @@ static void a_message_without_a_stamp_cannot_be_decoded(void)
   destroy(engine);
 }
 
-static void a_wait_ends_when_a_message_takes_effect(void)
+SCENARIO(a_wait_ends_when_a_message_takes_effect)
 {
   struct fm_engine * engine = make(20 * MS);
   window = 5 * MS;
   fm_engine_follow_steady(engine);
   fm_engine_begin(engine);
   const int64_t now = time_of(CLOCK_REALTIME);
-  deliver(engine, TOPIC_Y, false, now + 1, now);
-  deliver(engine, TOPIC_X, true, now + 2, now);
+  PLAY(engine, Y_OF(false, now + 1, now), X_OF(true, now + 2, now));
   take(engine, 1000);
   const int64_t later = time_of(CLOCK_REALTIME) - now;
   CHECK(is_taken(ANSWER, now + 2 + 5 * MS, 5 * MS));
@@ -688,7 +638,7 @@ static void a_wait_ends_when_a_message_takes_effect(void)
 }
 
 // A step that is smaller than the time since the last reading is one all the same.
-static void a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect(void)
+SCENARIO(a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect)
 {
   struct fm_engine * engine = make(100 * MS);
   const struct timespec pause = {0, 30 * MS};
@@ -724,8 +674,7 @@ static bool is_late_after_setting(int64_t forward)
   stands_at += MS / 5 + MS / 2;
   const int64_t received = time_of(CLOCK_REALTIME);
   set_back = -forward;
-  deliver(engine, TOPIC_Y, true, 0, received);
-  take(engine, 0);
+  PLAY(engine, Y_OF(true, 0, received), TAKE);
   const bool is_late = count_of(ANSWER) == 1;
   stands_at = 0;
   set_back = 0;
@@ -734,39 +683,10 @@ static bool is_late_after_setting(int64_t forward)
   return is_late;
 }
 
-static void a_message_from_before_the_system_time_was_set_keeps_its_time(void)
+SCENARIO(a_message_from_before_the_system_time_was_set_keeps_its_time)
 {
   CHECK(is_late_after_setting(0));
   CHECK(is_late_after_setting(3600 * (int64_t)1000 * MS));
   CHECK(is_late_after_setting(MS + 1));
   CHECK(!is_late_after_setting(MS));  // no more than the clocks may be read apart
-}
-
-int main(void)
-{
-  a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect();
-  deadlines_before_a_message_come_first();
-  ages_are_seconds_from_the_stamp_to_the_reception();
-  a_recovery_is_a_detail_and_no_violation();
-  a_clock_that_starts_again_starts_the_groups_afresh();
-  messages_at_one_time_of_a_clock_take_effect_one_by_one();
-  a_violation_before_another_clock_has_a_time_has_the_stamp_0();
-  an_answer_while_the_clock_stands_at_the_deadline_counts();
-  without_a_time_messages_are_steps_of_the_last_instant();
-  a_wait_ends_at_the_deadline();
-  a_reception_ends_with_its_message_and_wakes_no_thread();
-  messages_take_effect_in_the_order_of_their_stamps();
-  a_message_that_is_too_late_takes_effect_at_once();
-  a_stamp_ahead_of_the_clock_is_counted();
-  a_late_message_takes_effect_after_what_is_decided_then();
-  messages_of_one_stamp_do_not_move_the_time_back();
-  when_too_many_wait_the_oldest_takes_effect();
-  when_the_clock_of_stamps_goes_back_what_waits_takes_effect();
-  when_the_clock_goes_back_no_deadline_is_taken_that_never_came();
-  when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first();
-  messages_that_wait_take_effect_before_another_clock_is_followed();
-  a_message_without_a_stamp_cannot_be_decoded();
-  a_wait_ends_when_a_message_takes_effect();
-  a_message_from_before_the_system_time_was_set_keeps_its_time();
-  return failures == 0 ? 0 : 1;
 }

@@ -11,8 +11,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 // See the License for the specific language governing permissions and
 // limitations under the License.
-/// Scenarios of the evaluator, on a hand-written monitor: `evaluator_scenarios NAME` runs one,
-/// without a name it lists them. Exit status 0 if all that a scenario says is so.
+/// Scenarios of the evaluator, on a hand-written monitor.
 ///
 /// The monitor: group 0 reads `flag` and `level`, group 1 reads `level` alone, group 2 nothing.
 ///   A (group 0): flag            B (group 1): level < 10
@@ -21,21 +20,10 @@
 #include "evaluator.h"
 #include "gate.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define CHECK(condition) check((condition), #condition, __LINE__)
-
-static int failures = 0;
-
-static void check(bool condition, const char * text, int line)
-{
-  if (!condition) {
-    printf("line %d: not so: %s\n", line, text);
-    failures += 1;
-  }
-}
+#include "scenarios.h"
 
 // ---- the monitor -------------------------------------------------------------------------------
 
@@ -207,7 +195,7 @@ static bool is_violation(uint32_t index, uint32_t requirement, uint64_t step, in
 
 // ---- when a step happens -----------------------------------------------------------------------
 
-static void no_group_steps_before_all_its_inputs_have_a_value(void)
+SCENARIO(no_group_steps_before_all_its_inputs_have_a_value)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   CHECK(!fm_evaluator_ready(evaluator, 0) && !fm_evaluator_ready(evaluator, 1));
@@ -219,7 +207,7 @@ static void no_group_steps_before_all_its_inputs_have_a_value(void)
   CHECK(fm_evaluator_ready(evaluator, 0) && fm_evaluator_ready(evaluator, 1));
 }
 
-static void groups_start_one_by_one_and_number_their_own_steps(void)
+SCENARIO(groups_start_one_by_one_and_number_their_own_steps)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   CHECK(level_message(evaluator, 50.0) == 1 && is_violation(0, B, 0, 200));
@@ -228,7 +216,7 @@ static void groups_start_one_by_one_and_number_their_own_steps(void)
   CHECK(is_violation(0, A, 0, 100) && is_violation(1, C, 0, 100) && is_violation(2, B, 2, 100));
 }
 
-static void every_message_steps_all_ready_groups(void)
+SCENARIO(every_message_steps_all_ready_groups)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   (void)level_message(evaluator, 1.0);
@@ -237,7 +225,7 @@ static void every_message_steps_all_ready_groups(void)
   CHECK(fm_evaluator_message(evaluator, OTHER_TOPIC, 0, out) == 0 && stepped(evaluator, 2, 3, 3));
 }
 
-static void relevant_message_steps_the_groups_that_read_the_topic(void)
+SCENARIO(relevant_message_steps_the_groups_that_read_the_topic)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   (void)level_message(evaluator, 1.0);
@@ -250,7 +238,7 @@ static void relevant_message_steps_the_groups_that_read_the_topic(void)
   CHECK(stepped(evaluator, 2, 2, 4));
 }
 
-static void all_inputs_steps_a_group_once_all_were_received_anew(void)
+SCENARIO(all_inputs_steps_a_group_once_all_were_received_anew)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   (void)level_message(evaluator, 1.0);
@@ -265,7 +253,7 @@ static void all_inputs_steps_a_group_once_all_were_received_anew(void)
   CHECK(stepped(evaluator, 2, 3, 5));
 }
 
-static void all_inputs_counts_values_that_a_group_never_stepped_on(void)
+SCENARIO(all_inputs_counts_values_that_a_group_never_stepped_on)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   for (int k = 0; k < 4; ++k) {
@@ -279,7 +267,7 @@ static void all_inputs_counts_values_that_a_group_never_stepped_on(void)
   CHECK(fm_evaluator_input_counts(evaluator, FLAG).overwritten == 0);
 }
 
-static void other_policies_count_nothing_as_overwritten(void)
+SCENARIO(other_policies_count_nothing_as_overwritten)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   for (int k = 0; k < 4; ++k) {
@@ -288,7 +276,7 @@ static void other_policies_count_nothing_as_overwritten(void)
   CHECK(fm_evaluator_input_counts(evaluator, LEVEL).overwritten == 0);
 }
 
-static void all_inputs_waits_for_a_value_even_where_there_is_an_initial_one(void)
+SCENARIO(all_inputs_waits_for_a_value_even_where_there_is_an_initial_one)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   const union fm_value yes = {.i = 1};
@@ -300,7 +288,7 @@ static void all_inputs_waits_for_a_value_even_where_there_is_an_initial_one(void
   CHECK(stepped(evaluator, 1, 1, 2));
 }
 
-static void with_periodic_a_message_is_no_step(void)
+SCENARIO(with_periodic_a_message_is_no_step)
 {
   struct fm_evaluator * evaluator = with_policy(FM_PERIODIC);
   CHECK(level_message(evaluator, 50.0) == 0 && stepped(evaluator, 0, 0, 0));
@@ -311,7 +299,7 @@ static void with_periodic_a_message_is_no_step(void)
   CHECK(fm_evaluator_topic_counts(evaluator, FLAG_TOPIC).messages == 1);
 }
 
-static void a_row_is_a_step_under_every_policy(void)
+SCENARIO(a_row_is_a_step_under_every_policy)
 {
   for (int policy = FM_EVERY_MESSAGE; policy <= FM_PERIODIC; ++policy) {
     struct fm_evaluator * evaluator = with_policy((enum fm_policy)policy);
@@ -322,7 +310,7 @@ static void a_row_is_a_step_under_every_policy(void)
   }
 }
 
-static void all_groups_are_stepped_in_one_call_once_all_are_ready(void)
+SCENARIO(all_groups_are_stepped_in_one_call_once_all_are_ready)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   n_common_steps = 0;
@@ -334,7 +322,7 @@ static void all_groups_are_stepped_in_one_call_once_all_are_ready(void)
   CHECK(fm_evaluator_step(evaluator, 5, out) == 2 && n_common_steps == 2);
 }
 
-static void other_messages_step_some_groups_by_themselves(void)
+SCENARIO(other_messages_step_some_groups_by_themselves)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   (void)level_message(evaluator, 1.0);
@@ -343,7 +331,7 @@ static void other_messages_step_some_groups_by_themselves(void)
   CHECK(n_common_steps == 0 && stepped(evaluator, 1, 1, 2));
 }
 
-static void groups_are_stepped_one_by_one_without_a_common_step(void)
+SCENARIO(groups_are_stepped_one_by_one_without_a_common_step)
 {
   struct fm_monitor monitor = MONITOR;
   struct fm_evaluator_options options = options_of(FM_EVERY_MESSAGE);
@@ -356,7 +344,7 @@ static void groups_are_stepped_one_by_one_without_a_common_step(void)
   CHECK(stepped(evaluator, 2, 3, 3) && is_violation(0, B, 2, 200));
 }
 
-static void after_a_row_all_inputs_waits_for_all_inputs_anew(void)
+SCENARIO(after_a_row_all_inputs_waits_for_all_inputs_anew)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   (void)flag_message(evaluator, true);
@@ -370,7 +358,7 @@ static void after_a_row_all_inputs_waits_for_all_inputs_anew(void)
   CHECK(fm_evaluator_input_counts(evaluator, FLAG).overwritten == 0);
 }
 
-static void an_initial_value_makes_a_group_ready(void)
+SCENARIO(an_initial_value_makes_a_group_ready)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   const double high = 50.0;
@@ -380,7 +368,7 @@ static void an_initial_value_makes_a_group_ready(void)
   CHECK(fm_evaluator_input_counts(evaluator, LEVEL).received == 0);
 }
 
-static void a_message_that_cannot_be_decoded_is_counted_and_is_no_step(void)
+SCENARIO(a_message_that_cannot_be_decoded_is_counted_and_is_no_step)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   (void)level_message(evaluator, 1.0);
@@ -391,7 +379,7 @@ static void a_message_that_cannot_be_decoded_is_counted_and_is_no_step(void)
   CHECK(fm_evaluator_topic_counts(evaluator, FLAG_TOPIC).undecodable == 0);
 }
 
-static void a_field_that_cannot_be_used_keeps_its_value_and_the_step_happens(void)
+SCENARIO(a_field_that_cannot_be_used_keeps_its_value_and_the_step_happens)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   (void)level_message(evaluator, 50.0);
@@ -401,7 +389,7 @@ static void a_field_that_cannot_be_used_keeps_its_value_and_the_step_happens(voi
   CHECK(fm_evaluator_input_counts(evaluator, LEVEL).received == 1);
 }
 
-static void with_all_inputs_an_unusable_field_is_not_received(void)
+SCENARIO(with_all_inputs_an_unusable_field_is_not_received)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   (void)level_message(evaluator, 1.0);
@@ -412,7 +400,7 @@ static void with_all_inputs_an_unusable_field_is_not_received(void)
 
 // ---- what is reported --------------------------------------------------------------------------
 
-static void onset_announces_when_the_verdict_turns_false(void)
+SCENARIO(onset_announces_when_the_verdict_turns_false)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   (void)level_message(evaluator, 1.0);
@@ -425,7 +413,7 @@ static void onset_announces_when_the_verdict_turns_false(void)
   CHECK(fm_evaluator_requirement_counts(evaluator, A).announced == 2);
 }
 
-static void without_onset_every_violating_step_is_announced(void)
+SCENARIO(without_onset_every_violating_step_is_announced)
 {
   struct fm_evaluator * evaluator = with_policy(FM_RELEVANT_MESSAGE);
   (void)level_message(evaluator, 50.0);
@@ -434,7 +422,7 @@ static void without_onset_every_violating_step_is_announced(void)
   CHECK(fm_evaluator_requirement_counts(evaluator, B).announced == 3);
 }
 
-static void without_flags_no_requirement_reports_onsets(void)
+SCENARIO(without_flags_no_requirement_reports_onsets)
 {
   struct fm_evaluator_options options = options_of(FM_RELEVANT_MESSAGE);
   options.reports = NULL;
@@ -444,7 +432,7 @@ static void without_flags_no_requirement_reports_onsets(void)
   CHECK(flag_message(evaluator, false) == 1 && is_violation(0, A, 1, 100));
 }
 
-static void violations_are_counted_without_a_place_for_them(void)
+SCENARIO(violations_are_counted_without_a_place_for_them)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   store_level(evaluator, 50.0, 0);
@@ -453,7 +441,7 @@ static void violations_are_counted_without_a_place_for_them(void)
   CHECK(fm_evaluator_requirement_counts(evaluator, B).announced == 2);
 }
 
-static void verdicts_are_true_until_the_first_step(void)
+SCENARIO(verdicts_are_true_until_the_first_step)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   const bool * verdicts = fm_evaluator_verdicts(evaluator);
@@ -466,7 +454,7 @@ static void verdicts_are_true_until_the_first_step(void)
 
 // ---- reset -------------------------------------------------------------------------------------
 
-static void reset_starts_all_groups_afresh_and_keeps_values_and_counters(void)
+SCENARIO(reset_starts_all_groups_afresh_and_keeps_values_and_counters)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   (void)level_message(evaluator, 50.0);
@@ -482,7 +470,7 @@ static void reset_starts_all_groups_afresh_and_keeps_values_and_counters(void)
   CHECK(fm_evaluator_input_counts(evaluator, LEVEL).received == 1);
 }
 
-static void reset_makes_all_inputs_wait_for_everything_anew(void)
+SCENARIO(reset_makes_all_inputs_wait_for_everything_anew)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   (void)level_message(evaluator, 1.0);
@@ -525,7 +513,7 @@ static struct fm_silence silence_of_flag(const struct fm_evaluator * evaluator)
   return fm_evaluator_silence(evaluator, FLAG);
 }
 
-static void time_begins_with_the_first_advance(void)
+SCENARIO(time_begins_with_the_first_advance)
 {
   const struct fm_evaluator_options options = timed(FM_PERIODIC, BOTH_50);
   struct fm_evaluator * evaluator = make(&options);
@@ -537,7 +525,7 @@ static void time_begins_with_the_first_advance(void)
   CHECK(fm_evaluator_deadline(evaluator) == 1050);
 }
 
-static void without_timeouts_and_periods_nothing_is_due(void)
+SCENARIO(without_timeouts_and_periods_nothing_is_due)
 {
   struct fm_evaluator * evaluator = with_policy(FM_PERIODIC);
   CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
@@ -546,7 +534,7 @@ static void without_timeouts_and_periods_nothing_is_due(void)
   CHECK(fm_evaluator_now(evaluator) == 100000 && stepped(evaluator, 0, 0, 0));
 }
 
-static void an_input_that_never_came_is_silent_a_timeout_after_the_time_began(void)
+SCENARIO(an_input_that_never_came_is_silent_a_timeout_after_the_time_began)
 {
   const int64_t level_50[] = {0, 50};
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, level_50);
@@ -555,7 +543,7 @@ static void an_input_that_never_came_is_silent_a_timeout_after_the_time_began(vo
   CHECK(stepped(evaluator, 0, 0, 0) && !fm_evaluator_verdicts(evaluator)[A]);
 }
 
-static void a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends(void)
+SCENARIO(a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends)
 {
   const int64_t level_50[] = {0, 50};
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, level_50);
@@ -574,7 +562,7 @@ static struct fm_evaluator_options with_startups(
   return options;
 }
 
-static void before_its_first_value_an_input_may_be_silent_for_its_startup(void)
+SCENARIO(before_its_first_value_an_input_may_be_silent_for_its_startup)
 {
   const int64_t long_flag[] = {300, 0};
   const int64_t short_flag[] = {20, 0};
@@ -593,7 +581,7 @@ static void before_its_first_value_an_input_may_be_silent_for_its_startup(void)
   CHECK(advance(evaluator, 1130) == 0 && fm_evaluator_deadline(evaluator) == 1160);
 }
 
-static void a_startup_ends_with_a_value_and_not_with_an_initial_one_or_a_reset(void)
+SCENARIO(a_startup_ends_with_a_value_and_not_with_an_initial_one_or_a_reset)
 {
   const int64_t long_flag[] = {300, 0};
   const struct fm_evaluator_options options = with_startups(FLAG_50, long_flag);
@@ -610,14 +598,14 @@ static void a_startup_ends_with_a_value_and_not_with_an_initial_one_or_a_reset(v
   CHECK(advance(evaluator, 1340) == 2 && is_violation(0, A, 0, 1340));
 }
 
-static void without_a_timeout_a_startup_has_no_effect(void)
+SCENARIO(without_a_timeout_a_startup_has_no_effect)
 {
   const int64_t flag_300[] = {300, 0};
   const struct fm_evaluator_options options = with_startups(NULL, flag_300);
   CHECK(fm_evaluator_deadline(begun_at_1000(&options)) == FM_NEVER);
 }
 
-static void a_startup_that_is_found_late_is_put_off_by_its_own_length_at_most(void)
+SCENARIO(a_startup_that_is_found_late_is_put_off_by_its_own_length_at_most)
 {
   const int64_t flag_300[] = {300, 0};
   struct fm_evaluator_options options = with_startups(FLAG_50, flag_300);
@@ -629,7 +617,7 @@ static void a_startup_that_is_found_late_is_put_off_by_its_own_length_at_most(vo
   CHECK(advance(evaluator, 2201) == 2 && is_violation(0, A, 0, 1300));
 }
 
-static void a_timeout_comes_exactly_at_its_instant(void)
+SCENARIO(a_timeout_comes_exactly_at_its_instant)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   store_flag(evaluator, true, 1020);
@@ -640,14 +628,14 @@ static void a_timeout_comes_exactly_at_its_instant(void)
   CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER && advance(evaluator, 2000) == 0);
 }
 
-static void a_timeout_is_stamped_with_its_instant_however_late(void)
+SCENARIO(a_timeout_is_stamped_with_its_instant_however_late)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1000000) == 2 && is_violation(0, A, 0, 1050));
   CHECK(is_violation(1, C, 0, 1050) && fm_evaluator_now(evaluator) == 1000000);
 }
 
-static void a_message_at_the_instant_of_a_timeout_comes_before_it(void)
+SCENARIO(a_message_at_the_instant_of_a_timeout_comes_before_it)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1049) == 0 && flag_at(evaluator, true, 1050) == 0);
@@ -655,7 +643,7 @@ static void a_message_at_the_instant_of_a_timeout_comes_before_it(void)
   CHECK(fm_evaluator_deadline(evaluator) == 1100);
 }
 
-static void a_message_after_the_instant_of_a_timeout_comes_after_it(void)
+SCENARIO(a_message_after_the_instant_of_a_timeout_comes_after_it)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1050) == 2 && flag_at(evaluator, true, 1051) == 0);
@@ -663,7 +651,7 @@ static void a_message_after_the_instant_of_a_timeout_comes_after_it(void)
   CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 51);
 }
 
-static void the_wake_may_be_early_but_not_twice(void)
+SCENARIO(the_wake_may_be_early_but_not_twice)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(fm_evaluator_deadline(evaluator) == 1050 && fm_evaluator_wake(evaluator) == 1050);
@@ -673,7 +661,7 @@ static void the_wake_may_be_early_but_not_twice(void)
   CHECK(fm_evaluator_deadline(evaluator) == 1090);
 }
 
-static void timeouts_of_one_instant_come_one_by_one_in_the_order_of_the_inputs(void)
+SCENARIO(timeouts_of_one_instant_come_one_by_one_in_the_order_of_the_inputs)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, BOTH_50);
   CHECK(advance(evaluator, 1050) == 2 && is_violation(0, A, 0, 1050));
@@ -683,7 +671,7 @@ static void timeouts_of_one_instant_come_one_by_one_in_the_order_of_the_inputs(v
   CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER);
 }
 
-static void what_is_due_first_comes_first_however_late(void)
+SCENARIO(what_is_due_first_comes_first_however_late)
 {
   const int64_t level_first[] = {50, 30};
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, level_first);
@@ -693,7 +681,7 @@ static void what_is_due_first_comes_first_however_late(void)
   CHECK(advance(evaluator, 2000) == 0 && fm_evaluator_is_stale(evaluator, FLAG));
 }
 
-static void an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence(void)
+SCENARIO(an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence)
 {
   const union fm_value yes = {.i = 1};
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
@@ -704,7 +692,7 @@ static void an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence(void)
   CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER);
 }
 
-static void a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_silence(void)
+SCENARIO(a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_silence)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1040) == 0);
@@ -715,7 +703,7 @@ static void a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_si
   CHECK(silence_of_flag(evaluator).is_silent);
 }
 
-static void rows_put_timeouts_off_from_their_times(void)
+SCENARIO(rows_put_timeouts_off_from_their_times)
 {
   const uint8_t flags[] = {1};
   const void * const columns[] = {flags, NULL};
@@ -729,7 +717,7 @@ static void rows_put_timeouts_off_from_their_times(void)
 
 // ---- silence -----------------------------------------------------------------------------------
 
-static void what_reads_a_stale_input_is_violated_at_once_and_without_a_step(void)
+SCENARIO(what_reads_a_stale_input_is_violated_at_once_and_without_a_step)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_RELEVANT_MESSAGE, FLAG_50);
   (void)level_at(evaluator, 1.0, 1001);
@@ -744,7 +732,7 @@ static void what_reads_a_stale_input_is_violated_at_once_and_without_a_step(void
   CHECK(counts.steps == 1 && counts.violations == 1 && counts.announced == 1 && !counts.verdict);
 }
 
-static void a_silence_violates_once_and_then_at_each_step(void)
+SCENARIO(a_silence_violates_once_and_then_at_each_step)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_RELEVANT_MESSAGE, BOTH_50);
   (void)level_at(evaluator, 1.0, 1001);
@@ -755,7 +743,7 @@ static void a_silence_violates_once_and_then_at_each_step(void)
   CHECK(stepped(evaluator, 2, 2, 3) && fm_evaluator_verdicts(evaluator)[B]);
 }
 
-static void a_value_ends_a_silence_and_the_next_step_is_judged_as_ever(void)
+SCENARIO(a_value_ends_a_silence_and_the_next_step_is_judged_as_ever)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
   (void)level_at(evaluator, 1.0, 1001);
@@ -768,7 +756,7 @@ static void a_value_ends_a_silence_and_the_next_step_is_judged_as_ever(void)
   CHECK(advance(evaluator, 1102) == 2 && is_violation(0, A, 2, 1102));
 }
 
-static void an_onset_that_is_violated_already_is_not_announced_by_a_silence(void)
+SCENARIO(an_onset_that_is_violated_already_is_not_announced_by_a_silence)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
   (void)level_at(evaluator, 1.0, 1001);
@@ -778,14 +766,14 @@ static void an_onset_that_is_violated_already_is_not_announced_by_a_silence(void
   CHECK(fm_evaluator_requirement_counts(evaluator, A).announced == 1);
 }
 
-static void violations_of_a_timeout_are_counted_without_a_place_for_them(void)
+SCENARIO(violations_of_a_timeout_are_counted_without_a_place_for_them)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(fm_evaluator_advance(evaluator, 1050, NULL) == 2);
   CHECK(fm_evaluator_requirement_counts(evaluator, C).announced == 1);
 }
 
-static void a_silence_without_violates_is_counted_and_violates_nothing(void)
+SCENARIO(a_silence_without_violates_is_counted_and_violates_nothing)
 {
   struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   options.violates = NULL;
@@ -796,7 +784,7 @@ static void a_silence_without_violates_is_counted_and_violates_nothing(void)
   CHECK(fm_evaluator_requirement_counts(evaluator, A).violations == 0);
 }
 
-static void each_input_has_its_own_violates(void)
+SCENARIO(each_input_has_its_own_violates)
 {
   const bool level_alone[] = {false, true};
   struct fm_evaluator_options options = timed(FM_PERIODIC, BOTH_50);
@@ -806,7 +794,7 @@ static void each_input_has_its_own_violates(void)
   CHECK(advance(evaluator, 1050) == 3 && is_violation(0, A, 0, 1050));
 }
 
-static void a_silence_lasts_from_the_value_before_it_until_the_value_after_it(void)
+SCENARIO(a_silence_lasts_from_the_value_before_it_until_the_value_after_it)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   store_flag(evaluator, true, 1020);
@@ -819,7 +807,7 @@ static void a_silence_lasts_from_the_value_before_it_until_the_value_after_it(vo
   CHECK(silence_of_flag(evaluator).lasted == 90 && silence_of_flag(evaluator).count == 1);
 }
 
-static void a_reset_makes_a_stale_input_due_at_once(void)
+SCENARIO(a_reset_makes_a_stale_input_due_at_once)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1050) == 2 && advance(evaluator, 1100) == 0);
@@ -831,7 +819,7 @@ static void a_reset_makes_a_stale_input_due_at_once(void)
   CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 200);
 }
 
-static void after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_again(void)
+SCENARIO(after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_again)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   store_flag(evaluator, true, 1000);
@@ -842,7 +830,7 @@ static void after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_agai
   CHECK(advance(evaluator, 1070) == 0 && fm_evaluator_deadline(evaluator) == FM_NEVER);
 }
 
-static void a_reset_leaves_other_timeouts_alone(void)
+SCENARIO(a_reset_leaves_other_timeouts_alone)
 {
   struct fm_evaluator_options options = timed(FM_PERIODIC, BOTH_50);
   options.violates = NULL;
@@ -862,7 +850,7 @@ static struct fm_evaluator * with_patience(int64_t patience, const int64_t * tim
   return begun_at_1000(&options);
 }
 
-static void a_timeout_found_late_after_a_stop_is_put_off_once_by_as_much(void)
+SCENARIO(a_timeout_found_late_after_a_stop_is_put_off_once_by_as_much)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1080) == 0 && !silence_of_flag(evaluator).is_silent);
@@ -871,7 +859,7 @@ static void a_timeout_found_late_after_a_stop_is_put_off_once_by_as_much(void)
   CHECK(silence_of_flag(evaluator).count == 1 && silence_of_flag(evaluator).lasted == 200);
 }
 
-static void a_timeout_that_was_put_off_is_stamped_with_its_end_however_late(void)
+SCENARIO(a_timeout_that_was_put_off_is_stamped_with_its_end_however_late)
 {
   for (int64_t late = 0; late < 4000; late += 1000) {
     struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
@@ -882,7 +870,7 @@ static void a_timeout_that_was_put_off_is_stamped_with_its_end_however_late(void
   }
 }
 
-static void a_timeout_is_put_off_by_ten_times_the_patience_at_least(void)
+SCENARIO(a_timeout_is_put_off_by_ten_times_the_patience_at_least)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1053) == 0 && fm_evaluator_deadline(evaluator) == 1073);
@@ -890,7 +878,7 @@ static void a_timeout_is_put_off_by_ten_times_the_patience_at_least(void)
   CHECK(advance(evaluator, 1073) == 2 && is_violation(0, A, 0, 1050));
 }
 
-static void a_timeout_is_put_off_by_its_own_length_at_most(void)
+SCENARIO(a_timeout_is_put_off_by_its_own_length_at_most)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 9000) == 0 && fm_evaluator_deadline(evaluator) == 9050);
@@ -898,20 +886,20 @@ static void a_timeout_is_put_off_by_its_own_length_at_most(void)
   CHECK(advance(evaluator, 1061) == 0 && fm_evaluator_deadline(evaluator) == 1111);
 }
 
-static void a_timeout_found_within_the_patience_is_not_put_off(void)
+SCENARIO(a_timeout_found_within_the_patience_is_not_put_off)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1052) == 2 && is_violation(0, A, 0, 1050));
 }
 
-static void without_patience_a_stop_puts_nothing_off(void)
+SCENARIO(without_patience_a_stop_puts_nothing_off)
 {
   struct fm_evaluator * evaluator = with_patience(0, FLAG_50);
   CHECK(advance(evaluator, 9000) == 2 && is_violation(0, A, 0, 1050));
 }
 
 // As by a simulated clock: what is found late has not been waiting.
-static void a_coarse_clock_puts_nothing_off(void)
+SCENARIO(a_coarse_clock_puts_nothing_off)
 {
   for (int64_t tick = 1; tick <= 25; ++tick) {
     struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
@@ -924,7 +912,7 @@ static void a_coarse_clock_puts_nothing_off(void)
   }
 }
 
-static void time_that_moves_by_more_than_half_of_a_timeout_at_once_puts_it_off(void)
+SCENARIO(time_that_moves_by_more_than_half_of_a_timeout_at_once_puts_it_off)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1028) == 0);
@@ -934,14 +922,14 @@ static void time_that_moves_by_more_than_half_of_a_timeout_at_once_puts_it_off(v
   CHECK(!silence_of_flag(evaluator).is_silent && fm_evaluator_deadline(evaluator) == 1073);
 }
 
-static void a_stop_puts_off_all_that_is_found_after_it(void)
+SCENARIO(a_stop_puts_off_all_that_is_found_after_it)
 {
   struct fm_evaluator * evaluator = with_patience(2, BOTH_50);
   CHECK(advance(evaluator, 1080) == 0 && fm_evaluator_deadline(evaluator) == 1050);
   CHECK(advance(evaluator, 1080) == 0 && fm_evaluator_deadline(evaluator) == 1110);
 }
 
-static void what_is_due_before_a_timeout_that_was_put_off_comes_first(void)
+SCENARIO(what_is_due_before_a_timeout_that_was_put_off_comes_first)
 {
   struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   options.patience = 2;
@@ -953,7 +941,7 @@ static void what_is_due_before_a_timeout_that_was_put_off_comes_first(void)
   CHECK(advance(evaluator, 1120) == 2 && is_violation(0, A, 0, 1050));
 }
 
-static void a_changed_clock_is_no_stop(void)
+SCENARIO(a_changed_clock_is_no_stop)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1040) == 0);
@@ -964,7 +952,7 @@ static void a_changed_clock_is_no_stop(void)
   CHECK(advance(evaluator, 55) == 2 && is_violation(0, A, 0, 50));
 }
 
-static void a_stop_remains_one_when_the_clock_is_changed(void)
+SCENARIO(a_stop_remains_one_when_the_clock_is_changed)
 {
   struct fm_evaluator * evaluator = with_patience(2, BOTH_50);
   CHECK(advance(evaluator, 1080) == 0);
@@ -977,7 +965,7 @@ static void a_stop_remains_one_when_the_clock_is_changed(void)
   CHECK(advance(evaluator, 110) == 2 && is_violation(0, A, 0, 50));
 }
 
-static void after_a_value_a_timeout_may_be_put_off_again(void)
+SCENARIO(after_a_value_a_timeout_may_be_put_off_again)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1061) == 0 && fm_evaluator_deadline(evaluator) == 1081);
@@ -987,7 +975,7 @@ static void after_a_value_a_timeout_may_be_put_off_again(void)
   CHECK(is_violation(0, A, 0, 1115));
 }
 
-static void what_a_reset_made_due_is_not_put_off(void)
+SCENARIO(what_a_reset_made_due_is_not_put_off)
 {
   struct fm_evaluator * evaluator = with_patience(2, FLAG_50);
   CHECK(advance(evaluator, 1051) == 2);
@@ -999,7 +987,7 @@ static void what_a_reset_made_due_is_not_put_off(void)
   CHECK(advance(evaluator, 5000) == 2 && is_violation(0, A, 0, 1110));
 }
 
-static void a_period_found_late_is_not_put_off(void)
+SCENARIO(a_period_found_late_is_not_put_off)
 {
   struct fm_evaluator_options options = options_of(FM_PERIODIC);
   options.period = 100;
@@ -1010,7 +998,7 @@ static void a_period_found_late_is_not_put_off(void)
 
 // ---- the time goes back, or its clock is changed -----------------------------------------------
 
-static void what_is_due_in_a_while_is_due_in_that_while_after_time_went_back(void)
+SCENARIO(what_is_due_in_a_while_is_due_in_that_while_after_time_went_back)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1020) == 0 && advance(evaluator, 20) == 0);
@@ -1019,7 +1007,7 @@ static void what_is_due_in_a_while_is_due_in_that_while_after_time_went_back(voi
   CHECK(advance(evaluator, 50) == 2 && is_violation(0, A, 0, 50));
 }
 
-static void time_that_goes_back_keeps_values_steps_and_silences(void)
+SCENARIO(time_that_goes_back_keeps_values_steps_and_silences)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
   (void)level_at(evaluator, 50.0, 1000);
@@ -1030,21 +1018,21 @@ static void time_that_goes_back_keeps_values_steps_and_silences(void)
   CHECK(silence_of_flag(evaluator).count == 1);
 }
 
-static void what_is_overdue_is_taken_as_time_goes_back(void)
+SCENARIO(what_is_overdue_is_taken_as_time_goes_back)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, BOTH_50);
   CHECK(advance(evaluator, 1060) == 2 && advance(evaluator, 60) == 1);
   CHECK(is_violation(0, B, 0, 50));
 }
 
-static void time_that_stands_still_does_not_go_back(void)
+SCENARIO(time_that_stands_still_does_not_go_back)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1000) == 0 && fm_evaluator_deadline(evaluator) == 1050);
   CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
 }
 
-static void after_a_shift_all_comes_later_by_as_much(void)
+SCENARIO(after_a_shift_all_comes_later_by_as_much)
 {
   struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   options.period = 100;
@@ -1058,7 +1046,7 @@ static void after_a_shift_all_comes_later_by_as_much(void)
   CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
 }
 
-static void a_shift_before_the_time_has_begun_does_nothing(void)
+SCENARIO(a_shift_before_the_time_has_begun_does_nothing)
 {
   const struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   struct fm_evaluator * evaluator = make(&options);
@@ -1077,7 +1065,7 @@ static struct fm_evaluator * with_period(int64_t period)
   return begun_at_1000(&options);
 }
 
-static void each_period_is_a_step_at_its_end(void)
+SCENARIO(each_period_is_a_step_at_its_end)
 {
   struct fm_evaluator * evaluator = with_period(100);
   store_level(evaluator, 50.0, 1000);
@@ -1088,7 +1076,7 @@ static void each_period_is_a_step_at_its_end(void)
   CHECK(fm_evaluator_time_counts(evaluator).periods == 1);
 }
 
-static void a_message_at_the_end_of_a_period_is_part_of_it(void)
+SCENARIO(a_message_at_the_end_of_a_period_is_part_of_it)
 {
   struct fm_evaluator * evaluator = with_period(100);
   store_level(evaluator, 1.0, 1000);
@@ -1096,7 +1084,7 @@ static void a_message_at_the_end_of_a_period_is_part_of_it(void)
   CHECK(advance(evaluator, 1100) == 1 && is_violation(0, B, 0, 1100));
 }
 
-static void late_periods_are_taken_one_by_one_and_stamped_with_their_instants(void)
+SCENARIO(late_periods_are_taken_one_by_one_and_stamped_with_their_instants)
 {
   struct fm_evaluator * evaluator = with_period(100);
   store_level(evaluator, 50.0, 1000);
@@ -1107,7 +1095,7 @@ static void late_periods_are_taken_one_by_one_and_stamped_with_their_instants(vo
   CHECK(advance(evaluator, 1350) == 0 && fm_evaluator_deadline(evaluator) == 1400);
 }
 
-static void a_period_is_late_by_more_than_half_a_period(void)
+SCENARIO(a_period_is_late_by_more_than_half_a_period)
 {
   struct fm_evaluator * evaluator = with_period(100);
   (void)advance(evaluator, 1150);
@@ -1118,7 +1106,7 @@ static void a_period_is_late_by_more_than_half_a_period(void)
   CHECK(fm_evaluator_time_counts(evaluator).missed == 0);
 }
 
-static void of_too_many_due_periods_the_first_are_missed(void)
+SCENARIO(of_too_many_due_periods_the_first_are_missed)
 {
   struct fm_evaluator * evaluator = with_period(10);
   const int64_t now = 1000 + 10 * (FM_MOST_PERIODS_BEHIND + INT64_C(5));
@@ -1133,7 +1121,7 @@ static void of_too_many_due_periods_the_first_are_missed(void)
   CHECK(fm_evaluator_deadline(evaluator) == now + 10);
 }
 
-static void as_many_due_periods_as_may_be_are_all_taken(void)
+SCENARIO(as_many_due_periods_as_may_be_are_all_taken)
 {
   struct fm_evaluator * evaluator = with_period(10);
   store_level(evaluator, 50.0, 1000);
@@ -1141,7 +1129,7 @@ static void as_many_due_periods_as_may_be_are_all_taken(void)
   CHECK(is_violation(0, B, 0, 1010) && fm_evaluator_time_counts(evaluator).missed == 0);
 }
 
-static void a_timeout_between_missed_periods_comes_before_those_that_are_taken(void)
+SCENARIO(a_timeout_between_missed_periods_comes_before_those_that_are_taken)
 {
   struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   options.period = 10;
@@ -1154,7 +1142,7 @@ static void a_timeout_between_missed_periods_comes_before_those_that_are_taken(v
   CHECK(fm_evaluator_time_counts(evaluator).missed == 50);
 }
 
-static void of_one_instant_a_timeout_comes_before_the_period(void)
+SCENARIO(of_one_instant_a_timeout_comes_before_the_period)
 {
   struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   options.period = 50;
@@ -1167,7 +1155,7 @@ static void of_one_instant_a_timeout_comes_before_the_period(void)
   CHECK(stepped(evaluator, 1, 1, 1) && fm_evaluator_deadline(evaluator) == 1100);
 }
 
-static void other_policies_have_no_periods(void)
+SCENARIO(other_policies_have_no_periods)
 {
   for (int policy = FM_EVERY_MESSAGE; policy < FM_PERIODIC; ++policy) {
     struct fm_evaluator_options options = options_of((enum fm_policy)policy);
@@ -1178,7 +1166,7 @@ static void other_policies_have_no_periods(void)
   }
 }
 
-static void periods_go_on_through_a_reset(void)
+SCENARIO(periods_go_on_through_a_reset)
 {
   struct fm_evaluator * evaluator = with_period(100);
   (void)advance(evaluator, 1130);
@@ -1188,7 +1176,7 @@ static void periods_go_on_through_a_reset(void)
   CHECK(fm_evaluator_time_counts(evaluator).periods == 2);
 }
 
-static void periods_keep_their_phase_when_time_goes_back(void)
+SCENARIO(periods_keep_their_phase_when_time_goes_back)
 {
   struct fm_evaluator * evaluator = with_period(100);
   (void)advance(evaluator, 1130);
@@ -1206,7 +1194,7 @@ static void * saved_from(const struct fm_evaluator * evaluator)
   return block;
 }
 
-static void a_restored_instance_goes_on_from_where_it_was_saved(void)
+SCENARIO(a_restored_instance_goes_on_from_where_it_was_saved)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
   (void)level_at(evaluator, 50.0, 1001);
@@ -1224,7 +1212,7 @@ static void a_restored_instance_goes_on_from_where_it_was_saved(void)
   free(block);
 }
 
-static void the_counters_go_on_through_a_restore(void)
+SCENARIO(the_counters_go_on_through_a_restore)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_EVERY_MESSAGE, FLAG_50);
   void * block = saved_from(evaluator);
@@ -1244,7 +1232,7 @@ static void the_counters_go_on_through_a_restore(void)
   free(block);
 }
 
-static void a_restored_instance_is_due_when_it_was(void)
+SCENARIO(a_restored_instance_is_due_when_it_was)
 {
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   void * block = saved_from(evaluator);
@@ -1256,7 +1244,7 @@ static void a_restored_instance_is_due_when_it_was(void)
   free(block);
 }
 
-static void an_instance_from_before_the_time_began_begins_it_anew(void)
+SCENARIO(an_instance_from_before_the_time_began_begins_it_anew)
 {
   const struct fm_evaluator_options options = timed(FM_PERIODIC, FLAG_50);
   struct fm_evaluator * evaluator = make(&options);
@@ -1269,7 +1257,7 @@ static void an_instance_from_before_the_time_began_begins_it_anew(void)
   free(block);
 }
 
-static void an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone(void)
+SCENARIO(an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone)
 {
   const struct fm_evaluator_options options = timed(FM_EVERY_MESSAGE, FLAG_50);
   struct fm_evaluator * evaluator = begun_at_1000(&options);
@@ -1286,7 +1274,7 @@ static void an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gon
   CHECK(level_at(evaluator, 50.0, 1070) == 2 && is_violation(1, B, 2, 1070));
 }
 
-static void a_saved_instance_holds_no_address(void)
+SCENARIO(a_saved_instance_holds_no_address)
 {
   const struct fm_evaluator_options options = timed(FM_EVERY_MESSAGE, FLAG_50);
   void * blocks[2];
@@ -1311,7 +1299,7 @@ static void a_saved_instance_holds_no_address(void)
 
 // A substitute violates unless an input of the gate's own topic is stale: one of another topic is
 // no excuse.
-static void a_substitute_that_violates_counts_while_another_topic_is_stale(void)
+SCENARIO(a_substitute_that_violates_counts_while_another_topic_is_stale)
 {
   const struct fm_topic topics[] = {{&BOTH[FLAG], 1}, {&BOTH[LEVEL], 1}};
   const int64_t level_50[] = {0, 50};
@@ -1338,7 +1326,7 @@ static void a_substitute_that_violates_counts_while_another_topic_is_stale(void)
   free(block);
 }
 
-static void a_held_message_that_violates_never_happened(void)
+SCENARIO(a_held_message_that_violates_never_happened)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   const struct fm_gate_options rules = {
@@ -1387,7 +1375,7 @@ static struct fm_evaluator * with_types(void)
   return make(&options);
 }
 
-static void integers_wrap_to_the_type_of_the_input(void)
+SCENARIO(integers_wrap_to_the_type_of_the_input)
 {
   struct fm_evaluator * evaluator = with_types();
   const struct all_types * values = fm_evaluator_inputs(evaluator);
@@ -1402,7 +1390,7 @@ static void integers_wrap_to_the_type_of_the_input(void)
   CHECK(values->u64 == UINT64_C(0xFEDCBA98765432FF));
 }
 
-static void a_bool_is_whether_the_integer_is_not_zero(void)
+SCENARIO(a_bool_is_whether_the_integer_is_not_zero)
 {
   struct fm_evaluator * evaluator = with_types();
   const struct all_types * values = fm_evaluator_inputs(evaluator);
@@ -1414,7 +1402,7 @@ static void a_bool_is_whether_the_integer_is_not_zero(void)
   CHECK(!values->b);
 }
 
-static void a_bool_in_memory_may_be_any_byte(void)
+SCENARIO(a_bool_in_memory_may_be_any_byte)
 {
   struct fm_evaluator * evaluator = with_types();
   const struct all_types * values = fm_evaluator_inputs(evaluator);
@@ -1424,7 +1412,7 @@ static void a_bool_in_memory_may_be_any_byte(void)
   CHECK(memcmp(&values->b, "\1", 1) == 0);
 }
 
-static void a_float32_is_rounded_once(void)
+SCENARIO(a_float32_is_rounded_once)
 {
   struct fm_evaluator * evaluator = with_types();
   const struct all_types * values = fm_evaluator_inputs(evaluator);
@@ -1436,7 +1424,7 @@ static void a_float32_is_rounded_once(void)
   CHECK(memcmp(&values->f64, &tenth, sizeof tenth) == 0);
 }
 
-static void values_are_taken_from_memory_of_their_type_at_any_alignment(void)
+SCENARIO(values_are_taken_from_memory_of_their_type_at_any_alignment)
 {
   struct fm_evaluator * evaluator = with_types();
   const struct all_types * values = fm_evaluator_inputs(evaluator);
@@ -1453,7 +1441,7 @@ static void values_are_taken_from_memory_of_their_type_at_any_alignment(void)
 
 // ---- rows --------------------------------------------------------------------------------------
 
-static void rows_are_stored_and_stepped_in_one_call(void)
+SCENARIO(rows_are_stored_and_stepped_in_one_call)
 {
   struct fm_evaluator * evaluator = with_policy(FM_ALL_INPUTS);
   const uint8_t flags[] = {1, 0, 0};
@@ -1471,7 +1459,7 @@ static void rows_are_stored_and_stepped_in_one_call(void)
   CHECK(stepped(evaluator, 3, 3, 3));
 }
 
-static void a_column_that_is_missing_leaves_its_input_alone(void)
+SCENARIO(a_column_that_is_missing_leaves_its_input_alone)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   const double levels[] = {50.0, 1.0};
@@ -1485,7 +1473,7 @@ static void a_column_that_is_missing_leaves_its_input_alone(void)
 
 // ---- what is refused or ignored ----------------------------------------------------------------
 
-static void indices_out_of_range_are_ignored(void)
+SCENARIO(indices_out_of_range_are_ignored)
 {
   struct fm_evaluator * evaluator = with_policy(FM_EVERY_MESSAGE);
   const union fm_value value = {.i = 1};
@@ -1527,7 +1515,7 @@ static bool is_refused_with_group(struct fm_group group)
   return is_refused(&monitor);
 }
 
-static void a_monitor_of_another_abi_is_refused(void)
+SCENARIO(a_monitor_of_another_abi_is_refused)
 {
   struct fm_monitor monitor = MONITOR;
   struct fm_evaluator_options options = options_of(FM_EVERY_MESSAGE);
@@ -1540,7 +1528,7 @@ static void a_monitor_of_another_abi_is_refused(void)
   CHECK(is_refused(NULL));
 }
 
-static void groups_with_wrong_indices_are_refused(void)
+SCENARIO(groups_with_wrong_indices_are_refused)
 {
   const uint32_t too_far[] = {FLAG, N_INPUTS};
   const uint32_t twice[] = {A, A};
@@ -1556,7 +1544,7 @@ static void groups_with_wrong_indices_are_refused(void)
   CHECK(is_refused_with_group(stranger));
 }
 
-static void inputs_outside_their_struct_are_refused(void)
+SCENARIO(inputs_outside_their_struct_are_refused)
 {
   struct fm_monitor monitor = MONITOR;
   struct fm_input inputs[] = {INPUTS[0], INPUTS[1]};
@@ -1571,7 +1559,7 @@ static void inputs_outside_their_struct_are_refused(void)
   CHECK(is_refused(&monitor));
 }
 
-static void topics_and_policies_that_are_none_are_refused(void)
+SCENARIO(topics_and_policies_that_are_none_are_refused)
 {
   struct fm_evaluator_options options = options_of(FM_EVERY_MESSAGE);
   const uint32_t too_far[] = {N_INPUTS + 1000000};
@@ -1589,7 +1577,7 @@ static void topics_and_policies_that_are_none_are_refused(void)
   CHECK(make(&options) == NULL);
 }
 
-static void negative_times_are_refused(void)
+SCENARIO(negative_times_are_refused)
 {
   struct fm_evaluator_options options = options_of(FM_PERIODIC);
   static const int64_t negative[2][2] = {{0, -1}, {-1, 0}};
@@ -1610,7 +1598,7 @@ static void negative_times_are_refused(void)
   CHECK(make(&options) != NULL);
 }
 
-static void sizes_that_no_memory_holds_are_refused(void)
+SCENARIO(sizes_that_no_memory_holds_are_refused)
 {
   const uint64_t sizes[] = {UINT64_MAX, UINT64_MAX - 15, UINT64_MAX / 2, UINT64_MAX / 2 - 200};
   struct fm_monitor monitor = MONITOR;
@@ -1631,7 +1619,7 @@ static void sizes_that_no_memory_holds_are_refused(void)
   CHECK(fm_evaluator_bytes(&options) == 0);
 }
 
-static void two_evaluators_of_one_monitor_know_nothing_of_each_other(void)
+SCENARIO(two_evaluators_of_one_monitor_know_nothing_of_each_other)
 {
   const struct fm_evaluator_options options = options_of(FM_EVERY_MESSAGE);
   void * other_memory = malloc((size_t)fm_evaluator_bytes(&options));
@@ -1641,140 +1629,4 @@ static void two_evaluators_of_one_monitor_know_nothing_of_each_other(void)
   CHECK(stepped(evaluator, 0, 1, 1) && stepped(other, 0, 0, 0));
   CHECK(fm_evaluator_verdicts(other)[B] && !fm_evaluator_has_value(other, LEVEL));
   free(other_memory);
-}
-
-// ---- main --------------------------------------------------------------------------------------
-
-struct scenario
-{
-  const char * name;
-  void (* run)(void);
-};
-
-#define SCENARIO(name) {#name, name}
-static const struct scenario SCENARIOS[] = {
-  SCENARIO(no_group_steps_before_all_its_inputs_have_a_value),
-  SCENARIO(groups_start_one_by_one_and_number_their_own_steps),
-  SCENARIO(every_message_steps_all_ready_groups),
-  SCENARIO(relevant_message_steps_the_groups_that_read_the_topic),
-  SCENARIO(all_inputs_steps_a_group_once_all_were_received_anew),
-  SCENARIO(all_inputs_counts_values_that_a_group_never_stepped_on),
-  SCENARIO(other_policies_count_nothing_as_overwritten),
-  SCENARIO(all_inputs_waits_for_a_value_even_where_there_is_an_initial_one),
-  SCENARIO(with_periodic_a_message_is_no_step),
-  SCENARIO(a_row_is_a_step_under_every_policy),
-  SCENARIO(all_groups_are_stepped_in_one_call_once_all_are_ready),
-  SCENARIO(other_messages_step_some_groups_by_themselves),
-  SCENARIO(groups_are_stepped_one_by_one_without_a_common_step),
-  SCENARIO(after_a_row_all_inputs_waits_for_all_inputs_anew),
-  SCENARIO(an_initial_value_makes_a_group_ready),
-  SCENARIO(a_message_that_cannot_be_decoded_is_counted_and_is_no_step),
-  SCENARIO(a_field_that_cannot_be_used_keeps_its_value_and_the_step_happens),
-  SCENARIO(with_all_inputs_an_unusable_field_is_not_received),
-  SCENARIO(onset_announces_when_the_verdict_turns_false),
-  SCENARIO(without_onset_every_violating_step_is_announced),
-  SCENARIO(without_flags_no_requirement_reports_onsets),
-  SCENARIO(violations_are_counted_without_a_place_for_them),
-  SCENARIO(verdicts_are_true_until_the_first_step),
-  SCENARIO(reset_starts_all_groups_afresh_and_keeps_values_and_counters),
-  SCENARIO(reset_makes_all_inputs_wait_for_everything_anew),
-  SCENARIO(time_begins_with_the_first_advance),
-  SCENARIO(without_timeouts_and_periods_nothing_is_due),
-  SCENARIO(an_input_that_never_came_is_silent_a_timeout_after_the_time_began),
-  SCENARIO(a_group_that_is_not_ready_is_satisfied_again_when_its_silence_ends),
-  SCENARIO(before_its_first_value_an_input_may_be_silent_for_its_startup),
-  SCENARIO(a_startup_ends_with_a_value_and_not_with_an_initial_one_or_a_reset),
-  SCENARIO(without_a_timeout_a_startup_has_no_effect),
-  SCENARIO(a_startup_that_is_found_late_is_put_off_by_its_own_length_at_most),
-  SCENARIO(a_timeout_comes_exactly_at_its_instant),
-  SCENARIO(a_timeout_is_stamped_with_its_instant_however_late),
-  SCENARIO(a_message_at_the_instant_of_a_timeout_comes_before_it),
-  SCENARIO(a_message_after_the_instant_of_a_timeout_comes_after_it),
-  SCENARIO(the_wake_may_be_early_but_not_twice),
-  SCENARIO(timeouts_of_one_instant_come_one_by_one_in_the_order_of_the_inputs),
-  SCENARIO(what_is_due_first_comes_first_however_late),
-  SCENARIO(an_initial_value_neither_puts_a_timeout_off_nor_ends_a_silence),
-  SCENARIO(a_field_that_cannot_be_used_neither_puts_a_timeout_off_nor_ends_a_silence),
-  SCENARIO(rows_put_timeouts_off_from_their_times),
-  SCENARIO(what_reads_a_stale_input_is_violated_at_once_and_without_a_step),
-  SCENARIO(a_silence_violates_once_and_then_at_each_step),
-  SCENARIO(a_value_ends_a_silence_and_the_next_step_is_judged_as_ever),
-  SCENARIO(an_onset_that_is_violated_already_is_not_announced_by_a_silence),
-  SCENARIO(violations_of_a_timeout_are_counted_without_a_place_for_them),
-  SCENARIO(a_silence_without_violates_is_counted_and_violates_nothing),
-  SCENARIO(each_input_has_its_own_violates),
-  SCENARIO(a_silence_lasts_from_the_value_before_it_until_the_value_after_it),
-  SCENARIO(a_reset_makes_a_stale_input_due_at_once),
-  SCENARIO(after_a_reset_a_step_violates_what_is_stale_and_its_timeout_not_again),
-  SCENARIO(a_reset_leaves_other_timeouts_alone),
-  SCENARIO(a_timeout_found_late_after_a_stop_is_put_off_once_by_as_much),
-  SCENARIO(a_timeout_that_was_put_off_is_stamped_with_its_end_however_late),
-  SCENARIO(a_timeout_is_put_off_by_ten_times_the_patience_at_least),
-  SCENARIO(a_timeout_is_put_off_by_its_own_length_at_most),
-  SCENARIO(a_timeout_found_within_the_patience_is_not_put_off),
-  SCENARIO(without_patience_a_stop_puts_nothing_off),
-  SCENARIO(a_coarse_clock_puts_nothing_off),
-  SCENARIO(time_that_moves_by_more_than_half_of_a_timeout_at_once_puts_it_off),
-  SCENARIO(a_stop_puts_off_all_that_is_found_after_it),
-  SCENARIO(what_is_due_before_a_timeout_that_was_put_off_comes_first),
-  SCENARIO(a_changed_clock_is_no_stop),
-  SCENARIO(a_stop_remains_one_when_the_clock_is_changed),
-  SCENARIO(after_a_value_a_timeout_may_be_put_off_again),
-  SCENARIO(what_a_reset_made_due_is_not_put_off),
-  SCENARIO(a_period_found_late_is_not_put_off),
-  SCENARIO(what_is_due_in_a_while_is_due_in_that_while_after_time_went_back),
-  SCENARIO(time_that_goes_back_keeps_values_steps_and_silences),
-  SCENARIO(what_is_overdue_is_taken_as_time_goes_back),
-  SCENARIO(time_that_stands_still_does_not_go_back),
-  SCENARIO(after_a_shift_all_comes_later_by_as_much),
-  SCENARIO(a_shift_before_the_time_has_begun_does_nothing),
-  SCENARIO(each_period_is_a_step_at_its_end),
-  SCENARIO(a_message_at_the_end_of_a_period_is_part_of_it),
-  SCENARIO(late_periods_are_taken_one_by_one_and_stamped_with_their_instants),
-  SCENARIO(a_period_is_late_by_more_than_half_a_period),
-  SCENARIO(of_too_many_due_periods_the_first_are_missed),
-  SCENARIO(as_many_due_periods_as_may_be_are_all_taken),
-  SCENARIO(a_timeout_between_missed_periods_comes_before_those_that_are_taken),
-  SCENARIO(of_one_instant_a_timeout_comes_before_the_period),
-  SCENARIO(other_policies_have_no_periods),
-  SCENARIO(periods_go_on_through_a_reset),
-  SCENARIO(periods_keep_their_phase_when_time_goes_back),
-  SCENARIO(a_restored_instance_goes_on_from_where_it_was_saved),
-  SCENARIO(the_counters_go_on_through_a_restore),
-  SCENARIO(a_restored_instance_is_due_when_it_was),
-  SCENARIO(an_instance_from_before_the_time_began_begins_it_anew),
-  SCENARIO(an_instance_may_be_restored_to_another_evaluator_when_its_own_is_gone),
-  SCENARIO(a_saved_instance_holds_no_address),
-  SCENARIO(a_substitute_that_violates_counts_while_another_topic_is_stale),
-  SCENARIO(a_held_message_that_violates_never_happened),
-  SCENARIO(integers_wrap_to_the_type_of_the_input),
-  SCENARIO(a_bool_is_whether_the_integer_is_not_zero),
-  SCENARIO(a_bool_in_memory_may_be_any_byte),
-  SCENARIO(a_float32_is_rounded_once),
-  SCENARIO(values_are_taken_from_memory_of_their_type_at_any_alignment),
-  SCENARIO(rows_are_stored_and_stepped_in_one_call),
-  SCENARIO(a_column_that_is_missing_leaves_its_input_alone),
-  SCENARIO(indices_out_of_range_are_ignored),
-  SCENARIO(a_monitor_of_another_abi_is_refused),
-  SCENARIO(groups_with_wrong_indices_are_refused),
-  SCENARIO(inputs_outside_their_struct_are_refused),
-  SCENARIO(topics_and_policies_that_are_none_are_refused),
-  SCENARIO(negative_times_are_refused),
-  SCENARIO(sizes_that_no_memory_holds_are_refused),
-  SCENARIO(two_evaluators_of_one_monitor_know_nothing_of_each_other),
-};
-
-int main(int argc, char ** argv)
-{
-  bool found = false;
-  for (size_t k = 0; k < sizeof SCENARIOS / sizeof SCENARIOS[0]; ++k) {
-    if (argc < 2) {
-      puts(SCENARIOS[k].name);
-    } else if (strcmp(argv[1], SCENARIOS[k].name) == 0) {
-      found = true;
-      SCENARIOS[k].run();
-    }
-  }
-  free(memory);
-  return failures == 0 && (found || argc < 2) ? 0 : 1;
 }

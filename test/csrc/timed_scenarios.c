@@ -11,8 +11,7 @@
 // WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 // See the License for the specific language governing permissions and
 // limitations under the License.
-/// Scenarios of the evaluator under FM_TIMED, on a hand-written monitor: `timed_scenarios NAME`
-/// runs one, without a name it lists them. Exit status 0 if all that a scenario says is so.
+/// Scenarios of the evaluator under FM_TIMED, on a hand-written monitor.
 ///
 /// The monitor, with windows in ns:
 ///   WITHIN (group 0, reads p): O[0,100] p
@@ -26,7 +25,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "check.h"
+#include "scenarios.h"
 
 // ---- the monitor -------------------------------------------------------------------------------
 
@@ -238,6 +237,33 @@ static void message(struct fm_evaluator * evaluator, uint32_t topic, bool value,
   n_found += fm_evaluator_message(evaluator, topic, now, &found[n_found]);
 }
 
+struct event
+{
+  uint32_t topic;  // N_TOPICS: no message, but the time
+  bool value;
+  int64_t at;
+};
+
+static void play(struct fm_evaluator * evaluator, const struct event * events, size_t count)
+{
+  for (const struct event * each = events; each < events + count; ++each) {
+    if (each->topic == N_TOPICS) {
+      advance(evaluator, each->at);
+    } else {
+      message(evaluator, each->topic, each->value, each->at);
+    }
+  }
+}
+
+#define AT(time) {N_TOPICS, false, time}
+#define P_AT(value, time) {TOPIC_P, value, time}
+#define Q_AT(value, time) {TOPIC_Q, value, time}
+#define OTHER_AT(time) {TOPIC_OTHER, false, time}
+#define PLAY(evaluator, ...) \
+  play( \
+    evaluator, (const struct event[]) {__VA_ARGS__}, \
+    sizeof((const struct event[]) {__VA_ARGS__}) / sizeof(struct event))
+
 // Whether a requirement was announced at a time, with a tick.
 static bool is_found(uint32_t requirement, int64_t stamp, uint64_t tick)
 {
@@ -265,24 +291,19 @@ static bool verdict(const struct fm_evaluator * evaluator, uint32_t requirement)
 
 // ---- deadlines ---------------------------------------------------------------------------------
 
-static void a_verdict_turns_false_at_its_deadline_and_not_with_the_next_message(void)
+SCENARIO(a_verdict_turns_false_at_its_deadline_and_not_with_the_next_message)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 1000);
-  message(evaluator, TOPIC_P, true, 1010);
-  message(evaluator, TOPIC_P, false, 1020);
+  PLAY(evaluator, AT(1000), P_AT(true, 1010), P_AT(false, 1020));
   CHECK(count_of(WITHIN) == 0 && evaluations[WITHIN] == 2);
   message(evaluator, TOPIC_OTHER, false, 5000);
   CHECK(count_of(WITHIN) == 1 && is_found(WITHIN, 1120, 110) && evaluations[WITHIN] == 3);
 }
 
-static void a_deadline_is_told_and_taken_at_its_instant_however_late(void)
+SCENARIO(a_deadline_is_told_and_taken_at_its_instant_however_late)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 7);
-  message(evaluator, TOPIC_P, false, 20);
-  advance(evaluator, 60);
+  PLAY(evaluator, AT(0), P_AT(true, 7), P_AT(false, 20), AT(60));
   CHECK(fm_evaluator_deadline(evaluator) == 120);
   advance(evaluator, 119);
   CHECK(count_of(WITHIN) == 0);
@@ -290,47 +311,35 @@ static void a_deadline_is_told_and_taken_at_its_instant_however_late(void)
   CHECK(is_found(WITHIN, 120, 113) && fm_evaluator_deadline(evaluator) == FM_NEVER);
 }
 
-static void a_message_at_a_deadline_and_the_deadline_are_one_evaluation(void)
+SCENARIO(a_message_at_a_deadline_and_the_deadline_are_one_evaluation)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 10);
-  message(evaluator, TOPIC_P, false, 20);
-  message(evaluator, TOPIC_P, true, 120);
-  advance(evaluator, 120);
+  PLAY(evaluator, AT(0), P_AT(true, 10), P_AT(false, 20), P_AT(true, 120), AT(120));
   CHECK(count_of(WITHIN) == 0 && evaluations[WITHIN] == 3);
-  message(evaluator, TOPIC_P, false, 121);
-  message(evaluator, TOPIC_P, true, 222);
+  PLAY(evaluator, P_AT(false, 121), P_AT(true, 222));
   CHECK(count_of(WITHIN) == 1 && is_found(WITHIN, 221, 211) && verdict(evaluator, WITHIN));
 }
 
-static void an_answer_one_nanosecond_late_is_late(void)
+SCENARIO(an_answer_one_nanosecond_late_is_late)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 10);
-  message(evaluator, TOPIC_P, false, 11);
-  message(evaluator, TOPIC_P, true, 112);
+  PLAY(evaluator, AT(0), P_AT(true, 10), P_AT(false, 11), P_AT(true, 112));
   CHECK(count_of(WITHIN) == 1 && is_found(WITHIN, 111, 101) && verdict(evaluator, WITHIN));
 }
 
-static void a_change_may_make_another_at_a_later_deadline(void)
+SCENARIO(a_change_may_make_another_at_a_later_deadline)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 100);
-  advance(evaluator, 100);
+  PLAY(evaluator, AT(0), Q_AT(false, 100), AT(100));
   CHECK(fm_evaluator_deadline(evaluator) <= 120);
   advance(evaluator, 1000);
   CHECK(count_of(QUIET) == 1 && is_found(QUIET, 150, 50) && evaluations[QUIET] == 3);
 }
 
-static void all_groups_that_are_due_at_an_instant_are_evaluated(void)
+SCENARIO(all_groups_that_are_due_at_an_instant_are_evaluated)
 {
   struct fm_evaluator * evaluator = made();
-  message(evaluator, TOPIC_P, true, 0);
-  message(evaluator, TOPIC_Q, false, 0);
-  advance(evaluator, 50);
+  PLAY(evaluator, P_AT(true, 0), Q_AT(false, 0), AT(50));
   // At the begin: all groups at their tick 0. Then two end their first 50 ticks together.
   CHECK(fm_evaluator_deadline(evaluator) == 51);
   advance(evaluator, 1000);
@@ -338,26 +347,21 @@ static void all_groups_that_are_due_at_an_instant_are_evaluated(void)
   CHECK(found[n_found - 2].requirement == SHORT && found[n_found - 1].requirement == QUIET);
 }
 
-static void nothing_is_evaluated_while_nothing_can_change(void)
+SCENARIO(nothing_is_evaluated_while_nothing_can_change)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 10);
-  message(evaluator, TOPIC_Q, true, 20);
-  advance(evaluator, 1000);
+  PLAY(evaluator, AT(0), P_AT(true, 10), Q_AT(true, 20), AT(1000));
   uint32_t before[N_REQUIREMENTS];
   memcpy(before, evaluations, sizeof before);
   CHECK(fm_evaluator_deadline(evaluator) == FM_NEVER);
-  advance(evaluator, INT64_C(3600000000000));
-  message(evaluator, TOPIC_OTHER, false, INT64_C(7200000000000));
+  PLAY(evaluator, AT(INT64_C(3600000000000)), OTHER_AT(INT64_C(7200000000000)));
   CHECK(memcmp(before, evaluations, sizeof before) == 0);
 }
 
-static void a_message_evaluates_the_groups_that_read_its_topic(void)
+SCENARIO(a_message_evaluates_the_groups_that_read_its_topic)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 10);
+  PLAY(evaluator, AT(0), P_AT(true, 10));
   CHECK(evaluations[WITHIN] == 1 && evaluations[ANSWER] == 0 && evaluations[QUIET] == 0);
   message(evaluator, TOPIC_Q, true, 20);
   CHECK(evaluations[WITHIN] == 1 && evaluations[ANSWER] == 1 && evaluations[QUIET] == 1);
@@ -368,7 +372,7 @@ static void a_message_evaluates_the_groups_that_read_its_topic(void)
 
 // ---- the begin ---------------------------------------------------------------------------------
 
-static void a_group_that_is_ready_when_time_begins_has_its_tick_0_then(void)
+SCENARIO(a_group_that_is_ready_when_time_begins_has_its_tick_0_then)
 {
   struct fm_evaluator * evaluator = made();
   const union fm_value no = {.i = 0};
@@ -379,11 +383,10 @@ static void a_group_that_is_ready_when_time_begins_has_its_tick_0_then(void)
   CHECK(is_found(QUIET, 550, 50) && is_found(SHORT, 550, 50));
 }
 
-static void a_message_before_the_time_begins_is_of_tick_0(void)
+SCENARIO(a_message_before_the_time_begins_is_of_tick_0)
 {
   struct fm_evaluator * evaluator = made();
-  message(evaluator, TOPIC_P, true, 3);
-  message(evaluator, TOPIC_Q, true, 4);
+  PLAY(evaluator, P_AT(true, 3), Q_AT(true, 4));
   CHECK(evaluations[WITHIN] == 0 && evaluations[ALIVE] == 0);
   advance(evaluator, 1000);
   CHECK(evaluations[WITHIN] == 1 && evaluations[ALIVE] == 1 && verdict(evaluator, ALIVE));
@@ -391,12 +394,11 @@ static void a_message_before_the_time_begins_is_of_tick_0(void)
   CHECK(count_of(ALIVE) == 1 && is_found(ALIVE, 1011, 11));
 }
 
-static void an_initial_value_that_comes_later_begins_the_group_then(void)
+SCENARIO(an_initial_value_that_comes_later_begins_the_group_then)
 {
   struct fm_evaluator * evaluator = made();
   const union fm_value no = {.i = 0};
-  advance(evaluator, 500);
-  advance(evaluator, 600);
+  PLAY(evaluator, AT(500), AT(600));
   fm_evaluator_initial(evaluator, Q, no);
   advance(evaluator, 1000);
   CHECK(is_found(QUIET, 650, 50));
@@ -404,21 +406,18 @@ static void an_initial_value_that_comes_later_begins_the_group_then(void)
 
 // ---- two at one time ---------------------------------------------------------------------------
 
-static void of_two_messages_at_one_time_the_later_is_a_nanosecond_later(void)
+SCENARIO(of_two_messages_at_one_time_the_later_is_a_nanosecond_later)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 100);
-  message(evaluator, TOPIC_P, false, 100);
+  PLAY(evaluator, AT(0), P_AT(true, 100), P_AT(false, 100));
   CHECK(last_tick[WITHIN] == 1 && fm_evaluator_now(evaluator) == 101);
-  message(evaluator, TOPIC_P, true, 100);
-  message(evaluator, TOPIC_P, false, 103);
+  PLAY(evaluator, P_AT(true, 100), P_AT(false, 103));
   CHECK(last_tick[WITHIN] == 3 && fm_evaluator_now(evaluator) == 103);
   advance(evaluator, 1000);
   CHECK(is_found(WITHIN, 203, 103));
 }
 
-static void a_clock_that_stands_still_while_messages_come_does_not_go_back(void)
+SCENARIO(a_clock_that_stands_still_while_messages_come_does_not_go_back)
 {
   struct fm_evaluator * evaluator = made();
   advance(evaluator, 0);
@@ -435,12 +434,10 @@ static void a_clock_that_stands_still_while_messages_come_does_not_go_back(void)
   CHECK(fm_evaluator_time_counts(evaluator).restarts == 1);
 }
 
-static void a_message_after_a_deadline_at_its_time_is_a_nanosecond_later(void)
+SCENARIO(a_message_after_a_deadline_at_its_time_is_a_nanosecond_later)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 10);
-  advance(evaluator, 60);
+  PLAY(evaluator, AT(0), Q_AT(false, 10), AT(60));
   CHECK(count_of(QUIET) == 1 && last_tick[QUIET] == 50);
   message(evaluator, TOPIC_Q, true, 60);
   CHECK(last_tick[QUIET] == 51 && verdict(evaluator, QUIET));
@@ -448,12 +445,10 @@ static void a_message_after_a_deadline_at_its_time_is_a_nanosecond_later(void)
 
 // ---- receptions --------------------------------------------------------------------------------
 
-static void a_reception_is_true_for_one_tick(void)
+SCENARIO(a_reception_is_true_for_one_tick)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, true, 90);
-  message(evaluator, TOPIC_P, true, 100);
+  PLAY(evaluator, AT(0), Q_AT(true, 90), P_AT(true, 100));
   CHECK(evaluations[ALIVE] == 1 && fm_evaluator_deadline(evaluator) <= 101);
   advance(evaluator, 101);
   CHECK(evaluations[ALIVE] == 2 && last_tick[ALIVE] == 1);
@@ -461,33 +456,28 @@ static void a_reception_is_true_for_one_tick(void)
   CHECK(count_of(ALIVE) == 1 && is_found(ALIVE, 111, 11) && evaluations[ALIVE] == 3);
 }
 
-static void receptions_of_two_topics_are_told_apart(void)
+SCENARIO(receptions_of_two_topics_are_told_apart)
 {
   struct fm_evaluator * evaluator = made();
   bool seen;
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 100);
-  message(evaluator, TOPIC_Q, true, 101);
+  PLAY(evaluator, AT(0), P_AT(true, 100), Q_AT(true, 101));
   CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && !seen);
   CHECK(fm_evaluator_value(evaluator, GOT_Q, &seen) && seen);
   CHECK(evaluations[ALIVE] == 1 && !verdict(evaluator, ALIVE));
   message(evaluator, TOPIC_P, true, 102);
   CHECK(verdict(evaluator, ALIVE) && last_tick[ALIVE] == 1);
-  message(evaluator, TOPIC_P, true, 103);
-  message(evaluator, TOPIC_P, true, 103);
+  PLAY(evaluator, P_AT(true, 103), P_AT(true, 103));
   CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && seen && last_tick[ALIVE] == 3);
   advance(evaluator, 1000);
   CHECK(is_found(ALIVE, 115, 14) && count_of(ALIVE) == 2);
 }
 
-static void a_group_that_an_initial_value_begins_has_no_reception_from_before(void)
+SCENARIO(a_group_that_an_initial_value_begins_has_no_reception_from_before)
 {
   struct fm_evaluator * evaluator = made();
   const union fm_value no = {.i = 0};
   bool seen;
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 100);
-  advance(evaluator, 200);
+  PLAY(evaluator, AT(0), P_AT(true, 100), AT(200));
   fm_evaluator_initial(evaluator, GOT_Q, no);
   CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && !seen);
   advance(evaluator, 1000);
@@ -496,12 +486,10 @@ static void a_group_that_an_initial_value_begins_has_no_reception_from_before(vo
 
 // ---- time that goes back, and other clocks -----------------------------------------------------
 
-static void time_that_goes_back_starts_the_groups_afresh(void)
+SCENARIO(time_that_goes_back_starts_the_groups_afresh)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 100);
-  message(evaluator, TOPIC_Q, false, 200);
+  PLAY(evaluator, AT(0), P_AT(true, 100), Q_AT(false, 200));
   CHECK(count_of(ANSWER) == 1 && !verdict(evaluator, ANSWER));
   advance(evaluator, 1000);
   n_found = 0;
@@ -514,25 +502,21 @@ static void time_that_goes_back_starts_the_groups_afresh(void)
   CHECK(fm_evaluator_requirement_counts(evaluator, ANSWER).steps == 2);
 }
 
-static void after_a_shift_all_deadlines_come_later_by_as_much(void)
+SCENARIO(after_a_shift_all_deadlines_come_later_by_as_much)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 10);
+  PLAY(evaluator, AT(0), Q_AT(false, 10));
   fm_evaluator_shift(evaluator, INT64_C(1700000000000000000));
-  message(evaluator, TOPIC_P, true, INT64_C(1700000000000000010));
-  advance(evaluator, INT64_C(1700000000000000100));
+  PLAY(evaluator, P_AT(true, INT64_C(1700000000000000010)), AT(INT64_C(1700000000000000100)));
   CHECK(is_found(QUIET, INT64_C(1700000000000000060), 50));
   CHECK(is_found(SHORT, INT64_C(1700000000000000050), 50));
   CHECK(fm_evaluator_time_counts(evaluator).restarts == 0);
 }
 
-static void a_reset_starts_the_groups_at_once(void)
+SCENARIO(a_reset_starts_the_groups_at_once)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 10);
-  advance(evaluator, 40);
+  PLAY(evaluator, AT(0), Q_AT(false, 10), AT(40));
   fm_evaluator_reset(evaluator);
   advance(evaluator, 41);
   CHECK(last_tick[QUIET] == 0 && evaluations[WITHIN] == 0);
@@ -540,12 +524,10 @@ static void a_reset_starts_the_groups_at_once(void)
   CHECK(count_of(QUIET) == 1 && is_found(QUIET, 90, 50) && is_found(SHORT, 90, 50));
 }
 
-static void a_restored_instance_is_due_when_it_was(void)
+SCENARIO(a_restored_instance_is_due_when_it_was)
 {
   struct fm_evaluator * evaluator = made();
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 10);
-  message(evaluator, TOPIC_P, true, 12);
+  PLAY(evaluator, AT(0), Q_AT(false, 10), P_AT(true, 12));
   void * block = malloc((size_t)fm_evaluator_instance_bytes(evaluator));
   fm_evaluator_save(evaluator, block);
   for (int again = 0; again < 2; ++again) {
@@ -558,14 +540,12 @@ static void a_restored_instance_is_due_when_it_was(void)
   free(block);
 }
 
-static void times_near_the_end_do_not_overflow(void)
+SCENARIO(times_near_the_end_do_not_overflow)
 {
   struct fm_evaluator * evaluator = made();
   const int64_t end = INT64_MAX - 30;
-  advance(evaluator, INT64_MIN);
-  message(evaluator, TOPIC_Q, false, INT64_MIN + 10);
-  advance(evaluator, end - 1);
-  message(evaluator, TOPIC_Q, false, end);  // after FM_LAST_TICK: starts afresh
+  // after FM_LAST_TICK: starts afresh
+  PLAY(evaluator, AT(INT64_MIN), Q_AT(false, INT64_MIN + 10), AT(end - 1), Q_AT(false, end));
   CHECK(last_tick[QUIET] == 0);
   advance(evaluator, INT64_MAX - 1);
   CHECK(last_tick[QUIET] == 20 && fm_evaluator_deadline(evaluator) == FM_NEVER);
@@ -573,7 +553,7 @@ static void times_near_the_end_do_not_overflow(void)
 
 // ---- silence -----------------------------------------------------------------------------------
 
-static void a_stale_group_is_violated_until_its_input_speaks(void)
+SCENARIO(a_stale_group_is_violated_until_its_input_speaks)
 {
   static const int64_t TIMEOUTS[] = {0, 30, 0, 0};
   static const bool VIOLATES[] = {false, true, false, false};
@@ -582,9 +562,7 @@ static void a_stale_group_is_violated_until_its_input_speaks(void)
   options.violates = VIOLATES;
   options.reports_recoveries = true;
   struct fm_evaluator * evaluator = make(&options);
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_P, true, 10);
-  message(evaluator, TOPIC_Q, true, 20);
+  PLAY(evaluator, AT(0), P_AT(true, 10), Q_AT(true, 20));
   CHECK(verdict(evaluator, ANSWER));
   advance(evaluator, 200);
   CHECK(count_of(ANSWER) == 1 && is_found(ANSWER, 50, 30) && is_found(QUIET, 50, 30));
@@ -596,17 +574,15 @@ static void a_stale_group_is_violated_until_its_input_speaks(void)
 
 // ---- reports -----------------------------------------------------------------------------------
 
-static void occurrences_are_announced_each_time_although_the_verdict_stays_false(void)
+SCENARIO(occurrences_are_announced_each_time_although_the_verdict_stays_false)
 {
   struct fm_evaluator_options options = options_of();
   options.reports_recoveries = true;
   struct fm_evaluator * evaluator = make(&options);
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 10);
+  PLAY(evaluator, AT(0), Q_AT(false, 10));
   n_found = 0;
   for (int k = 0; k < 3; ++k) {
-    message(evaluator, TOPIC_P, true, 100 + 10 * k);
-    message(evaluator, TOPIC_P, true, 102 + 10 * k);
+    PLAY(evaluator, P_AT(true, 100 + 10 * k), P_AT(true, 102 + 10 * k));
     CHECK(!fm_evaluator_requirement_counts(evaluator, ANSWER).holds);
     message(evaluator, TOPIC_P, false, 105 + 10 * k);
     CHECK(fm_evaluator_requirement_counts(evaluator, ANSWER).holds);
@@ -623,17 +599,15 @@ static void occurrences_are_announced_each_time_although_the_verdict_stays_false
   CHECK(fm_evaluator_requirement_counts(evaluator, ANSWER).announced == 3);
 }
 
-static void onset_and_every_step_look_at_the_verdict(void)
+SCENARIO(onset_and_every_step_look_at_the_verdict)
 {
   static const uint8_t REPORTS[] = {FM_ONSET, FM_ONSET, FM_ONSET, FM_ONSET, FM_EVERY_STEP};
   struct fm_evaluator_options options = options_of();
   options.reports = REPORTS;
   struct fm_evaluator * evaluator = make(&options);
-  advance(evaluator, 0);
-  message(evaluator, TOPIC_Q, false, 10);
+  PLAY(evaluator, AT(0), Q_AT(false, 10));
   for (int k = 0; k < 3; ++k) {
-    message(evaluator, TOPIC_P, true, 100 + 10 * k);
-    message(evaluator, TOPIC_P, false, 105 + 10 * k);
+    PLAY(evaluator, P_AT(true, 100 + 10 * k), P_AT(false, 105 + 10 * k));
   }
   message(evaluator, TOPIC_Q, false, 150);
   CHECK(count_of(ANSWER) == 1 && is_found(ANSWER, 100, 0));
@@ -642,7 +616,7 @@ static void onset_and_every_step_look_at_the_verdict(void)
 
 // ---- rows --------------------------------------------------------------------------------------
 
-static void rows_give_verdicts_at_rows_and_where_one_changes(void)
+SCENARIO(rows_give_verdicts_at_rows_and_where_one_changes)
 {
   enum { ROOM = 4, MOST = 32 };
   const int64_t times[] = {0, 10, 200};
@@ -671,7 +645,7 @@ static void rows_give_verdicts_at_rows_and_where_one_changes(void)
   }
 }
 
-static void without_an_end_rows_end_with_the_last(void)
+SCENARIO(without_an_end_rows_end_with_the_last)
 {
   const int64_t times[] = {5};
   const bool yes[] = {true};
@@ -687,7 +661,7 @@ static void without_an_end_rows_end_with_the_last(void)
 
 // ---- refusals ----------------------------------------------------------------------------------
 
-static void options_that_do_not_fit_are_refused(void)
+SCENARIO(options_that_do_not_fit_are_refused)
 {
   static const uint8_t WRONG_REPORT[] = {0, 0, 3, 0, 0};
   static const uint8_t WRONG_SOURCE[] = {0, 0, FM_AGE, 0};
@@ -707,60 +681,4 @@ static void options_that_do_not_fit_are_refused(void)
   options = options_of();
   options.monitor = &monitor;
   CHECK(make(&options) == NULL);
-}
-
-// ---- all ---------------------------------------------------------------------------------------
-
-struct scenario
-{
-  const char * name;
-  void (* run)(void);
-};
-
-#define SCENARIO(name) {#name, name}
-
-static const struct scenario SCENARIOS[] = {
-  SCENARIO(a_verdict_turns_false_at_its_deadline_and_not_with_the_next_message),
-  SCENARIO(a_deadline_is_told_and_taken_at_its_instant_however_late),
-  SCENARIO(a_message_at_a_deadline_and_the_deadline_are_one_evaluation),
-  SCENARIO(an_answer_one_nanosecond_late_is_late),
-  SCENARIO(a_change_may_make_another_at_a_later_deadline),
-  SCENARIO(all_groups_that_are_due_at_an_instant_are_evaluated),
-  SCENARIO(nothing_is_evaluated_while_nothing_can_change),
-  SCENARIO(a_message_evaluates_the_groups_that_read_its_topic),
-  SCENARIO(a_group_that_is_ready_when_time_begins_has_its_tick_0_then),
-  SCENARIO(a_message_before_the_time_begins_is_of_tick_0),
-  SCENARIO(an_initial_value_that_comes_later_begins_the_group_then),
-  SCENARIO(of_two_messages_at_one_time_the_later_is_a_nanosecond_later),
-  SCENARIO(a_clock_that_stands_still_while_messages_come_does_not_go_back),
-  SCENARIO(a_message_after_a_deadline_at_its_time_is_a_nanosecond_later),
-  SCENARIO(a_reception_is_true_for_one_tick),
-  SCENARIO(receptions_of_two_topics_are_told_apart),
-  SCENARIO(a_group_that_an_initial_value_begins_has_no_reception_from_before),
-  SCENARIO(time_that_goes_back_starts_the_groups_afresh),
-  SCENARIO(after_a_shift_all_deadlines_come_later_by_as_much),
-  SCENARIO(a_reset_starts_the_groups_at_once),
-  SCENARIO(a_restored_instance_is_due_when_it_was),
-  SCENARIO(times_near_the_end_do_not_overflow),
-  SCENARIO(a_stale_group_is_violated_until_its_input_speaks),
-  SCENARIO(occurrences_are_announced_each_time_although_the_verdict_stays_false),
-  SCENARIO(onset_and_every_step_look_at_the_verdict),
-  SCENARIO(rows_give_verdicts_at_rows_and_where_one_changes),
-  SCENARIO(without_an_end_rows_end_with_the_last),
-  SCENARIO(options_that_do_not_fit_are_refused),
-};
-
-int main(int argc, char ** argv)
-{
-  bool is_known = false;
-  for (size_t k = 0; k < sizeof SCENARIOS / sizeof SCENARIOS[0]; ++k) {
-    if (argc < 2) {
-      puts(SCENARIOS[k].name);
-    } else if (strcmp(argv[1], SCENARIOS[k].name) == 0) {
-      is_known = true;
-      SCENARIOS[k].run();
-    }
-  }
-  free(memory);
-  return failures == 0 && (is_known || argc < 2) ? 0 : 1;
 }
