@@ -73,22 +73,22 @@ struct fm_arrivals
 /// also receives messages that its publishers sent earlier. Allocates a ring of 128 KiB. If that
 /// fails, or beyond the ring's 4096 messages, repetitions of messages that were first received
 /// during the handover are not recognised. O(publishers).
-void fm_arrivals_begin_handover(struct fm_arrivals * arrivals, bool has_history);
+FM_EXPORT void fm_arrivals_begin_handover(struct fm_arrivals * arrivals, bool has_history);
 
 /// End the handover, and free the ring. O(1).
-void fm_arrivals_end_handover(struct fm_arrivals * arrivals);
+FM_EXPORT void fm_arrivals_end_handover(struct fm_arrivals * arrivals);
 
 /// Whether a message was received before, or is history. False outside a handover.
 /// O(messages since the handover began), 4096 at most.
-bool fm_arrivals_is_repeated(
+FM_EXPORT bool fm_arrivals_is_repeated(
   const struct fm_arrivals * arrivals, const struct fm_origin * origin);
 
 /// Note a message that is not repeated, and count the numbers missing before it as lost. O(1) for
 /// the publisher that sent last, O(FM_MOST_PUBLISHERS) for another.
-void fm_arrivals_note(struct fm_arrivals * arrivals, const struct fm_origin * origin);
+FM_EXPORT void fm_arrivals_note(struct fm_arrivals * arrivals, const struct fm_origin * origin);
 
 /// The number of lost messages. During a handover it is the number before the handover: a message
 /// that one subscription lost may still arrive by the other. O(1).
-uint64_t fm_arrivals_lost(const struct fm_arrivals * arrivals);
+FM_EXPORT uint64_t fm_arrivals_lost(const struct fm_arrivals * arrivals);
 
 #endif  // HANDOVER_H_

@@ -104,35 +104,25 @@ void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, si
 
 // ---- taking ------------------------------------------------------------------------------------
 
-enum result
-{
-  EMPTY,    // no message is waiting, or the middleware failed
-  TAKEN,
-  DROPPED   // the middleware dropped a message without a CDR header
-};
-
-static enum result take(struct fm_receiver * receiver)
+static enum fm_take take(struct fm_receiver * receiver)
 {
   struct fm_message_info * info = &receiver->info.info;
   const struct fm_middleware * middleware = receiver->middleware;
+  const bool is_in_place = receiver->taking == FM_LISTEN_IN_PLACE;
   bool taken = false;
   receiver->reading.is_decoded = false;
-  const int result = receiver->taking == FM_LISTEN_IN_PLACE ?
+  const int result = is_in_place ?
     middleware->take_message(receiver->subscription, receiver, &taken, info, NULL) :
     middleware->take(receiver->subscription, &receiver->message, &taken, info, NULL);
-  const bool has_error = middleware->has_error();
-  if (has_error) {
-    middleware->forget_error();
+  const enum fm_take done = fm_take_result(middleware, result, taken);
+  if (done == FM_TAKEN) {
+    if (!is_in_place) {
+      read_fields(receiver, receiver->message.buffer, receiver->message.length);
+    }
+    receiver->reading.message = receiver->message.buffer;
+    receiver->reading.size = receiver->message.length;
   }
-  if (result != 0 || !taken) {
-    return result == 0 && has_error ? DROPPED : EMPTY;
-  }
-  if (receiver->taking != FM_LISTEN_IN_PLACE) {
-    read_fields(receiver, receiver->message.buffer, receiver->message.length);
-  }
-  receiver->reading.message = receiver->message.buffer;
-  receiver->reading.size = receiver->message.length;
-  return TAKEN;
+  return done;
 }
 
 static struct fm_origin origin_of(const struct fm_receiver * receiver)
@@ -155,14 +145,14 @@ static void deliver_locked(struct fm_receiver * receiver)
 static bool take_locked(struct fm_receiver * receiver, size_t count)
 {
   const size_t most = count > MOST_AT_ONCE ? MOST_AT_ONCE : count;
-  enum result result = TAKEN;
-  for (size_t k = 0; k < most && result != EMPTY; ++k) {
+  enum fm_take result = FM_TAKEN;
+  for (size_t k = 0; k < most && result != FM_EMPTY; ++k) {
     result = take(receiver);
-    if (result == TAKEN) {
+    if (result == FM_TAKEN) {
       deliver_locked(receiver);
     }
   }
-  return result != EMPTY && count > most;
+  return result != FM_EMPTY && count > most;
 }
 
 // Called in a thread of the middleware, as the next function.
@@ -184,10 +174,10 @@ static void wake(const void * user_data, size_t count)
   fm_engine_leave(((const struct fm_receiver *)user_data)->engine);
 }
 
-static enum result take_any(struct fm_receiver * receiver)
+static enum fm_take take_any(struct fm_receiver * receiver)
 {
-  enum result result = DROPPED;
-  while (result == DROPPED) {
+  enum fm_take result = FM_DROPPED;
+  while (result == FM_DROPPED) {
     result = take(receiver);
   }
   return result;
@@ -197,7 +187,7 @@ static bool take_for_queue(void * argument, int64_t * received)
 {
   struct fm_receiver * receiver = argument;
   receiver->middleware->forget_error();  // left by earlier calls in this thread
-  const bool is_taken = take_any(receiver) == TAKEN;
+  const bool is_taken = take_any(receiver) == FM_TAKEN;
   *received = receiver->info.info.received_timestamp;
   return is_taken;
 }

@@ -76,7 +76,6 @@ struct fm_relay
 static bool make_buffers(struct fm_relay * relay)
 {
   const struct fm_relay_options * options = &relay->options;
-  relay->message.allocator = fm_malloc_allocator();
   relay->replacement.allocator = relay->message.allocator;
   if (options->substitute == NULL) {
     return true;
@@ -182,20 +181,13 @@ static void pass_on(struct fm_relay * relay, bool is_retired, void * publisher)
 static bool take_one(
   struct fm_relay * relay, const void * subscription, bool is_retired, void * publisher)
 {
-  const struct fm_middleware * middleware = relay->options.middleware;
-  bool taken = false;
   relay->message.length = 0;
-  const int result =
-    middleware->take(subscription, &relay->message, &taken, &relay->info.info, NULL);
-  const bool has_error = middleware->has_error();
-  if (has_error) {
-    middleware->forget_error();
-  }
-  if (result == 0 && taken) {
+  const uint32_t taken = fm_take_serialized(
+    relay->options.middleware, subscription, &relay->message, &relay->info);
+  if (taken == FM_TAKEN) {
     pass_on(relay, is_retired, publisher);
-    return true;
   }
-  return result == 0 && has_error;  // the middleware dropped a message without a CDR header
+  return taken != FM_EMPTY;
 }
 
 static void replace_if_due(struct fm_relay * relay, void * publisher)

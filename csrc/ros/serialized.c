@@ -46,3 +46,30 @@ struct fm_allocator fm_malloc_allocator(void)
 {
   return (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
 }
+
+enum fm_take fm_take_result(const struct fm_middleware * middleware, int result, bool taken)
+{
+  const bool has_error = middleware->has_error();
+  if (has_error) {
+    middleware->forget_error();
+  }
+  if (result == 0 && taken) {
+    return FM_TAKEN;
+  }
+  return result == 0 && has_error ? FM_DROPPED : FM_EMPTY;
+}
+
+uint32_t fm_take_serialized(
+  const struct fm_middleware * middleware, const void * subscription,
+  struct fm_serialized * message, struct fm_padded_info * info)
+{
+  bool taken = false;
+  message->allocator = fm_malloc_allocator();
+  const int result = middleware->take(subscription, message, &taken, &info->info, NULL);
+  return fm_take_result(middleware, result, taken);
+}
+
+void fm_free_serialized(struct fm_serialized * message)
+{
+  free(message->buffer);
+}

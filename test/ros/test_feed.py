@@ -303,10 +303,11 @@ def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> 
         raise RuntimeError('oh')
 
     node: Any = Node('fret_monitor', context=partner.context)
-    intake = RawIntake(node)
+    library, intake = load_evaluator(evaluator_library()), RawIntake(node)
+    intake.prepare(library)
     failing = Feed(node, intake)
-    failing.subscribe(load_evaluator(evaluator_library()), 'x', 'std_msgs/msg/Int32', Int32,
-                      RawTopic(intake, fail), {})
+    failing.subscribe(
+        library, 'x', 'std_msgs/msg/Int32', Int32, RawTopic(intake, fail), {})
     publisher = partner.publisher(Int32, 'x')
     failing.start()
     partner.wait_for_listener(publisher)

@@ -18,13 +18,10 @@ from pathlib import Path
 import signal
 from threading import Event
 from time import monotonic, sleep
-from typing import Any
 
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.ros.intake.feed import Feed
-from fret_monitor.ros.intake.raw_topic import (
-    Deliver, Gaps, RawIntake, RawTopic, Record,
-)
+from fret_monitor.ros.intake.raw_topic import Deliver, RawIntake, RawTopic
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -33,7 +30,6 @@ from ros.harness import BEST_EFFORT, Partner, RELIABLE, started, wait_until
 from ros.operators import Operator
 from std_msgs.msg import Int32
 
-ONE, OTHER = frozenset([b'1']), frozenset([b'2'])
 SHALLOW = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 BUNDLE = """
 format: 1
@@ -44,81 +40,14 @@ requirements:
 """
 
 
-def test_a_gap_in_the_sequence_of_one_publisher_is_a_loss() -> None:
-    gaps = Gaps()
-    gaps.confirm(ONE)
-    for number in (7, 8, 10, 9, 10, 14):
-        gaps.note(number)
-    assert gaps.lost == 0, 'not confirmed yet'
-    gaps.confirm(ONE)
-    assert gaps.lost == 4
-    gaps.note(16)
-    gaps.confirm(ONE)
-    assert gaps.lost == 5
-
-
-@pytest.mark.parametrize('then', [OTHER, ONE | OTHER, frozenset()])
-def test_a_gap_that_another_publisher_may_explain_is_no_loss(then: frozenset[bytes]) -> None:
-    gaps = Gaps()
-    gaps.confirm(ONE)
-    gaps.note(1)
-    gaps.note(1000)
-    gaps.confirm(then)
-    gaps.note(2000)
-    gaps.confirm(then)
-    assert gaps.lost == 0
-
-
-def test_without_sequence_numbers_no_loss_is_counted() -> None:
-    gaps = Gaps()
-    gaps.confirm(ONE)
-    for number in (1, 2**64 - 1, 0, 2):
-        gaps.note(number)
-    gaps.confirm(ONE)
-    assert gaps.lost == 0
-
-
-def test_a_message_that_arrives_twice_is_delivered_once_during_a_handover_only() -> None:
-    got: list[bytes] = []
-    unused: Any = None
-    topic = RawTopic(unused, lambda data, received, sent: got.append(data))
-
-    def deliver(data: bytes, sent: int, sequence: int) -> None:
-        topic.deliver(Record(data, 0, sent, sequence))
-
-    def all_twice() -> list[bytes]:
-        got.clear()
-        for _ in range(2):
-            deliver(b'one', 5, 1)
-            deliver(b'two', 5, 2)
-            deliver(b'two of another', 6, 2)
-            deliver(b'without number', 7, 2**64 - 1)
-            deliver(b'of unknown origin', 0, 2**64 - 1)
-        return got
-
-    assert len(all_twice()) == 10
-    topic.begin_handover(has_history=False)
-    assert all_twice() == [b'one', b'two', b'two of another', b'without number',
-                           b'of unknown origin', b'of unknown origin']
-    topic.begin_handover(has_history=False)  # of a third subscription
-    assert all_twice() == [b'of unknown origin'] * 2
-    for number in range(5000):
-        deliver(b'', 8, number + 3)
-    assert len(all_twice()) == 6, 'forgotten, and then delivered once'
-    topic.end_handover()
-    assert len(all_twice()) == 10
-    topic.begin_handover(has_history=False)
-    assert len(all_twice()) == 6
-
-
 def raw_feed(node: Node, topics: dict[str, Deliver], depth: int) -> Feed:
     """Return a feed of raw topics."""
-    intake = RawIntake(node)
+    library, intake = load_evaluator(evaluator_library()), RawIntake(node)
+    intake.prepare(library)
     feed = Feed(node, intake)
     for name, deliver in topics.items():
-        feed.subscribe(
-            load_evaluator(evaluator_library()), name, 'std_msgs/msg/Int32', Int32,
-            RawTopic(intake, deliver), {'depth': depth})
+        feed.subscribe(library, name, 'std_msgs/msg/Int32', Int32, RawTopic(intake, deliver),
+                       {'depth': depth})
     return feed
 
 
@@ -182,15 +111,15 @@ def test_a_queue_that_overflows_is_reported(
 
     node = Node('fret_monitor', context=partner.context)
     feed = raw_feed(node, {'x': take}, 5)
-    publisher = partner.publisher(Int32, 'x', BEST_EFFORT)
+    publishers = [partner.publisher(Int32, 'x', BEST_EFFORT) for _ in range(2)]
     feed.start()
-    partner.wait_for_listener(publisher)
+    partner.wait_for_listener(*publishers)
     for number in range(101):
-        publisher.publish(Int32(data=number))
+        for publisher in publishers:
+            publisher.publish(Int32(data=number))
         wait_until(lambda: bool(got), 'the first one')
     go.set()
-    wait_until(lambda: feed.statuses()[0].lost > 0, 'losses')
-    assert len(got) + feed.statuses()[0].lost == 101
+    wait_until(lambda: len(got) + feed.statuses()[0].lost == 202, 'losses of both publishers')
     feed.close()
     node.destroy_node()
     assert 'messages were lost on /x since the last such message' in capfd.readouterr().err

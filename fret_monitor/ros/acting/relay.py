@@ -31,7 +31,7 @@ from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.hot_path import Middleware
+from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.rcl_endpoint import UNNAMED
 from fret_monitor.ros.intake.rcl_publisher import RclPublisher
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
@@ -131,7 +131,7 @@ class Relay:
     @property
     def topic(self) -> 'RelayedTopic':
         """What the feed does with the messages of the gate's source."""
-        return RelayedTopic(self, self._engine, self._gate)
+        return RelayedTopic(self, self._engine, self._middleware, self._gate)
 
     @property
     def turns(self) -> int:
@@ -257,15 +257,16 @@ def _full_name(item: TopicEndpointInfo) -> str:
     return f'{item.node_namespace.rstrip("/")}/{item.node_name}'
 
 
-class RelayedTopic:
+class RelayedTopic(EngineTopic):
     """The topic of a gate: the relay takes its messages."""
 
-    def __init__(self, relay: Relay, engine: Engine, gate: ManifestGate) -> None:
+    def __init__(self, relay: Relay, engine: Engine, middleware: Middleware,
+                 gate: ManifestGate) -> None:
         """Give the subscriptions of this topic to a relay."""
-        self._relay = relay
-        self._engine = engine
         # The engine has one more than there are, for a topic that feeds no input.
-        self._topic = len(engine.monitor.manifest.topics) if gate.topic is None else gate.topic
+        topics = len(engine.monitor.manifest.topics)
+        super().__init__(engine, middleware, topics if gate.topic is None else gate.topic)
+        self._relay = relay
         self._receiver: RelayReceiver | None = None  # of the present subscription
 
     def open(self, subscription: RclSubscription) -> 'RelayReceiver':
@@ -285,19 +286,6 @@ class RelayedTopic:
             self._relay.follow(is_durable=any(
                 _is_durable(item.qos_profile) for item in publishers))
 
-    def begin_handover(self, *, has_history: bool) -> None:
-        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
-        self._engine.begin_handover(self._topic, has_history=has_history)
-
-    def end_handover(self) -> None:
-        """Expect no duplicates any more: the old subscription is closed."""
-        self._engine.end_handover(self._topic)
-
-    @property
-    def lost(self) -> int:
-        """Messages lost: sent, and not received by any subscription of the topic."""
-        return self._engine.lost(self._topic)
-
 
 class RelayReceiver:
     """A subscription from which a relay takes."""
@@ -314,9 +302,6 @@ class RelayReceiver:
             undo.callback(self._held.close)
             self.start()
             undo.pop_all()
-
-    def drain(self) -> None:
-        """Do nothing: `stop` does."""
 
     def start(self) -> None:
         """Start taking, unless that has to wait."""
@@ -337,7 +322,7 @@ class RelayReceiver:
         """Do nothing: the relay ends with its thread."""
 
     def stop(self) -> None:
-        """Stop taking; afterwards the subscription may be destroyed."""
+        """Take what waits, and stop; afterwards the subscription may be destroyed."""
         if self._is_added and not self._is_leaked and \
                 not self._relay.remove(self._subscription):
             self._is_leaked = True  # the middleware may still call back

@@ -45,14 +45,11 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 class Receiver(Protocol):
     """Takes the messages of one subscription."""
 
-    def drain(self) -> None:
-        """Deliver the messages in the queue."""
-
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
 
     def stop(self) -> None:
-        """Stop taking; nothing is delivered afterwards."""
+        """Deliver the messages in the queue, and stop; afterwards nothing is delivered."""
 
 
 class Topic(Protocol):
@@ -62,7 +59,7 @@ class Topic(Protocol):
         """Start taking the messages of a subscription."""
 
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Note which publishers of its type there are; called periodically."""
+        """Follow its publishers, which are of its type; called periodically."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
@@ -261,8 +258,7 @@ class _Subscribed:
         with ExitStack() as last:
             last.callback(subscription.close)
             if receiver is not None:
-                last.callback(receiver.stop)
-                receiver.drain()
+                receiver.stop()
 
     def review(self) -> None:
         """Look for the publishers, and do what is decided."""

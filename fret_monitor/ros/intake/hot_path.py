@@ -29,6 +29,7 @@ from typing import Any
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
+from fret_monitor.ros.intake.feed import Receiver
 from fret_monitor.ros.intake.in_place import InPlaceTypes
 from fret_monitor.ros.intake.rcl_publisher import RclPublisher
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
@@ -157,7 +158,7 @@ class EngineReceiver:
         self._library = engine.library
         self._engine = engine
         self._middleware = middleware
-        self._lock = threading.Lock()  # the feed's thread drains, another thread may stop
+        self._lock = threading.Lock()  # the feed's thread retires, another thread may stop
         self._place: Any = ffi.new('struct fm_receiver **')
         self._is_leaked = False
         self._held = ExitStack()
@@ -175,10 +176,6 @@ class EngineReceiver:
     @property
     def _pointer(self) -> Any:
         return ffi.NULL if self._is_leaked else self._place[0]
-
-    def drain(self) -> None:
-        """Deliver the messages in the queue."""
-        self._engine.drain()
 
     def retire(self) -> None:
         """Mark the subscription as one that is being replaced."""
@@ -198,7 +195,8 @@ class EngineReceiver:
         native_lifetimes.release(self)
 
     def stop(self) -> None:
-        """Stop delivering; afterwards the subscription may be destroyed."""
+        """Deliver what waits, and stop; afterwards the subscription may be destroyed."""
+        self._engine.drain()
         self.end()
         if not self._is_leaked:
             self._held.close()
@@ -213,7 +211,7 @@ class EngineTopic:
         self._middleware = middleware
         self._topic = topic
 
-    def open(self, subscription: RclSubscription) -> EngineReceiver:
+    def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
         return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
 

@@ -13,24 +13,26 @@
 # limitations under the License.
 
 """
-Topics whose messages Python takes through rclpy, for nodes without an engine (the logger).
+Topics whose messages Python takes, for nodes without an engine (the logger).
 
 The feed's thread takes them: rclpy's executor needs 70 us for a message. Those that wait together
-are delivered in the order of the middleware's reception times.
-
-rclpy does not give the publisher of a message. Losses, which show as gaps in the sequence numbers,
-are therefore counted only while there is one publisher.
+are delivered in the order of the middleware's reception times. Which are repeated, and which were
+lost, is decided as an engine does (`csrc/engine/handover.h`).
 """
 
-from collections import OrderedDict
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from heapq import merge
 from itertools import islice
 from threading import Event
 from time import time_ns
 from typing import Any, NamedTuple
 
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.symbols import Unavailable
+from fret_monitor.ros.settings.parameters import Refusal
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -38,8 +40,6 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _WAIT_NS = 200_000_000  # a wait without a timeout could outlast a shutdown
 _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
-_MOST_KEYS = 4096  # of the last messages in a handover
-_NONE = 2**64 - 1  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
 
 # Takes a serialized message, its reception time and its sender's time (ns), in the feed's thread.
 Deliver = Callable[[bytes, int, int], None]
@@ -50,13 +50,16 @@ class Record(NamedTuple):
     A serialized message that was taken, and is to be delivered.
 
     `received` is the middleware's time of reception, `sent` the time of its publisher (ns);
-    `sequence` its number.
+    `sequence` its number, counted by the publisher `gid`; `is_retired`: by a subscription that is
+    being replaced.
     """
 
     data: bytes
     received: int
     sent: int
     sequence: int
+    gid: bytes
+    is_retired: bool
 
 
 class RawIntake:
@@ -65,10 +68,26 @@ class RawIntake:
     def __init__(self, node: Node) -> None:
         """Take nothing yet."""
         self._node = node
+        self.library: Any = None
         self._receivers: list[_RawReceiver] = []
         self._guard = _rclpy.GuardCondition(node.context.handle)
         self._wait_set: Any = None  # None: to be made for the present receivers
         self._ended = Event()
+
+    def prepare(self, library: Any) -> None:
+        """
+        Look up what takes messages; `library` has the functions of csrc.
+
+        Raises
+        ------
+        Refusal
+            if the middleware lacks a function.
+        """
+        self.library = library
+        try:
+            self.middleware = Middleware(may_take=False)
+        except Unavailable as found:
+            raise Refusal(f'cannot use the middleware: {found}') from None
 
     def add(self, receiver: '_RawReceiver') -> None:
         """Take from a receiver, too."""
@@ -118,11 +137,12 @@ class RawTopic:
     """Delivers the serialized messages of a topic to a callback."""
 
     def __init__(self, intake: RawIntake, deliver: Deliver) -> None:
-        """Take the callback, which is called in the thread of the intake."""
+        """Take the callback, which is called in the thread of the intake, once it is prepared."""
         self._intake = intake
+        self._library = intake.library
         self._deliver = deliver
-        self._gaps = Gaps()
-        self._received: Keys | None = None  # during a handover
+        self._arrivals: Any = ffi.gc(
+            ffi.new('struct fm_arrivals *'), intake.library.fm_arrivals_end_handover)
 
     def open(self, subscription: RclSubscription) -> '_RawReceiver':
         """Start taking the messages of a subscription."""
@@ -130,28 +150,28 @@ class RawTopic:
 
     def deliver(self, record: Record) -> None:
         """Call the callback, unless the message was received before during this handover."""
-        if self._received is not None and self._received.has_or_adds(record):
-            return
-        self._gaps.note(record.sequence)
-        self._deliver(record.data, record.received, record.sent)
+        gid = ffi.from_buffer('uint8_t[]', record.gid)
+        origin = ffi.new('struct fm_origin *', (
+            record.received, record.sent, record.sequence, gid, record.is_retired))
+        if not self._library.fm_arrivals_is_repeated(self._arrivals, origin):
+            self._library.fm_arrivals_note(self._arrivals, origin)
+            self._deliver(record.data, record.received, record.sent)
 
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Count the losses since the last call, if there is one publisher."""
-        self._gaps.confirm({bytes(item.endpoint_gid) for item in publishers})
+        """Do nothing: each message names its publisher, and goes no further."""
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """Drop duplicates from now on, but no history; treat the next message as the first."""
-        self._received = self._received or Keys()
-        self._gaps.restart()
+        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
+        self._library.fm_arrivals_begin_handover(self._arrivals, has_history)
 
     def end_handover(self) -> None:
         """Expect no duplicates any more: the old subscription is closed."""
-        self._received = None
+        self._library.fm_arrivals_end_handover(self._arrivals)
 
     @property
     def lost(self) -> int:
-        """Messages lost: gaps in the numbers of a single publisher."""
-        return self._gaps.lost
+        """Messages lost: sent, and not received by any subscription of the topic."""
+        return int(self._library.fm_arrivals_lost(self._arrivals))
 
 
 class _RawReceiver:
@@ -159,92 +179,37 @@ class _RawReceiver:
     def __init__(self, intake: RawIntake, topic: RawTopic, subscription: RclSubscription) -> None:
         self.topic = topic
         self._intake = intake
-        self._subscription = subscription
+        self._is_retired = False
+        self._message: Any = ffi.gc(
+            ffi.new('struct fm_serialized *'), intake.library.fm_free_serialized)
+        self._info: Any = ffi.new('struct fm_padded_info *')
+        self._held = ExitStack()
+        self._held.enter_context(subscription.handle)
+        self.handle = subscription.handle
+        self._pointer = intake.middleware.subscription(subscription)
         intake.add(self)
-
-    @property
-    def handle(self) -> Any:
-        return self._subscription.handle
 
     def waiting(self) -> list[Record]:
         return list(islice(iter(self._take, None), _MOST_AT_ONCE))
 
     def _take(self) -> Record | None:
-        item = self._subscription
-        taken: Any = item.handle.take_message(item.msg_type, True)
-        if taken is None:
+        result, info = ffi.integer_const('FM_DROPPED'), self._info.info
+        while result == ffi.integer_const('FM_DROPPED'):
+            result = self._intake.library.fm_take_serialized(
+                self._intake.middleware.functions, self._pointer, self._message, self._info)
+        if result != ffi.integer_const('FM_TAKEN'):
             return None
-        data, info = taken
-        return Record(data, info['received_timestamp'] or time_ns(), info['source_timestamp'],
-                      info['publication_sequence_number'])
-
-    def drain(self) -> None:
-        for record in self.waiting():
-            self._intake.deliver(self.topic, record)
+        return Record(
+            bytes(ffi.buffer(self._message.buffer, self._message.length)),
+            info.received_timestamp or time_ns(), info.source_timestamp,
+            info.publication_sequence_number, bytes(ffi.buffer(info.gid)), self._is_retired)
 
     def stop(self) -> None:
-        self._intake.remove(self)
+        with ExitStack() as last:
+            last.callback(self._held.close)
+            last.callback(self._intake.remove, self)
+            for record in self.waiting():
+                self._intake.deliver(self.topic, record)
 
     def retire(self) -> None:
-        """Do nothing."""
-
-
-class Keys:
-    """
-    What identifies the last messages of a topic: the time and number that its publisher gave it.
-
-    Without the publisher's gid the number alone is not enough.
-    """
-
-    def __init__(self) -> None:
-        """Start without a message."""
-        self._keys: OrderedDict[tuple[int, int], None] = OrderedDict()
-
-    def has_or_adds(self, record: Record) -> bool:
-        """Return whether the message is among them, and add it; False if it has no time."""
-        key = record.sent, record.sequence
-        if key in self._keys:
-            return True
-        if record.sent:
-            self._keys[key] = None
-        if len(self._keys) > _MOST_KEYS:
-            self._keys.popitem(last=False)
-        return False
-
-
-class Gaps:
-    """Counts the gaps in the sequence numbers of a single publisher."""
-
-    def __init__(self) -> None:
-        """Start without a publisher and without a message."""
-        self.lost = 0
-        self._unconfirmed = 0
-        self._last: int | None = None
-        self._publishers: Set[bytes] = frozenset()
-
-    def note(self, number: int) -> None:
-        """Note the sequence number of a received message."""
-        if not 0 < number < _NONE:
-            return
-        if self._last is not None:
-            self._unconfirmed += max(0, number - self._last - 1)
-        self._last = max(number, self._last or 0)
-
-    def confirm(self, publishers: Set[bytes]) -> None:
-        """
-        Count the gaps since the last call as losses, or drop them.
-
-        They count if there is one publisher, the same as at the last call. `publishers` holds the
-        gids of the present ones.
-        """
-        if publishers == self._publishers and len(publishers) == 1:
-            self.lost += self._unconfirmed
-            self._unconfirmed = 0
-        else:
-            self.restart()
-        self._publishers = publishers
-
-    def restart(self) -> None:
-        """Treat the next message as the first; drop the gaps that were not confirmed."""
-        self._last = None
-        self._unconfirmed = 0
+        self._is_retired = True
