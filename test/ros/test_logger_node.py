@@ -108,10 +108,6 @@ def lines(node: NodeProcess, number: int) -> list[str]:
 
 WRONG: dict[str, Callable[[Voice], None]] = {
     'nothing': lambda voice: voice.detail(),
-    'too little': lambda voice: voice.detail(*right(1)[:2]),
-    'other keys': lambda voice: voice.detail(*reversed(right(1))),
-    'no number': lambda voice: voice.detail(('step', 'one'), *right(1)[1:]),
-    'no time': lambda voice: voice.detail(right(1)[0], ('stamp', 'nan'), *right(1)[2:]),
     'no message': lambda voice: voice.raw_detail(b'\0\1\0\0\1'),
     'no requirement': lambda voice: voice.detail(*right(1), name='B-1'),
 }

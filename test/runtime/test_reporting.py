@@ -270,6 +270,7 @@ def test_a_status_of_another_form_is_no_detail(place: int, pair: tuple[str, str]
     library = load_evaluator(evaluator_library())
     values = [*RIGHT]
     assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values))) is not None
-    assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values[:3]))) is None
+    for number in range(4):
+        assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values[:number]))) is None
     values[place] = pair
     assert read_detail(library, StatusRecord(1, 'R', '', '', tuple(values))) is None
