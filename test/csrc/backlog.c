@@ -28,6 +28,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "fakes.h"
 #include "engine_locked.h"
 
 enum { X, Y, N_TOPICS };
@@ -84,12 +85,11 @@ static void work_ms(int64_t milliseconds)
 
 struct subscription
 {
+  struct listener listener;
   int64_t received[MOST];
   uint8_t values[MOST];
   uint32_t sent;
   uint32_t taken;
-  fm_on_message callback;
-  const void * user_data;
 };
 
 static struct subscription subscriptions[N_TOPICS];
@@ -98,14 +98,6 @@ static bool is_endless = false;  // X always has another message
 static uint32_t is_asked_to_rest = 0;  // atomic: the next to take one of these
 static uint32_t n_takes = 0;
 static uint32_t set_back_at_take = N_TOPICS;  // of a message of this topic
-
-static int listen(void * subscription, fm_on_message callback, const void * user_data)
-{
-  struct subscription * self = subscription;
-  self->callback = callback;
-  self->user_data = user_data;
-  return 0;
-}
 
 static int take(
   const void * subscription, struct fm_serialized * message, bool * taken,
@@ -150,19 +142,8 @@ static int take(
   return 0;
 }
 
-static int publish(const void * publisher, const void * message, void * allocation)
-{
-  (void)publisher;
-  (void)message;
-  (void)allocation;
-  return 0;
-}
-
-static void forget_error(void) {}
-static bool has_error(void) {return false;}
-
-static const struct fm_middleware middleware = {
-  take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}};
+static const struct fm_middleware middleware =
+  FAKE_MIDDLEWARE(take, set_listener, publish_nothing);
 
 // Receive a message; its callback is still to come.
 static void receive(uint32_t topic, uint8_t value, int64_t received)
@@ -305,7 +286,7 @@ static void destroy(struct fm_engine * engine)
 
 static void call_back(uint32_t topic)
 {
-  subscriptions[topic].callback(subscriptions[topic].user_data, 1);
+  notify(&subscriptions[topic].listener, 1);
   if (woken != NULL) {
     fm_engine_catch_up(woken);
   }
@@ -725,7 +706,7 @@ static void stop_within_a_round(struct fm_engine * engine, uint32_t n_left)
   for (uint32_t k = 0; k < n; ++k) {
     receive(Y, false, system_now());
   }
-  subscriptions[Y].callback(subscriptions[Y].user_data, n);
+  notify(&subscriptions[Y].listener, n);
   announce(engine);
   CHECK(subscriptions[Y].sent - subscriptions[Y].taken <= n_left);
   CHECK(subscriptions[Y].taken < subscriptions[Y].sent);

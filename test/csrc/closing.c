@@ -23,6 +23,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fakes.h"
+
 bool __real_fm_engine_is_closed(struct fm_engine * engine);
 uint32_t __real_fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
@@ -68,11 +70,7 @@ static int publish(const void * publisher, const void * message, void * allocati
   return 0;
 }
 
-static void forget_error(void) {}
-static bool has_error(void) {return false;}
-
-static const struct fm_middleware middleware = {
-  NULL, NULL, publish, forget_error, has_error, NULL, {0, 0, 0}};
+static const struct fm_middleware middleware = FAKE_MIDDLEWARE(NULL, NULL, publish);
 
 // ---- a monitor that is violated at each step ---------------------------------------------------
 

@@ -32,6 +32,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "fakes.h"
 
 enum { N_TOPICS = 2, N_SENDERS = 4,
   N_MESSAGES = 20000, N_RENEWALS = 12, MESSAGE = 5, MOST_WAITING = 200 };
@@ -167,12 +168,7 @@ static int publish(const void * publisher, const void * message, void * allocati
   return fails;
 }
 
-static void forget_error(void) {}
-
-static bool has_error(void) {return false;}
-
-static const struct fm_middleware middleware = {
-  take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}};
+static const struct fm_middleware middleware = FAKE_MIDDLEWARE(take, listen, publish);
 
 // ---- the monitor: a requirement a topic, false where the message says so ----------------------
 

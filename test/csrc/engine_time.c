@@ -21,6 +21,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "fakes.h"
 #include "scenarios.h"
 
 enum { BEAT, FED, N_REQUIREMENTS, PERIOD = 100, TIMEOUT = 1000, PATIENCE = 10, MOST = 4096 };
@@ -120,18 +121,6 @@ static bool are_counted(
 {
   const struct fm_time_counts counts = fm_engine_time_counts(engine);
   return counts.periods == periods && counts.missed == missed && counts.restarts == restarts;
-}
-
-struct clock
-{
-  int64_t now;
-  bool fails;
-};
-
-static int read_clock(void * clock, int64_t * nanoseconds)
-{
-  *nanoseconds = ((struct clock *)clock)->now;
-  return ((struct clock *)clock)->fails ? 1 : 0;
 }
 
 static void follow(struct fm_engine * engine, struct clock * clock)

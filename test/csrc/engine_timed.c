@@ -27,6 +27,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "fakes.h"
 #include "scenarios.h"
 
 enum { X, Y, GOT_X, AGE, N_INPUTS };
@@ -214,19 +215,7 @@ static bool is_taken(uint32_t requirement, int64_t stamp, uint64_t tick)
   return false;
 }
 
-struct clock
-{
-  int64_t now;
-  bool fails;
-};
-
 static struct clock simulated;
-
-static int read_clock(void * clock, int64_t * nanoseconds)
-{
-  *nanoseconds = ((struct clock *)clock)->now;
-  return ((struct clock *)clock)->fails ? 1 : 0;
-}
 
 static struct fm_engine * make_with_clock(int64_t reorder, int64_t now)
 {

@@ -25,6 +25,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "fakes.h"
 
 #define HEARTBEAT_NS 20000000
 #define SECOND_NS 1000000000
@@ -55,11 +56,7 @@ static int publish(const void * publisher, const void * message, void * allocati
   return is_refused ? 1 : 0;
 }
 
-static void forget_error(void) {}
-static bool has_error(void) {return false;}
-
-static const struct fm_middleware middleware = {
-  NULL, NULL, publish, forget_error, has_error, NULL, {0, 0, 0}};
+static const struct fm_middleware middleware = FAKE_MIDDLEWARE(NULL, NULL, publish);
 
 static uint64_t count(bool * state)
 {
@@ -155,13 +152,7 @@ static void deliver(struct fm_engine * engine, uint8_t value)
   CHECK(fm_engine_message(engine, 0, &value, 1, &origin) == FM_RECEIVED);
 }
 
-static int64_t simulated = SECOND_NS;
-
-static int read_clock(void * clock, int64_t * nanoseconds)
-{
-  memcpy(nanoseconds, clock, sizeof(*nanoseconds));
-  return 0;
-}
+static struct clock simulated = {SECOND_NS, false};
 
 // Wait until the lock is silent. Returns how many messages came before.
 static uint64_t end_of_messages(void)

@@ -21,32 +21,20 @@
 #include <string.h>
 
 #include "check.h"
+#include "fakes.h"
 #include "engine_locked.h"
 
 // ---- a middleware with one subscription --------------------------------------------------------
 
 struct subscription
 {
+  struct listener listener;
   uint64_t sent;
   uint64_t taken;
-  fm_on_message callback;
-  const void * user_data;
-  bool keeps_callback;  // it does not remove its callback
-  uint64_t late;        // messages that come just after a take has found none
+  uint64_t late;  // messages that come just after a take has found none
 };
 
 static void send(struct subscription * subscription, uint64_t count);
-
-static int listen(void * subscription, fm_on_message callback, const void * user_data)
-{
-  struct subscription * self = subscription;
-  if (callback == NULL && self->keeps_callback) {
-    return 1;
-  }
-  self->callback = callback;
-  self->user_data = user_data;
-  return 0;
-}
 
 static int refuse(void * subscription, fm_on_message callback, const void * user_data)
 {
@@ -77,24 +65,13 @@ static int take(
   return 0;
 }
 
-static int publish(const void * publisher, const void * message, void * allocation)
-{
-  (void)publisher;
-  (void)message;
-  (void)allocation;
-  return 0;
-}
-
-static void forget_error(void) {}
-static bool has_error(void) {return false;}
-
-static const struct fm_middleware middleware = {
-  take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}};
+static const struct fm_middleware middleware =
+  FAKE_MIDDLEWARE(take, set_listener, publish_nothing);
 
 static void send(struct subscription * subscription, uint64_t count)
 {
   subscription->sent += count;
-  subscription->callback(subscription->user_data, (size_t)count);
+  notify(&subscription->listener, (size_t)count);
 }
 
 // ---- an engine that counts ---------------------------------------------------------------------
@@ -133,7 +110,7 @@ static uint64_t received(struct fm_engine * engine)
 
 static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
 {
-  struct subscription subscription = {0, 0, NULL, NULL, false, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -158,7 +135,7 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
 
 static void a_drain_delivers_all_that_waits(void)
 {
-  struct subscription subscription = {2500, 0, NULL, NULL, false, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 2500, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -173,7 +150,7 @@ static void a_drain_delivers_all_that_waits(void)
 // The callback comes while a drain takes, so it leaves its message to the drain.
 static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
 {
-  struct subscription subscription = {1, 0, NULL, NULL, false, 2};
+  struct subscription subscription = {{NULL, NULL, false}, 1, 0, 2};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -190,7 +167,7 @@ static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
 
 static void a_callback_that_is_not_forgotten_does_no_harm(void)
 {
-  struct subscription subscription = {0, 0, NULL, NULL, true, 0};
+  struct subscription subscription = {{NULL, NULL, true}, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -198,7 +175,7 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   CHECK(!fm_receiver_stop(&receiver));
   send(&subscription, 1);
   CHECK(received(engine) == 1);
-  subscription.keeps_callback = false;  // so that the test can end
+  subscription.listener.keeps_callback = false;  // so that the test can end
   CHECK(fm_receiver_stop(&receiver));
   fm_engine_destroy(engine);
   free(memory);
@@ -207,7 +184,7 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
 // Where the callback must not take, nothing is taken within it.
 static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_catches_up(void)
 {
-  struct subscription subscription = {2, 0, NULL, NULL, false, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 2, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   struct fm_violation none;
@@ -230,7 +207,7 @@ static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_ca
 
 static void a_middleware_without_a_callback_is_refused(void)
 {
-  struct subscription subscription = {0, 0, NULL, NULL, false, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_middleware without = middleware;
   struct fm_receiver * receiver = NULL;

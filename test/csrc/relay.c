@@ -26,6 +26,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "fakes.h"
 
 #define LEVEL 0u
 #define FLAG 1u
@@ -132,11 +133,7 @@ static void make_subscription(struct subscription * self, uint64_t first)
   pthread_mutexattr_destroy(&kind);
 }
 
-static void forget_error(void) {}
-static bool has_error(void) {return false;}
-
-static const struct fm_middleware middleware = {
-  take, listen, NULL, forget_error, has_error, NULL, {0, 0, 0}};
+static const struct fm_middleware middleware = FAKE_MIDDLEWARE(take, listen, NULL);
 
 struct publisher
 {
