@@ -495,3 +495,18 @@ def test_every_page_can_be_reached_from_the_readme() -> None:
         left += [(page.parent / link).resolve() for link in
                  re.findall(r'\]\((?!\w+:|#)([^)#]+\.md)', page.read_text(encoding='utf-8'))]
     assert sorted(path.name for path in set(PAGES) - seen) == []
+
+
+def test_every_file_that_a_page_names_exists() -> None:
+    named = re.compile(r'(?<![\w./$-])((?:bench|config|csrc|examples|fret_monitor|launch|test)'
+                       r'/[\w./-]*[a-z0-9_])(?![\w*{-])')
+    wrong = []
+    for page in PAGES:
+        if page.name.startswith('export'):
+            continue  # names files of an export
+        text = re.sub(r'^```.*?^```$', '', page.read_text(encoding='utf-8'),
+                      flags=re.MULTILINE | re.DOTALL)
+        for span in re.findall(r'`([^`\n]+)`', text):
+            wrong += [f'{page.name}: {path}' for path in named.findall(span)
+                      if not (ROOT / path).exists()]
+    assert wrong == []
