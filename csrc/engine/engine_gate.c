@@ -22,27 +22,6 @@
 #include "thread.h"
 
 #define SECOND_NS 1000000000
-#define HANG_NS 500000000
-
-uint32_t fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n)
-{
-  if (engine->gate != NULL &&
-    fm_gate_note(engine->gate, engine->found, &n, fm_steady_time()) &&
-    engine->on_due != NULL)
-  {
-    engine->on_due(engine->on_due_argument);
-  }
-  return n;
-}
-
-void fm_engine_look_for_hang_locked(struct fm_engine * engine)
-{
-  if (engine->gate != NULL) {
-    fm_gate_note_hang(engine->gate, fm_engine_hangs_locked(engine, HANG_NS));
-    (void)fm_engine_note_gate_locked(engine, 0);
-    fm_engine_update_states_locked(engine);
-  }
-}
 
 void fm_engine_guard(
   struct fm_engine * engine, struct fm_gate * gate, const struct fm_gate_options * options)

@@ -12,8 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// engine_parts.h: the struct of an engine, and the functions that its files share. For engine.c,
-/// engine_time.c, engine_gate.c, and those that read the struct: records.c and thinning.c.
+/// engine_parts.h: the struct of an engine, and the functions that its files share. For
+/// engine_*.c, and those that read the struct: records.c and thinning.c. A file calls only those
+/// before it: clock < findings < message < due < backlog < delivery < gate < engine.
 ///
 /// One mutex guards the whole struct. Functions whose names end in _locked need it held.
 
@@ -25,6 +26,15 @@
 #include "engine_locked.h"
 #include "reorder.h"
 #include "states.h"
+
+#define FM_CLOSE_NS 10000  // two readings of clocks without a preemption in between
+#define FM_SET_NS 1000000  // a change of the system time by more is no error of a measurement
+#define FM_HANG_NS 500000000
+
+// Tests sleep between two steps of the handling of time.
+#ifndef FM_PAUSE
+#define FM_PAUSE()
+#endif
 
 /// The source of the time.
 enum fm_source_of_time
@@ -119,18 +129,21 @@ struct fm_engine
   bool measures_use;            // of callbacks, until the next look whether they are too busy
 };
 
-// ---- engine_time.c -----------------------------------------------------------------------------
+// ---- engine_clock.c ----------------------------------------------------------------------------
+
+/// Whether the stamps of headers count: the source then follows the system time.
+bool fm_engine_uses_headers(const struct fm_engine * engine);
+
+/// Read the time of the source; `told`: the time if it is told. Returns false if there is none.
+/// With stamps of headers, messages take effect, and deadlines come, `reorder` later.
+bool fm_engine_read_source_locked(struct fm_engine * engine, int64_t told, int64_t * now);
+
+/// What the clock that is followed said at a system time; until when stamps take effect then.
+int64_t fm_engine_clock_at_locked(const struct fm_engine * engine, int64_t received);
+int64_t fm_engine_stamps_at_locked(const struct fm_engine * engine, int64_t received);
 
 /// As fm_engine_hangs.
 bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds);
-
-/// Read the time of the source for a message that was received at a system time. Returns false if
-/// there is none. With stamps of headers, it is the time until which messages take effect.
-bool fm_engine_read_for_message_locked(
-  struct fm_engine * engine, int64_t received, int64_t * now);
-
-/// The same at any time, also within a round.
-bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int64_t * now);
 
 /// Until when messages were received that belong to the round: system time.
 int64_t fm_engine_round_received_by_locked(struct fm_engine * engine);
@@ -148,8 +161,64 @@ int64_t fm_engine_system_ahead_locked(struct fm_engine * engine);
 /// How much later stamps are than the evaluator's times.
 int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);
 
+// ---- engine_findings.c -------------------------------------------------------------------------
+
+/// Keep what locks and the gate depend on, if it has changed. O(requirements + inputs).
+void fm_engine_note_conditions_locked(struct fm_engine * engine);
+
+/// Queue the violations of engine->found, whose stamps are `later` than found.
+void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);
+
+/// For an evaluator that has started afresh: no violation goes on.
+void fm_engine_forget_violations_locked(struct fm_engine * engine);
+
+/// Wake those who follow the states of the requirements, if one has changed.
+void fm_engine_update_states_locked(struct fm_engine * engine);
+
+/// Do both, and note the step with the gate.
+void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
+
+/// Note a step and its `n` findings with the gate, if there is one: a replacement may be due.
+/// Returns how many of the findings are left: fm_gate_note.
+uint32_t fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n);
+
+/// Close the gate while a thread hangs without which the values of its inputs grow old.
+void fm_engine_look_for_hang_locked(struct fm_engine * engine);
+
+// ---- engine_message.c --------------------------------------------------------------------------
+
+/// Store the fields of a message in the inputs of the evaluator.
+void fm_engine_store_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t now);
+
+/// The fields of a message that was received at a ROS time, with the inputs that are no fields;
+/// they are valid until the next message.
+const struct fm_field * fm_engine_prepare_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
+
+/// Keep a message for the black box, and as evidence if a field cannot be used. A stamp of 0:
+/// there is no time.
+void fm_engine_keep_message_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
+  int64_t sent);
+
+// ---- engine_due.c ------------------------------------------------------------------------------
+
+/// Read the time of the source for a message that was received at a system time. Returns false if
+/// there is none. With stamps of headers, it is the time until which messages take effect.
+bool fm_engine_read_for_message_locked(
+  struct fm_engine * engine, int64_t received, int64_t * now);
+
+/// The same at any time, also within a round.
+bool fm_engine_read_now_locked(struct fm_engine * engine, int64_t received, int64_t * now);
+
 /// Take what is due before a message that takes effect `now`.
 void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now);
+
+/// Take what a message at an instant has made due a nanosecond later, such as the end of its
+/// reception, if that has passed by the steady clock. Otherwise each message would wake the thread
+/// that waits.
+void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now);
 
 /// Let the waiting messages take effect whose time has come, and take what is due by `now`.
 void fm_engine_take_due_by_locked(struct fm_engine * engine, int64_t now);
@@ -164,53 +233,25 @@ void fm_engine_take_due_now_locked(struct fm_engine * engine);
 /// Start afresh if the time has gone back since waiting messages were released.
 void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now);
 
-/// Let the waiting messages take effect whose time has come, in the order of their stamps.
-void fm_engine_release_locked(struct fm_engine * engine, int64_t now);
-
-/// End a wait in fm_engine_take if something is due before its end.
-void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine);
-
-/// Wait until a violation is queued, the engine is closed, or the time is over. Takes what is due.
-void fm_engine_wait_for_violation_locked(struct fm_engine * engine, uint32_t milliseconds);
-
-// ---- engine.c ----------------------------------------------------------------------------------
-
-/// Queue the violations of engine->found, whose stamps are `later` than found.
-void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);
-
-/// For an evaluator that has started afresh: no violation goes on.
-void fm_engine_forget_violations_locked(struct fm_engine * engine);
-
-/// Wake those who follow the states of the requirements, if one has changed.
-void fm_engine_update_states_locked(struct fm_engine * engine);
-
-/// Do both, and note the step with the gate.
-void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t later);
-
-/// The fields of a message that was received at a ROS time, with the inputs that are no fields;
-/// they are valid until the next message.
-const struct fm_field * fm_engine_prepare_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received);
-
-/// As fm_engine_message. `topic` must be in range.
-uint32_t fm_engine_message_locked(
-  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
-  const struct fm_origin * origin);
+/// Let a message take effect at an instant, after what is due before it.
+int64_t fm_engine_put_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t instant);
 
 /// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
 /// later, but not after `now`.
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now);
 
-/// Take what a message at an instant has made due a nanosecond later, such as the end of its
-/// reception, if that has passed by the steady clock. Otherwise each message would wake the thread
-/// that waits.
-void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now);
+/// Let the waiting messages take effect whose time has come, in the order of their stamps.
+void fm_engine_release_locked(struct fm_engine * engine, int64_t now);
 
-/// Keep a message for the black box, and as evidence if a field cannot be used. A stamp of 0:
-/// there is no time.
-void fm_engine_keep_message_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
-  int64_t sent);
+/// Let all messages take effect that wait for those of earlier stamps.
+void fm_engine_release_all_locked(struct fm_engine * engine);
+
+/// Remember that the clock that is followed has moved.
+bool fm_engine_mark_clock_locked(struct fm_engine * engine);
+
+/// End a wait in fm_engine_take if something is due before its end.
+void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine);
 
 // ---- engine_backlog.c --------------------------------------------------------------------------
 
@@ -221,13 +262,11 @@ void fm_engine_catch_up_if_free(struct fm_engine * engine);
 /// released meanwhile. Returns whether messages are left.
 bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine);
 
-// ---- engine_gate.c -----------------------------------------------------------------------------
+// ---- engine_delivery.c -------------------------------------------------------------------------
 
-/// Note a step and its `n` findings with the gate, if there is one: a replacement may be due.
-/// Returns how many of the findings are left: fm_gate_note.
-uint32_t fm_engine_note_gate_locked(struct fm_engine * engine, uint32_t n);
-
-/// Close the gate while a thread hangs without which the values of its inputs grow old.
-void fm_engine_look_for_hang_locked(struct fm_engine * engine);
+/// As fm_engine_message. `topic` must be in range.
+uint32_t fm_engine_message_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin);
 
 #endif  // ENGINE_PARTS_H_

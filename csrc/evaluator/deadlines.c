@@ -14,52 +14,9 @@
 
 /// deadlines.c: see deadlines.h, and fm_evaluator_advance in evaluator.h.
 
-#include "deadlines.h"
+#include "due.h"
 
 #include "steps.h"
-
-int64_t fm_since(int64_t from, int64_t to)
-{
-  return to > from ? fm_between(from, to) : 0;
-}
-
-static void replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t by)
-{
-  evaluator->is_exact = evaluator->is_exact && *due > evaluator->wake;
-  *due = by;
-  if (by < evaluator->wake) {
-    evaluator->wake = by;
-  }
-}
-
-void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due)
-{
-  replace_due(evaluator, &evaluator->instance.inputs[i].due, due);
-}
-
-void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due)
-{
-  replace_due(evaluator, &evaluator->instance.groups[g].due, due);
-}
-
-void fm_begin_ready_groups(struct fm_evaluator * evaluator)
-{
-  const struct fm_instance * instance = &evaluator->instance;
-  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
-    const struct fm_instance_group * cell = &instance->groups[g];
-    if (evaluator->policy == FM_TIMED && instance->time->has_begun && cell->unset == 0 &&
-      cell->steps == 0 && cell->due == FM_NEVER)
-    {
-      fm_set_group_due(evaluator, g, instance->time->now);
-    }
-  }
-}
-
-void fm_forget_deadline(struct fm_evaluator * evaluator)
-{
-  evaluator->wake = INT64_MIN;
-  evaluator->is_exact = false;
-}
 
 // How long an input may have no value until it is silent; 0: for ever.
 static int64_t limit_of(const struct fm_evaluator * evaluator, uint32_t i)

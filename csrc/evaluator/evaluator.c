@@ -25,27 +25,11 @@
 
 #include <string.h>
 
-#include "deadlines.h"
+#include "due.h"
 #include "steps.h"
 #include "tables.h"
 
 // ---- the instance ------------------------------------------------------------------------------
-
-void fm_evaluator_reset(struct fm_evaluator * evaluator)
-{
-  const struct fm_instance * instance = &evaluator->instance;
-  for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
-    evaluator->steps_before[g] += instance->groups[g].steps;
-  }
-  fm_instance_reset(instance);
-  fm_begin_ready_groups(evaluator);
-  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
-    if (instance->inputs[i].is_stale) {
-      instance->inputs[i].due = instance->time->now;
-      fm_forget_deadline(evaluator);
-    }
-  }
-}
 
 static const void * block_of(const struct fm_evaluator * evaluator)
 {

@@ -18,7 +18,7 @@
 
 #include <string.h>
 
-#include "deadlines.h"
+#include "due.h"
 #include "steps.h"
 #include "tables.h"
 

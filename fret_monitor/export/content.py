@@ -112,7 +112,7 @@ def hand_written(target: str) -> dict[str, str]:
 
 
 EVALUATOR = tuple(f'{name}.{kind}' for name in (
-    'evaluator', 'instance', 'tables', 'steps', 'deadlines') for kind in ('h', 'c'))
+    'evaluator', 'instance', 'tables', 'due', 'steps') for kind in ('h', 'c')) + ('deadlines.c',)
 """The files of `csrc` that run monitors from messages, without ROS."""
 
 

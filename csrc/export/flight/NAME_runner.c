@@ -18,6 +18,7 @@
 #include "fret_static.h"
 
 @INCLUDES@
+#include "due.c"
 #include "deadlines.c"
 #include "evaluator.c"
 #include "instance.c"

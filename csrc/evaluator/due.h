@@ -12,13 +12,14 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// deadlines.h: what is due without a message. For the files of the evaluator only.
+/// due.h: when something is due without a message; deadlines.c takes it then. For the files of the
+/// evaluator only.
 ///
 /// `wake` is never after the deadline. A message puts off timeouts without looking for the
 /// earliest one; that is done when `wake` has come.
 
-#ifndef DEADLINES_H_
-#define DEADLINES_H_
+#ifndef DUE_H_
+#define DUE_H_
 
 #include "tables.h"
 
@@ -37,4 +38,4 @@ FM_INTERNAL void fm_forget_deadline(struct fm_evaluator * evaluator);
 /// The nanoseconds from one time to a later one; 0 if it is not later. O(1).
 FM_INTERNAL int64_t fm_since(int64_t from, int64_t to);
 
-#endif  // DEADLINES_H_
+#endif  // DUE_H_

@@ -1,0 +1,168 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// engine_delivery.c: a message takes effect, after what is due before it.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "engine_parts.h"
+
+#include "instance.h"
+#include "thread.h"
+
+#define FEWEST_AHEAD_NS INT64_C(100000000)
+
+// A message waits for others with earlier stamps. If there is no room for it, the one with the
+// earliest stamp takes effect now.
+static void wait_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t now)
+{
+  if (engine->waiting.n == engine->waiting.capacity) {
+    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows += 1;
+    fm_engine_put_waiting_locked(engine, now);
+  }
+  fm_reorder_add(
+    &engine->waiting, topic, stamp, fields, engine->options.topics[topic].n_inputs);
+  fm_engine_release_locked(engine, now);
+}
+
+// A stamp that is ahead of the clock delays its message without any other sign of it.
+static void count_ahead(struct fm_order_counts * counts, int64_t ahead, int64_t reorder)
+{
+  if (ahead > reorder && ahead > FEWEST_AHEAD_NS) {
+    counts->ahead += 1;
+    counts->most_ahead = ahead > counts->most_ahead ? ahead : counts->most_ahead;
+  }
+}
+
+// A message with a stamp in its header. One that comes too late takes effect now: what waits, and
+// what is due, until then comes first.
+static void deliver_stamped_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t now)
+{
+  const bool is_late = stamp < now;
+  engine->topics[topic].counts.late += is_late ? 1u : 0u;
+  count_ahead(
+    &engine->topics[topic].counts, stamp - fm_later(now, engine->options.reorder),
+    engine->options.reorder);
+  if (is_late) {
+    fm_engine_release_locked(engine, now);
+    (void)fm_engine_put_locked(engine, topic, fields, now);
+  } else {
+    wait_locked(engine, topic, fields, stamp, now);
+  }
+}
+
+// Under FM_TIMED: a message that was received at a time of the system, `now` by the source.
+static void deliver_timed_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields,
+  const struct fm_reading * reading, int64_t received, int64_t now)
+{
+  fm_engine_note_restart_locked(engine, now);
+  if (engine->options.uses_header_stamps) {
+    deliver_stamped_locked(engine, topic, fields, reading->stamp, now);
+    return;
+  }
+  const int64_t instant = fm_engine_instant_locked(engine, received, now);
+  const int64_t taken = fm_engine_put_locked(engine, topic, fields, instant);
+  fm_engine_take_due_after_locked(engine, taken, now);
+}
+
+// A message that is a step, if it is one, when it is delivered. Under FM_TIMED a step is an
+// instant of the evaluator.
+static void deliver_step_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t now)
+{
+  const int64_t instant = fm_evaluator_is_timed(engine->options.evaluator) ? now : stamp;
+  fm_engine_store_locked(engine, topic, fields, now);
+  fm_engine_announce_locked(
+    engine, fm_evaluator_message(engine->options.evaluator, topic, instant, engine->found),
+    fm_between(instant, stamp));
+}
+
+static void deliver_fields_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin)
+{
+  struct fm_evaluator * evaluator = engine->options.evaluator;
+  const int64_t received = origin->received;
+  int64_t now;
+  const bool has_time = fm_engine_read_for_message_locked(engine, received, &now);
+  const int64_t stamp = engine->source != FM_CLOCK ? received :
+    has_time ? fm_later(now, engine->options.reorder) : 0;
+  const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
+  fm_engine_keep_message_locked(engine, topic, reading, stamp, origin->sent);
+  if (!has_time || !engine->has_begun) {
+    now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
+    deliver_step_locked(engine, topic, fields, stamp, now);
+  } else if (fm_evaluator_is_timed(evaluator)) {
+    deliver_timed_locked(engine, topic, fields, reading, received, now);
+  } else {
+    if (engine->in_round) {
+      now = fm_engine_instant_locked(engine, received, now);
+    }
+    fm_engine_take_due_before_locked(engine, now);
+    deliver_step_locked(engine, topic, fields, stamp, now);
+  }
+}
+
+uint32_t fm_engine_deliver_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin)
+{
+  struct fm_engine_topic * cell = &engine->topics[topic];
+  if (engine->is_closed) {
+    return FM_RECEIVED;
+  }
+  if (fm_arrivals_is_repeated(&cell->arrivals, origin)) {
+    return FM_REPEATED;
+  }
+  fm_arrivals_note(&cell->arrivals, origin);
+  fm_engine_note_behind_locked(engine, cell, origin->received);
+  if (!reading->is_decoded) {
+    fm_evaluator_undecodable(engine->options.evaluator, topic);
+    fm_engine_keep_message_locked(
+      engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin->sent);
+    return FM_UNDECODABLE;
+  }
+  deliver_fields_locked(engine, topic, reading, origin);
+  fm_engine_end_wait_if_earlier_locked(engine);
+  return FM_RECEIVED;
+}
+
+uint32_t fm_engine_message_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin)
+{
+  struct fm_reading reading = {engine->fields, message, size, 0, false};
+  reading.is_decoded =
+    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
+  return fm_engine_deliver_locked(engine, topic, &reading, origin);
+}
+
+uint32_t fm_engine_message(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+  const struct fm_origin * origin)
+{
+  if (topic >= engine->options.n_topics) {
+    return FM_RECEIVED;
+  }
+  fm_engine_lock(engine);
+  const uint32_t receipt = fm_engine_message_locked(engine, topic, message, size, origin);
+  fm_engine_unlock(engine);
+  return receipt;
+}
