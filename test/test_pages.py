@@ -510,3 +510,11 @@ def test_every_file_that_a_page_names_exists() -> None:
             wrong += [f'{page.name}: {path}' for path in named.findall(span)
                       if not (ROOT / path).exists()]
     assert wrong == []
+
+
+def test_the_numbers_of_formats_are_those_of_the_program() -> None:
+    rows = table('CONTRIBUTING.md', 'format', 'number')
+    assert len(rows) == 4
+    for _, number, _ in rows:
+        (path,) = words(number)
+        assert number.split()[0] == str(constants(path)['FORMAT'])
