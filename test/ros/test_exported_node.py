@@ -36,7 +36,9 @@ import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
-from ros.harness import BEST_EFFORT, LATCHED, Partner, PATIENCE, RELIABLE, started, wait_until
+from ros.harness import (
+    BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
+)
 from ros.received import read_detail
 from ros.simulator import simulating
 from ros.talker import talking
@@ -115,8 +117,11 @@ def renamed(handlers: tuple[str, ...]) -> list[str]:
 class Both:
     """Counts and compares what the two nodes publish."""
 
-    def __init__(self, partner: Partner, handlers: tuple[str, ...]) -> None:
+    def __init__(
+        self, partner: Partner, handlers: tuple[str, ...], monitor: NodeProcess,
+    ) -> None:
         self.partner = partner
+        self.monitor = monitor
         self.handlers = handlers
         self.reports: dict[str, DiagnosticArray] = {}
         self.details: dict[str, list[Any]] = {'copilot': [], 'exported': []}
@@ -178,6 +183,12 @@ class Both:
         return dict(found[-1][0])
 
 
+def lines_of_publishers(output: str) -> list[str]:
+    """Return the lines of the log on publishers that are not received."""
+    return sorted(line.partition(']: ')[2] for line in output.splitlines()
+                  if 'does not match the sub' in line or 'where the bundle says' in line)
+
+
 def _is_of_message(status: DiagnosticStatus) -> bool:
     detail = read_detail(status)
     return not detail.is_recovery and not detail.silent
@@ -187,9 +198,9 @@ def _is_of_message(status: DiagnosticStatus) -> bool:
 def both(partner: Partner, bundle: Path, handlers: tuple[str, ...],
          *arguments: str) -> Iterator[tuple[Both, ExportedNode]]:
     """Start both nodes, and count what they publish."""
-    with started('monitor', '-p', f'spec:={bundle}', *arguments), \
+    with started('monitor', '-p', f'spec:={bundle}', *arguments) as monitor, \
             running(exported_bundle(bundle), *renamed(handlers), *arguments) as node:
-        yield Both(partner, handlers), node
+        yield Both(partner, handlers, monitor), node
 
 
 def call(partner: Partner, kind: Any, name: str, **fields: Any) -> Any:
@@ -250,7 +261,8 @@ def test_both_nodes_report_the_same_violations_and_counters_on_all_faults(
                    'the end of the publisher')
         with talking(tmp_path, message='Float64') as wrong:
             wrong.go(0.01)
-            node.wait_for('publishes std_msgs/msg/Float64 on /n')
+            for each in (node, nodes.monitor):
+                each.wait_for('publishes std_msgs/msg/Float64 on /n')
         before = nodes.statuses('exported')['topic /topic/x'][2]
         assert before['undecodable'] != '0'
         for service in ('fret_monitor', 'exported'):
@@ -269,6 +281,8 @@ def test_both_nodes_report_the_same_violations_and_counters_on_all_faults(
         wait_until(lambda: nodes.shown('copilot') == nodes.shown('exported'), 'the same details')
         assert len(nodes.shown('exported')) > 20
         assert best.get_subscription_count() == 0
+        assert lines_of_publishers(nodes.monitor.output) == lines_of_publishers(node.output)
+        assert len(lines_of_publishers(node.output)) == 3
         for line in (', limit = 0.7]', 'X-2 violated at', "; input 'elbow' keeps its value",
                      'joints: position[1] cannot be read (the array has 1 element)',
                      "state: data is not among its values in the bundle; input 'state' keeps",
