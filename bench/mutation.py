@@ -130,7 +130,7 @@ ROOMS = {
         '*': _ros('feed hot_path raw_topic monitor_node')}),
     'csrc/node': Room('csrc/node', ('csrc/reporting/*.c', 'csrc/node/*.c'), 30, {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('node_parts exported_node'),
-        'subscription.c': 'test/runtime/test_subscription.py',
+        'subscription.c': 'test/runtime/test_subscription.py ' + _ros('node_parts'),
         'details.c': 'test/runtime/test_reporting.py',
         'violation_log.c': 'test/runtime/test_reporting.py',
         '*': _ros('node_parts exported_node')}),
