@@ -103,6 +103,7 @@ _EVALUATOR = 'test/csrc/test_evaluator.py'
 _THREADS = 'test/csrc/test_engine.py::test_threads[threads-engine_threads]'
 _BACKLOG = ('test/csrc/test_engine.py::'
             'test_messages_that_wait_in_the_queues_of_the_middleware')
+_REVIEW = 'test/runtime/test_review.py test/runtime/test_review_acting.py'
 _SPECIFY = 'test/elaboration/test_specify.py'
 ROOMS = {
     'csrc': Room('csrc', ('csrc/evaluator/*.c', 'csrc/engine/*.c', 'csrc/traces/*.c'), 110, {
@@ -133,6 +134,12 @@ ROOMS = {
         'subscription.c': 'test/runtime/test_subscription.py ' + _ros('node_parts'),
         'details.c': 'test/runtime/test_reporting.py',
         'violation_log.c': 'test/runtime/test_reporting.py',
+        'reasons.c': 'test/runtime/test_review_acting.py',
+        'time_log.c': 'test/runtime/test_review_time.py',
+        'condition_log.c': 'test/runtime/test_review_acting.py',
+        'input_log.c': 'test/runtime/test_review.py',
+        'health.c': f'{_REVIEW} test/runtime/test_review_time.py',
+        'review.c': f'{_REVIEW} test/runtime/test_review_time.py',
         '*': _ros('node_parts exported_node')}),
     'ros': Room('fret_monitor/ros', ('fret_monitor/ros/*.py', 'fret_monitor/ros/*/*.py'), 50, {
         'action*.py': _ros('actions'),
@@ -155,7 +162,6 @@ ROOMS = {
         'in_place.py': _ros('hot_path'),
         'logger*.py': _ros('logger_node'),
         'symbols.py': _ros('several'),
-        'look_ups.py': _ros('look_ups'),
         'native_lifetimes.py': _ros('interrupts shutdown'),
         'node_time.py': _ros('node_time time timed'),
         'next_report.py': _ros('node_time'),
@@ -170,7 +176,6 @@ ROOMS = {
         'service_gate.py': _ros('service_gate services'),
         'shared_names.py': _ros('several refusals'),
         'sign_of_life.py': _ros('sign_of_life'),
-        'silences.py': _ros('silences'),
         'throttle.py': _ros('node_time'),
         '*': _ros('monitor_node lifecycle parameters missing faults')}),
     'program': Room('fret_monitor/program', ('fret_monitor/program/*.py',), 40, {

@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 15u
+#define FM_ENGINE_ABI 16u
 
 struct fm_engine;
 

@@ -53,12 +53,14 @@ struct fm_cdr_array
 };
 
 /// A string or wstring in the message, without a terminating zero. `length` counts the bytes of a
-/// string, the UTF-16 units of a wstring.
+/// string, the UTF-16 units of a wstring. `at` is the place of the first byte in the message, with
+/// its encapsulation header; of a wstring 0.
 struct fm_cdr_text
 {
   const uint8_t * bytes;
   uint32_t length;
   bool big;
+  uint64_t at;
 };
 
 /// One of the strings that an input lists under `values`: UTF-8.
@@ -247,11 +249,12 @@ static inline bool fm_cdr_slice(
 /// A string; empty if the message is too short.
 static inline struct fm_cdr_text fm_cdr_string(struct fm_cdr * c)
 {
-  struct fm_cdr_text text = {NULL, 0u, c->big};
+  struct fm_cdr_text text = {NULL, 0u, c->big, 0u};
   const uint32_t length = fm_cdr_uint32(c);
   text.bytes = fm_cdr_take(c, 1u, length);
   if (text.bytes != NULL && length != 0u) {
     text.length = text.bytes[length - 1u] == 0u ? length - 1u : length;
+    text.at = (uint64_t)c->at + 4u - length;
   }
   return text;
 }
@@ -265,7 +268,7 @@ static inline bool fm_cdr_is(const struct fm_cdr_text * text, const char * bytes
 /// A wstring; empty if the message is too short.
 static inline struct fm_cdr_text fm_cdr_wstring(struct fm_cdr * c)
 {
-  struct fm_cdr_text text = {NULL, fm_cdr_uint32(c), c->big};
+  struct fm_cdr_text text = {NULL, fm_cdr_uint32(c), c->big, 0u};
   text.bytes = fm_cdr_take_many(c, 4u, 4u, text.length);
   if (text.bytes == NULL) {
     text.length = 0u;
@@ -331,7 +334,8 @@ static inline struct fm_field fm_field_empty(void)
   return field;
 }
 
-/// The index of a string in the `values` of an input, or FM_FIELD_UNNAMED. O(bytes of the names).
+/// The index of a string in the `values` of an input, or FM_FIELD_UNNAMED with the place of the
+/// string in the message. O(bytes of the names).
 static inline struct fm_field fm_field_name(
   const struct fm_cdr_text * text, const struct fm_cdr_name * names, uint32_t n_names)
 {
@@ -340,7 +344,7 @@ static inline struct fm_field fm_field_name(
       return fm_field_i(i);
     }
   }
-  const struct fm_field field = {{.u = 0u}, FM_FIELD_UNNAMED, text->length};
+  const struct fm_field field = {{.u = text->at}, FM_FIELD_UNNAMED, text->length};
   return field;
 }
 

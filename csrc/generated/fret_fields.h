@@ -32,8 +32,8 @@ enum fm_outcome
 {
   FM_FIELD_READ = 0,     // `value` holds the field; for an age, .i holds the stamp in ns instead
   FM_FIELD_OUTSIDE = 1,  // the index is outside its array, which has `length` elements
-  FM_FIELD_UNNAMED = 2,  // the string is not one of the input's `values`; it has `length` bytes
-                         // (a wstring: UTF-16 units)
+  FM_FIELD_UNNAMED = 2,  // the string is not one of the input's `values`; it has `length` bytes,
+                         // the first of them at .u in the message (a wstring: UTF-16 units; 0)
   FM_FIELD_EMPTY = 3,    // the minimum, maximum or mean of an empty array, or anything of a sector
                          // without elements
   FM_FIELD_ABSENT = 4    // the name is not in its array, which has `length` elements

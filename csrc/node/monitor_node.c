@@ -30,7 +30,6 @@
 #define WAIT_NS (FM_SECOND / 5)           // a longer wait would outlast a signal
 #define REVIEW_PERIOD_NS (FM_SECOND / 4)  // between two checks of the publishers
 #define REPORT_PERIOD_NS FM_SECOND
-#define MISSING_NS (5 * FM_SECOND)        // after the start, until missing inputs are logged
 #define LOOKS 10u                         // for a node of the same name, one a second
 
 enum { OTHER_SERVICES = 1, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHER_SERVICES };
@@ -56,7 +55,6 @@ static void deactivate(void * context)
   struct fm_monitor_node * monitor = context;
   fm_sign_of_life_end(&monitor->sign_of_life);
   fm_health_end(&monitor->health);
-  fm_reports_end(&monitor->reports);
   fm_session_deactivate(&monitor->session);
 }
 
@@ -75,8 +73,7 @@ static bool activate(void * context)
   struct fm_monitor_node * monitor = context;
   const int64_t now = fm_steady_now();
   if (!fm_session_activate(&monitor->session) ||
-    !fm_reports_begin(&monitor->reports, &monitor->session) ||
-    !fm_health_begin(&monitor->health, &monitor->session, &monitor->reports) ||
+    !fm_health_begin(&monitor->health, &monitor->session) ||
     !fm_sign_of_life_begin(&monitor->sign_of_life, &monitor->session))
   {
     deactivate(context);
@@ -84,7 +81,6 @@ static bool activate(void * context)
   }
   monitor->next_review = now + REVIEW_PERIOD_NS;
   monitor->next_report = now + REPORT_PERIOD_NS;
-  monitor->missing_at = now + MISSING_NS;
   log_taking(&monitor->node, rmw_get_implementation_identifier());
   fm_log(&monitor->node, FM_INFO, "%s", monitor->table->summary);
   return true;
@@ -385,13 +381,8 @@ static void run_timers_of_session(struct fm_monitor_node * monitor, int64_t now)
     fm_session_review(&monitor->session);
   }
   if (is_due(&monitor->next_report, now, REPORT_PERIOD_NS)) {
-    fm_reports_review(&monitor->reports);
-    fm_health_publish(&monitor->health);
+    fm_health_review(&monitor->health);
     fm_sign_of_life_beat(&monitor->sign_of_life);
-  }
-  if (now >= monitor->missing_at) {
-    monitor->missing_at = INT64_MAX;
-    fm_reports_missing(&monitor->reports);
   }
 }
 

@@ -19,7 +19,7 @@
 #ifndef MONITOR_NODE_H_
 #define MONITOR_NODE_H_
 
-#include "health.h"
+#include "node_health.h"
 #include "lifecycle.h"
 #include "parameter_services.h"
 #include "sign_of_life.h"
@@ -34,14 +34,12 @@ struct fm_monitor_node
   struct fm_parameter_services parameter_services;
   struct fm_lifecycle lifecycle;
   struct fm_session session;
-  struct fm_reports reports;            // these three while the session is active
-  struct fm_health health;
+  struct fm_health health;              // these two while the session is active
   struct fm_sign_of_life sign_of_life;
   rcl_service_t reset;
   rcl_wait_set_t wait_set;
   int64_t next_review;                  // of the publishers; steady, as the others
   int64_t next_report;
-  int64_t missing_at;                   // when what is missing is logged; INT64_MAX: it was
   int64_t next_look;                    // for another node of the same name
   uint32_t looks;                       // that are left
   bool is_starting;                     // a transition that fails ends the process

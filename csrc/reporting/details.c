@@ -219,8 +219,8 @@ void fm_add_detail(
     const struct fm_constant * constant = &table->constants[requirement->constants[k]];
     add_named(status, CONSTANT, constant->name, constant->value);
   }
-  if (detail->violation.is_withheld && table->gate[0] != '\0') {
-    fm_status_value(status, WITHHELD_BY, "%s", table->gate);
+  if (detail->violation.is_withheld && table->gate != NULL) {
+    fm_status_value(status, WITHHELD_BY, "%s", table->gate->name);
   }
   fm_text_free(&text);
 }

@@ -34,7 +34,7 @@ struct fm_value_name
 struct fm_report_input
 {
   const char * name;
-  const char * path;  // the field, as written in the bundle
+  const char * path;  // the field, as written in the bundle: min(ranges[3:9])
   const struct fm_value_name * values;
   uint32_t n_values;
   bool is_timed_out;  // it has a timeout and a topic
@@ -71,11 +71,31 @@ struct fm_constant
   const char * value;
 };
 
+/// A lock: the requirements that lock it.
+struct fm_report_lock
+{
+  const char * name;
+  const uint32_t * requirements;
+  uint32_t n_requirements;
+};
+
+/// The gate that judges the messages of the bundle.
+struct fm_report_gate
+{
+  const char * name;
+  uint32_t topic;        // that it judges; n_topics: one that feeds no input
+  int64_t open_after;    // ns without a violation, of a latch; 0: until a reset
+  bool passes_silent;    // it stays open while an input of another topic is silent
+  bool is_service;       // it judges requests
+};
+
 struct fm_report_table
 {
   const char * bundle;     // its name
   const char * component;
-  const char * gate;       // the name of the gate that judges its messages; "": none
+  const struct fm_report_gate * gate;  // NULL: none
+  const struct fm_report_lock * locks;
+  const char * const * actions;        // all but locks
   const struct fm_report_input * inputs;
   const struct fm_report_topic * topics;
   const struct fm_topic * topic_inputs;  // a topic: the inputs that it feeds
@@ -85,6 +105,9 @@ struct fm_report_table
   uint32_t n_topics;
   uint32_t n_requirements;
   uint32_t n_constants;
+  uint32_t n_locks;
+  uint32_t n_actions;
+  bool is_one_of_several;    // the node has other bundles: names of topics need the bundle's
   uint32_t policy;           // enum fm_policy
   int64_t period;            // ns, with FM_PERIODIC
   bool uses_header_stamps;

@@ -22,7 +22,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_DIGITS = 17, LONGEST_NUMBER = 64 };
+enum { MOST_DIGITS = 17, LONGEST_NUMBER = 64, MOST_NAMED = 5 };
 
 const char * fm_text_get(const struct fm_text * text)
 {
@@ -82,6 +82,32 @@ void fm_text_add(struct fm_text * text, const char * format, ...)
 void fm_text_list(struct fm_text * text, const char * separator, const char * word)
 {
   fm_text_add(text, "%s%s", text->length == 0 ? "" : separator, word);
+}
+
+// ---- names -------------------------------------------------------------------------------------
+
+void fm_names_add(struct fm_names * names, const char * separator, const char * name)
+{
+  names->n += 1u;
+  if (names->n <= MOST_NAMED) {
+    fm_text_list(&names->text, separator, name);
+  }
+}
+
+void fm_names_add_quoted(struct fm_names * names, const char * name, const char * note)
+{
+  struct fm_text quoted = {NULL, 0, 0};
+  fm_text_add(&quoted, "'%s'%s", name, note);
+  fm_names_add(names, ", ", fm_text_get(&quoted));
+  fm_text_free(&quoted);
+}
+
+const char * fm_names_get(struct fm_names * names)
+{
+  if (names->n > MOST_NAMED) {
+    fm_text_add(&names->text, " and %u more", names->n - MOST_NAMED);
+  }
+  return fm_text_get(&names->text);
 }
 
 // ---- numbers -----------------------------------------------------------------------------------

@@ -54,6 +54,21 @@ void fm_text_add_arguments(struct fm_text * text, const char * format, va_list a
 /// Add `word`, after `separator` unless the text is empty.
 void fm_text_list(struct fm_text * text, const char * separator, const char * word);
 
+/// Names in one line: the first five, and how many more there are. Zeroed: none. The owner frees
+/// `text`.
+struct fm_names
+{
+  struct fm_text text;
+  uint32_t n;
+};
+
+/// Add a name; or one in quotes, with a note after it.
+void fm_names_add(struct fm_names * names, const char * separator, const char * name);
+void fm_names_add_quoted(struct fm_names * names, const char * name, const char * note);
+
+/// The names. To be called once.
+const char * fm_names_get(struct fm_names * names);
+
 /// Add the shortest decimal that rounds to the same float64 or float32, spelled as Python does.
 void fm_text_add_float64(struct fm_text * text, double value);
 void fm_text_add_float32(struct fm_text * text, float value);

@@ -56,18 +56,16 @@ def meaning(item: ManifestInput) -> str:
 
 def _field(item: ManifestInput) -> str:
     """Return what an input is taken from, such as `min(ranges) of TYPE on /scan`."""
-    path = path_text(item.path)
     of = f' of {item.message_type}' if item.message_type else ''
     on = f'{of} on {item.topic}' if item.topic else of
     match item.source:
         case InputSource.RECEIVED:
             return f'received(){on}, true at the step of such a message alone'
         case InputSource.AGE:
-            return f'age({path}){on}, in seconds'
+            return f'age({path_text(item.path)}){on}, in seconds'
         case InputSource.FIELD:
-            field = f'{item.reduction}({path})' if item.reduction not in ('', SECONDS) else path
             seconds = ', in seconds' if item.reduction == SECONDS else ''
-            return f'{field}{on}{seconds}'.strip()
+            return f'{item.field}{on}{seconds}'.strip()
 
 
 def number_text(item: ManifestInput) -> str:

@@ -27,7 +27,6 @@ from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
-from fret_monitor.model.paths import path_text
 from fret_monitor.model.policies import fixed_qos, Policy, Report, Severity, Stale, Stamp
 
 
@@ -91,7 +90,7 @@ def _numbers(item: ManifestInput) -> Iterator[tuple[str, int]]:
 def _input(index: int, item: ManifestInput) -> str:
     is_timed_out = item.timeout is not None and item.topic is not None
     return ', '.join((
-        f'{{{_text(item.name)}', _text(path_text(item.path)),
+        f'{{{_text(item.name)}', _text(item.field),
         f'values_{index}' if item.values else 'NULL', f'{len(item.values)}u',
         _truth(is_timed_out), _truth(item.stale is Stale.VIOLATE),
         _truth(item.initial is not None),
@@ -151,7 +150,7 @@ def _table(manifest: Manifest, node_name: str) -> Iterator[str]:
     report = {
         'bundle': _text(manifest.name),
         'component': _text(manifest.component),
-        'gate': _text(''),
+        'gate': 'NULL',
         'inputs': 'inputs',
         'topics': 'named_topics',
         **{name: name for name in ('topic_inputs', 'requirements', 'constants')},

@@ -29,7 +29,7 @@ import re
 from typing import NoReturn, TypeVar
 
 from fret_monitor.model.names import HANDLER_TOPIC
-from fret_monitor.model.paths import FieldPath, LookUp, Sector, Slice, Step
+from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
 )
@@ -89,6 +89,12 @@ class ManifestInput:
     def is_string(self) -> bool:
         """Whether the message field is a string, mapped through `values`."""
         return any(isinstance(value, str) for _, value in self.values)
+
+    @property
+    def field(self) -> str:
+        """The field as a bundle names it, such as `min(ranges[3:9])`."""
+        path = path_text(self.path)
+        return f'{self.reduction}({path})' if self.reduction not in ('', SECONDS) else path
 
 
 @dataclass(frozen=True)

@@ -57,8 +57,9 @@ EVALUATOR_SOURCES = (
     'instance.c', 'tables.c', 'due.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c',
     'states.c', 'handover.c', 'outbox.c', 'reorder.c', 'blackbox.c', 'thread.c', 'engine_clock.c',
     'engine_findings.c', 'engine_message.c', 'engine_due.c', 'engine_backlog.c',
-    'engine_delivery.c', 'engine_gate.c', 'engine.c', 'records.c', 'text.c', 'lines.c',
-    'subscription.c', 'statuses.c', 'details.c', 'violation_log.c', 'thinning.c', 'csv.c',
+    'engine_delivery.c', 'engine_gate.c', 'engine.c', 'snapshot.c', 'records.c', 'text.c',
+    'lines.c', 'subscription.c', 'statuses.c', 'details.c', 'violation_log.c', 'reasons.c',
+    'time_log.c', 'condition_log.c', 'input_log.c', 'health.c', 'review.c', 'thinning.c', 'csv.c',
     'serialized.c', 'receiver.c', 'in_place.c', 'announcer.c', 'relay.c',
 )
 

@@ -29,9 +29,10 @@ from fret_monitor.native.cache import csrc_file
 
 HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h', 'outbox.h',
-    'blackbox.h', 'states.h', 'engine.h', 'records.h', 'lines.h', 'subscription.h', 'statuses.h',
-    'report_table.h', 'reporter.h', 'details.h', 'violation_log.h', 'thinning.h', 'csv.h',
-    'middleware.h', 'serialized.h', 'in_place.h', 'receiver.h', 'announcer.h', 'relay.h',
+    'blackbox.h', 'states.h', 'engine.h', 'snapshot.h', 'records.h', 'lines.h', 'subscription.h',
+    'statuses.h', 'report_table.h', 'reporter.h', 'details.h', 'violation_log.h', 'facts.h',
+    'review.h', 'thinning.h', 'csv.h', 'middleware.h', 'serialized.h', 'in_place.h', 'receiver.h',
+    'announcer.h', 'relay.h',
 )
 
 _C_LIBRARY = """

@@ -19,18 +19,18 @@ C decides and words each line of the log and each status; this module fills the 
 the manifest, and copies what C returns.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from time import monotonic_ns
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput
-from fret_monitor.model.paths import path_text
-from fret_monitor.model.policies import Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.message_ring import KeptCounts
 
 
 OF_ALL_DETAILS: int = ffi.integer_const('FM_OF_ALL_DETAILS')
@@ -38,6 +38,9 @@ OF_ALL_DETAILS: int = ffi.integer_const('FM_OF_ALL_DETAILS')
 
 LOGGED_PER_S: int = ffi.integer_const('FM_LOGGED_PER_S')
 """Details of a requirement in a second while only the log reads them."""
+
+
+_NO_MESSAGES = KeptCounts()
 
 
 class LogLevel(IntEnum):
@@ -74,14 +77,26 @@ class StatusRecord:
 class ReportTable:
     """The texts of a bundle, as C reads them; `pointer` is a `const struct fm_report_table *`."""
 
-    def __init__(self, manifest: Manifest, bundle: str = '') -> None:
-        """Fill the table; `bundle` is the name to show in place of the manifest's."""
+    def __init__(self, manifest: Manifest, bundle: str = '', *, policy: Policy | None = None,
+                 period: float | None = None) -> None:
+        """
+        Fill the table; `bundle` is the name to show, empty if the node has only one bundle.
+
+        `policy` and `period`, in seconds, are those with which it runs, if not the manifest's.
+        """
         self._kept: list[Any] = []  # memory of C that the table points to
-        inputs, topics = manifest.inputs, manifest.topics
+        inputs, topics, policy = manifest.inputs, manifest.topics, policy or manifest.policy
+        locks = [_lock(manifest, place) for place, item in enumerate(manifest.actions)
+                 if item.kind is ActionKind.LOCK]
+        actions = [item.name for item in manifest.actions if item.kind is not ActionKind.LOCK]
         self.pointer: Any = ffi.new('struct fm_report_table *', {
             'bundle': self._text(bundle or manifest.name),
             'component': self._text(manifest.component),
-            'gate': self._text(manifest.gate.name if manifest.gate is not None else ''),
+            'gate': self._gate(manifest),
+            'locks': self._array('struct fm_report_lock[]', [
+                (self._text(name), self._array('uint32_t[]', places), len(places))
+                for name, places in locks]),
+            'actions': self._array('char *[]', [self._text(name) for name in actions]),
             'inputs': self._array('struct fm_report_input[]', [
                 self._input(item) for item in inputs]),
             'topics': self._array('struct fm_report_topic[]', [
@@ -102,11 +117,14 @@ class ReportTable:
             'n_inputs': len(inputs), 'n_topics': len(topics),
             'n_requirements': len(manifest.requirements),
             'n_constants': len(manifest.constants),
-            'policy': ffi.integer_const(f'FM_{manifest.policy.name}'),
+            'n_locks': len(locks),
+            'n_actions': len(actions),
+            'is_one_of_several': bundle != '',
+            'policy': ffi.integer_const(f'FM_{policy.name}'),
             'period': _nanoseconds(
-                manifest.period if manifest.policy is Policy.PERIODIC else None),
+                period or manifest.period if policy is Policy.PERIODIC else None),
             'uses_header_stamps':
-                manifest.policy is Policy.TIMED and manifest.stamp is Stamp.HEADER,
+                policy is Policy.TIMED and manifest.stamp is Stamp.HEADER,
             'reorder': manifest.reorder,
         })
 
@@ -118,10 +136,21 @@ class ReportTable:
         self._kept.append(ffi.new(kind, list(items)))
         return self._kept[-1]
 
+    def _gate(self, manifest: Manifest) -> Any:
+        gate = manifest.gate
+        if gate is None:
+            return ffi.NULL
+        self._kept.append(ffi.new('struct fm_report_gate *', {
+            'name': self._text(gate.name),
+            'topic': len(manifest.topics) if gate.topic is None else gate.topic,
+            'open_after': gate.open_after, 'passes_silent': gate.is_open_when_stale,
+            'is_service': gate.is_service}))
+        return self._kept[-1]
+
     def _input(self, item: ManifestInput) -> dict[str, Any]:
         return {
             'name': self._text(item.name),
-            'path': self._text(path_text(item.path)),
+            'path': self._text(item.field),
             'values': self._array('struct fm_value_name[]', [
                 (self._text(name),
                  _union(item.value_type, place if item.is_string else int(number)))
@@ -181,6 +210,135 @@ class Lines:
                  for k in range(self.pointer.n)]
         self._library.fm_lines_clear(self.pointer)
         return found
+
+
+@dataclass(frozen=True)
+class TopicFacts:
+    """
+    The publishers of a topic that were discovered.
+
+    `publishers` counts those of the topic's type; `other_types` are the types of the others,
+    `unmatched` the nodes whose quality of service does not match, as texts.
+    """
+
+    publishers: int = 0
+    other_types: str = ''
+    unmatched: str = ''
+
+
+@dataclass(frozen=True)
+class ActionCounts:
+    """
+    What became of an action.
+
+    `started` is how often it was started, `sent` are its messages, or its calls that succeeded,
+    `failed` those that failed after all retries. `skipped` are starts that came within the
+    cooldown, or while a call was under way.
+    """
+
+    started: int = 0
+    sent: int = 0
+    failed: int = 0
+    skipped: int = 0
+
+
+@dataclass(frozen=True)
+class GateFacts:
+    """
+    What is around a gate.
+
+    `others` are those who are where only the gate should be, on `place`: the full name of a topic
+    or service. `unsent` are messages that were not published, or requests that were not answered.
+    """
+
+    others: str
+    place: str
+    unsent: int
+
+
+@dataclass(frozen=True)
+class BlackBoxCounts:
+    """Files written, and those that could not be; what became of the messages."""
+
+    written: int = 0
+    failed: int = 0
+    messages: KeptCounts = _NO_MESSAGES
+
+
+class Review:
+    """
+    What a node logs once a second, and its statuses on `/diagnostics` (`review.h`).
+
+    Call `look`, then `lines`, then `statuses` if somebody subscribes; one thread at a time.
+    """
+
+    def __init__(self, reporter: Reporter, now: int | None = None) -> None:
+        """Begin, at a time of the steady clock in nanoseconds; now, if it is None."""
+        self._reporter = reporter
+        self._library = reporter.library
+        self._lines = Lines(self._library)
+        self._statuses = Statuses(self._library)
+        self._kept: list[Any] = []  # what the facts of the last look point to
+        self._topics: tuple[tuple[TopicFacts, ...], Any, list[Any]] = ((), ffi.NULL, [])
+        pointer = self._library.fm_review_create(
+            reporter.pointer, monotonic_ns() if now is None else now)
+        if pointer == ffi.NULL:
+            raise MemoryError('too little memory for a review')
+        self._pointer: Any = ffi.gc(pointer, self._library.fm_review_destroy)
+
+    def look(self, topics: Sequence[TopicFacts], *, now: int | None = None,
+             waits_for_clock: bool = False, actions: Sequence[ActionCounts] | None = None,
+             gate: GateFacts | None = None, blackbox: BlackBoxCounts | None = None,
+             failures: Mapping[str, str] | None = None) -> Any:
+        """
+        Look at the engine and the facts; return what was seen, a `const struct fm_snapshot *`.
+
+        `waits_for_clock`: `/clock` is followed, and nothing was received on it. `failures` are the
+        errors of threads and timers, by their names. The order of topics and actions is that of
+        the manifest, without locks.
+        """
+        kept: list[Any] = []
+
+        def new(kind: str, value: Any) -> Any:
+            kept.append(ffi.new(kind, value))
+            return kept[-1]
+
+        def text(value: str) -> Any:
+            kept.append(_characters(value))
+            return kept[-1]
+
+        if self._topics[0] != tuple(topics):
+            texts = [[_characters(name) for name in (item.unmatched, item.other_types)]
+                     for item in topics]
+            self._topics = (tuple(topics), ffi.new('struct fm_publishers[]', [
+                (item.publishers, *names) for item, names in zip(topics, texts)]), texts)
+        facts = ffi.new('struct fm_facts *', {
+            'now': monotonic_ns() if now is None else now,
+            'waits_for_clock': waits_for_clock,
+            'topics': self._topics[1],
+            'actions': ffi.NULL if actions is None else new('struct fm_action_facts[]', [
+                (item.started, item.sent, item.failed, item.skipped) for item in actions]),
+            'gate': ffi.NULL if gate is None else new('struct fm_gate_facts *', (
+                text(gate.others), text(gate.place), gate.unsent)),
+            'blackbox': ffi.NULL if blackbox is None else new('struct fm_blackbox_facts *', (
+                blackbox.written, blackbox.failed, blackbox.messages.kept,
+                blackbox.messages.left_out, blackbox.messages.early)),
+            'failures': new('struct fm_failure[]', [
+                (text(name), text(error)) for name, error in (failures or {}).items()]),
+            'n_failures': len(failures or {})})
+        seen = self._library.fm_review_look(self._pointer, facts)
+        self._kept = kept
+        return seen
+
+    def lines(self) -> list[LogLine]:
+        """Return the lines about what is new."""
+        self._library.fm_review_log(self._pointer, self._lines.pointer)
+        return self._lines.take()
+
+    def statuses(self) -> list[StatusRecord]:
+        """Return the statuses at the last look."""
+        self._library.fm_review_report(self._pointer, self._statuses.pointer)
+        return self._statuses.take()
 
 
 class Statuses:
@@ -301,6 +459,13 @@ def _text_of(detail: ReceivedDetail | None) -> Any:
 
 def _characters(text: str) -> Any:
     return ffi.new('char[]', text.encode(errors='replace'))
+
+
+def _lock(manifest: Manifest, place: int) -> tuple[str, list[int]]:
+    """Return the name of a lock, and the requirements that lock it."""
+    return manifest.actions[place].name, [
+        number for number, item in enumerate(manifest.requirements)
+        if place in item.on_violation]
 
 
 def _status(found: Any) -> StatusRecord:

@@ -28,7 +28,7 @@ ORDER = {
                   'states'),
     'engine': ('thread', 'handover', 'outbox', 'reorder', 'blackbox', 'engine_clock',
                'engine_findings', 'engine_message', 'engine_due', 'engine_backlog',
-               'engine_delivery', 'engine_gate', 'engine', 'records'),
+               'engine_delivery', 'engine_gate', 'engine', 'snapshot', 'records'),
 }
 _FUNCTION = re.compile(
     r'^(?!typedef|#)[A-Za-z_][\w *]*?\b(\w+)\([^;{}]*\)\s*\{', re.MULTILINE)

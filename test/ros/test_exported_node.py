@@ -285,7 +285,7 @@ def test_both_nodes_report_the_same_violations_and_counters_on_all_faults(
         assert len(lines_of_publishers(node.output)) == 3
         for line in (', limit = 0.7]', 'X-2 violated at', "; input 'elbow' keeps its value",
                      'joints: position[1] cannot be read (the array has 1 element)',
-                     "state: data is not among its values in the bundle; input 'state' keeps",
+                     "which is not among its values in the bundle; input 'state' keeps",
                      'a message on /topic/x cannot be decoded as std_msgs/msg/Float32',
                      "not monitored here: the gate 'numbers' judges KEPT. Run it: ros2 run "
                      'fret_monitor gate --ros-args -p library:=FOLDER, of each gate'):

@@ -22,7 +22,6 @@ from pathlib import Path
 import re
 import signal
 from statistics import median
-import struct
 import subprocess
 import sys
 from threading import Event
@@ -31,15 +30,9 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
-from fret_monitor.model.parts import NodePart
-from fret_monitor.ros.acting.reasons import why_closed
-from fret_monitor.ros.intake.feed import PublisherStatus
 from fret_monitor.ros.nodes.gate_node import GateNode
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
-from fret_monitor.ros.reports.health import describe_missing
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.runtime import Engine, Evaluator, MessageGate
-from fret_monitor.start import start
 from geometry_msgs.msg import TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -464,24 +457,6 @@ def test_another_publisher_of_a_node_of_the_same_name_is_reported(
     finally:
         for item in filter(None, (node, other)):
             item.destroy_node()
-
-
-def test_a_requirement_that_is_false_at_its_first_step_is_named(tmp_path: Path) -> None:
-    text = TWO.replace('a < 5.0', 'O[2, 2] (a > 1.0)')
-    monitor = start(write(tmp_path, text), part=NodePart('g')).monitor
-    evaluator = Evaluator(monitor, reports_recoveries=True)
-    settings = monitor.manifest.gate
-    assert settings is not None
-    engine = Engine(evaluator)
-    engine.guard(MessageGate(evaluator, settings))
-
-    assert why_closed(monitor.manifest, engine.conditions()) == ''
-    for step in range(4):
-        engine.judge(b'\0\1\0\0' + struct.pack('<f', 9.0), step)
-    assert engine.gate_counts().violates == 4
-    why = why_closed(monitor.manifest, engine.conditions())
-    assert why == 'violated since the first message: A'
-    assert describe_missing(engine, [PublisherStatus(1)], str) is None
 
 
 SERVICES = """\

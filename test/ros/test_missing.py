@@ -16,20 +16,14 @@
 
 from pathlib import Path
 from time import sleep
-from types import SimpleNamespace
 from typing import Any
 
-from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestRequirement, ManifestTopic
-from fret_monitor.model.policies import Policy, Report, Severity
-from fret_monitor.model.values import ValueType
-from fret_monitor.ros.intake.feed import PublisherStatus
 import pytest
 from ros.harness import Partner, started, wait_until
 from std_msgs.msg import Bool, String
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
-health = pytest.importorskip('fret_monitor.ros.reports.health')
 
 SCAN = """
 format: 1
@@ -126,66 +120,3 @@ def test_the_first_line_of_the_log_has_the_period(partner: Partner, tmp_path: Pa
     with started('monitor', '-p', f'spec:={bundle}', '-p', 'policy:=periodic',
                  '-p', 'rate:=20.0') as node:
         node.wait_for('policy periodic, 0.05 s, ')
-
-
-class Values:
-    """The part of an evaluator that `describe_missing` reads."""
-
-    def __init__(self, manifest: Manifest, values: dict[int, float],
-                 messages: dict[int, int] | None = None) -> None:
-        self.monitor = SimpleNamespace(manifest=manifest)
-        self.value = values.get
-        self._messages = messages or {}
-
-    def topic_counts(self, index: int) -> Any:
-        return SimpleNamespace(messages=self._messages.get(index, 0))
-
-    def requirement_counts(self, index: int) -> Any:
-        inputs = self.monitor.manifest.requirements[index].inputs
-        return SimpleNamespace(steps=int(all(self.value(place) is not None for place in inputs)))
-
-
-def a_manifest(count: int) -> Manifest:
-    """Return a manifest of so many requirements, each with an input and topic of its own."""
-    names = [f'x{index}' for index in range(count)]
-    return Manifest(
-        'm', 'm', '', Policy.EVERY_MESSAGE, None,
-        tuple(ManifestInput(name, ValueType.FLOAT32, name, 'any', ('data',), (), None)
-              for name in names),
-        tuple(ManifestTopic(name, 'std_msgs/msg/Float32', (index,), ())
-              for index, name in enumerate(names)),
-        (), tuple(ManifestRequirement(f'R-{index}', f'R_{index}', '', '', '', Report.EVERY_STEP,
-                                      Severity.ERROR, 0, (index,)) for index in range(count)),
-        0, '', '', ())
-
-
-def missing(evaluator: Values, statuses: list[Any]) -> Any:
-    return health.describe_missing(evaluator, statuses, lambda name: f'/{name}')
-
-
-def test_nothing_is_missing_when_every_input_has_a_value() -> None:
-    assert missing(Values(a_manifest(2), {0: 0.0, 1: 0.0}), [PublisherStatus()] * 2) is None
-
-
-def test_only_waiting_requirements_are_reported_with_their_missing_inputs() -> None:
-    assert missing(Values(a_manifest(2), {0: 0.0}), [PublisherStatus(), PublisherStatus(2)]) == (
-        "R-1 is not evaluated yet: nothing received on /x1 (2 publishers) for 'x1'")
-
-
-def test_an_input_that_nothing_reads_is_not_reported() -> None:
-    manifest = a_manifest(3)
-    read = Manifest(**{**vars(manifest), 'requirements': manifest.requirements[:2]})
-    assert missing(Values(read, {0: 0.0, 1: 0.0}), [PublisherStatus()] * 3) is None
-    assert '/x2' not in missing(Values(read, {0: 0.0}), [PublisherStatus()] * 3)
-
-
-def test_publishers_of_another_type_do_not_count_as_publishers() -> None:
-    told = missing(Values(a_manifest(1), {}), [PublisherStatus(0, (), ('std_msgs/msg/Int32',))])
-    assert '(0 publishers of std_msgs/msg/Float32)' in told
-
-
-def test_only_the_first_five_of_many_are_named() -> None:
-    told = missing(Values(a_manifest(300), {}), [PublisherStatus()] * 300)
-    assert told.startswith('R-0, R-1, R-2, R-3, R-4 and 295 more are not evaluated yet: ')
-    assert told.endswith("on /x4 (0 publishers) for 'x4' and 295 more")
-    assert 'x5' not in told

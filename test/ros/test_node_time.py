@@ -12,22 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Late and missed periods, and time that goes back, are logged when that is worth reading."""
+"""The engine follows the time of its node."""
 
 from pathlib import Path
 from time import monotonic
-from types import SimpleNamespace
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from fret_monitor import build
-from fret_monitor.ros.intake import node_time
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.intake.node_time import are_worth_reading, as_time, NodeTime, TimeLog
+from fret_monitor.ros.intake.node_time import as_time, NodeTime
 from fret_monitor.ros.intake.rcl_subscription import RclSubscription
 from fret_monitor.ros.intake.throttle import Throttle
-from fret_monitor.runtime import Engine, Evaluator, MessageRing, TimeCounts
-import pytest
+from fret_monitor.runtime import Engine, Evaluator, MessageRing
 import rclpy
 from rclpy.clock import ClockType
 from rclpy.context import Context
@@ -56,171 +53,8 @@ def test_a_throttle_lets_one_message_pass_per_interval() -> None:
     assert [throttle.passes() for _ in range(3)] == [True, True, True]
 
 
-@pytest.mark.parametrize(('now', 'is_worth_reading'), [
-    (TimeCounts(periods=1100, late=100, missed=0, restarts=0), False),
-    (TimeCounts(periods=1100, late=101, missed=0, restarts=0), False),
-    (TimeCounts(periods=1100, late=101, missed=1, restarts=0), True),
-    (TimeCounts(periods=1010, late=102, missed=0, restarts=0), False),  # two late ones
-    (TimeCounts(periods=1010, late=103, missed=0, restarts=0), True),
-    (TimeCounts(periods=2000, late=110, missed=0, restarts=0), False),  # one in a hundred
-    (TimeCounts(periods=2000, late=111, missed=0, restarts=0), True),
-])
-def test_a_few_late_periods_are_not_worth_reading(
-    now: TimeCounts, is_worth_reading: bool,
-) -> None:
-    before = TimeCounts(periods=1000, late=100, missed=0, restarts=0)
-    assert are_worth_reading(before, now) is is_worth_reading
-
-
 def test_a_stamp_has_seconds_and_the_nanoseconds_of_the_next_one() -> None:
     assert as_time(3_999_999_999) == Time(sec=3, nanosec=999_999_999)
-
-
-class Recorder:
-    """A node with a clock, and an engine."""
-
-    def __init__(self) -> None:
-        self.counts = TimeCounts(0, 0, 0, 0)
-        self.ros_time_is_active = False
-        self.time = 0
-        self.lines: list[str] = []
-
-    def time_counts(self) -> TimeCounts:
-        return self.counts
-
-    def get_clock(self) -> 'Recorder':
-        return self
-
-    def now(self) -> SimpleNamespace:
-        return SimpleNamespace(nanoseconds=self.time)
-
-    def get_logger(self) -> 'Recorder':
-        return self
-
-    def warning(self, line: str) -> None:
-        self.lines.append(line)
-
-
-def a_log(recorder: Any, period: float | None, *, is_timed: bool = False,
-          has_timeouts: bool = True, reorder: int = 0) -> TimeLog:
-    return TimeLog(recorder, recorder, period, is_timed=is_timed, has_timeouts=has_timeouts,
-                   reorder=reorder)
-
-
-def test_late_periods_are_logged_at_intervals_with_their_total(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    time = [0.0]
-    monkeypatch.setattr('fret_monitor.ros.intake.throttle.monotonic', lambda: time[0])
-    recorder: Any = Recorder()
-    log = a_log(recorder, 0.1)
-    for second in range(120):
-        time[0] = float(second)
-        recorder.counts = TimeCounts(10 * second, 5 * second, 2 * second, 0)
-        log.review()
-    assert recorder.lines == [
-        'periods of 0.1 s since the last such message: 2 missed (no step), 5 late by more than '
-        'half a period',
-        'periods of 0.1 s since the last such message: 120 missed (no step), 300 late by more '
-        'than half a period']
-
-
-@pytest.mark.parametrize(('per_s', 'late'), [(10.0, 20), (1000.0, 700), (0.01, 3)])
-def test_a_burst_of_late_periods_is_logged_after_a_long_good_run(
-    monkeypatch: pytest.MonkeyPatch, per_s: float, late: int,
-) -> None:
-    time = [0.0]
-    monkeypatch.setattr('fret_monitor.ros.intake.throttle.monotonic', lambda: time[0])
-    recorder: Any = Recorder()
-    log = a_log(recorder, 1 / per_s)
-    for second in range(0, 36000, 7):
-        time[0] = float(second)
-        recorder.counts = TimeCounts(int(second * per_s), 2, 0, 0)
-        log.review()
-    assert recorder.lines == []
-    recorder.counts = TimeCounts(recorder.counts.periods + late, 2 + late, 0, 0)
-    log.review()
-    assert recorder.lines == [
-        f'periods of {1 / per_s:g} s since the last such message: 0 missed (no step), '
-        f'{2 + late} late by more than half a period']
-
-
-def test_slow_periods_that_are_often_late_are_logged(monkeypatch: pytest.MonkeyPatch) -> None:
-    time = [0.0]
-    monkeypatch.setattr('fret_monitor.ros.intake.throttle.monotonic', lambda: time[0])
-    recorder: Any = Recorder()
-    log = a_log(recorder, 30.0)
-    for second in range(1500):
-        time[0] = float(second)
-        recorder.counts = TimeCounts(second // 30, second // 300, 0, 0)  # one in ten
-        log.review()
-    assert recorder.lines == [
-        'periods of 30 s since the last such message: 0 missed (no step), 3 late by more than '
-        'half a period']
-
-
-def test_without_periods_only_time_that_goes_back_is_logged() -> None:
-    recorder: Any = Recorder()
-    log = a_log(recorder, None)
-    recorder.counts = TimeCounts(0, 50, 50, 0)
-    log.review()
-    assert recorder.lines == []
-    recorder.time = 6_000_000_000  # it has gone on since
-    recorder.counts = TimeCounts(0, 50, 50, 2, 0, 5_300_000_000)
-    log.review()
-    log.review()
-    line, = recorder.lines
-    assert line == ('time went back, to 5.300 s: timeouts continue from there; values and past '
-                    'of the requirements are kept')
-
-
-def test_when_the_time_goes_back_timeouts_are_named_only_if_there_are_some() -> None:
-    recorder: Any = Recorder()
-    recorder.time = 101_480_000_000
-    recorder.counts = TimeCounts(0, 0, 0, 1, 0, 99_900_000_000)
-    a_log(recorder, None, is_timed=True, has_timeouts=False, reorder=100_000_000).review()
-    a_log(recorder, 0.1).review()
-    assert recorder.lines == [
-        'time went back, to 100.000 s: values are kept, and the requirements start afresh',
-        'time went back, to 99.900 s: periods and timeouts continue from there; values and past '
-        'of the requirements are kept']
-
-
-@pytest.mark.parametrize(('period', 'is_timed', 'has_timeouts', 'end'), [
-    (None, True, True, ': no deadline and no timeout passes'),
-    (None, True, False, ': no deadline passes'),
-    (0.1, False, False, ': no period passes'),
-    (None, False, False, '/clock')])
-def test_what_a_missing_clock_stops_is_named(
-    monkeypatch: pytest.MonkeyPatch, period: float | None, is_timed: bool, has_timeouts: bool,
-    end: str,
-) -> None:
-    recorder: Any = Recorder()
-    recorder.ros_time_is_active = True
-    log = a_log(recorder, period, is_timed=is_timed, has_timeouts=has_timeouts)
-    later = monotonic() + 6.0
-    monkeypatch.setattr(node_time, 'monotonic', lambda: later)
-    log.review()
-    assert recorder.lines[0].endswith(end)
-
-
-def test_a_missing_clock_is_logged_once_after_five_seconds(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    time = [100.0]
-    monkeypatch.setattr(node_time, 'monotonic', lambda: time[0])
-    recorder: Any = Recorder()
-    recorder.ros_time_is_active = True
-    log = a_log(recorder, 0.1)
-    for second in (101.0, 104.9):
-        time[0] = second
-        log.review()
-    assert recorder.lines == []
-    for second in (105.1, 106.0, 200.0):
-        time[0] = second
-        log.review()
-    assert recorder.lines == ['use_sim_time is set and nothing was received on /clock: no period '
-                              'and no timeout passes']
 
 
 class Served:

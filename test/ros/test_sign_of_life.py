@@ -25,14 +25,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.ros.acting import actions
 from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.intake.feed import Feed
-from fret_monitor.ros.intake.node_time import TimeLog
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.watch import Watch
-from fret_monitor.runtime.reporting import ViolationLog
+from fret_monitor.runtime.reporting import Review, ViolationLog
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
@@ -218,7 +217,7 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     assert failed() == {}
     with monkeypatch.context() as patch:
         for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (BlackBox, '_look'),
-                           (TimeLog, 'review'), (DuplicateNodes, '_check'),
+                           (Review, 'lines'), (DuplicateNodes, '_check'),
                            (SignOfLife, 'beat')):
             patch.setattr(kind, name, fail)
         patch.setattr(actions, 'monotonic', fail)

@@ -16,18 +16,15 @@
 
 from pathlib import Path
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import Announcer, Middleware
 from fret_monitor.ros.reports.handlers import Handlers
-from fret_monitor.ros.reports.health import Health
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
-from ros.harness import Partner, wait_until
-from ros.operators import Operator
+from ros.harness import Partner
 
 BUNDLE = """
 format: 1
@@ -72,23 +69,3 @@ def test_violations_are_published_while_the_context_ends(engine: Engine, domain:
         engine.message(0, A_MESSAGE, received=0)
     announcer.join()
     assert engine.unpublished == 0 and engine.take(0) == []
-
-
-def test_diagnostics_count_such_violations(engine: Engine, partner: Partner) -> None:
-    operator = Operator(partner)
-    node = Node('fret_monitor', context=partner.context)
-    health = Health(node, engine)
-    name = 'fret_monitor: violations of bundle'
-
-    def told() -> list[tuple[bytes, str, str]]:
-        health.publish([])
-        return [(item.level, item.message, item.values[0].value)
-                for report in operator.heard[-1:] for item in report.status if item.name == name]
-
-    wait_until(lambda: not told() and bool(operator.heard), 'a report')
-    engine.count_unpublished(3)
-    wait_until(lambda: told() == [
-        (DiagnosticStatus.ERROR, '3 not published since the last report', '3')], 'an error')
-    wait_until(lambda: told() == [
-        (DiagnosticStatus.WARN, 'some were not published', '3')], 'a warning')
-    node.destroy_node()

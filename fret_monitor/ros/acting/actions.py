@@ -20,10 +20,8 @@ thread, which waits in C for a change of a requirement's state; services are cal
 each action, so that a slow one delays no other. No verdict waits for an action.
 """
 
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import partial
 import struct
 from threading import Event, Lock as Mutex, Thread
 from time import monotonic
@@ -31,14 +29,14 @@ from time import monotonic
 from fret_monitor.model.manifest import Manifest, ManifestAction
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.acting.action_calls import ActionCall, CallError
-from fret_monitor.ros.acting.reasons import why_locked
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.fields import message_class
 from fret_monitor.ros.intake.hot_path import Lock
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.watch import ErrorKeeper
-from fret_monitor.runtime import Conditions, Engine, State
+from fret_monitor.runtime import Engine, State
+from fret_monitor.runtime.reporting import ActionCounts
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -50,22 +48,6 @@ _LOG_INTERVAL_S = 1.0
 _JOIN_S = 2.0
 _TIME = struct.Struct('<iI')
 _SECOND_NS = 10 ** 9
-
-
-@dataclass(frozen=True)
-class ActionCounts:
-    """
-    What became of an action.
-
-    `started` is how often it was started, `sent` are its messages, or its calls that succeeded,
-    `failed` those that failed after all retries. `skipped` are starts that came within the
-    cooldown, or while a call was under way.
-    """
-
-    started: int = 0
-    sent: int = 0
-    failed: int = 0
-    skipped: int = 0
 
 
 class Actions:
@@ -153,16 +135,9 @@ class Actions:
             kept.append(self._running.kept)
         return next((item.error for item in kept if item.error is not None), None)
 
-    def counts(self) -> Iterator[tuple[ManifestAction, ActionCounts]]:
-        """Yield all actions but locks, with their counts."""
-        for index, runner in self._runners.items():
-            yield self._manifest.actions[index], runner.counts
-
-    def lock_states(self) -> Iterator[tuple[str, Callable[[Conditions], str]]]:
-        """Yield each lock, and what says whether it is `free`, or `locked` with the reason."""
-        names = [item.name for item in self._manifest.actions if item.kind is ActionKind.LOCK]
-        for name, lock in zip(names, self.locks):
-            yield name, partial(_lock_text, self._manifest, lock.requirements)
+    def counts(self) -> list[ActionCounts]:
+        """Return the counts of all actions but locks, in the order of the manifest."""
+        return [runner.counts for runner in self._runners.values()]
 
     def describe(self) -> str:
         """Return the log line at the start: all locks and actions; '' if there are none."""
@@ -172,11 +147,6 @@ class Actions:
         parts += [f"action '{item.name}' {_effect(node, item)}" for item in found
                   if item.kind is not ActionKind.LOCK]
         return '; '.join(parts)
-
-
-def _lock_text(manifest: Manifest, requirements: Sequence[int], conditions: Conditions) -> str:
-    why = why_locked(manifest, conditions, requirements)
-    return f'locked: {why}' if why else 'free'
 
 
 def _effect(node: Node, action: ManifestAction) -> str:

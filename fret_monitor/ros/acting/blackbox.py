@@ -20,7 +20,6 @@ a violation has begun, and then copies the messages from the ring to a file, in 
 """
 
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import datetime, UTC
 from itertools import count
 import os
@@ -36,6 +35,7 @@ from fret_monitor.ros.intake.node_time import as_time
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
 from fret_monitor.ros.watch import ErrorKeeper
 from fret_monitor.runtime import Engine, KeptCounts, KeptMessage, MessageRing, Occurrences
+from fret_monitor.runtime.reporting import BlackBoxCounts
 
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -54,15 +54,6 @@ _END_TOPIC, _END_TYPE = '~/blackbox_end', 'std_msgs/msg/Header'
 _PREFIX = 'blackbox_'
 _PART_PREFIX = f'.{_PREFIX}'
 _NO_MESSAGES = KeptCounts()
-
-
-@dataclass(frozen=True)
-class BlackBoxCounts:
-    """Files written, and those that could not be; what became of the messages."""
-
-    written: int = 0
-    failed: int = 0
-    messages: KeptCounts = _NO_MESSAGES
 
 
 class BlackBox:

@@ -17,24 +17,20 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from fret_monitor.model.manifest import Manifest, ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.errors import LibraryError
-from fret_monitor.ros.acting.reasons import latch_end, why_closed
 from fret_monitor.ros.acting.relay import Relay
 from fret_monitor.ros.acting.service_gate import ServiceGate
 from fret_monitor.ros.intake.feed import Topic
 from fret_monitor.ros.intake.hot_path import Middleware
-from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.ros.settings.shared_names import ends_of
-from fret_monitor.runtime import Conditions, Engine, Evaluator, MessageGate
+from fret_monitor.runtime import Engine, Evaluator, MessageGate
+from fret_monitor.runtime.reporting import GateFacts
 
 from rclpy.node import Node
-
-_LOGGED_S = 10.0  # between two log lines about one condition
 
 
 def gate_of(evaluator: Evaluator, settings: ManifestGate) -> MessageGate:
@@ -73,13 +69,10 @@ def _otherwise(gate: ManifestGate) -> str:
 
 
 def _latch(gate: ManifestGate) -> str:
-    return f'; after a violation closed until {latch_end(gate)}' if gate.latches else ''
-
-
-def gate_text(manifest: Manifest, conditions: Conditions) -> str:
-    """Return the state of a gate: `open`, or `closed` with the reason."""
-    why = why_closed(manifest, conditions)
-    return f'closed: {why}' if why else 'open'
+    if not gate.latches:
+        return ''
+    end = f'{gate.open_after / 1e9:g} s without a violation' if gate.open_after else '~/reset'
+    return f'; after a violation closed until {end}'
 
 
 class RunningGate:
@@ -99,10 +92,6 @@ class RunningGate:
             with one_type(node, 'publish on', settings.target, settings.interface):
                 self._relay = Relay(
                     node, engine, settings, middleware, classes[settings.interface])
-        self._throttles = {what: Throttle(_LOGGED_S) for what in (
-            'others', 'unpublished', 'violating')}
-        self._before = engine.gate_counts()
-        self._unpublished = 0
 
     @property
     def topic(self) -> Topic | None:
@@ -125,45 +114,15 @@ class RunningGate:
                 part.close()
 
     def review(self) -> None:
-        """Log what is wrong; called once a second."""
-        logger, name = self._node.get_logger(), self._settings.name
-        counts = self._engine.gate_counts()
-        if (others := self._others()) and self._throttles['others'].passes():
-            logger.error(f"gate '{name}': {others}: what does not pass the gate is not judged")
+        """Refuse requests that have waited too long; called once a second."""
         if self._service is not None:
             self._service.review()
-        if self._failed() > self._unpublished and self._throttles['unpublished'].passes():
-            self._unpublished = self._failed()
-            logger.error(f"gate '{name}': {self._unpublished} messages could not be published")
-        if counts.violating > self._before.violating and self._throttles['violating'].passes():
-            logger.warning(f"gate '{name}': a requirement is violated after the substitute, too: "
-                           'the substitute itself violates it, or nothing on this topic '
-                           'satisfies it now')
-        self._before = counts
 
-    def _others(self) -> str:
-        """Return who is where only the gate should be; an empty text for nobody."""
-        if self._relay is not None and self._relay.others:
-            return f'{", ".join(self._relay.others)} publishes on {self._relay.target} too'
-        if self._service is not None and self._service.others:
-            return f'{self._settings.source} has another server'
-        return ''
-
-    def _failed(self) -> int:
-        return 0 if self._relay is None else self._relay.unpublished
-
-    def status(self) -> tuple[bytes, str, dict[str, object]]:
-        """Return level, message and values for diagnostics."""
-        counts = self._engine.gate_counts()
-        message = gate_text(self._engine.monitor.manifest, self._engine.conditions())
-        level = DiagnosticStatus.OK if message == 'open' else DiagnosticStatus.WARN
-        if others := self._others():
-            level, message = DiagnosticStatus.ERROR, others
-        found: dict[str, object] = {
-            'passed': counts.passed, 'withheld': counts.withheld,
-            'withheld, violating': counts.violates, 'withheld, closed': counts.closed,
-            'withheld, latched': counts.latched, 'withheld, unreadable': counts.unreadable,
-            'replaced': counts.replaced, 'replaced, violating': counts.violating}
-        if self._service is None:
-            return level, message, {**found, 'not published': self._failed()}
-        return level, message, {**found, 'not answered': self._service.unanswered}
+    def facts(self) -> GateFacts:
+        """Return what is around the gate, for the log and diagnostics."""
+        if self._service is not None:
+            return GateFacts(
+                ', '.join(self._service.others), self._settings.source, self._service.unanswered)
+        assert self._relay is not None
+        return GateFacts(
+            ', '.join(self._relay.others), self._relay.target, self._relay.unpublished)

@@ -24,13 +24,12 @@ C; Python only passes on that the clock has moved, or was changed for the other 
 from collections.abc import Callable
 from contextlib import ExitStack
 from threading import RLock
-from time import monotonic
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.throttle import Throttle
-from fret_monitor.runtime import Engine, TimeCounts
+from fret_monitor.runtime import Engine
 
 import rclpy.clock
 from rclpy.clock import ClockType, JumpThreshold
@@ -47,11 +46,6 @@ _SERVED_S = 0.1
 """How often the engine learns that the executor, which moves `/clock`, does not hang."""
 
 _NEGATIVE_S = 60.0  # between two log lines about negative times on `/clock`
-_NO_TIME_S = 5.0  # until a missing `/clock` is logged
-_PERIODS_S = 60.0  # between two log lines about late periods
-_MOST_LATE = 0.01  # of all periods, and
-_FEWEST_LATE = 3  # late periods are worth reading
-_FEWEST_JUDGED = _FEWEST_LATE / _MOST_LATE  # periods; of fewer, three are too many
 
 
 class ClockNode(Node):
@@ -140,86 +134,6 @@ class NodeTime:
         if self._serving is not None:
             self._node.destroy_timer(self._serving)
             self._serving = None
-
-
-class TimeLog:
-    """Logs that `/clock` is missing or went back, and that periods are late."""
-
-    def __init__(self, node: Node, engine: Engine, period: float | None, *, is_timed: bool,
-                 has_timeouts: bool, reorder: int) -> None:
-        """
-        Log for a node.
-
-        `period` is in seconds, None unless the policy is periodic; `reorder` in nanoseconds.
-        """
-        self._node = node
-        self._engine = engine
-        self._period = period
-        self._is_timed = is_timed
-        self._reorder = reorder
-        self._waits = [
-            *(['period'] if period is not None else []), *(['deadline'] if is_timed else []),
-            *(['timeout'] if has_timeouts else [])]  # what ends although no message comes
-        self._clock: Any = node.get_clock()
-        self._began = monotonic()
-        self._is_missing_logged = False
-        self._restarts = self._overflows = 0
-        self._logged = self._judged = engine.time_counts()  # when last logged; a minute ago
-        self._throttle = Throttle(_PERIODS_S)
-        self._minutes = Throttle(_PERIODS_S)
-
-    def review(self) -> None:
-        """Log what is new."""
-        counts = self._engine.time_counts()
-        self._review_clock()
-        if counts.restarts > self._restarts:
-            self._restarts = counts.restarts
-            waits = ' and '.join(f'{wait}s' for wait in self._waits if wait != 'deadline')
-            outcome = f'{waits} continue from there; ' if waits else ''
-            outcome += 'values are kept, and the requirements start afresh' if self._is_timed \
-                else 'values and past of the requirements are kept'
-            went_to = (counts.restarted_at + self._reorder) / 1e9
-            self._node.get_logger().warning(f'time went back, to {went_to:.3f} s: {outcome}')
-        if counts.overflows != self._overflows:
-            if counts.overflows > self._overflows and self._throttle.passes():
-                self._node.get_logger().warning(
-                    f'{counts.overflows} changes found no room in the queue of a window [a,a]: '
-                    'inputs change more often than their max_rate; what looks back at them is '
-                    'violated until the lost changes have left the window')
-            self._overflows = counts.overflows
-        if self._period is not None:
-            self._review_periods(self._period, counts)
-
-    def _review_periods(self, period: float, counts: TimeCounts) -> None:
-        if are_worth_reading(self._judged, counts):
-            if self._throttle.passes():
-                missed, late = counts.missed - self._logged.missed, counts.late - self._logged.late
-                self._logged = self._judged = counts
-                self._node.get_logger().warning(
-                    f'periods of {period:g} s since the last such message: {missed} missed (no '
-                    f'step), {late} late by more than half a period')
-        elif counts.periods - self._judged.periods > _FEWEST_JUDGED and self._minutes.passes():
-            self._judged = counts  # else a long good run would hide many late ones after it
-
-    def _now(self) -> int:
-        return int(self._clock.now().nanoseconds)
-
-    def _review_clock(self) -> None:
-        has_time = not self._clock.ros_time_is_active or self._now() > 0
-        if has_time:
-            self._began = monotonic()
-        elif monotonic() > self._began + _NO_TIME_S and not self._is_missing_logged:
-            self._is_missing_logged = True
-            self._node.get_logger().warning(
-                'use_sim_time is set and nothing was received on /clock'
-                + (f": no {' and no '.join(self._waits)} passes" if self._waits else ''))
-
-
-def are_worth_reading(before: TimeCounts, now: TimeCounts) -> bool:
-    """Return whether periods were missed, or enough of them late, between two counts."""
-    late = now.late - before.late
-    return now.missed > before.missed or (
-        late >= _FEWEST_LATE and late > _MOST_LATE * (now.periods - before.periods))
 
 
 def as_time(nanoseconds: int) -> Time:

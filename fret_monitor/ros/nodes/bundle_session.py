@@ -22,44 +22,35 @@ allows that (`hot_path`). Closing a session removes from the node all that it cr
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from functools import partial
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.names import DETAILS_TOPIC
-from fret_monitor.model.policies import Policy
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.acting.blackbox import BlackBox
-from fret_monitor.ros.acting.gate import gate_of, gate_text, RunningGate
+from fret_monitor.ros.acting.gate import gate_of, RunningGate
 from fret_monitor.ros.intake.feed import Feed, PublisherStatus, Topic
-from fret_monitor.ros.intake.fields import message_class, MessageTypeError, why_unusable
+from fret_monitor.ros.intake.fields import message_class, MessageTypeError
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
-from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S, TimeLog
+from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.symbols import Unavailable
-from fret_monitor.ros.reports.condition_log import ConditionLog
 from fret_monitor.ros.reports.detail_publisher import DetailPublisher
 from fret_monitor.ros.reports.details import Details
 from fret_monitor.ros.reports.handlers import Handlers
-from fret_monitor.ros.reports.health import describe_missing, Health, PERIOD
-from fret_monitor.ros.reports.look_ups import LookUpLog
-from fret_monitor.ros.reports.silences import SilenceLog
+from fret_monitor.ros.reports.health import Health, PERIOD
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
 from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.watch import Watch
-from fret_monitor.runtime import Engine, Evaluator, OrderCounts
-from fret_monitor.runtime.fields import read_fields, ReadOutcome
+from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import Reporter, ReportTable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
-from rclpy.timer import Timer
 from rclpy.utilities import get_rmw_implementation_identifier
-
-_PATIENCE = 5.0  # s after the start until missing inputs are logged
 
 
 class BundleSession:
@@ -100,8 +91,6 @@ class BundleSession:
         self._gate: RunningGate | None = None
         self._detail_publisher: DetailPublisher | None = None
         self._health: Health | None = None
-        self._missing_timer: Timer | None = None
-        self._logged: set[int | str] = set()  # keys of log lines that appear only once
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
         self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
@@ -168,36 +157,15 @@ class BundleSession:
 
     def _start_timers(self) -> None:
         self._running.callback(self._forget_timers)
-        period = self.opened.period if self.opened.policy is Policy.PERIODIC else None
-        self._silence_log = SilenceLog(self._node, self.manifest, self._engine)
-        self._look_up_log = LookUpLog(self._node, self.manifest, self._engine)
-        self._condition_log = self._new_condition_log()
-        self._time_log = TimeLog(
-            self._node, self._engine, period, is_timed=self._engine.is_timed,
-            has_timeouts=any(item.timeout is not None for item in self.manifest.inputs),
-            reorder=self.manifest.reorder)
-        self._health = Health(self._node, self._engine, self._silence_log, period, self._name,
-                              self._look_up_log, self._blackbox, self._gate, self._actions,
-                              self._watch)
+        self._health = Health(
+            self._node, self._reporter, blackbox=self._blackbox, gate=self._gate,
+            actions=self._actions, watch=self._watch)
         self._running.callback(self._health.close)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._keep(self._node.create_timer(PERIOD, self._report_health, clock=steady))
-        self._missing_timer = self._node.create_timer(
-            _PATIENCE, lambda: self._watch.run(self._part('log'), self._log_missing),
-            clock=steady)
-        self._keep(self._missing_timer)
-
-    def _new_condition_log(self) -> ConditionLog | None:
-        states = {f"lock '{name}'": text for name, text in self._actions.lock_states()}
-        if self.manifest.gate is not None:
-            states[f"gate '{self.manifest.gate.name}'"] = partial(gate_text, self.manifest)
-        return ConditionLog(self._node.get_logger(), self._engine, states) if states else None
+        self._running.callback(self._node.destroy_timer, self._node.create_timer(
+            PERIOD, self._report_health, clock=Clock(clock_type=ClockType.STEADY_TIME)))
 
     def _forget_timers(self) -> None:
-        self._health = self._missing_timer = None
-
-    def _keep(self, timer: Timer) -> None:
-        self._running.callback(self._node.destroy_timer, timer)
+        self._health = None
 
     def stop(self) -> None:
         """
@@ -266,7 +234,8 @@ class BundleSession:
         self._running.callback(announcer.join)
         self._running.callback(self._actions.stop)
         self._actions.start(engine)
-        details = DetailPublisher(self._new_reporter(engine), self._details,
+        self._reporter = self._new_reporter(engine)
+        details = DetailPublisher(self._reporter, self._details,
                                   self._node.get_logger() if self._logs_violations else None)
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
@@ -303,10 +272,12 @@ class BundleSession:
                 self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
 
     def _new_reporter(self, engine: Engine) -> Reporter:
-        return Reporter(engine, ReportTable(self.manifest, self._name),
-                        self._node.get_fully_qualified_name(),
-                        [self._node.resolve_topic_name(item.name)
-                         for item in self.manifest.topics])
+        opened = self.opened
+        return Reporter(
+            engine, ReportTable(
+                self.manifest, self._name, policy=opened.policy, period=opened.period),
+            self._node.get_fully_qualified_name(),
+            [self._node.resolve_topic_name(item.name) for item in self.manifest.topics])
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
         """Return the class for reading in place, or `message_class` if messages must be copied."""
@@ -330,109 +301,18 @@ class BundleSession:
         return found[:len(self.manifest.topics)]
 
     def _report_health(self) -> None:
-        if self._health is None:  # stopped meanwhile
+        health = self._health
+        if health is None:  # stopped meanwhile
             return
         threads = {'feed': self._feed, 'details': self._detail_publisher,
                    'actions': self._actions, 'black box': self._blackbox}
         for name, thread in threads.items():
             self._watch.note(self._part(name), None if thread is None else thread.failure)
-        self._watch.run(self._part('log'), self._review)
-        self._watch.run(self._part('diagnostics'), self._publish_health)
+        self._watch.run(self._part('log'), lambda: health.review(self._statuses()))
+        self._watch.run(self._part('diagnostics'), health.publish)
 
     def _part(self, name: str) -> str:
         return f'{name} of {self._name}' if self._name else name
-
-    def _publish_health(self) -> None:
-        if self._health is not None:
-            self._health.publish(self._statuses())
-
-    def _review(self) -> None:
-        """Log what is new."""
-        self._time_log.review()
-        self._silence_log.review()
-        self._look_up_log.review()
-        if self._gate is not None:
-            self._gate.review()
-        if self._condition_log is not None:
-            self._condition_log.review()
-        self._log_unpublished()
-        for topic in range(len(self.manifest.topics)):
-            if self._engine.topic_counts(topic).undecodable:
-                self._log_undecodable(topic)
-            counts = self._engine.order_counts(topic)
-            if counts.ahead:
-                self._log_ahead(topic, counts)
-            if counts.late or counts.overflows:
-                self._log_out_of_order(topic)
-            message = self._engine.evidence(topic)
-            if message is not None:
-                self._log_unusable_fields(topic, message)
-
-    def _log_unpublished(self) -> None:
-        if self._engine.unpublished and self._is_news('violations'):
-            self._node.get_logger().error(
-                f'violations could not be published: {self._engine.unpublished} so far; '
-                '/diagnostics counts them')
-
-    def _log_unusable_fields(self, topic: int, message: bytes) -> None:
-        """Log the fields of a message that cannot be used, once for each input."""
-        readings = read_fields(self.opened.monitor, topic, message)
-        for index, reading in zip(self.manifest.topics[topic].inputs, readings or ()):
-            if reading.outcome is ReadOutcome.ABSENT:
-                self._look_up_log.note_absent(index)
-            elif reading.outcome is not ReadOutcome.READ:
-                self._log_unusable(index, topic, message)
-
-    def _log_missing(self) -> None:
-        if self._missing_timer is not None:  # None: stopped meanwhile
-            self._missing_timer.cancel()
-        told = describe_missing(self._engine, self._statuses(), self._node.resolve_topic_name)
-        if told is not None:
-            self._node.get_logger().warning(told)
-
-    def _log_undecodable(self, topic: int) -> None:
-        mapped = self.manifest.topics[topic]
-        if self._is_news(mapped.name):
-            self._node.get_logger().error(
-                f'a message on {self._node.resolve_topic_name(mapped.name)} cannot be decoded as '
-                f'{mapped.message_type}; such messages are counted and are no step')
-
-    def _log_ahead(self, topic: int, counts: OrderCounts) -> None:
-        mapped = self.manifest.topics[topic]
-        if self._is_news(f'stamps of {mapped.name}'):
-            self._node.get_logger().warning(
-                f'stamps of messages on {self._node.resolve_topic_name(mapped.name)} are '
-                f"{counts.most_ahead / 1e9:.1f} s ahead of this node's clock: the messages take "
-                'effect that much later; synchronize the clocks; /diagnostics counts such '
-                'messages')
-
-    def _log_out_of_order(self, topic: int) -> None:
-        mapped = self.manifest.topics[topic]
-        if not self._is_news(f'order of {mapped.name}'):
-            return
-        name, counts = self._node.resolve_topic_name(mapped.name), self._engine.order_counts(topic)
-        if counts.late:
-            self._node.get_logger().warning(
-                f'messages on {name} come later than {self.manifest.reorder / 1e9:g} s '
-                '(`reorder`) after their stamps: they take effect when they come; raise `reorder`')
-        else:
-            self._node.get_logger().warning(
-                f'messages on {name} take effect too early: too many wait for earlier stamps')
-
-    def _log_unusable(self, index: int, topic: int, message: bytes) -> None:
-        if not self._is_news(index):
-            return
-        item, mapped = self.manifest.inputs[index], self.manifest.topics[topic]
-        reason = why_unusable(item, message, self._classes[mapped.message_type])
-        outcome = 'has no value yet' if self._engine.value(index) is None else 'keeps its value'
-        self._node.get_logger().warning(
-            f"{self._node.resolve_topic_name(mapped.name)}: {reason}; input '{item.name}' "
-            f'{outcome}')
-
-    def _is_news(self, what: int | str) -> bool:
-        is_news = what not in self._logged
-        self._logged.add(what)
-        return is_news
 
     def _read_overrides(self) -> None:
         self._overrides = Overrides.of(self._node)

@@ -37,8 +37,9 @@ from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.fields import UNDECODABLE
 from fret_monitor.ros.intake.node_time import ClockNode
 from fret_monitor.ros.intake.raw_topic import Deliver, RawIntake, RawTopic
+from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.discovery import Announced, News
-from fret_monitor.ros.reports.messages import log_lines, status_record
+from fret_monitor.ros.reports.messages import status_record
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
 from fret_monitor.ros.settings.opened import load_reporting, open_manifests
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides

@@ -19,8 +19,8 @@ from threading import Event, Thread
 from typing import Any
 
 from fret_monitor.ros.intake import native_lifetimes
+from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.details import Details
-from fret_monitor.ros.reports.messages import log_lines
 from fret_monitor.ros.watch import ErrorKeeper
 from fret_monitor.runtime import MOST_DETAILS_PER_S
 from fret_monitor.runtime.reporting import LOGGED_PER_S, LogLine, Reporter, ViolationLog

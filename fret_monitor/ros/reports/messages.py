@@ -13,25 +13,10 @@
 # limitations under the License.
 
 
-"""Lines and statuses of `csrc/reporting` as rclpy has them."""
-
-from collections.abc import Iterable
+"""Statuses of `csrc/reporting` as messages."""
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from fret_monitor.runtime.reporting import LogLevel, LogLine, StatusRecord
-
-from rclpy.impl.rcutils_logger import RcutilsLogger
-
-
-def log_lines(logger: RcutilsLogger, lines: Iterable[LogLine]) -> None:
-    """Log lines in their order."""
-    for line in lines:  # a call for each severity: rclpy allows one at a place in the code
-        if line.level is LogLevel.ERROR:
-            logger.error(line.text)
-        elif line.level is LogLevel.WARN:
-            logger.warning(line.text)
-        else:
-            logger.info(line.text)
+from fret_monitor.runtime.reporting import StatusRecord
 
 
 def status_message(record: StatusRecord) -> DiagnosticStatus:

@@ -1,0 +1,86 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// node_health.c: see node_health.h for the contract.
+
+#include "node_health.h"
+
+#include <diagnostic_msgs/msg/diagnostic_array.h>
+#include <rcl/error_handling.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "status_messages.h"
+
+bool fm_health_begin(struct fm_health * health, const struct fm_session * session)
+{
+  const rcl_publisher_options_t options = rcl_publisher_get_default_options();  // depth: 10
+  memset(health, 0, sizeof(*health));
+  health->session = session;
+  health->review = fm_review_create(&session->reporter, fm_steady_now());
+  health->topics = calloc(session->n_topics + 1u, sizeof(*health->topics));
+  health->publisher = rcl_get_zero_initialized_publisher();
+  if (rcl_publisher_init(
+      &health->publisher, &session->node->node,
+      ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), "/diagnostics",
+      &options) != RCL_RET_OK)
+  {
+    fm_log_failure(session->node, "cannot advertise /diagnostics");
+    return false;
+  }
+  return health->review != NULL && health->topics != NULL;
+}
+
+void fm_health_end(struct fm_health * health)
+{
+  if (health->publisher.impl != NULL &&
+    rcl_publisher_fini(&health->publisher, &health->session->node->node) != RCL_RET_OK)
+  {
+    rcl_reset_error();
+  }
+  fm_review_destroy(health->review);
+  free(health->topics);
+  fm_lines_free(&health->lines);
+  fm_statuses_free(&health->statuses);
+  memset(health, 0, sizeof(*health));
+}
+
+static void look(struct fm_health * health)
+{
+  const struct fm_node_clock * clock = health->session->clock;
+  const struct fm_facts facts = {
+    .now = fm_steady_now(), .topics = health->topics,
+    .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
+  for (uint32_t k = 0; k < health->session->n_topics; ++k) {
+    health->topics[k] = fm_subscription_publishers(health->session->topics[k].state);
+  }
+  (void)fm_review_look(health->review, &facts);
+}
+
+void fm_health_review(struct fm_health * health)
+{
+  size_t listeners = 0;
+  look(health);
+  fm_review_log(health->review, &health->lines);
+  fm_log_lines(health->session->node, &health->lines);
+  if (rcl_publisher_get_subscription_count(&health->publisher, &listeners) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+  if (listeners > 0) {
+    fm_review_report(health->review, &health->statuses);
+    fm_publish_statuses(
+      &health->publisher, &health->statuses, fm_clock_now(health->session->clock));
+    fm_statuses_clear(&health->statuses);
+  }
+}

@@ -1,0 +1,46 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// node_health.h: once a second, the log of what is new, and the state on `/diagnostics`: what
+/// review.h says.
+///
+/// The main thread only; not for a session that is not active.
+
+#ifndef NODE_HEALTH_H_
+#define NODE_HEALTH_H_
+
+#include "review.h"
+#include "session.h"
+
+/// Zeroed before fm_health_begin; fm_health_end frees all of it.
+struct fm_health
+{
+  const struct fm_session * session;
+  struct fm_review * review;
+  struct fm_publishers * topics;
+  struct fm_lines lines;
+  struct fm_statuses statuses;
+  rcl_publisher_t publisher;
+};
+
+/// Advertise `/diagnostics`. Returns false, with the error logged. O(inputs + topics).
+bool fm_health_begin(struct fm_health * health, const struct fm_session * session);
+
+/// Log what is new, and publish the present state if somebody subscribes; to be called once a
+/// second. O(inputs read by all requirements).
+void fm_health_review(struct fm_health * health);
+
+void fm_health_end(struct fm_health * health);
+
+#endif  // NODE_HEALTH_H_

@@ -1,0 +1,487 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// health.c: the statuses on `/diagnostics`.
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "reasons.h"
+#include "review_parts.h"
+
+enum
+{
+  OK = FM_STATUS_OK,
+  WARN = FM_STATUS_WARN,
+  ERROR = FM_STATUS_ERROR,
+  MOST_BEHIND = 1000000000  // ns
+};
+
+// A status that is being made, of a review.
+struct report
+{
+  const struct fm_review * review;
+  struct fm_statuses * list;
+};
+
+static struct fm_status * add_status(
+  const struct report * report, uint8_t level, const char * kind, const char * name,
+  const char * message)
+{
+  struct fm_text text = {NULL, 0, 0};
+  fm_text_add(&text, "%s: %s%s", report->review->reporter->node, kind, name);
+  struct fm_status * status = fm_statuses_add(
+    report->list, (enum fm_status_level)level, fm_text_get(&text), message,
+    report->review->reporter->table->component);
+  fm_text_free(&text);
+  return status;
+}
+
+static void add_count(struct fm_status * status, const char * key, uint64_t count)
+{
+  fm_status_value(status, key, "%" PRIu64, count);
+}
+
+// ---- requirements ------------------------------------------------------------------------------
+
+// The names of a requirement's inputs of which one of three things is so.
+struct places
+{
+  struct fm_text missing;
+  struct fm_text silent;
+  struct fm_text violating;  // silent, with `stale: violate`
+};
+
+static struct places places_of(
+  const struct fm_review * review, const struct fm_report_requirement * requirement)
+{
+  struct places places;
+  memset(&places, 0, sizeof(places));
+  for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
+    const struct fm_report_input * input =
+      &review->reporter->table->inputs[requirement->inputs[k]];
+    const struct fm_input_snapshot * now = &review->now.inputs[requirement->inputs[k]];
+    if (!now->has_value) {
+      fm_text_list(&places.missing, ", ", input->name);
+    }
+    if (input->is_timed_out && now->silence.is_silent) {
+      fm_text_list(&places.silent, ", ", input->name);
+      if (input->violates) {
+        fm_text_list(&places.violating, ", ", input->name);
+      }
+    }
+  }
+  return places;
+}
+
+static uint8_t describe_requirement(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * message)
+{
+  const struct fm_report_requirement * about =
+    &review->reporter->table->requirements[requirement];
+  const struct fm_requirement_counts * counts = &review->now.requirements[requirement];
+  struct places places = places_of(review, about);
+  const uint8_t violated = about->is_warning ? WARN : ERROR;
+  uint8_t level = WARN;
+  if (places.violating.length > 0 && counts->is_violated) {
+    level = violated;
+    fm_text_add(message, "violated: no message for %s", fm_text_get(&places.violating));
+  } else if (fm_is_withheld_from_start(review->reporter, review->now.conditions, requirement)) {
+    level = violated;
+    fm_text_add(message, "violated since the first message");
+  } else if (places.missing.length > 0) {
+    fm_text_add(message, "no value yet of %s", fm_text_get(&places.missing));
+  } else if (counts->steps == 0) {
+    fm_text_add(message, "not evaluated yet");
+  } else if (!counts->is_violated && places.silent.length > 0) {
+    fm_text_add(message, "satisfied, on old values of %s", fm_text_get(&places.silent));
+  } else {
+    level = counts->is_violated ? violated : OK;
+    fm_text_add(message, "%s", counts->is_violated ? "violated" : "satisfied");
+  }
+  fm_text_free(&places.missing);
+  fm_text_free(&places.silent);
+  fm_text_free(&places.violating);
+  return level;
+}
+
+static void add_requirement(const struct report * report, uint32_t requirement)
+{
+  const struct fm_report_table * table = report->review->reporter->table;
+  const struct fm_report_requirement * about = &table->requirements[requirement];
+  const struct fm_requirement_counts * counts = &report->review->now.requirements[requirement];
+  const bool is_timed = table->policy == FM_TIMED;
+  struct fm_text message = {NULL, 0, 0};
+  const uint8_t level = describe_requirement(report->review, requirement, &message);
+  struct fm_status * status = add_status(report, level, "", about->id, fm_text_get(&message));
+  add_count(status, is_timed ? "evaluations" : "steps", counts->steps);
+  add_count(status, is_timed ? "violating evaluations" : "violations", counts->violations);
+  add_count(status, "announced", counts->announced);
+  if (about->shows_verdict) {
+    fm_status_value(status, "verdict", "%s", counts->verdict ? "true" : "false");
+  }
+  fm_status_value(status, "text", "%s", about->text);
+  fm_text_free(&message);
+}
+
+// ---- topics ------------------------------------------------------------------------------------
+
+// What is wrong, and the highest level of it.
+struct troubles
+{
+  struct fm_text text;
+  uint8_t level;
+};
+
+FM_PRINTF(3, 4)
+static void add_trouble(struct troubles * troubles, uint8_t level, const char * format, ...)
+{
+  va_list arguments;
+  fm_text_add(&troubles->text, "%s", troubles->text.length > 0 ? "; " : "");
+  va_start(arguments, format);
+  fm_text_add_arguments(&troubles->text, format, arguments);
+  va_end(arguments);
+  troubles->level = level > troubles->level ? level : troubles->level;
+}
+
+static void add_silence(
+  const struct fm_review * review, const struct fm_topic * fed, struct troubles * troubles)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  struct fm_text text = {NULL, 0, 0};
+  uint8_t level = OK;
+  char seconds[32] = "";
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const struct fm_report_input * input = &table->inputs[fed->inputs[k]];
+    const struct fm_silence * silence = &review->now.inputs[fed->inputs[k]].silence;
+    if (input->is_timed_out && silence->is_silent) {
+      char lasted[32];
+      (void)snprintf(lasted, sizeof(lasted), "%.1f", (double)silence->lasted / 1e9);
+      if (strcmp(lasted, seconds) != 0) {
+        fm_text_add(&text, "%sfor %s s of ", text.length > 0 ? ", " : "", lasted);
+      } else {
+        fm_text_add(&text, ", ");
+      }
+      memcpy(seconds, lasted, sizeof(seconds));
+      fm_text_add(&text, "%s", input->name);
+      level = input->violates ? ERROR : level == OK ? WARN : level;
+    }
+  }
+  if (level != OK) {
+    add_trouble(troubles, level, "nothing %s", fm_text_get(&text));
+  }
+  fm_text_free(&text);
+}
+
+static void add_fields(
+  const struct fm_review * review, const struct fm_topic * fed, struct troubles * troubles)
+{
+  struct fm_text unusable = {NULL, 0, 0};
+  struct fm_text absent = {NULL, 0, 0};
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const uint32_t input = fed->inputs[k];
+    const char * name = review->reporter->table->inputs[input].name;
+    if (review->now.inputs[input].counts.unusable > review->before.inputs[input].counts.unusable) {
+      fm_text_list(&unusable, ", ", name);
+    }
+    if (review->inputs[input].is_absent_logged) {
+      fm_text_list(&absent, ", ", name);
+    }
+  }
+  if (unusable.length > 0) {
+    add_trouble(troubles, WARN, "fields cannot be used: %s", fm_text_get(&unusable));
+  }
+  if (absent.length > 0) {
+    add_trouble(
+      troubles, WARN, "no message has had the names for 10 s: %s", fm_text_get(&absent));
+  }
+  fm_text_free(&unusable);
+  fm_text_free(&absent);
+}
+
+static void add_increase(
+  struct troubles * troubles, uint64_t before, uint64_t now, const char * what)
+{
+  if (now > before) {
+    add_trouble(troubles, WARN, "%" PRIu64 " %s since the last report", now - before, what);
+  }
+}
+
+static struct troubles troubles_of(const struct fm_review * review, uint32_t topic)
+{
+  const struct fm_publishers * facts = &review->facts.topics[topic];
+  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
+  const struct fm_topic_snapshot * before = &review->before.topics[topic];
+  const struct fm_topic_snapshot * now = &review->now.topics[topic];
+  struct troubles found = {{NULL, 0, 0}, OK};
+  if (facts->other_types[0] != '\0') {
+    add_trouble(&found, ERROR, "a publisher of %s, and not %s", facts->other_types,
+      review->reporter->table->topics[topic].type);
+  }
+  if (facts->unmatched[0] != '\0') {
+    add_trouble(&found, ERROR, "not received: %s", facts->unmatched);
+  }
+  add_silence(review, fed, &found);
+  add_fields(review, fed, &found);
+  add_increase(&found, before->lost, now->lost, "lost");
+  add_increase(&found, before->order.late, now->order.late, "late");
+  add_increase(&found, before->order.overflows, now->order.overflows, "too early");
+  add_increase(&found, before->order.ahead, now->order.ahead, "ahead of the clock");
+  if (now->behind > MOST_BEHIND) {
+    add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
+  }
+  if (facts->n == 0 && facts->other_types[0] == '\0') {
+    add_trouble(&found, WARN, "no publisher");
+  }
+  return found;
+}
+
+static void add_counts_of_inputs(
+  const struct fm_review * review, const struct fm_topic * fed, struct fm_status * status)
+{
+  const struct fm_report_input * inputs = review->reporter->table->inputs;
+  struct fm_text key = {NULL, 0, 0};
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const uint64_t unusable = review->now.inputs[fed->inputs[k]].counts.unusable;
+    if (unusable > 0) {
+      fm_text_clear(&key);
+      fm_text_add(&key, "unusable %s", inputs[fed->inputs[k]].name);
+      add_count(status, fm_text_get(&key), unusable);
+    }
+  }
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    if (inputs[fed->inputs[k]].is_timed_out) {
+      fm_text_clear(&key);
+      fm_text_add(&key, "silences %s", inputs[fed->inputs[k]].name);
+      add_count(status, fm_text_get(&key), review->now.inputs[fed->inputs[k]].silence.count);
+    }
+  }
+  fm_text_free(&key);
+}
+
+static void add_topic(const struct report * report, uint32_t topic)
+{
+  const struct fm_review * review = report->review;
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_topic_snapshot * now = &review->now.topics[topic];
+  struct troubles troubles = troubles_of(review, topic);
+  struct fm_text name = {NULL, 0, 0};
+  fm_text_add(&name, "%s%s%s", review->reporter->topics[topic],
+    table->is_one_of_several ? " for " : "", table->is_one_of_several ? table->bundle : "");
+  struct fm_status * status = add_status(
+    report, troubles.level, "topic ", fm_text_get(&name),
+    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
+  add_count(status, "received", now->counts.messages);
+  fm_status_value(status, "rate", "%.1f",
+    (double)(now->counts.messages - review->before.topics[topic].counts.messages) /
+    review->seconds);
+  add_count(status, "undecodable", now->counts.undecodable);
+  add_count(status, "lost", now->lost);
+  fm_status_value(status, "behind", "%.3f", (double)now->behind / 1e9);
+  add_count(status, "publishers", review->facts.topics[topic].n);
+  if (table->uses_header_stamps) {
+    add_count(status, "late", now->order.late);
+    add_count(status, "too early", now->order.overflows);
+    add_count(status, "ahead", now->order.ahead);
+  }
+  add_counts_of_inputs(review, &table->topic_inputs[topic], status);
+  fm_text_free(&name);
+  fm_text_free(&troubles.text);
+}
+
+// ---- what acts ---------------------------------------------------------------------------------
+
+static void add_gate(const struct report * report)
+{
+  const struct fm_review * review = report->review;
+  const struct fm_report_gate * gate = review->reporter->table->gate;
+  const struct fm_gate_facts * facts = review->facts.gate;
+  const struct fm_gate_counts * counts = &review->now.gate;
+  struct fm_text message = {NULL, 0, 0};
+  if (gate == NULL || facts == NULL) {
+    return;
+  }
+  fm_add_gate_state(&message, review->reporter, review->now.conditions);
+  uint8_t level = strcmp(fm_text_get(&message), "open") == 0 ? OK : WARN;
+  if (facts->others[0] != '\0') {
+    level = ERROR;
+    fm_text_clear(&message);
+    fm_add_others(&message, gate, facts);
+  }
+  struct fm_status * status =
+    add_status(report, level, "gate ", gate->name, fm_text_get(&message));
+  add_count(status, "passed", counts->passed);
+  add_count(
+    status, "withheld", counts->violates + counts->closed + counts->latched + counts->unreadable);
+  add_count(status, "withheld, violating", counts->violates);
+  add_count(status, "withheld, closed", counts->closed);
+  add_count(status, "withheld, latched", counts->latched);
+  add_count(status, "withheld, unreadable", counts->unreadable);
+  add_count(status, "replaced", counts->replaced);
+  add_count(status, "replaced, violating", counts->violating);
+  add_count(status, gate->is_service ? "not answered" : "not published", facts->unsent);
+  fm_text_free(&message);
+}
+
+static void add_action(const struct report * report, uint32_t action)
+{
+  const struct fm_review * review = report->review;
+  const struct fm_action_facts * counts = &review->facts.actions[action];
+  struct troubles troubles = {{NULL, 0, 0}, OK};
+  if (review->failed[action] > review->failed_before[action]) {
+    add_trouble(&troubles, ERROR, "%" PRIu64 " failed since the last report",
+      review->failed[action] - review->failed_before[action]);
+  }
+  struct fm_status * status = add_status(
+    report, troubles.level, "action ", review->reporter->table->actions[action],
+    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "ready");
+  add_count(status, "started", counts->started);
+  add_count(status, "sent", counts->sent);
+  add_count(status, "failed", counts->failed);
+  add_count(status, "skipped", counts->skipped);
+  fm_text_free(&troubles.text);
+}
+
+static void add_lock(const struct report * report, const struct fm_report_lock * lock)
+{
+  struct fm_text state = {NULL, 0, 0};
+  fm_add_lock_state(
+    &state, report->review->reporter, lock, report->review->now.conditions);
+  (void)add_status(report, strcmp(fm_text_get(&state), "free") == 0 ? OK : WARN, "lock ",
+    lock->name, fm_text_get(&state));
+  fm_text_free(&state);
+}
+
+static void add_blackbox(const struct report * report)
+{
+  const struct fm_blackbox_facts * before = &report->review->blackbox_before;
+  const struct fm_blackbox_facts * now = &report->review->blackbox;
+  struct troubles troubles = {{NULL, 0, 0}, OK};
+  if (now->failed > before->failed) {
+    add_trouble(&troubles, WARN, "cannot write");
+  }
+  if (now->left_out > before->left_out) {
+    add_trouble(&troubles, WARN, "messages are larger than `blackbox_bytes`");
+  }
+  if (now->early > before->early) {
+    add_trouble(&troubles, WARN, "`blackbox_bytes` is too little for `blackbox_seconds`");
+  }
+  struct fm_status * status = add_status(
+    report, troubles.level, "black box of ", report->review->reporter->table->bundle,
+    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "keeps the last messages");
+  add_count(status, "written", now->written);
+  add_count(status, "not written", now->failed);
+  add_count(status, "kept", now->kept);
+  add_count(status, "left out", now->left_out);
+  add_count(status, "overwritten early", now->early);
+  fm_text_free(&troubles.text);
+}
+
+// ---- time, violations, failures ----------------------------------------------------------------
+
+static void add_time(const struct report * report)
+{
+  const struct fm_time_counts * before = &report->review->before.time;
+  const struct fm_time_counts * now = &report->review->now.time;
+  const bool went_back = now->restarts > before->restarts;
+  const bool is_full = now->overflows > before->overflows;
+  struct fm_status * status = add_status(
+    report, went_back || is_full ? WARN : OK, "time of ", report->review->reporter->table->bundle,
+    went_back ? "went back since the last report" :
+    is_full ? "more changes than max_rate allows" : "passes");
+  add_count(status, "restarts", now->restarts);
+  add_count(status, "overflows", now->overflows);
+}
+
+static void add_periods(const struct report * report)
+{
+  const struct fm_time_counts * before = &report->review->before.time;
+  const struct fm_time_counts * now = &report->review->now.time;
+  const struct fm_report_table * table = report->review->reporter->table;
+  const bool is_bad = fm_are_worth_reading(before, now);
+  struct fm_text message = {NULL, 0, 0};
+  fm_text_add(&message, "%" PRIu64 " missed, %" PRIu64 " late since the last report",
+    now->missed - before->missed, now->late - before->late);
+  struct fm_status * status = add_status(
+    report, is_bad ? WARN : OK, "periods of ", table->bundle,
+    is_bad ? fm_text_get(&message) : "in time");
+  fm_status_value(status, "period", "%g", (double)table->period / 1e9);
+  add_count(status, "taken", now->periods);
+  add_count(status, "late", now->late);
+  add_count(status, "missed", now->missed);
+  add_count(status, "restarts", now->restarts);
+  fm_text_free(&message);
+}
+
+static void add_unpublished(const struct report * report)
+{
+  const uint64_t now = report->review->now.unpublished;
+  const uint64_t more = now - report->review->before.unpublished;
+  struct fm_text message = {NULL, 0, 0};
+  fm_text_add(&message, "%" PRIu64 " not published since the last report", more);
+  struct fm_status * status = add_status(
+    report, more > 0 ? ERROR : WARN, "violations of ", report->review->reporter->table->bundle,
+    more > 0 ? fm_text_get(&message) : "some were not published");
+  add_count(status, "not published", now);
+  fm_text_free(&message);
+}
+
+static void add_failures(const struct report * report)
+{
+  const struct fm_facts * facts = &report->review->facts;
+  struct fm_text message = {NULL, 0, 0};
+  fm_text_add(&message, "failed: ");
+  for (uint32_t k = 0; k < facts->n_failures; ++k) {
+    fm_text_add(&message, "%s%s", k == 0 ? "" : ", ", facts->failures[k].name);
+  }
+  struct fm_status * status = add_status(report, ERROR, "threads", "", fm_text_get(&message));
+  for (uint32_t k = 0; k < facts->n_failures; ++k) {
+    fm_status_value(status, facts->failures[k].name, "%s", facts->failures[k].error);
+  }
+  fm_text_free(&message);
+}
+
+void fm_review_report(const struct fm_review * review, struct fm_statuses * statuses)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct report report = {review, statuses};
+  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+    add_requirement(&report, k);
+  }
+  for (uint32_t k = 0; k < table->n_topics; ++k) {
+    add_topic(&report, k);
+  }
+  add_gate(&report);
+  for (uint32_t k = 0; review->facts.actions != NULL && k < table->n_actions; ++k) {
+    add_action(&report, k);
+  }
+  for (uint32_t k = 0; k < table->n_locks; ++k) {
+    add_lock(&report, &table->locks[k]);
+  }
+  if (table->policy == FM_TIMED) {
+    add_time(&report);
+  } else if (table->policy == FM_PERIODIC) {
+    add_periods(&report);
+  }
+  if (review->facts.blackbox != NULL) {
+    add_blackbox(&report);
+  }
+  if (review->now.unpublished > 0) {
+    add_unpublished(&report);
+  }
+  if (review->facts.n_failures > 0) {
+    add_failures(&report);
+  }
+}

@@ -1,0 +1,383 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// input_log.c: lines about inputs and topics: silences, messages that cannot be used, requirements
+/// that wait for their first values.
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "engine_locked.h"
+#include "reasons.h"
+#include "review_parts.h"
+
+#define ABSENT_S 10   // without a name, until it is logged
+#define MOST_SHOWN 60u  // bytes of a string
+
+// ---- silences ----------------------------------------------------------------------------------
+
+static bool reads_any(const struct fm_report_requirement * requirement, const bool * is_chosen)
+{
+  for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
+    if (is_chosen[requirement->inputs[k]]) {
+      return true;
+    }
+  }
+  return false;
+}
+
+static void add_readers(
+  const struct fm_report_table * table, const bool * is_chosen, struct fm_names * readers)
+{
+  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+    if (reads_any(&table->requirements[k], is_chosen)) {
+      fm_names_add(readers, ", ", table->requirements[k].id);
+    }
+  }
+}
+
+static void log_begun(
+  const struct fm_review * review, uint32_t topic, const bool * is_chosen, bool is_again,
+  struct fm_lines * lines)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_topic * fed = &table->topic_inputs[topic];
+  struct fm_names inputs = {{NULL, 0, 0}, 0};
+  struct fm_names readers = {{NULL, 0, 0}, 0};
+  const struct fm_report_input * first = NULL;
+  bool has_come = false;
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    if (is_chosen[fed->inputs[k]]) {
+      first = first == NULL ? &table->inputs[fed->inputs[k]] : first;
+      has_come = has_come || review->now.inputs[fed->inputs[k]].counts.received > 0;
+      fm_names_add_quoted(&inputs, table->inputs[fed->inputs[k]].name, "");
+    }
+  }
+  if (first != NULL) {
+    add_readers(table, is_chosen, &readers);
+    const bool is_error = first->violates && readers.n > 0;
+    fm_lines_add(lines, is_error ? FM_ERROR : FM_WARN,
+      "%sno usable value on %s within the %s of %g s for %s%s%s%s", is_again ? "again " : "",
+      review->reporter->topics[topic], has_come ? "timeout" : "startup",
+      has_come ? first->timeout : first->startup, fm_names_get(&inputs), is_error ? ": " : "",
+      is_error ? fm_names_get(&readers) : "", is_error ? " violated until one comes" : "");
+  }
+  fm_text_free(&inputs.text);
+  fm_text_free(&readers.text);
+}
+
+static void log_ended(
+  const struct fm_review * review, uint32_t topic, const bool * is_chosen, struct fm_lines * lines)
+{
+  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
+  struct fm_names inputs = {{NULL, 0, 0}, 0};
+  int64_t lasted = 0;
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    if (is_chosen[fed->inputs[k]]) {
+      const struct fm_silence * silence = &review->now.inputs[fed->inputs[k]].silence;
+      lasted = silence->lasted > lasted ? silence->lasted : lasted;
+      fm_names_add_quoted(&inputs, review->reporter->table->inputs[fed->inputs[k]].name, "");
+    }
+  }
+  if (inputs.n > 0) {
+    fm_lines_add(lines, FM_INFO, "values on %s again after %.1f s, for %s",
+      review->reporter->topics[topic], (double)lasted / 1e9, fm_names_get(&inputs));
+  }
+  fm_text_free(&inputs.text);
+}
+
+// Note the silences of a topic's inputs, in flags of all inputs. Returns whether one of the inputs
+// had a value between two silences since the last look: no line has the end of the first.
+static bool note_silences(
+  const struct fm_review * review, uint32_t topic, bool * has_begun, bool * has_ended)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_topic * fed = &table->topic_inputs[topic];
+  bool is_again = false;
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const uint32_t input = fed->inputs[k];
+    if (table->inputs[input].is_timed_out) {
+      const struct fm_silence * before = &review->before.inputs[input].silence;
+      const struct fm_silence * now = &review->now.inputs[input].silence;
+      has_begun[input] = now->count > before->count;
+      has_ended[input] = !now->is_silent && (before->is_silent || has_begun[input]);
+      is_again = is_again || now->count > before->count + !before->is_silent;
+    }
+  }
+  return is_again;
+}
+
+void fm_review_silences(struct fm_review * review, struct fm_lines * lines)
+{
+  const uint32_t n = review->reporter->table->n_inputs;
+  memset(review->flags, 0, 2u * n * sizeof(*review->flags));
+  for (uint32_t k = 0; k < review->reporter->table->n_topics; ++k) {
+    const struct fm_topic * fed = &review->reporter->table->topic_inputs[k];
+    const bool is_again = note_silences(review, k, review->flags, review->flags + n);
+    log_begun(review, k, review->flags, is_again, lines);
+    log_ended(review, k, review->flags + n, lines);
+    for (uint32_t i = 0; i < fed->n_inputs; ++i) {
+      review->flags[fed->inputs[i]] = review->flags[n + fed->inputs[i]] = false;
+    }
+  }
+}
+
+// ---- fields ------------------------------------------------------------------------------------
+
+// Add the beginning of a string in a message, in quotes; all but plain characters as \xNN.
+static void add_shown(struct fm_text * text, const uint8_t * bytes, uint32_t length)
+{
+  fm_text_add(text, "'");
+  for (uint32_t k = 0; k < length && k < MOST_SHOWN; ++k) {
+    if (bytes[k] < ' ' || bytes[k] > '~' || bytes[k] == '\'' || bytes[k] == '\\') {
+      fm_text_add(text, "\\x%02x", (unsigned)bytes[k]);
+    } else {
+      fm_text_add(text, "%c", (int)bytes[k]);
+    }
+  }
+  fm_text_add(text, "%s", length > MOST_SHOWN ? "'..." : "'");
+}
+
+static void add_reason(
+  struct fm_text * text, const struct fm_report_input * input, const struct fm_field * field,
+  const uint8_t * message, size_t size)
+{
+  const uint64_t at = field->value.u;
+  if (field->outcome == FM_FIELD_OUTSIDE) {
+    fm_text_add(text, "%s cannot be read (the array has %u element%s)", input->path,
+      field->length, field->length == 1u ? "" : "s");
+  } else if (field->outcome == FM_FIELD_EMPTY) {
+    fm_text_add(text, "%s has no value (no element is there)", input->path);
+  } else if (at == 0 || at + field->length > size) {
+    fm_text_add(text, "%s is not among its values in the bundle", input->path);
+  } else {
+    fm_text_add(text, "%s is ", input->path);
+    add_shown(text, message + at, field->length);
+    fm_text_add(text, ", which is not among its values in the bundle");
+  }
+}
+
+static const char * outcome_for(const struct fm_review * review, uint32_t input)
+{
+  return review->now.inputs[input].has_value ? "keeps its value" : "has no value yet";
+}
+
+static void log_unusable(
+  struct fm_review * review, uint32_t topic, uint32_t input, const struct fm_text * reason,
+  struct fm_lines * lines)
+{
+  if (!review->inputs[input].is_unusable_logged) {
+    review->inputs[input].is_unusable_logged = true;
+    fm_lines_add(lines, FM_WARN, "%s: %s; input '%s' %s", review->reporter->topics[topic],
+      fm_text_get(reason), review->reporter->table->inputs[input].name,
+      outcome_for(review, input));
+  }
+}
+
+static void note_absent(struct fm_review * review, uint32_t input)
+{
+  if (review->inputs[input].absent_since == 0) {
+    review->inputs[input].absent_since = review->facts.now;
+    review->inputs[input].received_before = review->now.inputs[input].counts.received;
+  }
+}
+
+static void read_evidence(
+  struct fm_review * review, uint32_t topic, const uint8_t * message, size_t size,
+  struct fm_lines * lines)
+{
+  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
+  struct fm_field * fields = calloc(fed->n_inputs + (size_t)1, sizeof(*fields));
+  struct fm_text reason = {NULL, 0, 0};
+  const bool is_read = fields != NULL &&
+    fm_engine_reader(review->reporter->engine, topic)->read(message, size, fields);
+  for (uint32_t k = 0; is_read && k < fed->n_inputs; ++k) {
+    const uint32_t input = fed->inputs[k];
+    if (fields[k].outcome == FM_FIELD_ABSENT) {
+      note_absent(review, input);
+    } else if (fields[k].outcome != FM_FIELD_READ) {
+      fm_text_clear(&reason);
+      add_reason(&reason, &review->reporter->table->inputs[input], &fields[k], message, size);
+      log_unusable(review, topic, input, &reason, lines);
+    }
+  }
+  fm_text_free(&reason);
+  free(fields);
+}
+
+// A message with a field that cannot be used, if one has come since the last look.
+static void review_evidence(struct fm_review * review, uint32_t topic, struct fm_lines * lines)
+{
+  uint8_t none;
+  struct fm_engine * engine = review->reporter->engine;
+  const size_t size = fm_engine_evidence(engine, topic, &none, 0);
+  uint8_t * message = size == 0 ? NULL : malloc(size);
+  // The message may be another one by now, but it is no larger.
+  const size_t taken = message == NULL ? 0 : fm_engine_evidence(engine, topic, message, size);
+  if (taken > 0 && taken <= size) {
+    read_evidence(review, topic, message, taken, lines);
+  }
+  free(message);
+}
+
+static void review_name(
+  struct fm_review * review, uint32_t topic, uint32_t input, struct fm_lines * lines)
+{
+  struct fm_input_log * log = &review->inputs[input];
+  if (log->absent_since == 0) {
+    return;
+  }
+  if (review->now.inputs[input].counts.received > log->received_before) {
+    log->absent_since = 0;
+    log->is_absent_logged = false;
+  } else if (!log->is_absent_logged &&
+    review->facts.now - log->absent_since >= ABSENT_S * FM_SECOND)
+  {
+    const struct fm_report_input * about = &review->reporter->table->inputs[input];
+    log->is_absent_logged = true;
+    fm_lines_add(lines, FM_WARN, "%s: no message has had %s for %d s; input '%s' %s",
+      review->reporter->topics[topic], about->path, ABSENT_S, about->name,
+      outcome_for(review, input));
+  }
+}
+
+// ---- topics ------------------------------------------------------------------------------------
+
+static void review_order(struct fm_review * review, uint32_t topic, struct fm_lines * lines)
+{
+  struct fm_topic_log * log = &review->topics[topic];
+  const char * name = review->reporter->topics[topic];
+  const struct fm_order_counts * order = &review->now.topics[topic].order;
+  if (order->ahead > 0 && !log->is_ahead_logged) {
+    log->is_ahead_logged = true;
+    fm_lines_add(lines, FM_WARN, "stamps of messages on %s are %.1f s ahead of this node's "
+      "clock: the messages take effect that much later; synchronize the clocks; /diagnostics "
+      "counts such messages", name, (double)order->most_ahead / 1e9);
+  }
+  if (log->is_order_logged) {
+    return;
+  }
+  log->is_order_logged = order->late > 0 || order->overflows > 0;
+  if (order->late > 0) {
+    fm_lines_add(lines, FM_WARN, "messages on %s come later than %g s (`reorder`) after their "
+      "stamps: they take effect when they come; raise `reorder`", name,
+      (double)review->reporter->table->reorder / 1e9);
+  } else if (order->overflows > 0) {
+    fm_lines_add(lines, FM_WARN, "messages on %s take effect too early: too many wait for earlier "
+      "stamps", name);
+  }
+}
+
+void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  for (uint32_t t = 0; t < table->n_topics; ++t) {
+    const struct fm_topic * fed = &table->topic_inputs[t];
+    bool has_unusable = false;
+    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+      review_name(review, t, fed->inputs[k], lines);
+      has_unusable = has_unusable || review->now.inputs[fed->inputs[k]].counts.unusable >
+        review->before.inputs[fed->inputs[k]].counts.unusable;
+    }
+    if (review->now.topics[t].counts.undecodable > 0 && !review->topics[t].is_undecodable_logged) {
+      review->topics[t].is_undecodable_logged = true;
+      fm_lines_add(lines, FM_ERROR, "a message on %s cannot be decoded as %s; such messages are "
+        "counted and are no step", review->reporter->topics[t], table->topics[t].type);
+    }
+    review_order(review, t, lines);
+    if (has_unusable) {
+      review_evidence(review, t, lines);
+    }
+  }
+}
+
+// ---- what is missing ---------------------------------------------------------------------------
+
+// Set the flags of the inputs for which a requirement waits: those without a value, or if all have
+// an initial value and there was no step, those of which no message came. Returns whether it waits.
+static bool note_awaited(const struct fm_review * review, uint32_t requirement, bool * is_awaited)
+{
+  const struct fm_report_requirement * about =
+    &review->reporter->table->requirements[requirement];
+  bool waits = false;
+  if (fm_is_withheld_from_start(review->reporter, review->now.conditions, requirement)) {
+    return false;
+  }
+  for (uint32_t k = 0; k < about->n_inputs; ++k) {
+    if (!review->now.inputs[about->inputs[k]].has_value) {
+      waits = is_awaited[about->inputs[k]] = true;
+    }
+  }
+  if (waits || review->now.requirements[requirement].steps > 0) {
+    return waits;
+  }
+  for (uint32_t k = 0; k < about->n_inputs; ++k) {
+    if (review->now.inputs[about->inputs[k]].counts.received == 0) {
+      waits = is_awaited[about->inputs[k]] = true;
+    }
+  }
+  return waits;
+}
+
+static void add_awaited(
+  const struct fm_review * review, uint32_t topic, const bool * is_awaited,
+  struct fm_names * reasons)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_topic * fed = &table->topic_inputs[topic];
+  const struct fm_publishers * facts = &review->facts.topics[topic];
+  struct fm_names inputs = {{NULL, 0, 0}, 0};
+  struct fm_text reason = {NULL, 0, 0};
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    if (is_awaited[fed->inputs[k]]) {
+      fm_names_add_quoted(&inputs, table->inputs[fed->inputs[k]].name,
+        review->now.inputs[fed->inputs[k]].has_value ? " (it has its initial value)" : "");
+    }
+  }
+  if (inputs.n > 0) {
+    const bool has_others = facts->other_types[0] != '\0';
+    fm_text_add(&reason, "nothing %sreceived on %s (%u publisher%s%s%s) for %s",
+      review->now.topics[topic].counts.messages > 0 ? "usable " : "",
+      review->reporter->topics[topic], facts->n, facts->n == 1u ? "" : "s",
+      has_others ? " of " : "", has_others ? table->topics[topic].type : "",
+      fm_names_get(&inputs));
+    fm_names_add(reasons, "; ", fm_text_get(&reason));
+  }
+  fm_text_free(&inputs.text);
+  fm_text_free(&reason);
+}
+
+void fm_review_missing(const struct fm_review * review, struct fm_lines * lines)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  bool * is_awaited = review->flags;
+  struct fm_names waiting = {{NULL, 0, 0}, 0};
+  struct fm_names reasons = {{NULL, 0, 0}, 0};
+  memset(is_awaited, 0, table->n_inputs * sizeof(*is_awaited));
+  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+    if (note_awaited(review, k, is_awaited)) {
+      fm_names_add(&waiting, ", ", table->requirements[k].id);
+    }
+  }
+  for (uint32_t k = 0; waiting.n > 0 && k < table->n_topics; ++k) {
+    add_awaited(review, k, is_awaited, &reasons);
+  }
+  if (waiting.n > 0) {
+    fm_lines_add(lines, FM_WARN, "%s %s not evaluated yet: %s", fm_names_get(&waiting),
+      waiting.n == 1u ? "is" : "are", fm_names_get(&reasons));
+  }
+  fm_text_free(&waiting.text);
+  fm_text_free(&reasons.text);
+}
