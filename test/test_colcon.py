@@ -28,6 +28,7 @@ import subprocess
 import sys
 import time
 
+from bundles import write_bundle
 import pytest
 
 rclpy = pytest.importorskip('rclpy')
@@ -121,8 +122,7 @@ def wait_until(true: Callable[[], bool], process: 'subprocess.Popen[str]') -> No
 def test_a_node_starts_and_ends_under_ros2_run(
     executable: str, environment: dict[str, str], graph: Callable[[], list[str]], tmp_path: Path,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     before = set(graph())
     with subprocess.Popen(
         [ros2_run(environment, executable), '--ros-args', '-p', f'spec:={bundle}'],
@@ -141,8 +141,7 @@ def test_a_node_starts_and_ends_under_ros2_run(
 def test_the_command_line_runs_from_the_workspace(
     environment: dict[str, str], workspace: Path, tmp_path: Path,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     done = subprocess.run(
         [ros2_run(environment, 'fret-monitor'), 'check', str(bundle)],
         env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)

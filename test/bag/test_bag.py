@@ -27,6 +27,7 @@ from xml.etree import ElementTree
 
 from bag.outline import Outline
 from bag.recordings import FLOAT, Message, START, TYPES, write
+from bundles import write_bundle
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Moment
 from fret_monitor.bag.recording import Recording
@@ -157,15 +158,14 @@ def thinned(rows: list[list[str]]) -> list[list[str]]:
 
 
 def test_deadlines_are_taken_at_their_instants(tmp_path: Path) -> None:
-    file = tmp_path / 'answer.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 evaluation: {policy: timed}
 inputs:
   level: {topic: level, type: std_msgs/msg/Float64}
   flow: {topic: flow, type: std_msgs/msg/Float64}
 requirements:
   - {id: ANSWER, fretish: "when flow > 1 the pump shall within 2 seconds satisfy level > 1"}
-""", encoding='utf-8')
+""", 'answer.yaml')
     path = write(tmp_path / 'bag', [
         ('/level', 0, 0.0), ('/flow', SECOND, 0.0), ('/flow', 2 * SECOND, 2.0),
         ('/flow', 7 * SECOND, 0.0), ('/level', 8 * SECOND, 2.0),
@@ -180,15 +180,14 @@ requirements:
 
 
 def test_a_deadline_after_the_last_message_is_open(tmp_path: Path) -> None:
-    file = tmp_path / 'answer.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 evaluation: {policy: timed}
 inputs:
   level: {topic: level, type: std_msgs/msg/Float64, timeout: 1, stale: violate}
 requirements:
   - {id: SOON, fretish: "when level > 1 the pump shall within 2 seconds satisfy level < 0"}
   - {id: HIGH, ptltl: "level > -1"}
-""", encoding='utf-8')
+""", 'answer.yaml')
     path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/level', SECOND, 2.0)])
     result = check_recording(file, path, Selection())
     assert [(item.verdict, item.is_open) for item in result.findings] == [
@@ -199,14 +198,13 @@ requirements:
 
 
 def test_values_before_the_begin_count_and_steps_do_not(tmp_path: Path) -> None:
-    file = tmp_path / 'low.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 inputs:
   level: {topic: level, type: std_msgs/msg/Float64}
   flow: {topic: flow, type: std_msgs/msg/Float64}
 requirements:
   - {id: LOW, ptltl: "level < 1 | flow < 1"}
-""", encoding='utf-8')
+""", 'low.yaml')
     path = write(tmp_path / 'bag', [
         ('/level', 0, 5.0), ('/flow', SECOND, 5.0), ('/flow', 2 * SECOND, 0.0),
         ('/flow', 3 * SECOND, 5.0), ('/flow', 4 * SECOND, 5.0)])
@@ -598,8 +596,7 @@ def test_a_topic_without_messages_is_missing_unless_its_inputs_have_initial_valu
         level, _ = (writer.add_connection(topic, FLOAT, typestore=TYPES)
                     for topic in ('/level', '/flow'))
         writer.write(level, START, TYPES.serialize_cdr(TYPES.types[FLOAT](0.7), FLOAT))
-    strict = tmp_path / 'strict.yaml'
-    strict.write_text(STRICT, encoding='utf-8')
+    strict = write_bundle(tmp_path, STRICT, 'strict.yaml')
     result = check_recording(strict, tmp_path / 'bag', Selection())
     assert result.errors == ('no message of /flow was recorded',)
     assert [item.verdict for item in result.findings] == [False, None, True]
@@ -645,8 +642,7 @@ requirements: [{id: R, ptltl: "level < 1"}]
 
 
 def test_a_part_ends_with_the_recording(tmp_path: Path) -> None:
-    file = tmp_path / 'silent.yaml'
-    file.write_text(SILENT, encoding='utf-8')
+    file = write_bundle(tmp_path, SILENT, 'silent.yaml')
     path = write(tmp_path / 'bag', [('/level', SECOND * k // 2, 0.0) for k in range(9)])
 
     def found(**moments: str) -> tuple[bool | None, int]:
@@ -665,8 +661,7 @@ def test_a_part_ends_with_the_recording(tmp_path: Path) -> None:
 
 
 def test_time_ends_where_a_damaged_recording_does(tmp_path: Path) -> None:
-    file = tmp_path / 'silent.yaml'
-    file.write_text(SILENT, encoding='utf-8')
+    file = write_bundle(tmp_path, SILENT, 'silent.yaml')
     path = write(tmp_path / 'bag', [('/level', SECOND * k // 10, 0.0) for k in range(4000)])
     recording, = path.glob('*.mcap')
     data = bytearray(recording.read_bytes())
@@ -693,14 +688,13 @@ def test_a_bundle_without_topics_and_a_compressed_file_are_refused(tmp_path: Pat
 
 
 def test_what_is_true_from_its_initial_value_on_is_judged(tmp_path: Path) -> None:
-    file = tmp_path / 'initial.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 evaluation: {policy: timed}
 inputs:
   level: {topic: level, type: std_msgs/msg/Float64}
   door: {topic: door, type: std_msgs/msg/Bool, initial: false}
 requirements: [{id: SHUT, ptltl: "!door"}]
-""", encoding='utf-8')
+""", 'initial.yaml')
     path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/level', SECOND, 0.0)])
     result = check_recording(file, path, Selection(may_miss=True))
     assert [item.verdict for item in result.findings] == [None]  # /door is not in the recording
@@ -726,12 +720,11 @@ def test_messages_of_another_type_on_a_topic_are_an_error(tmp_path: Path) -> Non
 
 
 def test_periods_in_a_gap_are_taken_one_after_another(tmp_path: Path) -> None:
-    file = tmp_path / 'period.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 evaluation: {policy: periodic, rate: 100}
 inputs: {level: {topic: level, type: std_msgs/msg/Float64}}
 requirements: [{id: LOW, ptltl: "level < 0.5"}]
-""", encoding='utf-8')
+""", 'period.yaml')
     path = write(tmp_path / 'bag', [('/level', 0, 0.0), ('/level', SECOND, 0.9),
                                     ('/level', 61 * SECOND, 0.0), ('/level', 62 * SECOND, 0.0)])
     result = check_recording(file, path, Selection())
@@ -744,11 +737,10 @@ def test_a_service_event_is_read(tmp_path: Path) -> None:
     from rclpy.serialization import serialize_message
     from std_srvs.srv import SetBool
     kind = 'std_srvs/srv/SetBool_Event'
-    file = tmp_path / 'events.yaml'
-    file.write_text(f"""format: 1
+    file = write_bundle(tmp_path, f"""format: 1
 inputs: {{on: {{topic: enable/_service_event, type: {kind}, field: "request[0].data"}}}}
 requirements: [{{id: OFF, ptltl: "!on"}}]
-""", encoding='utf-8')
+""", 'events.yaml')
     with Writer(tmp_path / 'bag', version=9) as writer:
         topic = writer.add_connection('/enable/_service_event', kind, msgdef='', rihs01='0')
         for number in range(4):
@@ -773,11 +765,10 @@ def test_two_gigabytes_are_read_in_little_memory(
         topic = writer.add_connection('/level', kind, typestore=TYPES)
         for number in range(count):
             writer.write(topic, START + number, high if number % 8 == 7 else low)
-    file = tmp_path / 'large.yaml'
-    file.write_text(f"""format: 1
+    file = write_bundle(tmp_path, f"""format: 1
 inputs: {{level: {{topic: level, type: {kind}, field: "data[9]"}}}}
 requirements: [{{id: LOW, ptltl: "level < 0.5"}}]
-""", encoding='utf-8')
+""", 'large.yaml')
     megabytes: list[int] = []
 
     def measure(*_: object) -> None:
@@ -829,12 +820,11 @@ def stamped(folder: Path, ahead: float) -> Path:
 @pytest.mark.parametrize('ahead', [0.0, 0.5, 5.0])
 def test_messages_stamped_ahead_of_their_reception_take_effect(
         tmp_path: Path, ahead: float) -> None:
-    file = tmp_path / 'stamped.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 evaluation: {policy: timed, stamp: header, reorder: 0.05}
 inputs: {level: {topic: level, type: sensor_msgs/msg/Temperature, field: temperature}}
 requirements: [{id: LOW, ptltl: "level < 0.5"}]
-""", encoding='utf-8')
+""", 'stamped.yaml')
     result = check_recording(file, stamped(tmp_path, ahead), Selection())
     low, = result.findings
     assert (low.verdict, low.first) == (False, START + 970_000_000 + int(ahead * SECOND))
@@ -842,13 +832,12 @@ requirements: [{id: LOW, ptltl: "level < 0.5"}]
 
 
 def test_a_part_knows_which_inputs_are_silent(tmp_path: Path) -> None:
-    file = tmp_path / 'silent.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 inputs:
   a: {topic: level, type: std_msgs/msg/Float64, timeout: 0.5, stale: violate}
   b: {topic: flow, type: std_msgs/msg/Float64}
 requirements: [{id: R, ptltl: "a < 1 | b > 9"}]
-""", encoding='utf-8')
+""", 'silent.yaml')
     path = write(tmp_path / 'bag', [
         ('/level', 0, 0.0), *(('/flow', number * SECOND // 10, 0.0) for number in range(200))])
 
@@ -915,13 +904,12 @@ requirements: [{{id: R, ptltl: "elbow < 1"}}]
 
 
 def test_what_reads_a_missing_topic_is_not_judged(tmp_path: Path) -> None:
-    file = tmp_path / 'missing.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 inputs:
   a: {topic: gone, type: std_msgs/msg/Float64, initial: 3, timeout: 1, stale: violate}
   b: {topic: level, type: std_msgs/msg/Float64}
 requirements: [{id: A, ptltl: "a < 1"}, {id: B, ptltl: "b < 1"}]
-""", encoding='utf-8')
+""", 'missing.yaml')
     path = write(tmp_path / 'bag', [('/level', number * SECOND, 0.0) for number in range(20)])
     result = check_recording(file, path, Selection(may_miss=True))
     assert [(item.verdict, item.occurrences, item.violations) for item in result.findings] == [
@@ -940,11 +928,10 @@ def test_a_bag_of_ros_1_with_headers_is_read(tmp_path: Path) -> None:
                 frame_id='tank')
             message = types.types[kind](header, float(number), 0.0)
             writer.write(topic, START + number, types.serialize_ros1(message, kind))
-    file = tmp_path / 'warm.yaml'
-    file.write_text(f"""format: 1
+    file = write_bundle(tmp_path, f"""format: 1
 inputs: {{level: {{topic: level, type: {kind}, field: temperature}}}}
 requirements: [{{id: LOW, ptltl: "level < 4"}}]
-""", encoding='utf-8')
+""", 'warm.yaml')
     result = check_recording(file, tmp_path / 'old.bag', Selection())
     assert (result.errors, result.findings[0].violations) == ((), 6)
 

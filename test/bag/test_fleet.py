@@ -26,6 +26,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from bag.recordings import FLOAT, START, TYPES, write
+from bundles import write_bundle
 from fret_monitor.bag import fleet
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.results_file import finished_lines, ResultsFile
@@ -46,9 +47,7 @@ Capture = pytest.CaptureFixture[str]
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
     """Write a bundle that a level of 0.5 violates."""
-    file = tmp_path / 'low.yaml'
-    file.write_text(LOW, encoding='utf-8')
-    return file
+    return write_bundle(tmp_path, LOW, 'low.yaml')
 
 
 @pytest.fixture
@@ -302,8 +301,7 @@ def test_every_error_is_json(
         assert 'error: ' in err
         return [json.loads(line)['errors'] for line in out.splitlines()]
 
-    bad = tmp_path / 'bad.yaml'
-    bad.write_text(LOW.replace('< 0.5', '< < 0.5'), encoding='utf-8')
+    bad = write_bundle(tmp_path, LOW.replace('< 0.5', '< < 0.5'), 'bad.yaml')
     for arguments, text in (
             ((tmp_path / 'gone.yaml', recording), 'there is no file '),
             ((bundle, recording, recording / 'x', '--csv', 'c.csv'), '--csv is of one recording'),

@@ -26,6 +26,7 @@ import subprocess
 
 from bag.outline import Outline
 from bag.recordings import Message, START, TYPES, write
+from bundles import write_bundle
 from fret_monitor.bag.fleet import page_name
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.page import document
@@ -252,13 +253,12 @@ requirements:
 
 
 def test_thinning_keeps_every_spike(tmp_path: Path) -> None:
-    file = tmp_path / 'bundle.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 inputs:
   level: {topic: level, type: std_msgs/msg/Float64, initial: 7}
   flow: {topic: flow, type: std_msgs/msg/Float64}
 requirements: [{id: LOW, ptltl: "level < flow"}]
-""", encoding='utf-8')
+""")
     monitor = build(file).monitor
     engine = Engine(Evaluator(monitor))
     for seed in range(20):
@@ -410,8 +410,7 @@ def test_a_report_that_cannot_be_written_leaves_nothing(
 @pytest.mark.parametrize('option', ['--report', '--results', '--csv', '--mcap', '--junit'])
 def test_no_result_of_a_recording_is_written_through_a_link(
         option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / 'bundle.yaml'
-    file.write_text(answer('timed', '2 seconds'), encoding='utf-8')
+    file = write_bundle(tmp_path, answer('timed', '2 seconds'))
     path = write(tmp_path / 'bag', answers(5))
     mine = tmp_path / 'mine.txt'
     mine.write_text('mine', encoding='utf-8')

@@ -22,6 +22,7 @@ from xml.etree import ElementTree
 
 from bag.outline import Outline
 from bag.recordings import Kept, write
+from bundles import write_bundle
 from fret_monitor.bag.check import check_recording, RecordingResult, run, Selection
 from fret_monitor.bag.moments import Moment
 from fret_monitor.bag.trace import Trace
@@ -187,21 +188,18 @@ def test_every_output_takes_a_trace(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 def seen(folder: Path) -> Path:
     """Return a bundle for what `--mcap` writes."""
-    file = folder / 'seen.yaml'
-    file.write_text("""format: 1
+    return write_bundle(folder, """format: 1
 inputs: {ok: {topic: /copilot/verdicts/handlerpropLOW, type: std_msgs/msg/Bool, field: data}}
 requirements: [{id: SEEN, ptltl: "ok"}]
-""", encoding='utf-8')
-    return file
+""", 'seen.yaml')
 
 
 def test_traces_and_bags_are_checked_together_and_results_go_on(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / 'low.yaml'
-    file.write_text("""format: 1
+    file = write_bundle(tmp_path, """format: 1
 inputs: {level: {topic: level, type: std_msgs/msg/Float64}}
 requirements: [{id: LOW, ptltl: "level < 5"}]
-""", encoding='utf-8')
+""", 'low.yaml')
     paths = [trace(tmp_path), write(tmp_path / 'bag', [('/level', 0, 6.0)])]
     arguments = ['bag', str(file), *map(str, paths), '--results', str(tmp_path / 'r.jsonl'),
                  '--jobs', '2', '--report', str(tmp_path / 'pages')]

@@ -24,6 +24,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from bundles import spec_of, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.ros.acting import actions
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
@@ -91,12 +92,6 @@ class Log:
         return found()[0]
 
 
-def written(folder: Path, text: str) -> str:
-    path = folder / 'bundle.yaml'
-    path.write_text(text, encoding='utf-8')
-    return f'spec:={path}'
-
-
 @contextmanager
 def to_be_killed(*arguments: str) -> Iterator[NodeProcess]:
     node = NodeProcess('monitor', *arguments)
@@ -114,7 +109,7 @@ def test_a_lock_follows_its_requirements_and_is_silent_with_its_process(
     lock = Log(partner, Bool, 'e_stop')
     diagnostics = Diagnostics(partner, 'lock')
     begin = monotonic()
-    with to_be_killed('-p', written(tmp_path, LOCKS)) as monitor:
+    with to_be_killed('-p', spec_of(tmp_path, LOCKS)) as monitor:
         lock.wait_for(True, begin)  # no message has come
         monitor.wait_for("lock 'stop' on /e_stop, 2 Hz")
         monitor.wait_for("lock 'stop' is locked: no value yet of x")
@@ -216,7 +211,7 @@ def test_actions_follow_violations_and_are_counted(tmp_path: Path, partner: Part
     partner._executor.add_node(arm)
     diagnostics = Diagnostics(partner)
     try:
-        with started('monitor', '-p', written(tmp_path, BUNDLE)) as monitor:
+        with started('monitor', '-p', spec_of(tmp_path, BUNDLE)) as monitor:
             monitor.wait_for("action 'call' calls /call; action 'slow' calls /slow")
             monitor.wait_for("action 'park' brings /arm to inactive")
             partner.wait_for_listener(n)
@@ -308,8 +303,7 @@ def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
 def test_a_call_for_which_no_thread_can_be_started_has_failed_and_other_actions_go_on(
     tmp_path: Path, partner: Partner,
 ) -> None:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE.replace('[absent, slow, call, park]', '[slow, once]'), encoding='utf-8')
+    path = write_bundle(tmp_path, BUNDLE.replace('[absent, slow, call, park]', '[slow, once]'))
     once = Log(partner, PointStamped, 'once')
     monitor = MonitorNode(context=partner.context,
                           parameter_overrides=[Parameter('spec', value=str(path))])

@@ -24,6 +24,7 @@ import struct
 from time import monotonic_ns, sleep, time_ns
 from typing import Any
 
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.bag.check import check_recording, Selection
@@ -87,8 +88,7 @@ class Workbench:
     """An engine with a black box, without a node."""
 
     def __init__(self, folder: Path, **settings: Any) -> None:
-        bundle = folder / 'bundle.yaml'
-        bundle.write_text(BUNDLE, encoding='utf-8')
+        bundle = write_bundle(folder, BUNDLE)
         self.spec = bundle
         self.folder = folder / 'box'
         self.node = FakeNode()
@@ -379,8 +379,7 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
 
 def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
         tmp_path: Path, domain: int) -> None:
-    spec = tmp_path / 'bundle.yaml'
-    spec.write_text(BUNDLE, encoding='utf-8')
+    spec = write_bundle(tmp_path, BUNDLE)
     node = NodeProcess('monitor', '-p', f'spec:={spec}', '-p', f'blackbox:={spec}/box')
     assert node.status() == 1
     assert f"error: parameter 'blackbox': cannot write to the folder '{spec}/box'" in node.output

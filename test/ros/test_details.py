@@ -18,6 +18,7 @@ from pathlib import Path
 import threading
 from typing import Any
 
+from bundles import engine_of, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
@@ -46,9 +47,7 @@ requirements:
 def test_details_are_published_as_they_are_worded_with_the_time_of_the_violation(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
-    engine = Engine(Evaluator(build.build(bundle).monitor))
+    engine = engine_of(tmp_path, BUNDLE)
     node = Node('fret_monitor', context=partner.context)
     details = Details(node)
     heard: list[Any] = []
@@ -71,8 +70,7 @@ def test_details_are_published_as_they_are_worded_with_the_time_of_the_violation
 def test_the_thread_of_details_ends_at_exit_although_nobody_ends_it(
     partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     monkeypatch.setattr(native_lifetimes, '_KEPT', {})
     engine = Engine(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)

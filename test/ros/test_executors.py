@@ -21,6 +21,7 @@ from threading import Event, Thread
 from time import sleep
 from typing import Any
 
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.ros import LoggerNode, MonitorNode
 import pytest
@@ -75,8 +76,7 @@ def spun(executor: Any, node: Any) -> Iterator[None]:
 
 
 def bundle(folder: Path, policy: str = 'every_message') -> Parameter:
-    path = folder / 'bundle.yaml'
-    path.write_text(BUNDLE.replace('POLICY', policy), encoding='utf-8')
+    path = write_bundle(folder, BUNDLE.replace('POLICY', policy))
     return Parameter('spec', value=str(path))
 
 
@@ -129,8 +129,7 @@ def test_every_period_is_a_step_in_every_executor(
 def test_a_timeout_comes_beside_periods_in_every_executor(
     partner: Partner, stranger: Partner, executor: Any, tmp_path: Path, hot_path: str,
 ) -> None:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(TIMEOUT, encoding='utf-8')
+    path = write_bundle(tmp_path, TIMEOUT)
     with spun(executor, MonitorNode(context=stranger.context, parameter_overrides=[
             Parameter('spec', value=str(path)), Parameter('hot_path', value=hot_path)])):
         publisher = partner.publisher(Float32, 'x')

@@ -29,6 +29,7 @@ import signal
 from time import sleep
 from typing import Any
 
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -96,15 +97,9 @@ requirements:
 OF_TIMED = ('ANSWER', 'EDGE', 'FRESH', 'GOT_request', 'GOT_done', 'GOT_sent')
 
 
-def written(folder: Path, text: str) -> Path:
-    path = folder / 'bundle.yaml'
-    path.write_text(text, encoding='utf-8')
-    return path
-
-
 @pytest.fixture(scope='module')
 def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(tmp_path_factory.mktemp('faults'), FAULTS)
+    return write_bundle(tmp_path_factory.mktemp('faults'), FAULTS)
 
 
 def renamed(handlers: tuple[str, ...]) -> list[str]:
@@ -302,7 +297,7 @@ def test_timed_requirements_are_violated_at_the_same_instants_of_a_simulated_clo
     partner: Partner, tmp_path: Path,
 ) -> None:
     with simulating() as clock, both(
-            partner, written(tmp_path, TIMED), OF_TIMED, '-p', 'use_sim_time:=true',
+            partner, write_bundle(tmp_path, TIMED), OF_TIMED, '-p', 'use_sim_time:=true',
     ) as (nodes, node):
         publishers = {topic: partner.publisher(kind, topic) for topic, kind in (
             ('request', Bool), ('done', Bool), ('sent', Header))}

@@ -27,6 +27,7 @@ from pathlib import Path
 import signal
 from time import monotonic, sleep
 
+from bundles import write_bundle
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
@@ -57,12 +58,6 @@ requirements:
 @pytest.fixture
 def operator(partner: Partner) -> Operator:
     return Operator(partner)
-
-
-def write(folder: Path, text: str) -> Path:
-    path = folder / 'bundle.yaml'
-    path.write_text(text, encoding='utf-8')
-    return path
 
 
 @contextmanager
@@ -109,7 +104,7 @@ def _tally(operator: Operator, topic: str = '/n') -> dict[str, int]:
 def test_after_a_publisher_is_killed_nothing_steps_until_the_next_one_publishes(
     hot_path: str, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    with monitoring(partner, write(tmp_path, NUMBERS), 'GREETING', 'NUMBER', 'NEXT'):
+    with monitoring(partner, write_bundle(tmp_path, NUMBERS), 'GREETING', 'NUMBER', 'NEXT'):
         with talking(tmp_path) as first:
             first.greet(greeted(partner))
             wait_until(lambda: partner.node.count_subscribers('n') == 1,
@@ -134,7 +129,8 @@ def test_after_a_publisher_is_killed_nothing_steps_until_the_next_one_publishes(
 def test_a_publisher_of_another_type_is_reported_and_the_right_type_is_received_again(
     hot_path: str, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    with monitoring(partner, write(tmp_path, NUMBERS), 'GREETING', 'NUMBER', 'NEXT') as node:
+    bundle = write_bundle(tmp_path, NUMBERS)
+    with monitoring(partner, bundle, 'GREETING', 'NUMBER', 'NEXT') as node:
         with talking(tmp_path) as right:
             right.greet(greeted(partner))
             expect_numbers(partner, right.say(20))
@@ -159,7 +155,7 @@ def test_a_publisher_of_another_type_is_reported_and_the_right_type_is_received_
 def test_each_message_of_a_flood_on_a_queue_of_one_is_a_step_or_counted_as_lost(
     hot_path: str, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, NUMBERS.replace('depth: 5000', 'depth: 1'))
+    bundle = write_bundle(tmp_path, NUMBERS.replace('depth: 5000', 'depth: 1'))
     shallow = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     with monitoring(partner, bundle, 'GREETING', 'NUMBER', 'NEXT') as node:
         n = partner.publisher(Int32, 'n', shallow)
@@ -214,7 +210,7 @@ requirements:
 def test_nan_and_infinity_give_the_verdicts_of_the_reference(
     hot_path: str, partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, ODD)
+    bundle = write_bundle(tmp_path, ODD)
     odd = (nan, inf, -inf, 0.0, -0.0, 5.0, 1e-45, 2.0**127, -1.5, nan, 4.0)
     messages: list[Message] = []
     for number in range(3 * len(odd)):
@@ -250,7 +246,7 @@ MOST_KIB = {100: 190 * 1024, 500: 400 * 1024}
 def test_many_topics_are_all_received_in_bounded_time_and_memory(
     hot_path: str, topics: int, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, many(topics))
+    bundle = write_bundle(tmp_path, many(topics))
     with started('monitor', '-p', f'spec:={bundle}') as node:
         partner.listen('R0', f'R{topics - 1}')
         shallow = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -285,7 +281,7 @@ def test_many_topics_are_all_received_in_bounded_time_and_memory(
 def test_bundles_reloaded_under_load_give_right_verdicts_before_and_after_and_none_between(
     hot_path: str, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, NUMBERS)
+    bundle = write_bundle(tmp_path, NUMBERS)
     client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
 
     def take(*transitions: int) -> None:
@@ -341,7 +337,7 @@ def let_come(partner: Partner) -> None:
 def test_a_monitor_stopped_for_ten_seconds_goes_on_and_reports_what_it_missed(
     hot_path: str, partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, NUMBERS.replace('Int32,', 'Int32, timeout: 5.0,'))
+    bundle = write_bundle(tmp_path, NUMBERS.replace('Int32,', 'Int32, timeout: 5.0,'))
     with monitoring(partner, bundle, 'GREETING', 'NUMBER', 'NEXT') as node, \
             talking(tmp_path, depth=20, is_mortal=False) as talker:
         talker.greet(greeted(partner))
@@ -391,7 +387,7 @@ def test_garbage_at_full_speed_is_counted_and_causes_no_step(
     def is_first(publisher: Publisher) -> bool:
         return tally(operator, publisher.topic_name)['received'] == 1
 
-    with monitoring(partner, write(tmp_path, GARBAGE), 'N', 'WORD') as node:
+    with monitoring(partner, write_bundle(tmp_path, GARBAGE), 'N', 'WORD') as node:
         n, word = partner.publisher(Int32, 'n'), partner.publisher(String, 'word')
         partner.wait_for_listener(n, word)
         talks = ((n, Int32(data=1), NO_NUMBERS, 'N'), (word, String(data='go'), NO_WORDS, 'WORD'))
@@ -429,7 +425,7 @@ def test_publishers_that_come_and_go_do_not_disturb_another_publisher(
     offers: list[QoSProfile],
 ) -> None:
     # The steady publisher's numbers count for their remainder; the others publish -1.
-    bundle = write(tmp_path, NUMBERS.partition('  - {id: NUMBER')[0] + ''.join(
+    bundle = write_bundle(tmp_path, NUMBERS.partition('  - {id: NUMBER')[0] + ''.join(
         f'  - {{id: R{k}, ptltl: "n mod 7 != {k}"}}\n' for k in range(7)))
     with monitoring(partner, bundle, 'GREETING', *(f'R{k}' for k in range(7))) as node:
         steady = partner.publisher(Int32, 'n')

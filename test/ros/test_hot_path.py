@@ -23,6 +23,7 @@ from types import SimpleNamespace
 from typing import Any
 import weakref
 
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.native import evaluator_library, load_evaluator
@@ -93,8 +94,7 @@ def test_the_log_says_why_messages_are_copied_before_they_are_read(
     stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
 
     def refuse(self: Middleware, library: Any) -> None:
         raise Unavailable('Fast DDS 9 is not known')
@@ -112,8 +112,7 @@ def test_a_subscription_is_read_in_place_only_on_the_hot_path(
 ) -> None:
     if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
         pytest.skip('only Fast DDS is read in place')
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     kinds: list[str] = []
 
     class Spy(RclSubscription):
@@ -140,8 +139,7 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
     partner: Partner, stranger: Partner, tmp_path: Path, hot_path: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     may_publish = Event()
     details: list[Any] = []
     original = Details.publish
@@ -176,8 +174,7 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
 def test_a_middleware_without_a_callback_for_new_messages_is_refused(
     stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
 
     def find(library: Any, name: str, kind: Any) -> Any:
         if name == 'rmw_subscription_set_on_new_message_callback':

@@ -18,6 +18,7 @@ from pathlib import Path
 from time import sleep
 from typing import Any
 
+from bundles import write_bundle
 import pytest
 from ros.harness import Partner, started, wait_until
 from std_msgs.msg import Bool, String
@@ -40,8 +41,7 @@ requirements:
 def test_unusable_and_missing_values_are_reported_once(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(SCAN, encoding='utf-8')
+    bundle = write_bundle(tmp_path, SCAN)
     heard: list[Any] = []
     partner.node.create_subscription(
         diagnostic_msgs.DiagnosticArray, '/diagnostics', heard.append, 10)
@@ -94,8 +94,7 @@ requirements:
 def test_a_requirement_that_rests_on_initial_values_is_reported(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(STOP, encoding='utf-8')
+    bundle = write_bundle(tmp_path, STOP)
     heard: list[Any] = []
     partner.node.create_subscription(
         diagnostic_msgs.DiagnosticArray, '/diagnostics', heard.append, 10)
@@ -115,8 +114,7 @@ def test_a_requirement_that_rests_on_initial_values_is_reported(
 
 
 def test_the_first_line_of_the_log_has_the_period(partner: Partner, tmp_path: Path) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(SCAN, encoding='utf-8')
+    bundle = write_bundle(tmp_path, SCAN)
     with started('monitor', '-p', f'spec:={bundle}', '-p', 'policy:=periodic',
                  '-p', 'rate:=20.0') as node:
         node.wait_for('policy periodic, 0.05 s, ')

@@ -23,6 +23,7 @@ import re
 from time import sleep
 from typing import Any
 
+from bundles import write_bundle
 from fret_monitor import build
 from fret_monitor.logic.pointwise import Value
 from fret_monitor.model.policies import Policy
@@ -57,13 +58,7 @@ TOPICS = {'x': 'topic/x', 'n': 'n', 'p': 'p'}
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
-    return write(tmp_path, BUNDLE)
-
-
-def write(folder: Path, text: str) -> Path:
-    path = folder / 'bundle.yaml'
-    path.write_text(text, encoding='utf-8')
-    return path
+    return write_bundle(tmp_path, BUNDLE)
 
 
 def random_messages(count: int, seed: int) -> list[Message]:
@@ -213,7 +208,7 @@ requirements:
 def test_inputs_of_one_topic_share_a_step_and_unusable_fields_are_left_out(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, JOINTS)
+    bundle = write_bundle(tmp_path, JOINTS)
     with monitoring(partner, '-p', f'spec:={bundle}',
                     handlers=('ELBOW', 'BOTH', 'AGE', 'STILL')):
         joints = partner.publisher(sensor_msgs.JointState, 'joints')
@@ -289,7 +284,7 @@ def test_a_compiled_bundle_runs_without_a_compiler(
 def test_the_logger_writes_id_sentence_and_time_by_severity(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, BUNDLE + """
+    bundle = write_bundle(tmp_path, BUNDLE + """
   - {id: R-6, title: "x shall be small", ptltl: "x < 2.0", severity: warn}
 """)
     with started('logger', '-p', f'spec:={bundle}', environment={
@@ -315,7 +310,7 @@ def test_the_logger_writes_id_sentence_and_time_by_severity(
 def test_details_have_step_time_and_values_while_there_is_a_subscriber(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, """
+    bundle = write_bundle(tmp_path, """
 format: 1
 component: robot
 inputs:
@@ -363,7 +358,7 @@ requirements:
 def test_details_are_limited_and_counted_while_handlers_publish_every_violation(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, """
+    bundle = write_bundle(tmp_path, """
 format: 1
 inputs:
   x: {topic: x, type: std_msgs/msg/Float32}
@@ -426,7 +421,7 @@ def test_diagnostics_report_requirements_and_topics(
 def test_the_subscription_has_the_qos_of_the_bundle(
     partner: Partner, tmp_path: Path,
 ) -> None:
-    bundle = write(tmp_path, """
+    bundle = write_bundle(tmp_path, """
 format: 1
 inputs:
   x:

@@ -17,18 +17,12 @@
 from pathlib import Path
 from time import sleep
 
+from bundles import NEGATIVE, write_bundle
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros.harness import BEST_EFFORT, LATCHED, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Int32
 
-BUNDLE = """
-format: 1
-inputs:
-  n: {topic: n, type: std_msgs/msg/Int32}
-requirements:
-  - {id: R, ptltl: "n < 0"}
-"""
 LATCHED_BEST_EFFORT = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -41,8 +35,7 @@ KINDS = {'reliable': RELIABLE, 'best effort': BEST_EFFORT, 'latched': LATCHED,
 def test_late_publishers_of_every_qos_are_received_beside_one_that_never_stops(
     partner: Partner, tmp_path: Path, first: str, hot_path: str,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, NEGATIVE)
     with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}'):
         partner.listen('R')
         steady = partner.publisher(Int32, 'n', KINDS[first])

@@ -19,6 +19,7 @@ import signal
 from threading import Event
 from time import monotonic, sleep
 
+from bundles import NEGATIVE, write_bundle
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.raw_topic import Deliver, RawIntake, RawTopic
@@ -31,13 +32,6 @@ from ros.operators import Operator
 from std_msgs.msg import Int32
 
 SHALLOW = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-BUNDLE = """
-format: 1
-inputs:
-  n: {topic: n, type: std_msgs/msg/Int32}
-requirements:
-  - {id: R, ptltl: "n < 0"}
-"""
 
 
 def raw_feed(node: Node, topics: dict[str, Deliver], depth: int) -> Feed:
@@ -129,8 +123,7 @@ def test_a_queue_that_overflows_is_reported(
 def test_the_messages_that_a_stopped_monitor_missed_are_reported(
     partner: Partner, tmp_path: Path, hot_path: str,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, NEGATIVE)
     operator = Operator(partner)
     with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}') as node:
         partner.listen('R')

@@ -21,6 +21,7 @@ from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
 
+from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.ros.acting import actions
 from fret_monitor.ros.acting.blackbox import BlackBox
@@ -55,8 +56,7 @@ WATCHING = QoSProfile(depth=10, liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
 
 
 def test_a_monitor_that_is_stopped_is_not_alive(partner: Partner, tmp_path: Path) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     heard: list[Header] = []
     alive: list[int] = []
 
@@ -139,8 +139,7 @@ def test_a_stall_is_no_thread_that_hangs(partner: Partner) -> None:
 def test_a_monitor_without_the_thread_that_logs_is_not_alive(
     partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
+    bundle = write_bundle(tmp_path, BUNDLE)
     hangs, goes_on = Event(), Event()
 
     def add(*_: Any) -> None:
@@ -190,8 +189,7 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     def fail(*_: Any) -> None:
         raise ValueError('oh')
 
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(ALL_PARTS, encoding='utf-8')
+    bundle = write_bundle(tmp_path, ALL_PARTS)
     signs: list[Header] = []
     reports: list[DiagnosticArray] = []
     partner.node.create_subscription(Header, '/fret_monitor/alive', signs.append, RELIABLE)

@@ -20,6 +20,7 @@ from pathlib import Path
 import signal
 from time import sleep
 
+from bundles import spec_of
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
 import pytest
@@ -76,12 +77,6 @@ def operator(partner: Partner) -> Operator:
     return Operator(partner)
 
 
-def write(folder: Path, text: str) -> str:
-    path = folder / 'bundle.yaml'
-    path.write_text(text, encoding='utf-8')
-    return f'spec:={path}'
-
-
 def since(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
     return {key: now[key] - before[key] for key in now}
 
@@ -93,7 +88,7 @@ def counted(counts: dict[str, int]) -> tuple[int, int, int]:
 def test_steps_follow_the_clock_through_pauses_speed_changes_and_jumps(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
+    with started('monitor', '-p', spec_of(tmp_path, PERIODIC), *SIMULATED) as node:
         partner.listen('R')
         p = partner.publisher(Bool, 'p')
         partner.wait_for_listener(p)
@@ -130,7 +125,7 @@ def test_steps_follow_the_clock_through_pauses_speed_changes_and_jumps(
 
 
 def test_without_a_clock_the_waiting_bundle_is_reported(partner: Partner, tmp_path: Path) -> None:
-    with started('monitor', '-p', write(tmp_path, PERIODIC), *SIMULATED) as node:
+    with started('monitor', '-p', spec_of(tmp_path, PERIODIC), *SIMULATED) as node:
         node.wait_for('use_sim_time is set and nothing was received on /clock: no period ')
 
 
@@ -147,7 +142,7 @@ def simulate(partner: Partner, is_simulated: bool) -> None:
 def test_use_sim_time_may_change_while_the_monitor_runs(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, PERIODIC)):
+    with started('monitor', '-p', spec_of(tmp_path, PERIODIC)):
         assert int(operator.wait_for('periods of bundle', b'\0', 'in time')['taken']) > 0
         simulate(partner, True)
         simulator.jump(1000.0)
@@ -174,7 +169,8 @@ def test_a_stopped_process_loses_no_period_and_finds_no_silence(
             detail = read_detail(status)
             details.append((status.name, detail))
 
-    with started('monitor', '-p', write(tmp_path, STOPPED), '-p', f'hot_path:={hot_path}') as node:
+    spec = spec_of(tmp_path, STOPPED)
+    with started('monitor', '-p', spec, '-p', f'hot_path:={hot_path}') as node:
         partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, keep, 1000)
         partner.listen('R', 'X')
         x, p = partner.publisher(Float32, 'x'), partner.publisher(Bool, 'p')
@@ -208,7 +204,7 @@ def test_a_stopped_process_loses_no_period_and_finds_no_silence(
 def test_switching_use_sim_time_on_and_off_is_no_silence_and_no_jump(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, STOPPED)) as node:
+    with started('monitor', '-p', spec_of(tmp_path, STOPPED)) as node:
         x = partner.publisher(Float32, 'x')
         partner.node.create_timer(0.1, lambda: x.publish(Float32(data=1.0)))
         operator.wait_for('X', b'\0', 'satisfied')
@@ -236,7 +232,7 @@ def wait_for_log(operator: Operator) -> None:
 def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the_node(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path, hot_path: str,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, SILENT), *SIMULATED,
+    with started('monitor', '-p', spec_of(tmp_path, SILENT), *SIMULATED,
                  '-p', f'hot_path:={hot_path}') as node:
         partner.listen('X', 'ONSET', 'XZ', 'Y')
         x, y = (partner.publisher(Float32, name) for name in 'xy')
@@ -288,7 +284,7 @@ def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the
 def test_in_real_time_an_input_without_messages_is_reported_and_one_with_messages_is_not(
     partner: Partner, operator: Operator, tmp_path: Path,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, SILENT)) as node:
+    with started('monitor', '-p', spec_of(tmp_path, SILENT)) as node:
         partner.listen('X', 'ONSET', 'XZ', 'Y')
         y = partner.publisher(Float32, 'y')
         partner.node.create_timer(0.1, lambda: y.publish(Float32(data=1.0)))

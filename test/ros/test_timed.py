@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import sleep, time
 
+from bundles import spec_of
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
 import pytest
@@ -83,17 +84,11 @@ def simulator(domain: int) -> Iterator[Simulator]:
         yield simulator
 
 
-def write(folder: Path, text: str) -> str:
-    path = folder / 'bundle.yaml'
-    path.write_text(text, encoding='utf-8')
-    return f'spec:={path}'
-
-
 @pytest.mark.parametrize('hot_path', ['on', 'off'])
 def test_when_a_publisher_stops_the_violation_comes_on_time(
     partner: Partner, tmp_path: Path, hot_path: str,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, ALIVE), '-p', f'hot_path:={hot_path}'):
+    with started('monitor', '-p', spec_of(tmp_path, ALIVE), '-p', f'hot_path:={hot_path}'):
         partner.listen('ALIVE')
         listener = Listener(partner)
         p = partner.publisher(Bool, 'p')
@@ -120,7 +115,7 @@ def test_when_a_publisher_stops_the_violation_comes_on_time(
 def test_a_simulation_that_starts_again_starts_the_requirements_afresh(
     partner: Partner, simulator: Simulator, tmp_path: Path,
 ) -> None:
-    with started('monitor', '-p', write(tmp_path, ANSWER), '-p', 'use_sim_time:=true') as node:
+    with started('monitor', '-p', spec_of(tmp_path, ANSWER), '-p', 'use_sim_time:=true') as node:
         partner.listen('ANSWER')
         listener = Listener(partner)
         operator = Operator(partner)
@@ -162,7 +157,7 @@ def at(stamp: float, value: float) -> Temperature:
 
 
 def test_messages_count_by_the_stamps_of_their_headers(partner: Partner, tmp_path: Path) -> None:
-    with started('monitor', '-p', write(tmp_path, STAMPED)) as node:
+    with started('monitor', '-p', spec_of(tmp_path, STAMPED)) as node:
         partner.listen('ORDER')
         listener = Listener(partner)
         operator = Operator(partner)

@@ -16,31 +16,22 @@
 
 from pathlib import Path
 
-from fret_monitor import build
+from bundles import engine_of, NEGATIVE
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import Announcer, Middleware
 from fret_monitor.ros.reports.handlers import Handlers
-from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime import Engine
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
 from ros.harness import Partner
 
-BUNDLE = """
-format: 1
-inputs:
-  n: {topic: n, type: std_msgs/msg/Int32}
-requirements:
-  - {id: R, ptltl: "n < 0"}
-"""
 A_MESSAGE = b'\0\1\0\0\1\0\0\0'
 
 
 @pytest.fixture
 def engine(tmp_path: Path) -> Engine:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
-    return Engine(Evaluator(build.build(bundle).monitor))
+    return engine_of(tmp_path, NEGATIVE)
 
 
 def test_violations_that_a_publisher_refuses_are_counted(

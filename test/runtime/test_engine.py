@@ -21,6 +21,7 @@ from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
+from bundles import engine_of, write_bundle
 from fret_monitor import build
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import Engine, Evaluator, NEVER, Receipt, Silence, TimeCounts
@@ -53,9 +54,7 @@ def shown(engine: Engine, detail: Any) -> list[str]:
 
 @pytest.fixture
 def engine(tmp_path: Path) -> Engine:
-    bundle = tmp_path / 'bundle.yaml'
-    bundle.write_text(BUNDLE, encoding='utf-8')
-    return Engine(Evaluator(build.build(bundle).monitor))
+    return engine_of(tmp_path, BUNDLE)
 
 
 def in_background(function: Callable[[], object]) -> Thread:
@@ -154,8 +153,7 @@ def test_details_are_queued_again_in_the_next_second(engine: Engine) -> None:
 
 
 def test_ends_of_violations_without_details_are_not_counted_as_violations(tmp_path: Path) -> None:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE + 'report: occurrence\n', encoding='utf-8')
+    path = write_bundle(tmp_path, BUNDLE + 'report: occurrence\n')
     engine = Engine(Evaluator(build.build(path).monitor, reports_recoveries=True))
     engine.want_details(True, 1)  # a second
     for _ in range(50):

@@ -22,6 +22,7 @@ import struct
 from time import sleep, time_ns
 from typing import Any
 
+from bundles import write_bundle
 from fret_monitor.build import build_specification
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Variable
@@ -414,8 +415,7 @@ gates:
 @pytest.mark.parametrize('report', ['every_step', 'onset'])
 def test_a_sensor_that_violated_always_once_does_not_close_it_for_ever(
         report: str, tmp_path: Path) -> None:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(JAMMED.replace('REPORT', report), encoding='utf-8')
+    path = write_bundle(tmp_path, JAMMED.replace('REPORT', report))
     monitor = start(path, part=NodePart('drive')).monitor
     evaluator = Evaluator(monitor, reports_recoveries=True)
     assert monitor.manifest.gate is not None
@@ -599,8 +599,7 @@ class Guarded:
 
     def __init__(self, folder: Path, text: str) -> None:
         """Follow the steady clock."""
-        path = folder / 'bundle.yaml'
-        path.write_text(text, encoding='utf-8')
+        path = write_bundle(folder, text)
         monitor = start(path, part=NodePart('drive')).monitor
         settings = monitor.manifest.gate
         assert settings is not None and settings.topic is not None
@@ -717,8 +716,7 @@ def test_under_timed_a_message_that_waited_is_judged_when_it_is_sent(tmp_path: P
 
 def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(
         tmp_path: Path) -> None:
-    path = tmp_path / 'g.yaml'
-    path.write_text(TIMED, encoding='utf-8')
+    path = write_bundle(tmp_path, TIMED, 'g.yaml')
     compiled = start(path, part=NodePart('g'))
     settings = compiled.manifest.gate
     assert settings is not None and settings.substitute == cdr('<f', 0.0)

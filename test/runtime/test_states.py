@@ -19,13 +19,12 @@ from pathlib import Path
 from threading import Thread
 from time import monotonic
 
+from bundles import write_bundle
 from fret_monitor import build
 from fret_monitor.messages.installed import find_message
 from fret_monitor.messages.serialize import serialize
 from fret_monitor.model.parts import NodePart
-from fret_monitor.runtime import (
-    Engine, Evaluator, Judgement, MessageGate, RequirementState, State,
-)
+from fret_monitor.runtime import Engine, Evaluator, Judgement, MessageGate, RequirementState, State
 from fret_monitor.start import start
 import pytest
 
@@ -70,8 +69,7 @@ class Followed:
 
 @pytest.fixture(params=['every_step', 'onset', 'occurrence'])
 def followed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Followed]:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE.replace('REPORT', request.param), encoding='utf-8')
+    path = write_bundle(tmp_path, BUNDLE.replace('REPORT', request.param))
     yield Followed(path)
 
 
@@ -88,8 +86,7 @@ def test_a_requirement_is_unknown_until_it_is_evaluated_and_while_an_input_is_si
 
 
 def test_a_requirement_is_unknown_while_a_timeout_is_put_off(tmp_path: Path) -> None:
-    path = tmp_path / 'bundle.yaml'
-    path.write_text(BUNDLE.replace('REPORT', 'onset'), encoding='utf-8')
+    path = write_bundle(tmp_path, BUNDLE.replace('REPORT', 'onset'))
     followed = Followed(path, patience=0.001)
     assert followed.message(0, 0.0, 1.5) == ([HOLDS, UNKNOWN], [0, 0])
     followed.engine.advance(20 * SECOND)  # the process stood still
@@ -174,8 +171,7 @@ class Gated:
     """An engine with the gate of a bundle, whose time is told."""
 
     def __init__(self, folder: Path, text: str) -> None:
-        path = folder / 'bundle.yaml'
-        path.write_text(text, encoding='utf-8')
+        path = write_bundle(folder, text)
         monitor = start(path, part=NodePart('drive')).monitor
         evaluator = Evaluator(monitor, reports_recoveries=True)
         self.engine = Engine(evaluator)
