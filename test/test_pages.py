@@ -332,7 +332,7 @@ LIMITS: list[tuple[str, str, float | str]] = [
     ('security.md', r'unused for (\d+) days', cache._UNUSED_AGE / 86400),
     ('security.md', r'above (\d+) libraries', cache._MOST),
     ('security.md', r'\((\d+) notes\)', 'fret_monitor/start.py:_MOST_NOTES'),
-    ('language.md', r'one above (\d+), in', MAX_BOUND),
+    ('language.md', r'one above (\d+), or', MAX_BOUND),
     ('language.md', r'sentence above (\d+)', MAX_BOUND - 1),
     ('recordings.md', r'the first (\d+) times', report._MOST_LISTED),
     ('ros.md', r'publishers of (\d+) topics',
