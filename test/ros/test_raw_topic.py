@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Lost messages are counted and reported, and no others: by Python (a raw topic), by C."""
+"""Lost messages are counted and reported, and no others: on a raw topic, and on one of an engine."""
 
 from pathlib import Path
 import signal
