@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from fret_monitor.model.policies import fixed_qos
 from fret_monitor.native import LibraryError
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.reporting import Lines, LogLine
+from fret_monitor.runtime.reporting import Lines, LogLine, TopicFacts
 
 DEFAULT_DEPTH: int = ffi.integer_const('FM_USUAL_DEPTH')
 
@@ -64,20 +64,6 @@ class Decision:
     n_ended: int
     ends_handover: bool
     request: Request | None
-
-
-@dataclass(frozen=True)
-class KnownPublishers:
-    """
-    The publishers of a topic: how many of its type.
-
-    `unmatched` names the nodes of those that are not received; `other_types` are the types of the
-    other publishers.
-    """
-
-    number: int
-    unmatched: tuple[str, ...]
-    other_types: tuple[str, ...]
 
 
 class SubscriptionState:
@@ -128,16 +114,12 @@ class SubscriptionState:
         return self._lines.take()
 
     @property
-    def publishers(self) -> KnownPublishers:
+    def publishers(self) -> TopicFacts:
         """The publishers at the last review."""
         found = self._library.fm_subscription_publishers(self._pointer)
-        return KnownPublishers(found.n, _words(found.unmatched), _words(found.other_types))
+        texts: list[Any] = [ffi.string(text) for text in (found.other_types, found.unmatched)]
+        return TopicFacts(found.n, *(text.decode() for text in texts))
 
 
 def _request(found: Any) -> Request:
     return Request(found.is_reliable, found.is_durable, found.keeps_all, found.depth)
-
-
-def _words(text: Any) -> tuple[str, ...]:
-    found: Any = ffi.string(text)
-    return tuple(found.decode().split(', ')) if found else ()

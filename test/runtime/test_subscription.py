@@ -21,9 +21,9 @@ import random
 from typing import Any
 
 from fret_monitor.native import evaluator_library, load_evaluator
-from fret_monitor.runtime.reporting import LogLevel
+from fret_monitor.runtime.reporting import LogLevel, TopicFacts
 from fret_monitor.runtime.subscription import (
-    Decision, DEFAULT_DEPTH, KnownPublishers, Offer, Request, SubscriptionState,
+    Decision, DEFAULT_DEPTH, Offer, Request, SubscriptionState,
 )
 import pytest
 
@@ -90,7 +90,7 @@ class Topic:
             self.review(seconds=0.25)
         return self.attempts - before
 
-    def unmatched(self) -> tuple[str, ...]:
+    def unmatched(self) -> str:
         return self.state.publishers.unmatched
 
     def lines(self) -> list[str]:
@@ -110,7 +110,7 @@ def test_every_publisher_is_received_with_the_best_qos_that_all_offer(
     topic.review(*(offer(place, *each) for place, each in enumerate(kinds)))
     assert kind(topic.state.request) == (
         all(reliable for reliable, _ in kinds), all(durable for _, durable in kinds))
-    assert topic.state.publishers == KnownPublishers(2, (), ())
+    assert topic.state.publishers == TopicFacts(2)
 
 
 def test_publishers_do_not_change_what_is_fixed() -> None:
@@ -214,11 +214,11 @@ def test_a_publisher_is_missed_only_while_the_attempts_fail() -> None:
     topic.review(offer(1, True))
     topic.problem = 'no room'
     topic.review(offer(1, True), offer(2, False, node='lidar'))
-    assert topic.unmatched() == ('/lidar',)
+    assert topic.unmatched() == '/lidar'
     assert not any('does not match' in line for line in topic.log), 'nothing is fixed'
     topic.problem = None
     topic.review(seconds=1.0)
-    assert topic.unmatched() == ()
+    assert topic.unmatched() == ''
 
 
 @pytest.mark.parametrize(('fixed', 'left_out'), [
@@ -251,15 +251,15 @@ def test_a_type_is_logged_once_with_what_the_bundle_says() -> None:
     assert topic.lines() == [
         f'ERROR /cam publishes {each} on /x, where the bundle says {TYPE}: its messages are not '
         'received' for each in (OTHER, 'a_msgs/msg/A')]
-    assert topic.state.publishers == KnownPublishers(0, (), ('a_msgs/msg/A', OTHER))
+    assert topic.state.publishers == TopicFacts(0, f'a_msgs/msg/A, {OTHER}')
 
 
 def test_publishers_are_named_once_and_in_order() -> None:
     topic = Topic(reliability='reliable')
     topic.review(*(offer(place, False, node='cam', namespace=namespace)
                    for place, namespace in enumerate(('/b', '/a', '/', '/a', '/a/b'))))
-    assert topic.state.publishers == KnownPublishers(
-        5, ('/a/b/cam', '/a/cam', '/b/cam', '/cam'), ())
+    assert topic.state.publishers == TopicFacts(
+        5, '', '/a/b/cam, /a/cam, /b/cam, /cam')
 
 
 def test_a_publisher_is_logged_when_its_node_is_known_or_after_two_seconds() -> None:
@@ -268,7 +268,7 @@ def test_a_publisher_is_logged_when_its_node_is_known_or_after_two_seconds() -> 
     topic.review(late)
     topic.review(late, offer(2, False, node=UNNAMED), seconds=1.9)
     assert topic.lines() == []
-    assert topic.unmatched() == ('a publisher of no known node',)
+    assert topic.unmatched() == 'a publisher of no known node'
     topic.review(seconds=0.2)
     assert [line[:44] for line in topic.lines()] == [
         'ERROR a publisher of no known node does not ']

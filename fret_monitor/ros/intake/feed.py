@@ -24,7 +24,6 @@ The subscriptions are used by no executor.
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from threading import Event, Thread
 from time import monotonic, monotonic_ns
 from typing import Any, Protocol
@@ -35,6 +34,7 @@ from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.settings.qos import profile_of
 from fret_monitor.ros.watch import ErrorKeeper
+from fret_monitor.runtime.reporting import TopicFacts
 from fret_monitor.runtime.subscription import Offer, Request, SubscriptionState
 
 from rclpy.node import Node
@@ -87,22 +87,6 @@ class Taker(Protocol):
 
 _REVIEW_PERIOD = 0.25  # s between two checks of the publishers
 _REVIEWED_AT_ONCE = 50  # topics per check, 50 us each: at most 1 % of a processor
-
-
-@dataclass(frozen=True)
-class PublisherStatus:
-    """
-    The discovered publishers of a topic.
-
-    `publishers` counts those of the topic's type; `unmatched` names the nodes of those whose
-    quality of service does not match; `other_types` are the types of the other publishers; `lost`
-    counts lost messages.
-    """
-
-    publishers: int = 0
-    unmatched: tuple[str, ...] = ()
-    other_types: tuple[str, ...] = ()
-    lost: int = 0
 
 
 class Feed:
@@ -180,9 +164,9 @@ class Feed:
             self.end()
             native_lifetimes.release(self)
 
-    def statuses(self) -> list[PublisherStatus]:
+    def publishers(self) -> list[TopicFacts]:
         """Return the publishers of each topic, in order of subscription."""
-        return [topic.status for topic in self._topics]
+        return [topic.publishers for topic in self._topics]
 
     @property
     def failure(self) -> Exception | None:
@@ -237,7 +221,7 @@ class _Subscribed:
         self._node = node
         self.name = name
         self._message_type = message_type
-        self.status = PublisherStatus()
+        self.publishers = TopicFacts()
         self._state = SubscriptionState(
             library, node.resolve_topic_name(name), message_type, fixed)
         self._retired: deque[tuple[RclSubscription, Receiver | None]] = deque()
@@ -271,10 +255,9 @@ class _Subscribed:
             self.topic.end_handover()
         problem = None if decision.request is None else self._try_to_replace(decision.request)
         self.topic.review([item for item in found if item.topic_type == self._message_type])
-        lost = self.topic.lost
-        log_lines(self._node.get_logger(), self._state.conclude(problem, lost, monotonic_ns()))
-        known = self._state.publishers
-        self.status = PublisherStatus(known.number, known.unmatched, known.other_types, lost)
+        log_lines(self._node.get_logger(),
+                  self._state.conclude(problem, self.topic.lost, monotonic_ns()))
+        self.publishers = self._state.publishers
 
     def _try_to_replace(self, request: Request) -> str | None:
         """Replace the subscription; return the problem if that fails: the one before stays."""

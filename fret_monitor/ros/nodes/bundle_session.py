@@ -29,7 +29,7 @@ from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.acting.gate import gate_of, RunningGate
-from fret_monitor.ros.intake.feed import Feed, PublisherStatus, Topic
+from fret_monitor.ros.intake.feed import Feed, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
@@ -45,7 +45,7 @@ from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
-from fret_monitor.runtime.reporting import Reporter, ReportTable
+from fret_monitor.runtime.reporting import Reporter, ReportTable, TopicFacts
 
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
@@ -291,13 +291,13 @@ class BundleSession:
 
     # Reports.
 
-    def _statuses(self) -> Sequence[PublisherStatus]:
+    def _publishers(self) -> Sequence[TopicFacts]:
         if self._feed is None:
             return ()
-        found = self._feed.statuses()
+        found = self._feed.publishers()
         gate = self.manifest.gate
         if gate is not None and gate.is_service and gate.topic is not None:
-            found.insert(gate.topic, PublisherStatus(1))  # requests come from this node
+            found.insert(gate.topic, TopicFacts(1))  # requests come from this node
         return found[:len(self.manifest.topics)]
 
     def _report_health(self) -> None:
@@ -308,7 +308,7 @@ class BundleSession:
                    'actions': self._actions, 'black box': self._blackbox}
         for name, thread in threads.items():
             self._watch.note(self._part(name), None if thread is None else thread.failure)
-        self._watch.run(self._part('log'), lambda: health.review(self._statuses()))
+        self._watch.run(self._part('log'), lambda: health.review(self._publishers()))
         self._watch.run(self._part('diagnostics'), health.publish)
 
     def _part(self, name: str) -> str:

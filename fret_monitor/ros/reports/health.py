@@ -26,7 +26,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.acting.gate import RunningGate
-from fret_monitor.ros.intake.feed import PublisherStatus
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.messages import status_message
 from fret_monitor.ros.watch import Watch
@@ -53,13 +52,12 @@ class Health:
         self._actions = actions
         self._watch = watch
 
-    def review(self, statuses: Sequence[PublisherStatus]) -> None:
-        """Log what is new; `statuses` are the publishers of each topic, in order."""
+    def review(self, topics: Sequence[TopicFacts]) -> None:
+        """Log what is new; `topics` are the publishers of each topic, in order."""
         if self._gate is not None:
             self._gate.review()
         self._review.look(
-            [TopicFacts(item.publishers, ', '.join(item.other_types), ', '.join(item.unmatched))
-             for item in statuses],
+            topics,
             waits_for_clock=self._clock.ros_time_is_active
             and self._clock.now().nanoseconds <= 0,
             actions=None if self._actions is None else self._actions.counts(),
