@@ -58,8 +58,13 @@ static void deactivate(void * context)
   fm_session_deactivate(&monitor->session);
 }
 
-static void log_taking(const struct fm_node * node, const char * middleware)
+static void log_taking(struct fm_monitor_node * monitor, const char * middleware)
 {
+  const struct fm_node * node = &monitor->node;
+  if (monitor->has_logged_taking) {
+    return;
+  }
+  monitor->has_logged_taking = true;
   if (fm_receiver_taking(middleware) == FM_WAKE) {
     fm_log(node, FM_INFO, "messages are taken in C, in a thread of its own: the callbacks of %s "
       "are not known to allow it", middleware);
@@ -81,7 +86,7 @@ static bool activate(void * context)
   }
   monitor->next_review = now + REVIEW_PERIOD_NS;
   monitor->next_report = now + REPORT_PERIOD_NS;
-  log_taking(&monitor->node, rmw_get_implementation_identifier());
+  log_taking(monitor, rmw_get_implementation_identifier());
   fm_log(&monitor->node, FM_INFO, "%s", monitor->table->summary);
   return true;
 }

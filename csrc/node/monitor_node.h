@@ -43,6 +43,7 @@ struct fm_monitor_node
   int64_t next_look;                    // for another node of the same name
   uint32_t looks;                       // that are left
   bool is_starting;                     // a transition that fails ends the process
+  bool has_logged_taking;               // it is the same at each activation
   bool has_log;
   bool has_lifecycle;
 };
