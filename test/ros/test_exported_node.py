@@ -13,37 +13,25 @@
 # limitations under the License.
 
 """
-The node that `export --to ros2` writes, beside the monitor in Python, in one graph.
+The node that `export --to ros2` writes: its parameters, life cycle, refusals and package.
 
-Both receive the same messages, with faults; their violations, details and diagnostics are equal.
-The node is built once for each bundle of this module.
+`test_side_by_side` compares what it publishes and logs with the monitor in Python.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-import random
 import re
 import signal
 from time import sleep
 from typing import Any
 
 from bundles import write_bundle
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
-from ros.harness import (
-    BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
-)
-from ros.received import read_detail
-from ros.simulator import simulating
-from ros.talker import talking
-from std_msgs.msg import Bool, Float32, Header, Int32, String, UInt8
+from ros.harness import Partner, PATIENCE, wait_until
 from std_srvs.srv import Trigger
 
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
@@ -73,129 +61,11 @@ requirements:
 gates:
   numbers: {from: n, to: passed, type: std_msgs/msg/Int32, keep: [KEPT]}
 """
-HANDLERS = ('GREETING', 'NEXT', 'X_1', 'X_2', 'ELBOW', 'STILL', 'LEVEL', 'FIXED')
-
-TIMED = """
-format: 1
-inputs:
-  request: {topic: request, type: std_msgs/msg/Bool}
-  done: {topic: done, type: std_msgs/msg/Bool, timeout: 30.0, stale: violate}
-  delay: {topic: sent, type: std_msgs/msg/Header, field: age(stamp)}
-  got_request: {topic: request, type: std_msgs/msg/Bool, field: received()}
-  got_done: {topic: done, type: std_msgs/msg/Bool, field: received(), timeout: 30.0,
-             stale: violate}
-  got_sent: {topic: sent, type: std_msgs/msg/Header, field: received()}
-evaluation: {policy: timed}
-requirements:
-  - {id: ANSWER, fretish: "when request the robot shall within 3 seconds satisfy done"}
-  - {id: EDGE, ptltl: "request -> O[0, 2500 ms] (request & Y !request)"}
-  - {id: FRESH, ptltl: "delay < 1.5"}
-  - {id: GOT_request, ptltl: "!got_request", report: every_step}  # acknowledges each message
-  - {id: GOT_done, ptltl: "!got_done", report: every_step}
-  - {id: GOT_sent, ptltl: "!got_sent", report: every_step}
-"""
-OF_TIMED = ('ANSWER', 'EDGE', 'FRESH', 'GOT_request', 'GOT_done', 'GOT_sent')
 
 
 @pytest.fixture(scope='module')
 def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_bundle(tmp_path_factory.mktemp('faults'), FAULTS)
-
-
-def renamed(handlers: tuple[str, ...]) -> list[str]:
-    """Return the arguments by which the exported node publishes beside the other."""
-    names = [*(f'handlerprop{name}' for name in handlers), 'violations']
-    return ['-r', '__node:=exported', *(argument for name in names for argument in (
-        '-r', f'copilot/{name}:=exported/{name}'))]
-
-
-class Both:
-    """Counts and compares what the two nodes publish."""
-
-    def __init__(
-        self, partner: Partner, handlers: tuple[str, ...], monitor: NodeProcess,
-    ) -> None:
-        self.partner = partner
-        self.monitor = monitor
-        self.handlers = handlers
-        self.reports: dict[str, DiagnosticArray] = {}
-        self.details: dict[str, list[Any]] = {'copilot': [], 'exported': []}
-        partner.node.create_subscription(DiagnosticArray, '/diagnostics', self._report, 100)
-        for place, found in self.details.items():
-            partner.node.create_subscription(
-                DiagnosticArray, f'{place}/violations', partial(self._detail, found), RELIABLE)
-            partner.listen(*handlers, prefix=f'{place}/handlerprop')
-
-    def _report(self, array: DiagnosticArray) -> None:
-        self.reports[array.status[0].name.partition(':')[0]] = array
-
-    def _detail(self, found: list[Any], array: DiagnosticArray) -> None:
-        found.append((array.header.stamp, array.status[0]))
-
-    def shown(self, place: str) -> list[Any]:
-        """Return the details without their stamps, but for those of a publisher that is killed."""
-        return sorted((item.name, item.message, item.level, [
-            (pair.key, pair.value) for pair in item.values if pair.key != 'stamp'])
-            for _, item in self.details[place] if item.name not in ('GREETING', 'NEXT'))
-
-    def statuses(self, node: str) -> dict[str, tuple[bytes, str, dict[str, str]]]:
-        """Return the next report of a node by the names of its statuses; without times."""
-        self.reports.pop(node, None)
-        wait_until(lambda: node in self.reports, f'a report of {node}')
-        return {item.name.partition(': ')[2]: (
-            item.level, re.sub(r'for [0-9.]+ s', 'for long', item.message),
-            {pair.key: pair.value for pair in item.values if pair.key not in self._left_out(item)})
-            for item in self.reports[node].status}
-
-    def acknowledged(self, topic: str) -> list[list[int]]:
-        """Return the details by which each node acknowledges messages of a topic."""
-        return [[item for _, item in found if item.name == f'GOT_{topic}' and _is_of_message(item)]
-                for found in self.details.values()]
-
-    @staticmethod
-    def _left_out(status: Any) -> tuple[str, ...]:
-        """Return what may differ: times, and counts of a publisher that is killed."""
-        is_killed = status.name.partition(': ')[2] in ('topic /n', 'GREETING', 'NEXT')
-        return ('rate', 'behind', *(
-            ('received', 'lost', 'steps', 'violations', 'announced') if is_killed else ()))
-
-    def expect_equal(self) -> dict[str, tuple[bytes, str, dict[str, str]]]:
-        """Wait until both nodes report the same, twice, and return it."""
-        found: list[Any] = []
-
-        def are_equal() -> bool:
-            found.append((self.statuses('fret_monitor'), self.statuses('exported')))
-            same = [ours == theirs for ours, theirs in found[-2:]]
-            return len(found) > 1 and all(same) and found[-1] == found[-2]
-
-        try:
-            wait_until(are_equal, 'equal reports')
-        except AssertionError:
-            ours, theirs = found[-1]
-            differing = {name: (ours.get(name), theirs.get(name)) for name in {*ours, *theirs}
-                         if ours.get(name) != theirs.get(name)}
-            raise AssertionError(f'they differ: {differing}') from None
-        return dict(found[-1][0])
-
-
-def lines_of_publishers(output: str) -> list[str]:
-    """Return the lines of the log on publishers that are not received."""
-    return sorted(line.partition(']: ')[2] for line in output.splitlines()
-                  if 'does not match the sub' in line or 'where the bundle says' in line)
-
-
-def _is_of_message(status: DiagnosticStatus) -> bool:
-    detail = read_detail(status)
-    return not detail.is_recovery and not detail.silent
-
-
-@contextmanager
-def both(partner: Partner, bundle: Path, handlers: tuple[str, ...],
-         *arguments: str) -> Iterator[tuple[Both, ExportedNode]]:
-    """Start both nodes, and count what they publish."""
-    with started('monitor', '-p', f'spec:={bundle}', *arguments) as monitor, \
-            running(exported_bundle(bundle), *renamed(handlers), *arguments) as node:
-        yield Both(partner, handlers, monitor), node
 
 
 def call(partner: Partner, kind: Any, name: str, **fields: Any) -> Any:
@@ -213,150 +83,18 @@ def wait_for_subscriptions(partner: Partner, topic: str, count: int = 2) -> None
     sleep(0.3)
 
 
-def test_both_nodes_report_the_same_violations_and_counters_on_all_faults(
-    partner: Partner, stranger: Partner, faults: Path, tmp_path: Path,
-) -> None:
-    chance = random.Random(7)
-    with both(partner, faults, HANDLERS) as (nodes, node):
-        x = partner.publisher(Float32, 'topic/x', BEST_EFFORT)
-        joints = partner.publisher(sensor_msgs.JointState, 'joints')
-        state = partner.publisher(String, 'state', LATCHED)
-        best = partner.publisher(Int32, 'level')  # of another type
-        fixed = partner.publisher(Bool, 'fixed', BEST_EFFORT)  # does not match `qos`
-        level = stranger.publisher(UInt8, 'level')
-        node.wait_for('/fixed: it offers best effort, volatile')
-        node.wait_for('/partner publishes std_msgs/msg/Int32 on /level, where the bundle says '
-                      'std_msgs/msg/UInt8')
-        for topic in ('topic/x', 'joints', 'state', 'level'):
-            wait_for_subscriptions(partner, topic)
-        late = None
-        for number in range(120):
-            x.publish(Float32(data=chance.choice([0.0, 0.25, 0.5, 0.75, 1.0, 0.1])))
-            if number == 60:  # a reliable publisher comes late: nothing changes for the others
-                late = stranger.publisher(Float32, 'topic/x')
-            if number % 7 == 0:
-                joints.publish(sensor_msgs.JointState(position=[0.0, chance.uniform(0, 2), 3.0]))
-                state.publish(String(data=chance.choice(['idle', 'moving'])))
-                level.publish(UInt8(data=chance.choice([1, 200, 5])))
-            sleep(0.005)
-        joints.publish(sensor_msgs.JointState(position=[0.5]))  # no elbow
-        joints.publish(sensor_msgs.JointState(position=[]))
-        state.publish(String(data='broken'))
-        x.publish(b'\0\1\0\0')  # without a number
-        fixed.publish(Bool(data=False))  # not received
-        with talking(tmp_path) as first:
-            wait_for_subscriptions(partner, 'n')
-            first.greet(lambda: wait_until(lambda: all(
-                nodes.statuses(name)['topic /n'][1] == 'received'
-                for name in ('fret_monitor', 'exported')), 'greetings'))
-            first.go(0.001)  # it is killed while it publishes
-            sleep(0.2)
-            first.kill()
-        wait_until(lambda: nodes.statuses('exported')['topic /n'][1].startswith('no publisher'),
-                   'the end of the publisher')
-        with talking(tmp_path, message='Float64') as wrong:
-            wrong.go(0.01)
-            for each in (node, nodes.monitor):
-                each.wait_for('publishes std_msgs/msg/Float64 on /n')
-        before = nodes.statuses('exported')['topic /topic/x'][2]
-        assert before['undecodable'] != '0'
-        for service in ('fret_monitor', 'exported'):
-            assert partner.reset(f'{service}/reset').startswith('restarted 6 step groups')
-        assert late is not None
-        late.publish(Float32(data=0.0))
-        sleep(0.05)
-        level.publish(UInt8(data=200))
-        node.wait_for("for 'x': X-1, X-2 violated until one comes")
-        report = nodes.expect_equal()
-        assert report['X-1'][1] == 'violated: no message for x'
-        assert report['topic /level'][1] == 'a publisher of std_msgs/msg/Int32, and not ' \
-            'std_msgs/msg/UInt8'
-        assert report['topic /fixed'][1] == 'not received: /partner'
-        assert int(report['topic /joints'][2]['unusable elbow']) == 2
-        wait_until(lambda: nodes.shown('copilot') == nodes.shown('exported'), 'the same details')
-        assert len(nodes.shown('exported')) > 20
-        assert best.get_subscription_count() == 0
-        assert lines_of_publishers(nodes.monitor.output) == lines_of_publishers(node.output)
-        assert len(lines_of_publishers(node.output)) == 3
-        for line in (', limit = 0.7]', 'X-2 violated at', "; input 'elbow' keeps its value",
-                     'joints: position[1] cannot be read (the array has 1 element)',
-                     "which is not among its values in the bundle; input 'state' keeps",
-                     'a message on /topic/x cannot be decoded as std_msgs/msg/Float32',
-                     "not monitored here: the gate 'numbers' judges KEPT. Run it: ros2 run "
-                     'fret_monitor gate --ros-args -p library:=FOLDER, of each gate'):
-            assert line in node.output
-        assert 'KEPT' not in report
-    counts = {key: int(value[2]['announced']) for key, value in report.items()
-              if 'announced' in value[2]}
-    for name, count in counts.items():
-        assert partner.heard[name.replace('-', '_')] == 2 * count
-    assert all(counts[name] for name in ('X-1', 'X-2', 'ELBOW', 'STILL', 'LEVEL'))
-
-
-def test_timed_requirements_are_violated_at_the_same_instants_of_a_simulated_clock(
-    partner: Partner, tmp_path: Path,
-) -> None:
-    with simulating() as clock, both(
-            partner, write_bundle(tmp_path, TIMED), OF_TIMED, '-p', 'use_sim_time:=true',
-    ) as (nodes, node):
-        publishers = {topic: partner.publisher(kind, topic) for topic, kind in (
-            ('request', Bool), ('done', Bool), ('sent', Header))}
-        partner.wait_for_listener(*publishers.values())
-        for topic in (*publishers, '/clock'):
-            wait_for_subscriptions(partner, topic)
-        alive: dict[str, float] = {}
-
-        def note(name: str, sign: Header) -> None:
-            alive[name] = sign.stamp.sec + sign.stamp.nanosec / 1e9
-
-        for name in ('fret_monitor', 'exported'):
-            partner.node.create_subscription(
-                Header, f'/{name}/alive', partial(note, name), RELIABLE)
-
-        def at(seconds: float, topic: str = '', message: Any = None) -> None:
-            now = clock.jump(seconds)
-            # `/clock` is best effort: what is sent before it is matched is lost.
-            wait_until(lambda: clock.jump(0.0) == now and [*alive.values()] == [now, now],
-                       '/clock')
-            if topic:
-                count = len(nodes.acknowledged(topic)[0]) + 1
-                publishers[topic].publish(message)
-                wait_until(lambda: [*map(len, nodes.acknowledged(topic))] == [count, count], topic)
-
-        at(10.0, 'request', Bool(data=False))
-        at(1.0, 'done', Bool(data=False))
-        at(1.0, 'request', Bool(data=True))
-        at(10.0, 'request', Bool(data=True))  # both are violated meanwhile
-        at(1.0, 'done', Bool(data=True))
-        stamp = Header()
-        stamp.stamp.sec = 20
-        at(1.0, 'sent', stamp)
-        at(40.0)  # `done` is silent
-        at(-30.0, 'done', Bool(data=False))  # time goes back
-        at(2.0)
-        report = nodes.expect_equal()
-        assert report['time of bundle'][2]['restarts'] == '1'
-        node.wait_for('time went back, to 34.000 s')
-    details = [[(stamp, item.name, item.level, [(pair.key, pair.value) for pair in item.values])
-                for stamp, item in nodes.details[place]] for place in ('copilot', 'exported')]
-    assert [*map(str, details[0])] == [*map(str, details[1])]
-    times = {item.values[0].value for _, item in nodes.details['exported']
-             if item.name == 'ANSWER'}
-    assert '4' in times  # three seconds after the request at 1 s
-    for name in OF_TIMED:
-        assert int(report[name][2]['announced']) > 0
-
-
 def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     partner: Partner, faults: Path,
 ) -> None:
-    with running(exported_bundle(faults), *renamed(HANDLERS), '-p', 'handler_depth:=10',
+    with running(exported_bundle(faults), '-r', '__node:=exported', '-p', 'handler_depth:=10',
                  '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
                  '-p', 'constant.most:=1', '-p', 'frame_id:=map',
                  '-p', 'qos_overrides./n.subscription.depth:=7',
                  '-p', 'qos_overrides./n.subscription.reliability:=RELIABLE',
                  '-p', 'qos_overrides./clock.subscription.depth:=1',
                  '-p', 'qos_overrides./none.subscription.depth:=1') as node:
+        assert ("not monitored here: the gate 'numbers' judges KEPT. Run it: ros2 run fret_monitor"
+                ' gate --ros-args -p library:=FOLDER, of each gate') in node.output
         assert "depth': the topic /none is not subscribed to" in node.output
         assert '/clock.' not in node.output
         assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output
