@@ -24,6 +24,8 @@
 #include <rcutils/logging.h>
 #include <time.h>
 
+#include "thread.h"
+
 // rcl's own handler and the levels of rcutils are for one thread at a time.
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 
@@ -116,19 +118,12 @@ bool fm_passes(int64_t * next, double seconds)
   return true;
 }
 
-static int64_t read_clock(clockid_t clock)
-{
-  struct timespec time;
-  (void)clock_gettime(clock, &time);
-  return (int64_t)time.tv_sec * FM_SECOND + time.tv_nsec;
-}
-
 int64_t fm_steady_now(void)
 {
-  return read_clock(CLOCK_MONOTONIC);
+  return fm_steady_time();
 }
 
 int64_t fm_system_now(void)
 {
-  return read_clock(CLOCK_REALTIME);
+  return fm_read_clock(CLOCK_REALTIME);
 }
