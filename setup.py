@@ -24,7 +24,7 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = 'fret_monitor'
-SHARED = ('config', 'config/sros2', 'docs', 'examples', 'launch',
+SHARED = ('config', 'config/sros2', 'docs', 'docs/pictures', 'examples', 'launch',
           *(folder.rstrip('/') for folder in sorted(glob('csrc/**/', recursive=True))))
 
 # The releases that the tests ran with, and those that may replace them without a change of

@@ -468,6 +468,20 @@ def test_the_page_on_benchmarks_has_the_figures_that_can_be_asked_for() -> None:
     assert words(said[1]) == re.findall(r"'(\w+)':", figures[1])
 
 
+# -- pictures ------------------------------------------------------------------------------------
+
+def test_the_picture_of_the_policies_is_what_runs_give() -> None:
+    pytest.importorskip('rosbags')
+    from tools import draw_pictures
+    picture = draw_pictures.PICTURE.read_text(encoding='utf-8')
+    assert draw_pictures.drawn() == picture
+    said = [re.search(r'(at [\d.]+ s|never):', row)
+            for row in text_of('time.md').split('where OPENS is evaluated')[1].splitlines()[1:6]]
+    assert [found and found[1] for found in said] == [
+        text.removeprefix('violated ').replace('not violated', 'never')
+        for text in re.findall(r'violated at [\d.]+ s|not violated', picture)]
+
+
 # -- links ---------------------------------------------------------------------------------------
 
 def anchors(page: Path) -> set[str]:
