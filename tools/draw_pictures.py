@@ -46,7 +46,7 @@ POLICIES = {
     'all_inputs': 'all_inputs', 'periodic': 'periodic, period: 1.5', 'timed': 'timed',
 }
 LEFT, SECOND, ROW, END_S = 150, 70, 26, 8.0
-STYLE = """
+SHEET = """
 text { font: 13px sans-serif; fill: #222 } .faint { fill: #777 } .line { stroke: #bbb }
 .good { fill: #8cc6a0 } .bad { fill: #d9534f } .unknown { fill: #ddd } .message { fill: #35c }
 @media (prefers-color-scheme: dark) {
@@ -96,7 +96,7 @@ def drawn() -> str:
     return '\n'.join((
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_x(END_S) + 120} {height}" '
         'role="img"><title>One requirement on the same messages under each policy</title>'
-        f'<style>{STYLE}</style>', *_axis(height), *_messages(),
+        f'<style>{SHEET}</style>', *_axis(height), *_messages(),
         *(line for number, (policy, changes) in enumerate(rows.items())
           for line in _lane(ROW * (len(TYPES) + 1 + number) + 10, policy, changes)),
         '</svg>', ''))
