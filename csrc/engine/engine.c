@@ -283,24 +283,6 @@ uint64_t fm_engine_states(
   return changes;
 }
 
-void fm_engine_conditions(struct fm_engine * engine, uint8_t * out)
-{
-  fm_engine_catch_up_if_free(engine);
-  fm_engine_lock(engine);
-  fm_engine_look_for_hang_locked(engine);
-  fm_engine_note_conditions_locked(engine);
-  memcpy(out, fm_states_conditions(&engine->states), engine->states.condition_bytes);
-  fm_engine_unlock(engine);
-}
-
-bool fm_engine_take_conditions(struct fm_engine * engine, uint8_t * out, uint64_t * missed)
-{
-  fm_engine_lock(engine);
-  const bool has_one = fm_states_take_conditions(&engine->states, out, missed);
-  fm_engine_unlock(engine);
-  return has_one;
-}
-
 void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t most_per_s)
 {
   fm_engine_lock(engine);
@@ -321,14 +303,6 @@ bool fm_engine_take_detail(
   const bool has_one = fm_outbox_take_detail(&engine->outbox, out);
   fm_engine_unlock(engine);
   return has_one;
-}
-
-uint64_t fm_engine_unpublished(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  const uint64_t unpublished = engine->outbox.unpublished;
-  fm_engine_unlock(engine);
-  return unpublished;
 }
 
 void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more)
@@ -428,27 +402,6 @@ struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_
     fm_engine_unlock(engine);
   }
   return counts;
-}
-
-int64_t fm_engine_take_behind(struct fm_engine * engine, uint32_t topic)
-{
-  int64_t behind = 0;
-  if (topic < engine->options.n_topics) {
-    fm_engine_lock(engine);
-    behind = engine->topics[topic].behind;
-    engine->topics[topic].behind = 0;
-    fm_engine_unlock(engine);
-  }
-  return behind;
-}
-
-struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input)
-{
-  fm_engine_catch_up_if_free(engine);  // brings the time up to date
-  fm_engine_lock(engine);
-  const struct fm_silence silence = fm_evaluator_silence(engine->options.evaluator, input);
-  fm_engine_unlock(engine);
-  return silence;
 }
 
 bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out)

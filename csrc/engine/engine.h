@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 16u
+#define FM_ENGINE_ABI 17u
 
 struct fm_engine;
 
@@ -133,14 +133,6 @@ FM_EXPORT uint64_t fm_engine_states(
   struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
   struct fm_requirement_state * out);
 
-/// The present conditions (states.h), into FM_CONDITION_BYTES + n_requirements + n_inputs bytes;
-/// and the next change of them, false if there is none. While there is a gate, or states are
-/// followed, FM_MOST_CONDITIONS changes are kept; `missed` came after the last one that was kept.
-/// O(requirements + inputs).
-FM_EXPORT void fm_engine_conditions(struct fm_engine * engine, uint8_t * out);
-FM_EXPORT bool fm_engine_take_conditions(
-  struct fm_engine * engine, uint8_t * out, uint64_t * missed);
-
 /// Keep each message that is delivered from now on in a black box, and note there when a
 /// violation begins; the evaluator must report recoveries. Call it before messages are delivered.
 /// The black box must outlive the engine. O(1).
@@ -170,10 +162,6 @@ FM_EXPORT bool fm_engine_replace(
 
 /// When a replacement is due, as of fm_engine_judge.
 FM_EXPORT int64_t fm_engine_replacement_due(struct fm_engine * engine);
-
-/// As fm_gate_counts, after what is due; zeros without a gate. O(inputs + requirements + what is
-/// due).
-FM_EXPORT struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine);
 
 /// As fm_evaluator_reset, after what is due, and before what the reset makes due; and as
 /// fm_gate_reset. O(inputs + state bytes + what is due).
@@ -256,9 +244,7 @@ FM_EXPORT size_t fm_engine_evidence(
 /// As fm_arrivals_lost, of a topic.
 FM_EXPORT uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic);
 
-/// Violations that were not published: those dropped because the queue was full (2^20) or could
-/// not grow, and those counted with fm_engine_count_unpublished after a publisher failed.
-FM_EXPORT uint64_t fm_engine_unpublished(struct fm_engine * engine);
+/// Count violations that were taken and could not be published (snapshot.h).
 FM_EXPORT void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more);
 
 /// As the functions of the same names in evaluator.h.
@@ -272,11 +258,6 @@ FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine)
 /// The messages of a topic that took effect out of order, or wait for long.
 FM_EXPORT struct fm_order_counts fm_engine_order_counts(
   struct fm_engine * engine, uint32_t topic);
-/// The longest time, ns, between the reception of a message of a topic and its evaluation, since
-/// the last call; 0 while the time is told.
-FM_EXPORT int64_t fm_engine_take_behind(struct fm_engine * engine, uint32_t topic);
-/// Takes what is due first, while a clock is followed. O(what is due).
-FM_EXPORT struct fm_silence fm_engine_silence(struct fm_engine * engine, uint32_t input);
 FM_EXPORT bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);
 
 #ifdef __cplusplus

@@ -229,16 +229,3 @@ int64_t fm_engine_replacement_due(struct fm_engine * engine)
   fm_engine_unlock(engine);
   return due;
 }
-
-struct fm_gate_counts fm_engine_gate_counts(struct fm_engine * engine)
-{
-  struct fm_gate_counts counts = {0, 0, 0, 0, 0, 0, 0, false, false, true};
-  fm_engine_catch_up_if_free(engine);
-  fm_engine_lock(engine);
-  fm_engine_look_for_hang_locked(engine);
-  if (engine->gate != NULL) {
-    counts = fm_gate_counts(engine->gate, fm_steady_time());
-  }
-  fm_engine_unlock(engine);
-  return counts;
-}

@@ -59,7 +59,7 @@ struct fm_engine_topic
   uint8_t * evidence;
   size_t evidence_size;
   struct fm_order_counts counts;
-  int64_t behind;               // ns; see fm_engine_take_behind
+  int64_t behind;               // ns; see snapshot.h
   bool has_sources;             // an input that is not a field
 };
 

@@ -45,7 +45,7 @@ struct fm_lock
 /// No other thread may take violations from the engine. `publishers`: rmw_publisher_t, one for
 /// each requirement in the manifest's order; `locks`: `n_locks` of them, for which the engine
 /// follows the states; both arrays are copied. If a publisher fails, the
-/// violation or state is counted (fm_engine_unpublished). The engine, the middleware and the
+/// violation or state is counted (snapshot.h). The engine, the middleware and the
 /// publishers outlive the announcer. False if no thread can be made, or memory is short.
 /// O(n_publishers + n_locks); from any thread, before messages are delivered.
 ///

@@ -15,7 +15,7 @@
 """The evaluator and the engine of `csrc`, wrapped for Python; independent of ROS."""
 
 from fret_monitor.runtime.engine import (
-    Conditions, Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, RequirementState, State,
+    Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, RequirementState, State,
 )
 from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
@@ -24,7 +24,6 @@ from fret_monitor.runtime.gate import GateCounts, Judgement, MessageGate
 from fret_monitor.runtime.message_ring import KeptCounts, KeptMessage, MessageRing, Occurrences
 
 __all__ = [
-    'Conditions',
     'Engine',
     'Evaluator',
     'MessageGate',

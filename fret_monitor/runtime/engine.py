@@ -31,10 +31,9 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import (
-    Evaluator, InputCounts, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
-    violation,
+    Evaluator, InputCounts, RequirementCounts, TimeCounts, TopicCounts, Violation, violation,
 )
-from fret_monitor.runtime.gate import gate_counts, GateCounts, Judgement, MessageGate
+from fret_monitor.runtime.gate import Judgement, MessageGate
 from fret_monitor.runtime.message_ring import MessageRing
 
 MOST_DETAILS_PER_S = 100
@@ -66,46 +65,6 @@ class State(Enum):
     UNKNOWN = 0
     HOLDS = 1
     VIOLATED = 2
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """
-    What decides whether a lock is locked, or the gate of an engine open (`states.h`).
-
-    `is_known` and `is_latched` are those of the gate. `violated` are the requirements that do not
-    hold after the last step that stayed, `withheld_from_start` those of which each message was
-    withheld on which they were judged; `unknown` are the inputs without a value, `silent` those
-    that are silent: all as indices.
-    """
-
-    is_known: bool
-    is_latched: bool
-    states: tuple[State, ...]
-    violated: frozenset[int]
-    withheld_from_start: frozenset[int]
-    unknown: frozenset[int]
-    silent: frozenset[int]
-
-    @classmethod
-    def of(cls, found: bytes, requirements: int) -> 'Conditions':
-        """Read what C writes, of so many requirements."""
-        begin = ffi.integer_const('FM_CONDITION_BYTES')
-        of_requirements, of_inputs = found[begin:][:requirements], found[begin + requirements:]
-
-        def which(flags: bytes, flag: str, is_set: bool = True) -> frozenset[int]:
-            mask = ffi.integer_const(flag)
-            return frozenset(
-                place for place, byte in enumerate(flags) if bool(byte & mask) is is_set)
-
-        mask = ffi.integer_const('FM_STATE_MASK')
-        return cls(bool(found[ffi.integer_const('FM_GATE_IS_KNOWN')]),
-                   bool(found[ffi.integer_const('FM_GATE_IS_LATCHED')]),
-                   tuple(State(byte & mask) for byte in of_requirements),
-                   which(of_requirements, 'FM_IS_FALSE'),
-                   which(of_requirements, 'FM_WAS_ALWAYS_FALSE'),
-                   which(of_inputs, 'FM_HAS_VALUE', is_set=False),
-                   which(of_inputs, 'FM_IS_SILENT'))
 
 
 @dataclass(frozen=True)
@@ -212,26 +171,6 @@ class Engine:
             RequirementState(int(found[k].occurrences), State(found[k].state))
             for k in range(count)]
 
-    def conditions(self) -> Conditions:
-        """Return what locks and the gate depend on, now."""
-        found = self._room_for_conditions()
-        self._library.fm_engine_conditions(self.pointer, found)
-        return self._conditions(found)
-
-    def changed_conditions(self) -> Iterator[tuple[Conditions, int]]:
-        """Take each change of the conditions that was kept; how many after it were not."""
-        found, missed = self._room_for_conditions(), ffi.new('uint64_t *')
-        while self._library.fm_engine_take_conditions(self.pointer, found, missed):
-            yield self._conditions(found), int(missed[0])
-
-    def _room_for_conditions(self) -> Any:
-        manifest = self._monitor.manifest
-        return ffi.new('uint8_t[]', ffi.integer_const('FM_CONDITION_BYTES')
-                       + len(manifest.requirements) + len(manifest.inputs))
-
-    def _conditions(self, found: Any) -> Conditions:
-        return Conditions.of(bytes(ffi.buffer(found)), len(self._monitor.manifest.requirements))
-
     @property
     def is_closed(self) -> bool:
         """Whether `close` was called."""
@@ -266,10 +205,6 @@ class Engine:
     def replacement_due(self) -> int:
         """When a replacement is due by the steady clock; `NEVER` if none is."""
         return int(self._library.fm_engine_replacement_due(self.pointer))
-
-    def gate_counts(self) -> GateCounts:
-        """Return the counters and the present state of the gate."""
-        return gate_counts(self._library.fm_engine_gate_counts(self.pointer))
 
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, gid: Any = ffi.NULL, is_retired: bool = False) -> Receipt:
@@ -446,14 +381,6 @@ class Engine:
         found = self._library.fm_engine_order_counts(self.pointer, topic)
         return OrderCounts(found.late, found.overflows, found.ahead, found.most_ahead)
 
-    def take_behind(self, topic: int) -> int:
-        """
-        Return how late a message of a topic was evaluated, at most, since the last call.
-
-        In nanoseconds since its reception; 0 while the time is told.
-        """
-        return int(self._library.fm_engine_take_behind(self.pointer, topic))
-
     def evidence(self, topic: int) -> bytes | None:
         """Take the kept message with a field that could not be used; None if there is none."""
         size = self._library.fm_engine_evidence(self.pointer, topic, ffi.NULL, 0)
@@ -469,19 +396,9 @@ class Engine:
         """Return how many messages of a topic were lost."""
         return int(self._library.fm_engine_lost(self.pointer, topic))
 
-    @property
-    def unpublished(self) -> int:
-        """Violations that were not published (`engine.h`)."""
-        return int(self._library.fm_engine_unpublished(self.pointer))
-
     def count_unpublished(self, more: int) -> None:
         """Count violations that were taken from the queue and could not be published."""
         self._library.fm_engine_count_unpublished(self.pointer, more)
-
-    def silence(self, index: int) -> Silence:
-        """Return the silences of an input until now."""
-        found = self._library.fm_engine_silence(self.pointer, index)
-        return Silence(found.count, found.lasted, bool(found.is_silent))
 
     def time_counts(self) -> TimeCounts:
         """Return the counters of the time."""

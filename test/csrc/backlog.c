@@ -28,6 +28,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "seen.h"
 #include "fakes.h"
 #include "engine_locked.h"
 
@@ -351,7 +352,7 @@ static void an_input_is_not_silent_while_its_message_waits(uint32_t policy)
   receive(X, true, fed + TIMEOUT / 4);
   sleep_ms(3 * TIMEOUT / 2 / MS + 10);
   announce(engine);
-  CHECK(n_taken == 2 && fm_engine_silence(engine, Y).count == 1);  // ANSWER reads y, too
+  CHECK(n_taken == 2 && silence_of(engine, Y).count == 1);  // ANSWER reads y, too
   CHECK(is_taken(FED, fed + 3 * TIMEOUT / 2) && is_taken(ANSWER, fed + 3 * TIMEOUT / 2));
   destroy(engine);
 }
@@ -510,7 +511,7 @@ enum call { CONDITIONS, RESET, FOLLOW };
 static void no_call_takes_what_is_due_before_an_answer_that_waits(enum call call)
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
-  uint8_t conditions[64];
+  struct seen seen;
   receive(Y, false, system_now());
   call_back(Y);
   const int64_t asked = system_now();
@@ -519,7 +520,7 @@ static void no_call_takes_what_is_due_before_an_answer_that_waits(enum call call
   receive(Y, true, asked + WINDOW / 2);
   sleep_ms(2 * WINDOW / MS);
   if (call == CONDITIONS) {
-    fm_engine_conditions(engine, conditions);
+    see(engine, &seen);
   } else if (call == RESET) {
     fm_engine_reset(engine);
   } else {
@@ -581,10 +582,13 @@ static void how_late_a_message_was_evaluated_is_known(int64_t seconds)
   receive(Y, true, system_now());
   set_by = seconds * 1000 * MS;
   fm_engine_drain(engine);
-  const int64_t behind = fm_engine_take_behind(engine, X);
+  struct seen seen;
+  see(engine, &seen);
+  const int64_t behind = seen.topics[X].behind;
   CHECK(behind >= 300 * MS && behind < 5000 * MS);
-  CHECK(fm_engine_take_behind(engine, Y) < behind);
-  CHECK(fm_engine_take_behind(engine, X) == 0);
+  CHECK(seen.topics[Y].behind < behind);
+  see(engine, &seen);
+  CHECK(seen.topics[X].behind == 0);
   set_by = 0;
   destroy(engine);
 }
@@ -916,10 +920,8 @@ static uint32_t has_answered;
 
 static void * ask(void * unused)
 {
-  uint8_t conditions[64];
-  (void)fm_engine_silence(asked, Y);
-  fm_engine_conditions(asked, conditions);
-  (void)fm_engine_gate_counts(asked);
+  (void)silence_of(asked, Y);
+  (void)gate_counts_of(asked);
   __atomic_store_n(&has_answered, 1u, __ATOMIC_SEQ_CST);
   return unused;
 }

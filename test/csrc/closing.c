@@ -18,6 +18,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "announcer.h"
+#include "seen.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -107,7 +108,7 @@ int main(int argc, char ** argv)
     fm_announcer_start(&announcer, engine, &middleware, publishers, 1, NULL, 0);
   fm_announcer_join(&announcer);
   fm_announcer_join(&announcer);  // does nothing
-  const uint64_t unpublished = fm_engine_unpublished(engine);
+  const uint64_t unpublished = unpublished_of(engine);
   fm_engine_destroy(engine);
   free(memory);
   if (!is_started || announcer != NULL || published != 1 || unpublished != 0) {

@@ -23,6 +23,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "engine.h"
+#include "seen.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -216,7 +217,7 @@ static void * wake(void * engine)
   while (is_running()) {
     sleep_ms(WAKE_MS);
     fm_engine_wake(engine);
-    CHECK(fm_engine_silence(engine, 0).lasted >= 0);
+    CHECK(silence_of(engine, 0).lasted >= 0);
   }
   return NULL;
 }
@@ -317,7 +318,7 @@ static uint64_t check_order(void)
 static void check_counts(struct fm_engine * engine, int64_t least, int64_t most)
 {
   const struct fm_time_counts counts = fm_engine_time_counts(engine);
-  const struct fm_silence quiet = fm_engine_silence(engine, 1);
+  const struct fm_silence quiet = silence_of(engine, 1);
   const uint64_t beats = check_order();
   CHECK(counts.periods == beats && counts.missed == 0 && counts.restarts == 0);
   CHECK(fm_engine_requirement_counts(engine, BEAT).steps == beats);
@@ -326,7 +327,7 @@ static void check_counts(struct fm_engine * engine, int64_t least, int64_t most)
   CHECK(quiet.count <= sent + 1 && quiet.count >= sent / 2 && sent > 3);
   CHECK(fm_engine_requirement_counts(engine, QUIET).announced >= quiet.count);
   if (longest_gap < (FED_MS - PATIENCE_MS) * (int64_t)MS) {
-    CHECK(fm_engine_silence(engine, 0).count == 0);
+    CHECK(silence_of(engine, 0).count == 0);
     CHECK(fm_engine_requirement_counts(engine, FED).violations == 0);
   }
 #ifndef FM_PAUSE
@@ -357,7 +358,7 @@ static void threads_share_an_engine_that_follows_clocks(void)
     pthread_join(threads[k], NULL);
   }
   const int64_t end = steady();
-  (void)fm_engine_silence(engine, 0);  // takes what is due
+  (void)silence_of(engine, 0);  // takes what is due
   fm_engine_close(engine);
   const int64_t ended = steady();
   pthread_join(threads[0], NULL);
@@ -374,7 +375,7 @@ static void a_process_that_did_not_run_loses_no_period_and_finds_no_silence(void
   fm_engine_begin(engine);
   sleep_ms(30 * PERIOD_MS);
   deliver(engine, 0);  // it was waiting
-  CHECK(fm_engine_silence(engine, 0).count == 0);
+  CHECK(silence_of(engine, 0).count == 0);
   const uint32_t n = fm_engine_take(engine, taken, MOST, 0);
   uint64_t beats = 0;
   int64_t last = 0;
@@ -388,10 +389,10 @@ static void a_process_that_did_not_run_loses_no_period_and_finds_no_silence(void
   }
   CHECK(beats >= 30 && fm_engine_time_counts(engine).missed == 0);
   const int64_t begin = steady();
-  while (fm_engine_silence(engine, 0).count == 0 && steady() < begin + 60000 * (int64_t)MS) {
+  while (silence_of(engine, 0).count == 0 && steady() < begin + 60000 * (int64_t)MS) {
     sleep_ms(PERIOD_MS);
   }
-  CHECK(fm_engine_silence(engine, 0).is_silent);
+  CHECK(silence_of(engine, 0).is_silent);
   fm_engine_destroy(engine);
   free(memory);
 }

@@ -32,6 +32,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "seen.h"
 #include "fakes.h"
 
 enum { N_TOPICS = 2, N_SENDERS = 4,
@@ -323,7 +324,7 @@ static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
       (void)fm_engine_value(engine, t, room);
       (void)fm_engine_input_counts(engine, t);
       (void)fm_engine_requirement_counts(engine, t);
-      (void)fm_engine_unpublished(engine);
+      (void)unpublished_of(engine);
       CHECK(fm_engine_message(engine, t, room, 1, &origin) == FM_UNDECODABLE);
     }
   }
@@ -428,7 +429,7 @@ int main(void)
   __atomic_store_n(&is_over, true, __ATOMIC_RELEASE);
   pthread_join(details, NULL);
   pthread_join(kept, NULL);
-  CHECK(refused > 0 && fm_engine_unpublished(engine) == refused);
+  CHECK(refused > 0 && unpublished_of(engine) == refused);
   check_counts(engine);
   CHECK(fm_blackbox_count(box).kept == N_SENDERS * N_MESSAGES + N_TOPICS * N_RENEWALS);
   fm_engine_destroy(engine);

@@ -17,6 +17,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "engine.h"
+#include "seen.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -177,7 +178,7 @@ SCENARIO(a_clock_that_goes_back_loses_no_period_and_adds_none)
   clock.now = 5 + PERIOD - 29;
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 5 + PERIOD - 30));
   clock.now = 5 + TIMEOUT - 30;
-  CHECK(take(engine) == 8 && !fm_engine_silence(engine, 0).is_silent);
+  CHECK(take(engine) == 8 && !silence_of(engine, 0).is_silent);
   clock.now = 5 + TIMEOUT - 29;
   CHECK(take(engine) == 2 && is_taken(0, FED, clock.now - 1) && is_taken(1, BEAT, clock.now - 1));
   deliver(engine, true, 3);
@@ -208,7 +209,7 @@ SCENARIO(a_clock_without_time_lets_nothing_be_due)
   deliver(engine, true, 80);
   CHECK(take(engine) == 1 && is_taken(0, BEAT, 0));
   clock.fails = false;
-  CHECK(take(engine) == 0 || fm_engine_silence(engine, 0).is_silent);
+  CHECK(take(engine) == 0 || silence_of(engine, 0).is_silent);
   destroy(engine);
 }
 
@@ -227,14 +228,14 @@ SCENARIO(a_message_at_the_instant_of_a_deadline_comes_first)
       clock.now = now;
       deliver(engine, true, now);
     }
-    CHECK(fm_engine_silence(engine, 0).count == 0);
+    CHECK(silence_of(engine, 0).count == 0);
     // What is due at the time at which a clock stands is due when it moves on.
     clock.now += TIMEOUT - (is_told ? 1 : 0);
     fm_engine_advance(engine, clock.now);
-    CHECK(!fm_engine_silence(engine, 0).is_silent);
+    CHECK(!silence_of(engine, 0).is_silent);
     clock.now += 1;
     fm_engine_advance(engine, clock.now);
-    const struct fm_silence silence = fm_engine_silence(engine, 0);
+    const struct fm_silence silence = silence_of(engine, 0);
     CHECK(silence.is_silent && silence.count == 1);
     CHECK(silence.lasted == TIMEOUT + (is_told ? 0 : 1));
     destroy(engine);
@@ -247,10 +248,10 @@ SCENARIO(a_timeout_that_is_found_late_is_put_off_once)
   struct fm_engine * engine = make(FM_EVERY_MESSAGE, TIMEOUT, PATIENCE);
   follow(engine, &clock);
   clock.now += 5 * TIMEOUT;  // the process was stopped, and a message is waiting
-  CHECK(take(engine) == 0 && fm_engine_silence(engine, 0).count == 0);
+  CHECK(take(engine) == 0 && silence_of(engine, 0).count == 0);
   CHECK(fm_engine_deadline(engine) == clock.now + TIMEOUT);
   deliver(engine, true, 0);
-  CHECK(fm_engine_silence(engine, 0).count == 0 && take(engine) == 1);
+  CHECK(silence_of(engine, 0).count == 0 && take(engine) == 1);
   clock.now += TIMEOUT + PATIENCE + 1;
   CHECK(take(engine) == 0 && fm_engine_deadline(engine) == clock.now + 10 * PATIENCE);
   clock.now += 5 * TIMEOUT;  // not put off twice
@@ -310,7 +311,7 @@ SCENARIO(a_reset_finds_a_silent_input_anew)
   CHECK(take(engine) == 0);
   clock.now += 1;
   CHECK(take(engine) == 1 && is_taken(0, FED, clock.now - 1) && taken[0].step == 0);
-  CHECK(fm_engine_silence(engine, 0).count == 1 && take(engine) == 0);
+  CHECK(silence_of(engine, 0).count == 1 && take(engine) == 0);
   destroy(engine);
 }
 
@@ -324,7 +325,7 @@ SCENARIO(a_closed_engine_takes_nothing)
   deliver(engine, true, 0);
   CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 0));
   CHECK(fm_engine_topic_counts(engine, 0).messages == 0);
-  CHECK(!fm_engine_silence(engine, 0).is_silent);
+  CHECK(!silence_of(engine, 0).is_silent);
   destroy(engine);
   engine = make(FM_PERIODIC, TIMEOUT, 0);
   fm_engine_advance(engine, 0);
@@ -346,7 +347,7 @@ SCENARIO(a_record_of_an_unknown_topic_is_ignored)
   CHECK(fm_engine_topic_counts(engine, 1).messages == 0);
   CHECK(fm_engine_input_counts(engine, 0).received == 0);
   CHECK(fm_engine_lost(engine, 1) == 0 && fm_engine_evidence(engine, 1, room, 8) == 0);
-  CHECK(!fm_engine_silence(engine, 1).is_silent && !fm_engine_value(engine, 1, room));
+  CHECK(!silence_of(engine, 1).is_silent && !fm_engine_value(engine, 1, room));
   fm_engine_begin_handover(engine, 1, true);
   fm_engine_end_handover(engine, 1);
   destroy(engine);

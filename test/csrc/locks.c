@@ -25,6 +25,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "seen.h"
 #include "fakes.h"
 
 #define HEARTBEAT_NS 20000000
@@ -215,11 +216,11 @@ int main(void)
   deliver(engine, 0);
   CHECK(comes(false, silent));
   CHECK(comes(true, silent));  // silent again
-  const uint64_t before = fm_engine_unpublished(engine);
+  const uint64_t before = unpublished_of(engine);
   set_fails(true);
   CHECK(comes(true, count(&state) + 2));
   set_fails(false);
-  CHECK(fm_engine_unpublished(engine) > before);
+  CHECK(unpublished_of(engine) > before);
   fm_engine_close(engine);
   fm_announcer_join(&announcer);
   const uint64_t at_end = count(&state);

@@ -26,6 +26,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "seen.h"
 #include "fakes.h"
 
 #define LEVEL 0u
@@ -338,7 +339,7 @@ static void a_flood_passes_in_order_through_a_handover(void)
   CHECK(fm_relay_remove(bench.relay, &flooded[0]));
   CHECK(fm_relay_remove(bench.relay, &flooded[1]));
   CHECK(published(&publishers[0]) == before);
-  const struct fm_gate_counts counts = fm_engine_gate_counts(bench.engine);
+  const struct fm_gate_counts counts = gate_counts_of(bench.engine);
   CHECK(counts.passed == before + published(&publishers[1]));
   CHECK(counts.passed + counts.violates >= FLOOD / 2 && counts.closed == 0);
   uint64_t last = 0;
@@ -377,9 +378,9 @@ static void nothing_is_lost_or_repeated_without_a_handover(void)
     are_equal = are_equal && publishers[0].numbers[k] == expected;
   }
   CHECK(are_equal);
-  CHECK(fm_engine_gate_counts(bench.engine).passed == publishers[0].n);
-  CHECK(fm_engine_gate_counts(bench.engine).passed +
-    fm_engine_gate_counts(bench.engine).violates == 1500);
+  CHECK(gate_counts_of(bench.engine).passed == publishers[0].n);
+  CHECK(gate_counts_of(bench.engine).passed +
+    gate_counts_of(bench.engine).violates == 1500);
   end(&bench);
 }
 
@@ -422,7 +423,7 @@ static void substitutes_come_from_the_start_and_when_another_topic_violates(void
   CHECK(wait_for(&publishers[0], n + 2));
   CHECK(publishers[0].numbers[n] == 12345);
   CHECK(fm_relay_remove(bench.relay, &subscription));
-  CHECK(fm_engine_gate_counts(bench.engine).violating > 0);
+  CHECK(gate_counts_of(bench.engine).violating > 0);
   end(&bench);
 }
 
@@ -461,7 +462,7 @@ static void a_failing_publisher_is_counted(void)
   send(&subscription, 2);  // levels 98 and 105
   CHECK(wait_for(&publishers[0], 2));
   CHECK(publishers[0].levels[0] == 98 && publishers[0].levels[1] == 98);
-  CHECK(fm_engine_gate_counts(bench.engine).replaced == 1);
+  CHECK(gate_counts_of(bench.engine).replaced == 1);
   pthread_mutex_lock(&publishers[0].mutex);
   publishers[0].fails = true;
   pthread_mutex_unlock(&publishers[0].mutex);
@@ -548,10 +549,10 @@ static void a_message_is_judged_after_what_was_received_before_it(void)
   for (int k = 0; k < 1000 && (left(&level) > 0 || left(&flag) > 0); ++k) {
     pause_ns(1000000);
   }
-  struct fm_gate_counts counts = fm_engine_gate_counts(bench.engine);
+  struct fm_gate_counts counts = gate_counts_of(bench.engine);
   for (int k = 0; k < 1000 && counts.passed + counts.violates < 2; ++k) {
     pause_ns(1000000);
-    counts = fm_engine_gate_counts(bench.engine);
+    counts = gate_counts_of(bench.engine);
   }
   CHECK(counts.passed == 1 && counts.violates == 1 && published(&publishers[0]) == 1);
   CHECK(fm_receiver_stop(&receiver));

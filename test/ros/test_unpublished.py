@@ -25,6 +25,7 @@ import pytest
 from rclpy.context import Context
 from rclpy.node import Node
 from ros.harness import Partner
+from runtime.seen import see
 
 A_MESSAGE = b'\0\1\0\0\1\0\0\0'
 
@@ -45,7 +46,7 @@ def test_violations_that_a_publisher_refuses_are_counted(
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)
     announcer.join()
-    assert engine.unpublished == 3
+    assert see(engine).unpublished == 3
     node.destroy_node()
 
 
@@ -59,4 +60,4 @@ def test_violations_are_published_while_the_context_ends(engine: Engine, domain:
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)
     announcer.join()
-    assert engine.unpublished == 0 and engine.take(0) == []
+    assert see(engine).unpublished == 0 and engine.take(0) == []

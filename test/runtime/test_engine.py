@@ -27,6 +27,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import Engine, Evaluator, NEVER, Receipt, Silence, TimeCounts
 from fret_monitor.runtime.reporting import Reporter, ReportTable
 import pytest
+from runtime.seen import see
 
 SECOND = 10**9
 BUNDLE = """
@@ -176,13 +177,13 @@ def test_silence_is_reported_with_its_detail(engine: Engine) -> None:
     engine.message(0, a_float(0.5), received=1)
     assert engine.deadline == SECOND + 1
     engine.advance(2 * SECOND)
-    assert engine.silence(0) == Silence(1, 2 * SECOND - 1, True)
+    assert see(engine).silences[0] == Silence(1, 2 * SECOND - 1, True)
     assert [item.stamp for item in engine.take(0)] == [SECOND + 1] * 2
     detail = engine.take_detail(1000)
     assert detail is not None
     assert shown(engine, detail) == ['x', '0.5']
     engine.message(0, a_float(0.5), received=3 * SECOND)
-    assert engine.silence(0) == Silence(1, 3 * SECOND - 1, False)
+    assert see(engine).silences[0] == Silence(1, 3 * SECOND - 1, False)
 
 
 def test_nothing_is_due_before_the_time_has_begun(engine: Engine) -> None:
@@ -200,7 +201,7 @@ def test_waiting_for_a_violation_takes_a_timeout_at_its_instant(engine: Engine) 
     assert len(engine.take(30_000)) == 2
     assert 1.0 <= monotonic() - begin + 0.01 < 10.0
     engine.advance(0)  # ignored: the time is that of a clock
-    assert engine.silence(0).is_silent and engine.time_counts().restarts == 0
+    assert see(engine).silences[0].is_silent and engine.time_counts().restarts == 0
 
 
 @pytest.mark.parametrize('is_reset', [False, True])
@@ -333,7 +334,7 @@ def test_many_violations_are_kept(engine: Engine) -> None:
     while violations := engine.take(0):
         stamps += [item.stamp for item in violations]
     assert stamps == list(range(5000))
-    assert engine.unpublished == 0
+    assert see(engine).unpublished == 0
 
 
 def test_violations_beyond_the_capacity_of_a_queue_are_counted(tmp_path: Path) -> None:
@@ -344,5 +345,5 @@ def test_violations_beyond_the_capacity_of_a_queue_are_counted(tmp_path: Path) -
     for number in range(1026):
         engine.message(0, a_float(1e6), received=number)
     engine.count_unpublished(5)
-    assert engine.unpublished == 2 * 1024 + 5
+    assert see(engine).unpublished == 2 * 1024 + 5
     assert sum(map(len, iter(lambda: engine.take(0), []))) == 1 << 20

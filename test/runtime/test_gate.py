@@ -37,6 +37,7 @@ from fret_monitor.runtime import Engine, Evaluator, Judgement, MessageGate, NEVE
 from fret_monitor.start import start
 from native import toys
 import pytest
+from runtime.seen import see
 from runtime.test_evaluator import toy_library
 from strategies import INPUTS, random_property, random_trace, specification_of
 
@@ -635,7 +636,7 @@ def test_a_gate_is_closed_while_the_thread_hangs_that_moves_the_clock(tmp_path: 
     gated.engine.take(0)
     assert gated.engine.replacement_due != NEVER
     assert gated.send(1.0) is CLOSED
-    assert not gated.engine.gate_counts().is_known
+    assert not see(gated.engine).gate.is_known
     gated.engine.serve_clock()
     assert gated.send(1.0) is PASSED
 
@@ -746,7 +747,7 @@ def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(
     assert engine.judge(cdr('<f', 2.0), last + 2) is VIOLATES
     assert engine.replace(settings.substitute) == settings.substitute
     assert engine.value(0) == 0.0
-    counts = engine.gate_counts()
+    counts = see(engine).gate
     assert (counts.closed, counts.passed, counts.violates, counts.replaced) == (1, 1, 1, 2)
     assert counts.holds and counts.violating == 0
     assert engine.judge(cdr('<f', -1.0), last + 10) is PASSED
@@ -797,7 +798,7 @@ def test_under_timed_a_message_at_the_instant_of_a_deadline_does_not_pass_before
     assert judged(second + 1) is VIOLATES
     beat(second + 2)
     assert judged(second + 3) is PASSED
-    assert engine.gate_counts().violates == 3
+    assert see(engine).gate.violates == 3
     evaluator.restore(before)
     assert not gate.replace([0.0], first)[0]
     evaluator.restore(saved)  # without a time there are no deadlines

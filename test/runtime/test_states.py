@@ -27,6 +27,7 @@ from fret_monitor.model.parts import NodePart
 from fret_monitor.runtime import Engine, Evaluator, Judgement, MessageGate, RequirementState, State
 from fret_monitor.start import start
 import pytest
+from runtime.seen import see
 
 BUNDLE = """
 format: 1
@@ -120,24 +121,24 @@ def test_each_change_of_the_conditions_is_kept_once_until_there_are_too_many(
         followed: Followed) -> None:
     followed.message(0, 0.0, 1.0)
     followed.message(1, 0.0, 1.0)
-    list(followed.engine.changed_conditions())
+    see(followed.engine)
     for number in range(3):
         followed.message(1, 2.0, 1.1)
         followed.message(1, 3.0, 1.1)  # still violated: no change
         followed.message(1, 0.0, 1.1)
-        found = [({*item.violated}, item.states[1], missed)
-                 for item, missed in followed.engine.changed_conditions()]
-        assert found == [({1}, VIOLATED, 0), (set(), HOLDS, 0)], number
+        found = [({*item.violated}, item.states[1]) for item in see(followed.engine).changes]
+        assert found == [({1}, VIOLATED), (set(), HOLDS)], number
     for number in range(100):
         followed.message(1, 2.0 * (number % 2 == 0), 1.2)
     followed.message(0, 2.0, 1.2)
-    found = [({*item.violated}, item.states[1], missed)
-             for item, missed in followed.engine.changed_conditions()]
-    assert found == 31 * [({1}, VIOLATED, 0), (set(), HOLDS, 0)] + [
-        ({1}, VIOLATED, 0), (set(), HOLDS, 101 - 64)]
+    seen = see(followed.engine)
+    assert [({*item.violated}, item.states[1]) for item in seen.changes] == 32 * [
+        ({1}, VIOLATED), (set(), HOLDS)]
+    assert seen.missed == 101 - 64
     followed.message(1, 2.0, 1.3)
-    assert [missed for _, missed in followed.engine.changed_conditions()] == [0]
-    assert followed.engine.conditions().violated == {0, 1}
+    seen = see(followed.engine)
+    assert (len(seen.changes), seen.missed) == (1, 0)
+    assert seen.conditions.violated == {0, 1}
 
 
 def test_a_wait_ends_at_once_when_a_state_changes_or_the_engine_is_closed(
@@ -228,11 +229,11 @@ def test_a_change_of_the_gate_is_a_change_of_the_conditions(tmp_path: Path) -> N
 
     def changes() -> list[tuple[bool, bool, set[int]]]:
         return [(item.is_known, item.is_latched, {*item.unknown})
-                for item, _ in gated.engine.changed_conditions()]
+                for item in see(gated.engine).changes]
 
     changes()
     assert gated.send(1.0) is Judgement.CLOSED
-    assert not gated.engine.conditions().is_known
+    assert not see(gated.engine).conditions.is_known
     changes()
     gated.sense(9.0)
     assert gated.send(1.0) is Judgement.PASSED
