@@ -26,9 +26,10 @@
 bool fm_health_begin(struct fm_health * health, const struct fm_session * session)
 {
   const rcl_publisher_options_t options = rcl_publisher_get_default_options();  // depth: 10
+  const struct fm_facts facts = {.now = fm_steady_now()};
   memset(health, 0, sizeof(*health));
   health->session = session;
-  health->review = fm_review_create(&session->reporter, fm_steady_now());
+  health->review = fm_review_create(&session->reporter, &facts);
   health->topics = calloc(session->n_topics + 1u, sizeof(*health->topics));
   health->publisher = rcl_get_zero_initialized_publisher();
   if (rcl_publisher_init(

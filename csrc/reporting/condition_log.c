@@ -24,11 +24,6 @@
 #define MOST_LINES 10u      // of one lock or gate at a look; the others are counted
 #define LOGGED_S 10         // between two lines about one thing that is wrong
 
-static uint32_t n_conditions(const struct fm_report_table * table)
-{
-  return table->n_locks + (table->gate != NULL ? 1u : 0u);
-}
-
 static void add_state(
   struct fm_text * text, const struct fm_review * review, uint32_t k, const uint8_t * conditions)
 {
@@ -74,7 +69,7 @@ static void review_change(
   struct fm_review * review, const uint8_t * conditions, struct fm_text * state,
   struct fm_lines * lines)
 {
-  for (uint32_t k = 0; k < n_conditions(review->reporter->table); ++k) {
+  for (uint32_t k = 0; k < review->n_conditions; ++k) {
     add_state(state, review, k, conditions);
     if (!is_same_kind(state, &review->conditions[k])) {
       review->changes[k] += 1u;
@@ -89,7 +84,7 @@ static void review_change(
 static void review_present(
   struct fm_review * review, struct fm_text * state, struct fm_lines * lines)
 {
-  for (uint32_t k = 0; k < n_conditions(review->reporter->table); ++k) {
+  for (uint32_t k = 0; k < review->n_conditions; ++k) {
     add_state(state, review, k, review->now.conditions);
     if (strcmp(fm_text_get(state), fm_text_get(&review->conditions[k])) != 0) {
       set_logged(review, k, state);
@@ -103,7 +98,7 @@ static void review_present(
 void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
 {
   const size_t bytes = fm_condition_bytes(review->reporter->monitor);
-  const uint32_t n = n_conditions(review->reporter->table);
+  const uint32_t n = review->n_conditions;
   struct fm_text state = {NULL, 0, 0};
   memset(review->changes, 0, n * sizeof(*review->changes));
   for (uint32_t k = 0; n > 0 && k < review->now.n_changes; ++k) {

@@ -49,15 +49,10 @@ static void free_snapshot(struct fm_snapshot * snapshot)
   free(snapshot->changes);
 }
 
-static uint32_t n_conditions(const struct fm_report_table * table)
-{
-  return table->n_locks + (table->gate != NULL ? 1u : 0u);
-}
-
 static bool make_logs(struct fm_review * review, const struct fm_report_table * table)
 {
   const size_t n_actions = table->n_actions + (size_t)1;
-  const size_t n = n_conditions(table) + (size_t)1;
+  const size_t n = review->n_conditions + (size_t)1;
   review->inputs = calloc(table->n_inputs + (size_t)1, sizeof(*review->inputs));
   review->topics = calloc(table->n_topics + (size_t)1, sizeof(*review->topics));
   review->flags = calloc(2 * (size_t)table->n_inputs + 1, sizeof(*review->flags));
@@ -70,15 +65,26 @@ static bool make_logs(struct fm_review * review, const struct fm_report_table * 
          review->failed_before != NULL;
 }
 
-struct fm_review * fm_review_create(const struct fm_reporter * reporter, int64_t now)
+static void note_counts(struct fm_review * review, const struct fm_facts * facts)
+{
+  const struct fm_blackbox_facts none = {0, 0, 0, 0, 0};
+  review->blackbox = facts->blackbox == NULL ? none : *facts->blackbox;
+  for (uint32_t k = 0; facts->actions != NULL && k < review->reporter->table->n_actions; ++k) {
+    review->failed[k] = facts->actions[k].failed;
+  }
+}
+
+struct fm_review * fm_review_create(
+  const struct fm_reporter * reporter, const struct fm_facts * facts)
 {
   struct fm_review * review = calloc(1, sizeof(*review));
   if (review == NULL) {
     return NULL;
   }
-  const bool has_changes = n_conditions(reporter->table) > 0;
   review->reporter = reporter;
-  review->facts.now = review->created = review->time.began = now;
+  review->n_conditions = reporter->table->n_locks + (reporter->table->gate != NULL ? 1u : 0u);
+  review->facts.now = review->created = review->time.began = facts->now;
+  const bool has_changes = review->n_conditions > 0;
   if (!make_snapshot(&review->now, reporter, has_changes) ||
     !make_snapshot(&review->before, reporter, has_changes) ||
     !make_logs(review, reporter->table))
@@ -86,17 +92,17 @@ struct fm_review * fm_review_create(const struct fm_reporter * reporter, int64_t
     fm_review_destroy(review);
     return NULL;
   }
+  note_counts(review, facts);
   return review;
 }
 
+// Reads nothing of the reporter: Python frees the two in any order.
 void fm_review_destroy(struct fm_review * review)
 {
   if (review == NULL) {
     return;
   }
-  for (uint32_t k = 0; review->conditions != NULL && k < n_conditions(review->reporter->table);
-    ++k)
-  {
+  for (uint32_t k = 0; review->conditions != NULL && k < review->n_conditions; ++k) {
     fm_text_free(&review->conditions[k]);
   }
   free_snapshot(&review->now);
@@ -115,17 +121,13 @@ void fm_review_destroy(struct fm_review * review)
 
 static void note_facts(struct fm_review * review, const struct fm_facts * facts)
 {
-  const struct fm_blackbox_facts none = {0, 0, 0, 0, 0};
   const int64_t since = facts->now - review->facts.now;
   uint64_t * failed = review->failed_before;
   review->seconds = since < FM_SECOND / 1000 ? 1e-3 : (double)since / 1e9;
   review->blackbox_before = review->blackbox;
-  review->blackbox = facts->blackbox == NULL ? none : *facts->blackbox;
   review->failed_before = review->failed;
   review->failed = failed;
-  for (uint32_t k = 0; facts->actions != NULL && k < review->reporter->table->n_actions; ++k) {
-    review->failed[k] = facts->actions[k].failed;
-  }
+  note_counts(review, facts);
   review->facts = *facts;
 }
 

@@ -26,9 +26,11 @@
 
 struct fm_review;
 
-/// Begin, for an engine whose monitoring begins at a time of CLOCK_MONOTONIC. The reporter
-/// outlives the review. NULL if memory is short. O(requirements + inputs + topics).
-FM_EXPORT struct fm_review * fm_review_create(const struct fm_reporter * reporter, int64_t now);
+/// Begin, for an engine whose monitoring begins. `facts`: when, and what actions and the black box
+/// have counted before, which is not new; the other facts are not read. The reporter outlives all
+/// calls but the last. NULL if memory is short. O(requirements + inputs + topics).
+FM_EXPORT struct fm_review * fm_review_create(
+  const struct fm_reporter * reporter, const struct fm_facts * facts);
 
 /// Free it. NULL is allowed.
 FM_EXPORT void fm_review_destroy(struct fm_review * review);

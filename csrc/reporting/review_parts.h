@@ -70,6 +70,7 @@ struct fm_review
   struct fm_input_log * inputs;
   struct fm_topic_log * topics;
   struct fm_text * conditions;   // as they were logged: the locks, then the gate
+  uint32_t n_conditions;
   uint32_t * changes;            // of each, in the review
   bool * flags;                  // twice the inputs
   struct fm_time_log time;

@@ -272,16 +272,25 @@ class Review:
     Call `look`, then `lines`, then `statuses` if somebody subscribes; one thread at a time.
     """
 
-    def __init__(self, reporter: Reporter, now: int | None = None) -> None:
-        """Begin, at a time of the steady clock in nanoseconds; now, if it is None."""
+    def __init__(self, reporter: Reporter, now: int | None = None, *,
+                 actions: Sequence[ActionCounts] = (),
+                 blackbox: BlackBoxCounts | None = None) -> None:
+        """
+        Begin, at a time of the steady clock in nanoseconds; now, if it is None.
+
+        `actions` and `blackbox` are the counts of before, which are not new at the first look.
+        """
         self._reporter = reporter
         self._library = reporter.library
         self._lines = Lines(self._library)
         self._statuses = Statuses(self._library)
         self._kept: list[Any] = []  # what the facts of the last look point to
         self._topics: tuple[tuple[TopicFacts, ...], Any, list[Any]] = ((), ffi.NULL, [])
+        counts, written = _action_facts(actions), _blackbox_facts(blackbox)
         pointer = self._library.fm_review_create(
-            reporter.pointer, monotonic_ns() if now is None else now)
+            reporter.pointer, ffi.new('struct fm_facts *', {
+                'now': monotonic_ns() if now is None else now,
+                'actions': counts if actions else ffi.NULL, 'blackbox': written}))
         if pointer == ffi.NULL:
             raise MemoryError('too little memory for a review')
         self._pointer: Any = ffi.gc(pointer, self._library.fm_review_destroy)
@@ -299,13 +308,12 @@ class Review:
         """
         kept: list[Any] = []
 
-        def new(kind: str, value: Any) -> Any:
-            kept.append(ffi.new(kind, value))
-            return kept[-1]
+        def keep(value: Any) -> Any:
+            kept.append(value)
+            return value
 
         def text(value: str) -> Any:
-            kept.append(_characters(value))
-            return kept[-1]
+            return keep(_characters(value))
 
         if self._topics[0] != tuple(topics):
             texts = [[_characters(name) for name in (item.unmatched, item.other_types)]
@@ -316,15 +324,12 @@ class Review:
             'now': monotonic_ns() if now is None else now,
             'waits_for_clock': waits_for_clock,
             'topics': self._topics[1],
-            'actions': ffi.NULL if actions is None else new('struct fm_action_facts[]', [
-                (item.started, item.sent, item.failed, item.skipped) for item in actions]),
-            'gate': ffi.NULL if gate is None else new('struct fm_gate_facts *', (
-                text(gate.others), text(gate.place), gate.unsent)),
-            'blackbox': ffi.NULL if blackbox is None else new('struct fm_blackbox_facts *', (
-                blackbox.written, blackbox.failed, blackbox.messages.kept,
-                blackbox.messages.left_out, blackbox.messages.early)),
-            'failures': new('struct fm_failure[]', [
-                (text(name), text(error)) for name, error in (failures or {}).items()]),
+            'actions': ffi.NULL if actions is None else keep(_action_facts(actions)),
+            'gate': ffi.NULL if gate is None else keep(ffi.new('struct fm_gate_facts *', (
+                text(gate.others), text(gate.place), gate.unsent))),
+            'blackbox': keep(_blackbox_facts(blackbox)),
+            'failures': keep(ffi.new('struct fm_failure[]', [
+                (text(name), text(error)) for name, error in (failures or {}).items()])),
             'n_failures': len(failures or {})})
         seen = self._library.fm_review_look(self._pointer, facts)
         self._kept = kept
@@ -451,6 +456,17 @@ def read_detail(library: Any, record: StatusRecord) -> ReceivedDetail | None:
     if not library.fm_read_detail(text.pointer, found):
         return None
     return ReceivedDetail(found.stamp, found.suppressed, found.is_recovery, text)
+
+
+def _action_facts(counts: Sequence[ActionCounts]) -> Any:
+    return ffi.new('struct fm_action_facts[]', [
+        (item.started, item.sent, item.failed, item.skipped) for item in counts])
+
+
+def _blackbox_facts(counts: BlackBoxCounts | None) -> Any:
+    return ffi.NULL if counts is None else ffi.new('struct fm_blackbox_facts *', (
+        counts.written, counts.failed, counts.messages.kept, counts.messages.left_out,
+        counts.messages.early))
 
 
 def _text_of(detail: ReceivedDetail | None) -> Any:

@@ -53,12 +53,17 @@ class Reviewed:
         if self.manifest.actions:
             self.engine.follow_states()
         self.engine.advance(SECOND)
-        reporter = Reporter(
-            self.engine, ReportTable(self.manifest, name, policy=policy, period=period),
-            '/robot/fret_monitor', [f'/robot/{item.name}' for item in self.manifest.topics])
+        self._table = ReportTable(self.manifest, name, policy=policy, period=period)
         self.now = 100.0
         self.topics = [TopicFacts(1)] * len(self.manifest.topics)
-        self._review = Review(reporter, now=int(self.now * 1e9))
+        self.activate_again()
+
+    def activate_again(self, **before: Any) -> None:
+        """Begin another review, with the counts of `before`."""
+        self.reporter = Reporter(
+            self.engine, self._table, '/robot/fret_monitor',
+            [f'/robot/{item.name}' for item in self.manifest.topics])
+        self._review = Review(self.reporter, now=int(self.now * 1e9), **before)
 
     def look(self, change: Callable[[Any], None] = lambda seen: None, **facts: Any) -> None:
         """Look; `change` may write what was seen, a `struct fm_snapshot *`."""

@@ -19,6 +19,7 @@ import struct
 from time import time_ns
 from typing import Any
 
+from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import KeptCounts
 from fret_monitor.runtime.reporting import ActionCounts, BlackBoxCounts, GateFacts, TopicFacts
 import pytest
@@ -225,6 +226,24 @@ def test_the_status_of_a_black_box_has_what_went_wrong_since_the_last_report(
         ('written', '1'), ('not written', '2'), ('kept', '30'), ('left out', '4'),
         ('overwritten early', '5')))
     assert status(found)[:2] == (OK, 'keeps the last messages')
+
+
+def test_what_failed_before_the_node_was_deactivated_is_not_reported_again(acting: Acting) -> None:
+    def found(*counts: int) -> list[tuple[int, str]]:
+        shown = acting.summaries(actions=[ActionCounts(failed=counts[0])],
+                                 blackbox=BlackBoxCounts(failed=counts[1]))
+        return [shown['action call'], shown[f'black box of {acting.manifest.name}']]
+
+    acting.activate_again(actions=[ActionCounts(failed=3)], blackbox=BlackBoxCounts(failed=2))
+    assert found(3, 2) == [(OK, 'ready'), (OK, 'keeps the last messages')]
+    acting.activate_again(actions=[ActionCounts(failed=3)], blackbox=BlackBoxCounts(failed=2))
+    assert found(4, 3) == [(ERROR, '1 failed since the last report'), (WARN, 'cannot write')]
+
+
+def test_a_review_is_freed_without_its_reporter(acting: Acting) -> None:
+    acting.reporter.pointer.table = ffi.NULL  # the garbage collector may free it before
+    acting.activate_again()
+    assert acting.summaries()
 
 
 def test_threads_that_failed_have_a_status(acting: Acting) -> None:

@@ -37,7 +37,7 @@ from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.reports.detail_publisher import DetailPublisher
 from fret_monitor.ros.reports.details import Details
 from fret_monitor.ros.reports.handlers import Handlers
-from fret_monitor.ros.reports.health import Health, PERIOD
+from fret_monitor.ros.reports.health import CountsBefore, Health, PERIOD
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
@@ -146,20 +146,22 @@ class BundleSession:
         Refusal
             if the node cannot subscribe. Nothing is left running then.
         """
+        before = CountsBefore(
+            self._actions.counts(), None if self._blackbox is None else self._blackbox.counts())
         with ExitStack() as undo:
             undo.callback(self.stop)
             try:
                 self._connect()
             except InvalidTopicNameException as error:
                 raise Refusal(f'cannot subscribe: {error}') from None
-            self._start_timers()
+            self._start_timers(before)
             undo.pop_all()
 
-    def _start_timers(self) -> None:
+    def _start_timers(self, before: CountsBefore) -> None:
         self._running.callback(self._forget_timers)
         self._health = Health(
             self._node, self._reporter, blackbox=self._blackbox, gate=self._gate,
-            actions=self._actions, watch=self._watch)
+            actions=self._actions, watch=self._watch, before=before)
         self._running.callback(self._health.close)
         self._running.callback(self._node.destroy_timer, self._node.create_timer(
             PERIOD, self._report_health, clock=Clock(clock_type=ClockType.STEADY_TIME)))

@@ -20,6 +20,7 @@ that only the node knows, and publishes.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -29,11 +30,21 @@ from fret_monitor.ros.acting.gate import RunningGate
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.messages import status_message
 from fret_monitor.ros.watch import Watch
-from fret_monitor.runtime.reporting import Reporter, Review, TopicFacts
+from fret_monitor.runtime.reporting import (
+    ActionCounts, BlackBoxCounts, Reporter, Review, TopicFacts,
+)
 
 from rclpy.node import Node
 
 PERIOD = 1.0  # s between two reports
+
+
+@dataclass(frozen=True)
+class CountsBefore:
+    """What actions and the black box have counted while the node was active before."""
+
+    actions: Sequence[ActionCounts] = ()
+    blackbox: BlackBoxCounts | None = None
 
 
 class Health:
@@ -41,12 +52,16 @@ class Health:
 
     def __init__(self, node: Node, reporter: Reporter, *, blackbox: BlackBox | None = None,
                  gate: RunningGate | None = None, actions: Actions | None = None,
-                 watch: Watch | None = None) -> None:
-        """Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`."""
+                 watch: Watch | None = None, before: CountsBefore = CountsBefore()) -> None:
+        """
+        Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`.
+
+        `before` are the counts when monitoring began.
+        """
         self._node = node
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._review = Review(reporter)
+        self._review = Review(reporter, actions=before.actions, blackbox=before.blackbox)
         self._blackbox = blackbox
         self._gate = gate
         self._actions = actions
