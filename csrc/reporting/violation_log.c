@@ -56,6 +56,7 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
   }
   *log = (struct fm_violation_log) {
     reporter, logged, monitor->n_requirements, fm_detail_bytes(monitor), 0, {NULL, 0, 0}};
+  fm_engine_want_details(reporter->engine, true, FM_LOGGED_PER_S);
   return log;
 }
 

@@ -42,8 +42,9 @@ FM_EXPORT void fm_add_satisfied(
 
 struct fm_violation_log;
 
-/// Make a log of an engine's violations; NULL if memory is short. The reporter outlives it.
-/// O(requirements).
+/// Make a log of an engine's violations; NULL if memory is short. The reporter outlives it. From
+/// now on the engine queues FM_LOGGED_PER_S details, until other details are wanted: a violation
+/// before the thread that takes them has begun is logged, too. O(requirements).
 FM_EXPORT struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * reporter);
 
 /// Free it. NULL is allowed.

@@ -46,9 +46,7 @@ requirements:
 def engine_of(folder: Path, text: str) -> Engine:
     bundle = folder / 'bundle.yaml'
     bundle.write_text(text, encoding='utf-8')
-    engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
-    engine.want_details(True, 1000)
-    return engine
+    return Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
 
 
 def a_float(value: float) -> bytes:
@@ -65,6 +63,7 @@ class Log:
     def __init__(self, folder: Path) -> None:
         self.engine = engine_of(folder, TWO)
         self._log = ViolationLog(Reporter(self.engine, ReportTable(self.engine.monitor.manifest)))
+        self.engine.want_details(True, 1000)
         self.lines: list[str] = []
 
     def happens(self, now: float, index: int = 0, *, is_over: bool = False,
@@ -212,6 +211,7 @@ requirements:
 def test_the_logger_words_a_detail_that_it_receives_as_the_monitor_does(
         policy: str, place: tuple[str, str], shown: str, tmp_path: Path) -> None:
     engine = engine_of(tmp_path, OF_ALL_KINDS.replace('POLICY', policy))
+    engine.want_details(True)
     manifest = engine.monitor.manifest
     reporter = Reporter(engine, ReportTable(manifest))
     begin, later = 1_000_000_000, 1_250_000_000
@@ -236,6 +236,15 @@ def test_the_logger_words_a_detail_that_it_receives_as_the_monitor_does(
     assert [line] == ViolationLog(reporter).add(detail)
     assert line.text.endswith(
         f') [{shown}: step = WALK, stamp = 7, on = true, time = 48.50, silent = 0]')
+
+
+def test_a_violation_before_the_thread_of_details_has_begun_is_logged(tmp_path: Path) -> None:
+    engine = engine_of(tmp_path, TWO)
+    log = ViolationLog(Reporter(engine, ReportTable(engine.monitor.manifest)))
+    engine.message(0, a_float(2.0), 1_000_000_000)
+    detail = engine.take_detail(0)
+    assert detail is not None
+    assert [line.text.partition(':')[0] for line in log.add(detail)] == ['R violated at 1.000']
 
 
 RIGHT = (('step', '3'), ('stamp', '12.345678901'), ('suppressed', '2'), ('silent', 'y'))
