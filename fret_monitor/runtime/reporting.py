@@ -285,6 +285,7 @@ class Review:
         self._lines = Lines(self._library)
         self._statuses = Statuses(self._library)
         self._kept: list[Any] = []  # what the facts of the last look point to
+        self._has_looked = False
         self._topics: tuple[tuple[TopicFacts, ...], Any, list[Any]] = ((), ffi.NULL, [])
         counts, written = _action_facts(actions), _blackbox_facts(blackbox)
         pointer = self._library.fm_review_create(
@@ -304,8 +305,12 @@ class Review:
 
         `waits_for_clock`: `/clock` is followed, and nothing was received on it. `failures` are the
         errors of threads and timers, by their names. The order of topics and actions is that of
-        the manifest, without locks.
+        the manifest, without locks. Raises `ValueError` if there are more or fewer.
         """
+        table = self._reporter.pointer.table
+        if len(topics) != table.n_topics or \
+                actions is not None and len(actions) != table.n_actions:
+            raise ValueError('facts of each topic and action are needed')
         kept: list[Any] = []
 
         def keep(value: Any) -> Any:
@@ -332,7 +337,7 @@ class Review:
                 (text(name), text(error)) for name, error in (failures or {}).items()])),
             'n_failures': len(failures or {})})
         seen = self._library.fm_review_look(self._pointer, facts)
-        self._kept = kept
+        self._kept, self._has_looked = kept, True
         return seen
 
     def lines(self) -> list[LogLine]:
@@ -341,7 +346,9 @@ class Review:
         return self._lines.take()
 
     def statuses(self) -> list[StatusRecord]:
-        """Return the statuses at the last look."""
+        """Return the statuses at the last look; none before the first, which may have failed."""
+        if not self._has_looked:
+            return []
         self._library.fm_review_report(self._pointer, self._statuses.pointer)
         return self._statuses.take()
 

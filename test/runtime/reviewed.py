@@ -63,24 +63,24 @@ class Reviewed:
         self.reporter = Reporter(
             self.engine, self._table, '/robot/fret_monitor',
             [f'/robot/{item.name}' for item in self.manifest.topics])
-        self._review = Review(self.reporter, now=int(self.now * 1e9), **before)
+        self.review = Review(self.reporter, now=int(self.now * 1e9), **before)
 
     def look(self, change: Callable[[Any], None] = lambda seen: None, **facts: Any) -> None:
         """Look; `change` may write what was seen, a `struct fm_snapshot *`."""
-        seen = self._review.look(self.topics, now=int(self.now * 1e9), **facts)
+        seen = self.review.look(self.topics, now=int(self.now * 1e9), **facts)
         change(ffi.cast('struct fm_snapshot *', seen))
 
     def lines(self, change: Callable[[Any], None] = lambda seen: None,
               **facts: Any) -> list[str]:
         """Look, and return the lines that are logged, each after its level."""
         self.look(change, **facts)
-        return [f'{LogLevel(line.level).name} {line.text}' for line in self._review.lines()]
+        return [f'{LogLevel(line.level).name} {line.text}' for line in self.review.lines()]
 
     def statuses(self, change: Callable[[Any], None] = lambda seen: None,
                  **facts: Any) -> dict[str, StatusRecord]:
         """Look, and return the statuses by the names of what they describe."""
         self.lines(change, **facts)
-        found = self._review.statuses()
+        found = self.review.statuses()
         assert all(item.name.startswith('robot/fret_monitor: ') for item in found)
         return {item.name.partition(': ')[2]: item for item in found}
 

@@ -340,3 +340,13 @@ def test_violations_that_were_not_published_are_logged_once_and_counted(
     status = reviewed.statuses()['violations of bundle']
     assert (status.level, status.message) == (WARN, 'some were not published')
     assert reviewed.lines() == []
+
+
+def test_before_the_first_look_there_is_no_status(reviewed: Reviewed) -> None:
+    assert reviewed.review.statuses() == []
+
+
+def test_publishers_of_too_few_topics_are_refused(reviewed: Reviewed) -> None:
+    reviewed.topics = []
+    with pytest.raises(ValueError, match='each topic'):
+        reviewed.look()
