@@ -322,6 +322,134 @@ def test_specs_in_commands_of_the_pages_are_found() -> None:
     assert wrong == []
 
 
+# -- lines of the log, and statuses --------------------------------------------------------------
+
+# Functions of C that word a line or status, and their arguments that are its words.
+WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increase': (3,),
+          'add_status': (4,), 'add_reason': (1,), 'add_requirements': (4,), 'add_state': (1, 2),
+          'fm_log': (2,), 'fm_log_failure': (1,)}
+# Files in which `fm_text_add` words reasons that stand in lines or statuses.
+REASONS = ('health.c', 'input_log.c', 'reasons.c', 'monitor_node.c')
+# Functions of Python that word what a node logs, but do not log it.
+WORDING = {'fret_monitor/ros/reports/start_lines.py': 'announcement',
+           'fret_monitor/ros/nodes/logger_node.py': '_contents',
+           'fret_monitor/ros/acting/gate.py': 'describe_gate',
+           'fret_monitor/model/parts.py': 'judged_by_gates'}
+
+
+def arguments(source: str, start: int) -> list[str]:
+    """Return the arguments of a call in C whose parenthesis opens before `start`."""
+    found, depth = [''], 1
+    for token in re.finditer(r'"(?:[^"\\]|\\.)*"|.', source[start:], re.DOTALL):
+        depth += {'(': 1, ')': -1}.get(token[0], 0)
+        if depth == 0:
+            break
+        if token[0] == ',' and depth == 1:
+            found.append('')
+        else:
+            found[-1] += token[0]
+    return found
+
+
+def literals(argument: str) -> list[str]:
+    """Return the texts in an argument, `…` for each value; adjacent literals are one."""
+    joined = re.sub(r'"\s*PRI\w+(?:\s*"|(?=\s*$))', 'd', argument)
+    joined = re.sub(r'"\s*[A-Z]\w*\s*"', '…', joined)
+    joined = re.sub(r'"\s*"', '', joined)
+    return [re.sub(r'%[-.\d*]*(?:ll)?[a-z]', '…', text).replace('\\x', '…')
+            for text in re.findall(r'"((?:[^"\\]|\\.)*)"', joined)]
+
+
+def texts_of_c(path: Path) -> set[str]:
+    """Return the texts that a file of C logs, or says in /diagnostics."""
+    source = re.sub(r'//[^\n]*', '', path.read_text(encoding='utf-8'))
+    worded = WORDED | ({'fm_text_add': (1,)} if path.name in REASONS else {})
+    found: set[str] = set()
+    for call in re.finditer(r'\b(\w+)\(', source):
+        given = arguments(source, call.end()) if call[1] in worded else []
+        if given[:1] == ['&key']:
+            continue  # of a value, not the message of a status
+        if call[1] == 'fm_text_add' and given and given[1].strip() == '"%s"':
+            given = given[1:]
+        for place in worded.get(call[1], ()):
+            texts = literals(given[place]) if place < len(given) else []
+            if call[1] == 'log_of':
+                texts = [f"{kind} '…' {text}" for text in texts for kind in ('lock', 'gate')]
+            elif call[1] == 'fm_log_failure':
+                texts = [f'{text}: …' for text in texts]
+            elif call[1] == 'add_increase':
+                texts = [f'… {text} since the last report' for text in texts]
+            found.update(re.sub(r'^(?=,)|(?<= )$', '…', text) for text in texts)
+    return found
+
+
+def text_of_node(node: ast.expr) -> str:
+    """Return the text of an expression of Python, `…` for each value."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=values):
+            return ''.join(map(text_of_node, values))
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return text_of_node(left) + text_of_node(right)
+        case ast.IfExp(body=body):
+            return text_of_node(body)
+        case _:
+            return '…'
+
+
+def texts_of_python(path: Path) -> set[str]:
+    """Return the texts that a module logs."""
+    found: set[str] = set()
+    wording = WORDING.get(path.relative_to(ROOT).as_posix())
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        match node:
+            case ast.Call(func=ast.Attribute(value=value, attr=attr), args=[text, *_]) if (
+                    'logger' in ast.unparse(value)
+                    and attr in ('debug', 'info', 'warning', 'error', 'fatal')):
+                found.add(text_of_node(text))
+            case ast.FunctionDef(name=name) if name == wording:
+                found |= {text_of_node(inner.value) for inner in ast.walk(node)
+                          if isinstance(inner, ast.Return | ast.Yield) and inner.value}
+    return found
+
+
+def texts_of_nodes() -> set[str]:
+    """Return every line and status of the nodes that has words of its own."""
+    found = {text for folder in ('reporting', 'node')
+             for path in sorted((ROOT / 'csrc' / folder).glob('*.c')) for text in texts_of_c(path)}
+    for path in [*sorted((ROOT / 'fret_monitor/ros').rglob('*.py')),
+                 ROOT / 'fret_monitor/model/parts.py']:
+        found |= texts_of_python(path)
+    return {text for text in found if len(re.findall('[a-z]', text)) > 3}
+
+
+def is_like(pattern: str, text: str) -> bool:
+    """Return whether a text fits a pattern, in which `…` is anything."""
+    return re.fullmatch('.*'.join(map(re.escape, pattern.split('…'))), text, re.DOTALL) is not None
+
+
+def entries() -> list[str]:
+    """Return the lines and statuses that the page on operations explains."""
+    rows = [row.split('|') for row in
+            re.findall(r'^\|(.*)\|$', text_of('operations.md'), re.MULTILINE)]
+    return [entry for row in rows for entry in words(row[2 if len(row) == 5 else 0])]
+
+
+def test_the_page_on_operations_has_every_line_and_status_of_the_nodes() -> None:
+    said = entries()
+    texts = texts_of_nodes()
+    assert len(texts) > 100
+    assert [text for text in sorted(texts)
+            if not any(is_like(entry, text) or is_like(text, entry) for entry in said)] == []
+
+
+def test_the_page_on_operations_explains_no_line_that_nothing_logs() -> None:
+    texts = texts_of_nodes()
+    assert [entry for entry in entries()
+            if not any(is_like(entry, text) or is_like(text, entry) for text in texts)] == []
+
+
 # -- limits and defaults -------------------------------------------------------------------------
 
 # A value, or `PATH:NAME` of a constant that is read without importing its module.

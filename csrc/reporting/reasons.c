@@ -175,12 +175,12 @@ static void add_why_closed(
     add_reason(why, "", &reason);
   }
   if (conditions[FM_GATE_IS_LATCHED] != 0 && table->gate->open_after > 0) {
-    fm_text_add(&reason, "%g s without a violation", (double)table->gate->open_after / 1e9);
-    add_reason(why, "latched by a violation, until ", &reason);
+    fm_text_add(&reason, "latched by a violation, until %g s without a violation",
+      (double)table->gate->open_after / 1e9);
   } else if (conditions[FM_GATE_IS_LATCHED] != 0) {
-    fm_text_add(&reason, "~/reset");
-    add_reason(why, "latched by a violation, until ", &reason);
+    fm_text_add(&reason, "latched by a violation, until ~/reset");
   }
+  add_reason(why, "", &reason);
   add_requirements(why, reporter, conditions, FM_IS_FALSE, "violated: ");
   add_requirements(
     why, reporter, conditions, FM_WAS_ALWAYS_FALSE, "violated since the first message: ");
