@@ -242,8 +242,8 @@ def test_the_pages_name_targets_of_make_that_exist_and_make_lists_all() -> None:
 
 def parameter_rows() -> dict[str, tuple[str, str]]:
     """Return what the page says of each parameter: of which nodes, and its meaning."""
-    return {name: (of, meaning) for names, of, meaning in table('ros.md', 'parameter', 'of')
-            for name in words(names)}
+    return {name: (of, meaning) for names, of, meaning in
+            table('ros_interface.md', 'parameter', 'of') for name in words(names)}
 
 
 def test_the_page_on_ros_has_the_parameters_of_each_node() -> None:
@@ -258,7 +258,7 @@ def test_the_page_on_ros_has_the_parameters_of_each_node() -> None:
     assert {name for name, (of, _) in rows.items() if of == 'both'} == logger | of_all
     assert {name for name, (of, _) in rows.items() if of == 'gate'} == \
         set(parameters.GATE_PARAMETERS) - monitor
-    assert '`gates`' in text_of('ros.md') and 'no `period` and no `rate`' in rows['gates'][1]
+    assert 'no `period` and no `rate`' in rows['gates'][1]
     assert monitor - set(parameters.GATE_PARAMETERS) == {'period', 'rate'}
 
 
@@ -450,6 +450,19 @@ def test_the_page_on_operations_explains_no_line_that_nothing_logs() -> None:
             if not any(is_like(entry, text) or is_like(text, entry) for text in texts)] == []
 
 
+def test_the_page_on_topics_has_the_values_of_every_status() -> None:
+    source = (ROOT / 'csrc/reporting/health.c').read_text(encoding='utf-8')
+    keys = {text.replace('…', 'INPUT') for call in re.finditer(
+                r'\b(?:add_count|fm_status_value|fm_text_add)\(', source)
+            for given in [arguments(source, call.end())]
+            if call[0] != 'fm_text_add(' or given[0] == '&key'
+            for text in literals(given[1])}
+    said = {word for row in table('ros_interface.md', 'of', 'name', 'values')
+            for word in words(row[2])}
+    assert len(keys) > 40 and keys - said == set()
+    assert said - keys <= {'timed', 'report: occurrence', 'stamp: header', 'max_rate', 'H p', 'p'}
+
+
 # -- limits and defaults -------------------------------------------------------------------------
 
 # A value, or `PATH:NAME` of a constant that is read without importing its module.
@@ -463,14 +476,12 @@ LIMITS: list[tuple[str, str, float | str]] = [
     ('language.md', r'one above (\d+), or', MAX_BOUND),
     ('language.md', r'sentence above (\d+)', MAX_BOUND - 1),
     ('recordings.md', r'the first (\d+) times', report._MOST_LISTED),
-    ('ros.md', r'publishers of (\d+) topics',
-     'fret_monitor/ros/intake/feed.py:_REVIEWED_AT_ONCE'),
     ('design.md', r'publishers of (\d+) topics',
      'fret_monitor/ros/intake/feed.py:_REVIEWED_AT_ONCE'),
-    ('ros.md', r'at most (\d+) a second get them',
+    ('ros_interface.md', r'at most (\d+) a second get them',
      'fret_monitor/runtime/engine.py:MOST_DETAILS_PER_S'),
-    ('ros.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
-    ('ros.md', r'with a lease of (\d+) s',
+    ('ros_interface.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
+    ('operations.md', r'with a lease of (\d+) s',
      'fret_monitor/ros/nodes/sign_of_life.py:_LEASE_S'),
     ('bundle.md', r'default: (\d+), or the `timeout`',
      'fret_monitor/elaboration/signals.py:_USUAL_STARTUP_S'),

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Details of violations as a subscriber reads them (docs/ros.md, Topics)."""
+"""Details of violations as a subscriber reads them (docs/ros_interface.md, Topics)."""
 
 from dataclasses import dataclass
 

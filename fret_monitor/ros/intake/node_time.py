@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The time of a node, as an engine follows it (docs/ros.md, Periods).
+The time of a node, as an engine follows it (docs/time.md, Periods on a node).
 
 It is `/clock` where `use_sim_time` is set, and a steady clock otherwise: a correction of the
 system time neither delays a period or timeout nor adds one. Where the stamps of headers count, it

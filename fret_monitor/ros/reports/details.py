@@ -14,7 +14,7 @@
 
 
 """
-The details of violations: `copilot/violations` (docs/ros.md, Topics).
+The details of violations: `copilot/violations` (docs/ros_interface.md, Topics).
 
 C words them (`csrc/reporting/details.h`). They are built only while the topic has a subscriber or
 violations are logged. The handler's message does not wait for them.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics on which violations are announced, one for each requirement (docs/ros.md)."""
+"""The topics that announce violations, one for each requirement (docs/ros_interface.md)."""
 
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH, violation_profile

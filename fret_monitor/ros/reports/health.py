@@ -15,7 +15,7 @@
 """
 Once a second, the log of what is new, and the state of the monitor on `/diagnostics`.
 
-C decides and words both (`csrc/reporting/review.h`; docs/ros.md, Topics). This collects the facts
+C decides and words both (`csrc/reporting/review.h`; docs/operations.md). This collects the facts
 that only the node knows, and publishes.
 """
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The standard parameters for the quality of service: `qos_overrides` (docs/ros.md).
+The standard parameters for the quality of service: `qos_overrides` (docs/ros_interface.md).
 
 Their names are those of rclcpp and rclpy, with the topic's name after remapping:
 `qos_overrides./windspeed.subscription.reliability`. They override the bundle.

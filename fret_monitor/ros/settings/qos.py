@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The quality of service of a node's subscriptions and publishers (docs/ros.md)."""
+"""The quality of service of a node's subscriptions and publishers (docs/ros_interface.md)."""
 
 from fret_monitor.runtime.subscription import Request
 
