@@ -457,10 +457,15 @@ def test_the_page_on_topics_has_the_values_of_every_status() -> None:
             for given in [arguments(source, call.end())]
             if call[0] != 'fm_text_add(' or given[0] == '&key'
             for text in literals(given[1])}
-    said = {word for row in table('ros_interface.md', 'of', 'name', 'values')
-            for word in words(row[2])}
+    rows = table('ros_interface.md', 'of', 'name', 'values')
+    said = {word for row in rows for word in words(row[2])}
     assert len(keys) > 40 and keys - said == set()
     assert said - keys <= {'timed', 'report: occurrence', 'stamp: header', 'max_rate', 'H p', 'p'}
+    calls = [arguments(source, call.end()) for call in re.finditer(r'\badd_status\(', source)]
+    kinds = {kind for given in calls for kind in literals(given[2])}
+    named = {word.removeprefix('NODE: ').rstrip('ABDEILMNU') for row in rows
+             for word in words(row[1])}
+    assert kinds | {''} == named  # without a kind: a requirement
 
 
 # -- limits and defaults -------------------------------------------------------------------------
