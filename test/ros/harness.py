@@ -16,7 +16,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 import os
 from pathlib import Path
@@ -32,6 +32,7 @@ from typing import Any
 from fret_monitor.native import build_library
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 import rclpy.node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -173,7 +174,9 @@ class Partner:
 
     def _spin(self) -> None:
         while not self._is_closing:
-            self._executor.spin_once(timeout_sec=0.1)
+            # rclpy raises this if a test destroys a publisher while its events are waited for.
+            with suppress(_rclpy.InvalidHandle):
+                self._executor.spin_once(timeout_sec=0.1)
 
     def close(self) -> None:
         """Stop spinning and destroy the node."""
