@@ -53,6 +53,7 @@ lint: setup-test
 bench: setup
 	@$(PYTHON) bench/run.py
 	@$(PYTHON) -m bench.timed
+	@$(PYTHON) -m bench.windows
 	@$(PYTHON) -m bench.peers
 
 # Not part of `bench`: takes 15 minutes on an otherwise idle machine.

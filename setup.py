@@ -82,7 +82,6 @@ TEST = [
     'mypy>=1.11',
     'numpy>=1.26',
     'pytest>=7.4',
-    'pytest-rerunfailures>=14',
     'pytest-timeout>=2.2,<3',
     'pytest-xdist>=3.5,<4',
     'ruff>=0.6',

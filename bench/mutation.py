@@ -15,15 +15,16 @@
 """
 Mutants of csrc, ros, program and elaboration, judged by the tests of their room.
 
-    python -m bench.mutation [ROOM...] [--mutants N] [--only TEXT]
+    python -m bench.mutation [ROOM...] [--share PERCENT] [--only TEXT]
 
 Each mutant is put into a copy of the repository, where the tests of its file run until one fails.
 A test with ROS 2 that fails is run on the unchanged copy too, and counts only if it passes there;
 the others are those of `make test`. The programs of test/csrc run first, without pytest.
 
 Results are kept in `.mutation/`: a run that was stopped goes on, and a mutant whose file and tests
-have not changed since is not judged again. The status is 1 if a room has fewer than 90 % of its
-mutants noticed; those of `equivalent_mutants.txt` are not counted.
+have not changed since is not judged again; the summary is `bench/judged_mutants.md`. The status
+is 1 if a room has fewer than 90 % of its mutants noticed; those of `equivalent_mutants.txt` are
+not counted.
 """
 
 import argparse
@@ -47,18 +48,18 @@ import tempfile
 import time
 import traceback
 
+from bench.mutation_results import equivalent, keep, kept_results, Result, SUMMARY, summary
 from bench.source_mutants import all_changes, sample, SourceMutant
 from fret_monitor.native.cache import CSRC_ROOMS
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-RESULTS = ROOT / '.mutation'
-EQUIVALENT = Path(__file__).with_name('equivalent_mutants.txt')
 GOAL = 0.9
 _TEST_S = 100  # for one test; mutants that loop for ever are noticed
 _PROGRAM_S = 40
 _MUTANT_S = 900.0
 _MEMORY_BYTES = 8 << 30
+_LIKELY = 12  # tests that noticed other mutants of the room, and run first
 # About text alone, or as long as all the others and the same but for the preemption.
 _LEFT_OUT = ('without_warnings', 'without_a_warning', 'header_compiles', 'threads-True',
              'addresses-True')
@@ -67,7 +68,8 @@ _PROGRAMS: dict[str, tuple[str, ...]] = {
     'evaluator_scenarios': (), 'timed_scenarios': (), 'evaluator_edges': ('',),
     'evaluator_model': ('0 300', '1 300', '2 300'), 'engine_time': ('',), 'engine_timed': ('',),
     'backlog': ('',), 'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'),
-    'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',)}
+    'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',),
+    'closing': ('before_take', 'after_take', 'before_is_closed', 'after_is_closed')}
 _WRAPPED = re.compile(r'__wrap_(\w+)\(')
 _SANITIZED = ('test/csrc', 'test/codegen', 'test/ros/test_node_parts', 'test/ros/test_exported')
 _OTHER_LIBRARIES = ('benchmark.c', 'trials.c')
@@ -116,7 +118,7 @@ ROOMS = {
         'blackbox.c': f'test/runtime {_THREADS} ' + _ros('blackbox'),
         'reorder.c': 'test/runtime test/bag',
         'records.c': 'test/runtime test/traces test/bag',
-        'csv*.c': 'test/traces',
+        'csv*.c': 'test/traces/test_csv_trace.py test/traces',
         'thinning.c': 'test/runtime test/bag',
         'benchmark.c': 'test/traces/test_benchmark.py',
         'trials.c': 'test/traces',
@@ -137,6 +139,7 @@ ROOMS = {
         'reasons.c': 'test/runtime/test_review_acting.py',
         'time_log.c': 'test/runtime/test_review_time.py',
         'condition_log.c': 'test/runtime/test_review_acting.py',
+        'start_lines.c': 'test/runtime/test_start_lines.py',
         'input_log.c': 'test/runtime/test_review.py',
         'health.c': f'{_REVIEW} test/runtime/test_review_time.py',
         'review.c': f'{_REVIEW} test/runtime/test_review_time.py',
@@ -196,25 +199,12 @@ ROOMS = {
 }
 
 
-@dataclass(frozen=True)
-class Result:
-    """What the tests said of a mutant: `noticed`, `missed`, or `invalid` (it does not compile)."""
-
-    key: str
-    answer: str
-    by: str
-    """The test that failed, or how the tests ended."""
-    seconds: float
-    version: str
-    """The hash of the mutant's file and of its tests."""
-
-
 # ---- the copy that mutants are put into --------------------------------------------------------
 
 # An object of the same text and flags is compiled once: a mutant costs the one file that changed.
 # A warning would be noticed by a test of its own, and says nothing about the others.
 _COMPILER = """\
-import hashlib, os, shutil, subprocess, sys
+import hashlib, os, sys
 
 REAL, KEPT = {real!r}, {kept!r}
 arguments = [*sys.argv[1:], '-w']
@@ -239,8 +229,10 @@ for source in sources:
         seen.update(os.path.basename(text).encode() + open(text, 'rb').read())
     kept = os.path.join(KEPT, seen.hexdigest())
     if os.path.exists(kept):
-        shutil.copyfile(kept, made)
+        with open(kept, 'rb') as file, open(made, 'wb') as copy:
+            copy.write(file.read())
         continue
+    import shutil, subprocess
     done = subprocess.run([REAL, *flags, '-c', source, '-o', made], capture_output=True)
     sys.stdout.buffer.write(done.stdout)
     sys.stderr.buffer.write(done.stderr)
@@ -260,6 +252,7 @@ class Copy:
         self._folder = folder
         self._moment = int(time.time()) - 10**6
         self.root.mkdir()
+        (folder / 'home').mkdir()
         for name in _COPIED:
             shutil.copytree(ROOT / name, self.root / name,
                             ignore=shutil.ignore_patterns('__pycache__'))
@@ -284,7 +277,9 @@ class Copy:
     def environment(self) -> dict[str, str]:
         """Return the variables with which processes import the copy, and find the compiler."""
         path = os.pathsep.join([str(self._folder / 'bin'), os.environ['PATH']])
-        return {'PYTHONPATH': str(self.root), 'PATH': path, 'FRET_MONITOR_EXAMPLES': '15'}
+        return {'PYTHONPATH': str(self.root), 'PATH': path, 'FRET_MONITOR_EXAMPLES': '15',
+                'FRET_MONITOR_TEST_HOME': str(self._folder / 'home'),
+                'PYTHONDONTWRITEBYTECODE': ''}  # each process would compile the package anew
 
     @contextmanager
     def changed(self, mutant: SourceMutant) -> Iterator[None]:
@@ -353,6 +348,7 @@ def _run_here(copy: Copy, tests: Sequence[str], failed: Path, folder: Path) -> i
     os.chdir(copy.root)
     os.environ.update({**copy.environment(), 'TMPDIR': str(folder)})
     tempfile.tempdir = None
+    sys.dont_write_bytecode = False
     sys.path[:] = [str(copy.root), *(path for path in sys.path if path not in ('', str(ROOT)))]
     for name in [name for name in sys.modules if name.split('.')[0] in ('bench', 'fret_monitor')]:
         del sys.modules[name]
@@ -409,7 +405,9 @@ class Programs:
                          for name, source in sources.items()}
         self._programs = {name: self._object(source, f'program_{name}')
                           for name, source in sources.items()}
+        self._linked: dict[str, bytes] = {}
         failing = self._first_failing([*self._engine.values()])
+        self._linked = {name: (folder / name).read_bytes() for name in _PROGRAMS}
         if failing is not None:
             raise RuntimeError(f'{failing} fails without a mutant')
 
@@ -426,10 +424,12 @@ class Programs:
             program = self._folder / name
             flags = [f'-Wl,--wrap={function}' for function in self._wrapped[name]]
             subprocess.run(['gcc', self._programs[name], *objects, *flags, '-o', program,
-                            '-pthread', '-lm'], check=True, capture_output=True)
+                            '-Wl,--gc-sections', '-pthread', '-lm'],
+                           check=True, capture_output=True)
+            if program.read_bytes() == self._linked.get(name):
+                continue  # the change is in a function that this program does not call
             for argument in arguments or self._scenarios(program):
-                # Some have threads and clocks: only what fails again is noticed.
-                if not any(self._succeeds(program, argument) for _ in range(2)):
+                if self._fails(program, argument):
                     return f'{name} {argument}'.strip()
         return None
 
@@ -437,16 +437,18 @@ class Programs:
         done = subprocess.run([program], check=False, capture_output=True, text=True)
         return done.stdout.split()
 
-    def _succeeds(self, program: Path, argument: str) -> bool:
+    def _fails(self, program: Path, argument: str) -> bool:
+        """Return whether it hangs, or fails twice: some have threads and clocks."""
         try:
-            return subprocess.run([program, *argument.split()], check=False, timeout=_PROGRAM_S,
-                                  capture_output=True).returncode == 0
+            return all(subprocess.run([program, *argument.split()], check=False,
+                                      timeout=_PROGRAM_S, capture_output=True).returncode != 0
+                       for _ in range(2))
         except subprocess.TimeoutExpired:
-            return False
+            return True
 
     def _object(self, source: Path, name: str = '') -> Path:
         made = self._folder / f'{name or source.stem}.o'
-        subprocess.run(['gcc', '-std=c99', '-O0', '-w',
+        subprocess.run(['gcc', '-std=c99', '-O0', '-w', '-ffunction-sections', '-fdata-sections',
                         *(f'-I{self._csrc / room}' for room in CSRC_ROOMS),
                         '-c', source, '-o', made], check=True)
         return made
@@ -462,23 +464,24 @@ class Judge:
         self._failing: list[str] = []
 
     def judged(self, mutant: SourceMutant, tests: tuple[str, ...], version: str,
-               noticed_by: str = '') -> Result:
-        """Return the result for a mutant; first by the test that noticed it before, if any."""
+               likely: Sequence[str] = ()) -> Result:
+        """Return the result for a mutant; `likely` are tests that have noticed others."""
         before = time.monotonic()
         with self._copy.changed(mutant):
-            answer, by = (self._same_answer(noticed_by) or self._first_answer(mutant)
+            answer, by = (self._first_answer(mutant) or self._likely_answer(likely)
                           or self._answer(tests))
         while answer == 'noticed' and by.startswith('test/ros/') and not self._passes(by):
             with self._copy.changed(mutant):
                 answer, by = self._answer(tests)
         return Result(mutant.key, answer, by, round(time.monotonic() - before, 1), version)
 
-    def _same_answer(self, noticed_by: str) -> tuple[str, str] | None:
-        if '::' not in noticed_by:
+    def _likely_answer(self, tests: Sequence[str]) -> tuple[str, str] | None:
+        left = [test for test in tests if test not in self._failing]
+        if not left:
             return None
         try:
-            failed = run_tests(self._copy, [noticed_by])
-        except RuntimeError:  # the test has another name by now
+            failed = run_tests(self._copy, left)
+        except RuntimeError:  # one has another name by now
             return None
         return None if failed is None else ('noticed', failed)
 
@@ -518,25 +521,14 @@ class Judge:
 @cache
 def _headers_of_ros() -> list[str]:
     done = subprocess.run(
-        [sys.executable, '-c', 'import bench.ros, json; print(json.dumps(bench.ros.searched()))'],
+        [sys.executable, '-c', 'import json; from fret_monitor.native import ros_files; '
+         'print(json.dumps(ros_files.searched()))'],
         check=True, capture_output=True, text=True, cwd=ROOT)
     found: list[str] = json.loads(done.stdout)
     return found
 
 
 # ---- the run -----------------------------------------------------------------------------------
-
-
-def equivalent() -> dict[str, str]:
-    """Return the mutants that mean the same, with the reason why."""
-    found: dict[str, str] = {}
-    key = ''
-    for line in EQUIVALENT.read_text(encoding='utf-8').splitlines():
-        if line.startswith('    '):
-            found[key] = f'{found.get(key, "")} {line.strip()}'.strip()
-        elif line and not line.startswith('#'):
-            key = line
-    return found
 
 
 def mutants_of(room: Room, count: int) -> list[SourceMutant]:
@@ -558,28 +550,23 @@ def _version(path: str, tests: tuple[str, ...]) -> str:
     return sha256(b'\0'.join(texts)).hexdigest()[:16]
 
 
-def kept_results() -> dict[str, Result]:
-    """Return the last result of each mutant."""
-    if not (RESULTS / 'results.jsonl').is_file():
-        return {}
-    lines = (RESULTS / 'results.jsonl').read_text(encoding='utf-8').splitlines()
-    results = [Result(**json.loads(line)) for line in lines]
-    return {result.key: result for result in results}
+def _likely(known: dict[str, Result], mutant: SourceMutant,
+            tests: Sequence[str]) -> list[str]:
+    """Return the tests among `tests` that noticed this mutant before, or others of its room."""
+    mine = known.get(mutant.key)
+    others = [result for key, result in known.items() if key.startswith(f'{mutant.place}/')]
+    found = [result.by for result in (*([mine] if mine else []), *reversed(others))
+             if '::' in result.by and result.by.startswith(tuple(tests))]
+    return [*dict.fromkeys(found)][:_LIKELY]
 
 
-def _keep(result: Result) -> None:
-    RESULTS.mkdir(exist_ok=True)
-    with (RESULTS / 'results.jsonl').open('a', encoding='utf-8') as file:
-        file.write(json.dumps(result.__dict__) + '\n')
-
-
-def judge_room(name: str, judge: Judge, count: int | None, only: str) -> bool:
+def judge_room(name: str, judge: Judge, share: int, only: str) -> bool:
     """Judge the mutants of a room and print what was missed; return whether enough was noticed."""
     room = ROOMS[name]
     known, same = kept_results(), equivalent()
     counts = {'noticed': 0, 'missed': 0, 'invalid': 0, 'equivalent': 0}
     missed = []
-    for mutant in mutants_of(room, count or room.mutants):
+    for mutant in mutants_of(room, -(-room.mutants * share // 100)):
         if mutant.key in same:
             counts['equivalent'] += 1
             continue
@@ -589,8 +576,9 @@ def judge_room(name: str, judge: Judge, count: int | None, only: str) -> bool:
         version = _version(mutant.path, tests)
         result = known.get(mutant.key)
         if result is None or result.version != version:
-            result = judge.judged(mutant, tests, version, '' if result is None else result.by)
-            _keep(result)
+            result = judge.judged(mutant, tests, version, _likely(known, mutant, tests))
+            known[mutant.key] = result
+            keep(result)
             print(f'  {result.answer} {result.seconds:.0f} s {mutant.path}:{mutant.line} '
                   f'{mutant.before} => {mutant.after}  [{result.by}]', flush=True)
         counts[result.answer] += 1
@@ -608,7 +596,8 @@ def main(arguments: Sequence[str]) -> int:
     """Judge the rooms that are named, all without a name."""
     parser = argparse.ArgumentParser(prog='python -m bench.mutation')
     parser.add_argument('rooms', nargs='*', metavar='ROOM', help=' '.join(ROOMS))
-    parser.add_argument('--mutants', type=int, metavar='N', help='of each room')
+    parser.add_argument('--share', type=int, default=100, metavar='PERCENT',
+                        help='of the mutants of each room')
     parser.add_argument('--only', default='', metavar='TEXT', help='those with this in their key')
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what it has started
@@ -617,8 +606,10 @@ def main(arguments: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory(prefix='fret_monitor-mutation-') as folder:
         copy = Copy(Path(folder))
         judge = Judge(copy, Programs(copy, Path(folder) / 'programs'))
-        enough = [judge_room(name, judge, options.mutants, options.only)
+        enough = [judge_room(name, judge, options.share, options.only)
                   for name in options.rooms or ROOMS]
+    SUMMARY.write_text(summary({name: mutants_of(room, room.mutants)
+                                for name, room in ROOMS.items()}), encoding='utf-8')
     return 0 if all(enough) else 1
 
 

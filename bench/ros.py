@@ -28,7 +28,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import ctypes
 from dataclasses import asdict, dataclass, replace
-from glob import glob
 import json
 from operator import attrgetter
 import os
@@ -48,6 +47,7 @@ from fret_monitor.export.content import Options
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import packages_of
 from fret_monitor.native.compiler import find_compiler
+from fret_monitor.native.ros_files import linked, NODE_LIBRARIES, prefixes, rmw_library, searched
 from fret_monitor.ros.settings.parameters import MONITOR_PARAMETERS
 
 HERE = Path(__file__).resolve().parent
@@ -69,49 +69,17 @@ UNREAD = 'never taken'
 IN_CALLBACK = "rcl in C, taking inside the middleware's callback"
 TIMEOUT = 0.05  # s
 SILENCES = 10.0  # a second
-SETTLE = 8.0  # s for an idle monitor to start, and to log what it waits for
+IDLE_TOPICS = (1, 100, 500)
+SETTLE = 30.0  # s of quiet, before an idle node is measured
+JOINED = 2.0  # s that another node is there
 HANDLER = 'copilot/handlerpropEACH'
 PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
-NODE_LIBRARIES = ('rcl', 'rcl_lifecycle', 'rcl_yaml_param_parser', 'rcutils', 'rmw',
-                  'rosidl_runtime_c')
 EXPORTED = 'exported node'
+IDLE_GOALS = {(1, 'monitor'): '6 ms/s', (100, 'monitor'): '10 ms/s', (500, 'monitor'): '20 ms/s',
+              (1, EXPORTED): '2 ms/s', (100, EXPORTED): '3 ms/s', (500, EXPORTED): '6 ms/s'}
 
 
 # -- the programs in C ----------------------------------------------------------------------------
-
-def prefixes() -> list[Path]:
-    """Return the prefixes of ROS 2: the sourced installation first, then the wheels."""
-    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    return [Path(name) for name in (*filter(None, sourced), sys.prefix)]
-
-
-def searched() -> list[str]:
-    """Return the arguments by which a C compiler finds the headers of ROS."""
-    return [f'-isystem{place}' for prefix in prefixes()
-            for place in sorted(glob(f'{prefix}/include/*/'))]
-
-
-def linked(libraries: Sequence[str], packages: Sequence[str]) -> list[str]:
-    """Return the arguments to link libraries of ROS, and the messages of packages."""
-    places = [place for prefix in prefixes()
-              for place in (f'{prefix}/lib', *sorted(glob(f'{prefix}/lib/python*/*/ros_*.libs')))
-              if Path(place).is_dir()]
-    return [
-        *(f'-L{place}' for place in places),
-        # DT_RPATH, unlike DT_RUNPATH, is also used for the dependencies of libraries.
-        '-rdynamic', '-Wl,--as-needed', '-Wl,--disable-new-dtags',
-        '-Wl,--unresolved-symbols=ignore-in-shared-libs',
-        *(f'-Wl,-rpath,{place}' for place in places), *(f'-l{name}' for name in libraries),
-        *(f'-l{package}__rosidl_{kind}_c' for package in packages
-          for kind in ('typesupport', 'generator'))]
-
-
-def rmw_library() -> str:
-    """Return the library with the functions of rmw: the wheels have no rmw_implementation."""
-    has_choice = any((prefix / 'lib' / 'librmw_implementation.so').is_file()
-                     for prefix in prefixes())
-    return 'rmw_implementation' if has_choice else 'rmw_fastrtps_cpp'
-
 
 def build(name: str, folder: Path) -> Path:
     """Compile a program of `bench/ros` into a folder, and return it."""
@@ -254,12 +222,22 @@ class Running:
         """Return its memory: the resident size (VmRSS) or its peak (VmHWM)."""
         return kilobytes(self.process, key)
 
+    def wait_for(self, words: str) -> None:
+        """Wait until it has written these words; a monitor may have to compile first."""
+        while words not in self._written():
+            if self.process.poll() is not None:
+                raise SystemExit(f'{self.subject.name} has ended:\n{self._written()}')
+            time.sleep(0.1)
+
+    def _written(self) -> str:
+        size = os.fstat(self._output.fileno()).st_size
+        return os.pread(self._output.fileno(), size, 0).decode(errors='replace')
+
     def close(self) -> str:
         """End it, and return its output."""
         self.process.send_signal(signal.SIGINT)
         end(self.process)
-        self._output.seek(0)
-        return self._output.read().decode(errors='replace')
+        return self._written()
 
     def kill(self) -> None:
         """Kill it if it still runs."""
@@ -395,6 +373,8 @@ class Bench:
     rate: float = RATE
     seconds: float = SECONDS
     flood: int = FLOOD
+    idle_topics: tuple[int, ...] = IDLE_TOPICS
+    settle: float = SETTLE
 
     def work(self, topics: tuple[str, ...], rate: float, content: str = 'float32',
              depth: int = 100, echo: str | None = None) -> Work:
@@ -429,8 +409,12 @@ class Bench:
 
     def all_monitors(self, bundle: Path) -> list[Subject]:
         """Return the monitors, and the node of `export --to ros2`."""
+        return [*self.monitors(bundle), self.exported(bundle)]
+
+    def exported(self, bundle: Path) -> Subject:
+        """Return the node of `export --to ros2`."""
         program = exported(bundle, self.folder / f'{bundle.stem}_node')
-        return [*self.monitors(bundle), Subject(EXPORTED, (str(program),), is_monitor=True)]
+        return Subject(EXPORTED, (str(program),), is_monitor=True)
 
     def gate(self, name: str, inputs: str, formula: str, otherwise: str) -> Subject:
         """Return a gate from `raw` to `relayed`."""
@@ -581,26 +565,60 @@ def deadlines(bench: Bench) -> Iterator[Row]:
 
 
 def idle(bench: Bench) -> Iterator[Row]:
-    """Measure the work of a monitor to which nothing comes, with a hundred timeouts."""
+    """Measure the work of nodes to which nothing comes, with a timeout on each topic."""
     more = f', timeout: {TIMEOUT * 10}, startup: {TIMEOUT * 10}'
-    bundle = bench.bundle(
-        'idle', ''.join(float_input(f'x{i}', f'x{i}', more) for i in range(REQUIREMENTS)),
-        ''.join(f'  - {{id: R{i}, ptltl: "x{i} < 1.0"}}\n' for i in range(REQUIREMENTS)))
-    for subject in bench.all_monitors(bundle):
-        found = []
-        for _ in range(bench.rounds):
-            running = Running(subject)
+    for n in bench.idle_topics:
+        topics = tuple(f'x{i}' for i in range(n))
+        bundle = bench.bundle(
+            f'idle{n}', ''.join(float_input(name, name, more) for name in topics),
+            ''.join(f'  - {{id: R{i}, ptltl: "x{i} < 1.0"}}\n' for i in range(n)))
+        work = Work(topics, 0, 0.0)
+        subjects = [bench.rclpy(work), bench.bare(work), bench.monitors(bundle)[0],
+                    bench.exported(bundle)]
+        found: dict[str, list[tuple[float, float]]] = {item.name: [] for item in subjects}
+        for number in range(bench.rounds):
+            for subject in subjects:
+                say(f'{n} topics, round {number + 1} of {bench.rounds}: {subject.name}')
+                found[subject.name].append(at_rest(bench, subject))
+        for place, case in enumerate(('idle', 'idle, other nodes join and leave')):
+            for name, pairs in found.items():
+                yardstick = 'rclpy' if name == 'monitor' else 'rcl in C'
+                values = [pair[place] for pair in pairs]
+                yield Row(
+                    f'{case}, {n} topics with a timeout', name, 'ms/s', median(values),
+                    min(values), max(values),
+                    median(a / b[place] for a, b in zip(values, found[yardstick])),
+                    '' if place else IDLE_GOALS.get((n, name), ''))
+
+
+def at_rest(bench: Bench, subject: Subject) -> tuple[float, float]:
+    """Return milliseconds a second of a node at rest, and while others join and leave."""
+    running = Running(subject)
+    try:
+        if subject.is_monitor:
+            running.wait_for('watching')
+        time.sleep(bench.settle)
+        quiet = milliseconds_a_second(running, bench.seconds)
+        joining = Subject('other', (str(bench.floor), '--topics', 'other'))
+        joined = []
+        for _ in range(max(1, int(bench.seconds / JOINED))):
+            other = Running(joining)
             try:
-                time.sleep(SETTLE)
-                begin, cpu = time.monotonic_ns(), running.nanoseconds()
-                time.sleep(bench.seconds)
-                spent = running.nanoseconds() - cpu
-                found.append(1e3 * spent / (time.monotonic_ns() - begin))
-                running.close()
+                joined.append(milliseconds_a_second(running, JOINED))
+                other.close()
             finally:
-                running.kill()
-        yield Row('idle, 100 inputs with a timeout: processor time', subject.name, 'ms/s',
-                  median(found), min(found), max(found))
+                other.kill()
+        running.close()
+        return quiet, sum(joined) / len(joined)
+    finally:
+        running.kill()
+
+
+def milliseconds_a_second(running: Running, seconds: float) -> float:
+    """Return the processor time of a process within the next seconds."""
+    began, spent = time.monotonic_ns(), running.nanoseconds()
+    time.sleep(seconds)
+    return 1e3 * (running.nanoseconds() - spent) / (time.monotonic_ns() - began)
 
 
 def cloud(bench: Bench) -> Iterator[Row]:

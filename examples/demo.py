@@ -48,7 +48,6 @@ from fret_monitor import build
 from fret_monitor.logic.formula import Historically, variables
 from fret_monitor.logic.specification import Specification
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace
-from rosbags.rosbag2 import Reader
 
 HERE = Path(__file__).resolve().parent
 BUNDLE = HERE.parent / 'config' / 'quadrotor.yaml'
@@ -62,6 +61,9 @@ TAKES_OFF_AT = 1000  # s on /clock, as in quadrotor.py
 END_PATIENCE = 10.0  # s
 END_TOPIC = '/blackbox_end'  # of the message that marks the end of a black box
 CDR_HEAD = 4  # bytes before the value of a serialized Float32
+MCAP_MAGIC_BYTES = 8  # at the begin and the end of a file
+MCAP_CHANNEL, MCAP_CHUNK = 4, 6  # kinds of records
+MCAP_CHUNK_HEAD, MCAP_MESSAGE_HEAD = 40, 22  # bytes before the records, the serialized message
 
 VIOLATED = re.compile(r'(\S+) violated at ([0-9.]+): (.*?)(?: \[(.* after its start: .*)\])?')
 RECOVERED = re.compile(r'(\S+) satisfied again at ([0-9.]+): .*')
@@ -330,14 +332,42 @@ def _received(box: Path) -> tuple[list[Message], int]:
         raise Failure('the monitor has written no black box')
     messages: list[Message] = []
     time = 0
-    with Reader(files[-1]) as reader:
-        for connection, stamp, data in reader.messages():
-            # Of two messages at one time of /clock, the second counts a nanosecond later.
-            time = max(stamp, time + 1)
-            if not connection.topic.endswith(END_TOPIC):
-                value, = struct.unpack_from('<f', data, CDR_HEAD)
-                messages.append(Message(time, connection.topic, value))
+    for stamp, topic, data in _recorded(files[-1].read_bytes()):
+        # Of two messages at one time of /clock, the second counts a nanosecond later.
+        time = max(stamp, time + 1)
+        if not topic.endswith(END_TOPIC):
+            value, = struct.unpack_from('<f', data, CDR_HEAD)
+            messages.append(Message(time, topic, value))
     return messages, time
+
+
+def _recorded(file: bytes) -> list[tuple[int, str, bytes]]:
+    """
+    Return time, topic and bytes of each message of a black box, in the order of time.
+
+    It is an MCAP file without compression (https://mcap.dev/spec). `rosbags` reads such files too,
+    but is not among what `make demo` installs.
+    """
+    topics: dict[int, str] = {}
+    found = []
+    for kind, content in _records(file[MCAP_MAGIC_BYTES:-MCAP_MAGIC_BYTES]):
+        if kind == MCAP_CHANNEL:
+            channel, _, length = struct.unpack_from('<HHI', content)
+            topics[channel] = content[8:8 + length].decode()
+        elif kind == MCAP_CHUNK:
+            for _, message in _records(content[MCAP_CHUNK_HEAD:]):
+                channel, _, time = struct.unpack_from('<HIQ', message)
+                found.append((time, topics[channel], message[MCAP_MESSAGE_HEAD:]))
+    return sorted(found, key=lambda item: item[0])
+
+
+def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
+    place = 0
+    while place < len(content):
+        kind, length = struct.unpack_from('<BQ', content, place)
+        place += 9
+        yield kind, content[place:place + length]
+        place += length
 
 
 def _compare(published: list[list[str]], received: list[Message]) -> None:

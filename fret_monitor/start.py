@@ -20,7 +20,7 @@ compiler, and this package. A note in the cache records all of them; it is used 
 changed and the library is intact.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -44,7 +44,7 @@ from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CompiledMonitor
 
 if TYPE_CHECKING:
-    from fret_monitor.build import Reading
+    from fret_monitor.build import GeneratedMonitor, Reading
 
 _NOTES = 'bundles'
 _MOST_NOTES = 1000  # beyond this the least recently used are removed
@@ -65,10 +65,20 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
     NativeError
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
-    overrides = _Overrides(policy, period, constants or {}, part)
-    note = _note(path, overrides)
-    found = _recall(note, path) if note else None
-    return found or _build(path, overrides, note)
+    return _start(path, _Overrides(policy, period, constants or {}, part))
+
+
+def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identity: str, *,
+                  policy: Policy | None = None, period: Fraction | None = None,
+                  constants: Mapping[str, Text] | None = None,
+                  part: NodePart | None = None) -> Path:
+    """
+    Do as `start`, with a file of the cache that `make` builds in place of the library; return it.
+
+    `identity` is a text that changes with what `make` depends on besides.
+    """
+    overrides = _Overrides(policy, period, constants or {}, part, f'program {identity}')
+    return _start(path, overrides, make).library
 
 
 def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
@@ -94,12 +104,20 @@ def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | 
     return generate_monitor(overrides.read(path)).manifest
 
 
+def _start(path: Path, overrides: '_Overrides',
+           make: Callable[['GeneratedMonitor'], Path] | None = None) -> CompiledMonitor:
+    note = _note(path, overrides)
+    found = _recall(note, path) if note else None
+    return found or _build(path, overrides, note, make)
+
+
 @dataclass(frozen=True)
 class _Overrides:
     policy: Policy | None
     period: Fraction | None
     constants: Mapping[str, Text]
     part: NodePart | None
+    program: str = ''
 
     def read(self, path: Path) -> 'Reading':
         from fret_monitor.build import read
@@ -108,16 +126,19 @@ class _Overrides:
 
     def texts(self) -> Iterator[str]:
         """Yield all that distinguishes these overrides from others."""
-        yield from (repr(self.policy), repr(self.period), repr(self.part))
+        yield from (repr(self.policy), repr(self.period), repr(self.part), self.program)
         for name, text in sorted(self.constants.items()):
             yield from (name, text.source.name, text.value)
 
 
-def _build(path: Path, overrides: _Overrides, note: Path | None) -> CompiledMonitor:
+def _build(path: Path, overrides: _Overrides, note: Path | None,
+           make: Callable[['GeneratedMonitor'], Path] | None) -> CompiledMonitor:
     # Imported here: loading parsers and generator takes longer than a start from a note.
     from fret_monitor.build import compile_monitor, generate_monitor
     reading = overrides.read(path)
-    compiled = compile_monitor(generate_monitor(reading))
+    generated = generate_monitor(reading)
+    compiled = compile_monitor(generated) if make is None else CompiledMonitor(
+        generated.manifest, make(generated), generated.warnings, generated.sources)
     if note:
         _remember(note, compiled, reading)
     return compiled

@@ -42,6 +42,7 @@ ARGUMENTS = {
     'rate': ('', 'steps a second, with the policy periodic'),
     'constants': ('', "values in place of the bundle's: {v_max: 0.8, is_outdoors: true}"),
     'hot_path': ('', "whether the middleware's callbacks take the messages"),
+    'native': ('', 'whether the monitor becomes a node in C, built for the bundle once'),
     'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
     'blackbox': ('', 'a folder for the last messages before each violation'),
@@ -62,6 +63,7 @@ BOOLEANS = ('true', 'false', 'True', 'False')
 CHOICES = {
     'policy': ('', *(item.value for item in Policy)),
     'hot_path': ('', 'auto', 'on', 'off'),
+    'native': ('', *BOOLEANS),
     'log_violations': ('', *BOOLEANS),
     'autostart': BOOLEANS,
     'use_sim_time': BOOLEANS,
@@ -76,7 +78,7 @@ PATHS = ('spec', 'library')
 OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'handler_depth', 'use_sim_time')
 BLACKBOX_TYPES = {'blackbox': str, 'blackbox_seconds': float, 'blackbox_bytes': int,
                   'blackbox_files': int, 'blackbox_disk_bytes': int}
-TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool,
+TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool, 'native': bool,
          'log_violations': bool, 'use_sim_time': bool, **BLACKBOX_TYPES}
 
 
@@ -104,7 +106,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
         LifecycleNode(
             executable='monitor', name=LaunchConfiguration('name'), on_exit=_end,
             parameters=[logs_once, _constants(context), _given(
-                context, *OF_BOTH, *BLACKBOX_TYPES, 'hot_path', 'autostart',
+                context, *OF_BOTH, *BLACKBOX_TYPES, 'hot_path', 'native', 'autostart',
                 'log_violations')], **common),
         Node(
             executable='logger', name='fret_logger',

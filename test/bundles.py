@@ -26,6 +26,16 @@ inputs:
 requirements:
   - {id: R, ptltl: "n < 0"}
 """
+# A requirement of the requests of a service, for a gate on it
+ARMED = """
+format: 1
+evaluation: {policy: every_message}
+inputs:
+  data: {topic: enable/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+  safe: {topic: safe, type: std_msgs/msg/Bool}
+requirements:
+  - {id: ARMED, ptltl: "data -> safe"}
+"""
 
 
 def write_bundle(folder: Path, text: str, name: str = 'bundle.yaml') -> Path:

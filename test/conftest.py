@@ -54,9 +54,11 @@ def pytest_configure(config: pytest.Config) -> None:
     gc.disable()  # until all tests are collected: until then almost nothing becomes garbage
     if _WORKER in os.environ:
         return
-    config.stash[_HOME] = tempfile.mkdtemp(prefix='fret_monitor-test-')
-    os.environ['ROS_HOME'] = config.stash[_HOME]
-    os.environ['ROS_LOG_DIR'] = os.path.join(config.stash[_HOME], 'log')
+    home = os.environ.get('FRET_MONITOR_TEST_HOME')  # one that stays, with its cache
+    if home is None:
+        home = config.stash[_HOME] = tempfile.mkdtemp(prefix='fret_monitor-test-')
+    os.environ['ROS_HOME'] = home
+    os.environ['ROS_LOG_DIR'] = os.path.join(home, 'log')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # Hundreds of Python processes start: let the next one load what the first one compiled.
     os.environ.pop('PYTHONDONTWRITEBYTECODE', None)

@@ -27,9 +27,9 @@ from random import Random
 from typing import Any, TypeVar
 
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, FALSE, Feedback, Formula, FTP,
-    Historically, Once, postorder, Previous, Since, Triggered, TRUE, Unary, UnaryOperator,
-    Variable, WeakYesterday, Window, Yesterday,
+    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, FALSE, Feedback,
+    Formula, FTP, Held, Historically, Once, Over, postorder, Previous, Since, TimeOver, Triggered,
+    TRUE, Unary, UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.logic.timed import TimedTrace
@@ -102,13 +102,16 @@ class FormulaMaker:
     `reach` is the largest bound of a window in the formulas: 300 takes `LONG_BOUNDS` in, more the
     `HUGE_BOUNDS` up to it, those only where no delay line that long is needed. Where `bounds` is
     given, the bounds are those, and sums of two.
-    `feedback` are Feedback nodes to use as if they were inputs.
+    `feedback` are Feedback nodes to use as if they were inputs. Without `has_windows` there are no
+    numbers over time.
     """
 
     def __init__(self, draw: Draw, inputs: Sequence[Variable] = INPUTS, *, reach: int = 300,
-                 feedback: Sequence[Feedback] = (), bounds: Sequence[int] = ()) -> None:
+                 feedback: Sequence[Feedback] = (), bounds: Sequence[int] = (),
+                 has_windows: bool = True) -> None:
         """Start with no terms to share."""
         self._draw = draw
+        self._has_windows = has_windows
         self._leaves: list[Formula] = [*inputs, *feedback]
         usual = (*SHORT_BOUNDS, *LONG_BOUNDS)
         self._bounds = bounds or tuple(bound for bound in usual if bound <= reach)
@@ -198,6 +201,10 @@ class FormulaMaker:
                 return self._rare_boolean(size)
 
     def _rare_boolean(self, size: int) -> Formula:
+        if self._has_windows and self._draw(4) == 3:
+            past = self.past()
+            return TimeOver(past, self._draw(past + 2) if past < 2 ** 31 else past // 2,
+                            self.formula(size))
         if self._draw(2):
             return Previous(self.formula(size // 3), self.formula(size // 2))
         return self._pair(self._pick((BinaryOperator.EQ, BinaryOperator.NE)), size)
@@ -220,7 +227,9 @@ class FormulaMaker:
         return Constant(self._pick(finite_values(kind)), kind)
 
     def _number(self, kind: ValueType, size: int) -> Formula:
-        match self._draw(12):
+        match self._draw(15 if self._has_windows else 12):
+            case 12 | 13 | 14:
+                return self._over_time(kind, size)
             case 0:
                 return Unary(UnaryOperator.NEG, self.term(kind, size))
             case 1 if kind is FLOAT64 and self._draw(2) and self._has_number():
@@ -236,6 +245,31 @@ class FormulaMaker:
                 return self._previous(kind, size)
             case _:
                 return self._converted(kind, size)
+
+    def past(self) -> int:
+        """Return the length of a window of numbers, each of which takes room."""
+        return self._pick(self._bounds)
+
+    def messages(self) -> Formula:
+        """Return when there is a value for a sum, a mean or a count."""
+        return TRUE
+
+    def _over_time(self, kind: ValueType, size: int) -> Formula:
+        match self._draw(6):
+            case 0:
+                x = self.term(kind, size)
+                return Binary(BinaryOperator.SUB, x, Ago(self.past(), x))
+            case 1:
+                return Held(self.formula(size // 2), self.term(kind, size // 2))
+            case 2 | 3 if kind is not FLOAT32:
+                aggregate = Aggregate.SUM
+                if kind is not UINT64 and self._draw(2):
+                    aggregate = Aggregate.COUNT if kind is INT64 else Aggregate.MEAN
+                of = self.formula(size) if aggregate is Aggregate.COUNT else self.term(kind, size)
+                return Over(aggregate, self.past(), of, self.messages())
+            case _:
+                aggregate = self._pick((Aggregate.GREATEST, Aggregate.LEAST))
+                return Over(aggregate, self.past(), self.term(kind, size), TRUE)
 
     def _mathematics(self) -> Formula:
         # Of an input, for the same reason as in `_power`.
@@ -446,9 +480,10 @@ def _below(draw: st.DrawFn) -> Draw:
 
 @st.composite
 def formulas(draw: st.DrawFn, inputs: Sequence[Variable] = INPUTS, *, size: int = 12,
-             reach: int = 300) -> Formula:
+             reach: int = 300, has_windows: bool = True) -> Formula:
     """Draw a BOOL formula of at most about `size` nodes; shrinks to small and simple ones."""
-    return FormulaMaker(_below(draw), inputs, reach=reach).formula(draw(st.integers(1, size)))
+    maker = FormulaMaker(_below(draw), inputs, reach=reach, has_windows=has_windows)
+    return maker.formula(draw(st.integers(1, size)))
 
 
 @st.composite

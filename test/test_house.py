@@ -129,6 +129,8 @@ def test_the_package_imports_only_what_the_manifest_declares() -> None:
     # fret_monitor.testing is a plugin of pytest, and draws traces with hypothesis if it is there.
     declared |= {'python3-pytest', 'python3-hypothesis'}
     assert needed - declared - OPTIONAL == set()
+    # `make demo` installs no optional extra.
+    assert {KEYS.get(name, name) for name in imported('examples')} - declared == set()
 
 
 def test_the_tests_import_only_what_the_manifest_declares() -> None:

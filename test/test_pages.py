@@ -47,7 +47,9 @@ from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
 from fret_monitor.runtime.reporting import LOGGED_PER_S
+from fret_monitor.runtime.subscription import LOOK_AGAIN_S, LOOKS_AT_ONCE
 import pytest
+from tools.pictures.__main__ import PICTURES
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / 'docs'
@@ -258,8 +260,8 @@ def test_the_page_on_ros_has_the_parameters_of_each_node() -> None:
     assert {name for name, (of, _) in rows.items() if of == 'both'} == logger | of_all
     assert {name for name, (of, _) in rows.items() if of == 'gate'} == \
         set(parameters.GATE_PARAMETERS) - monitor
-    assert 'no `period` and no `rate`' in rows['gates'][1]
-    assert monitor - set(parameters.GATE_PARAMETERS) == {'period', 'rate'}
+    assert 'no `period`, `rate` or `native`' in rows['gates'][1]
+    assert monitor - set(parameters.GATE_PARAMETERS) == {'native', 'period', 'rate'}
 
 
 def test_the_page_on_ros_has_the_defaults_and_least_values_of_parameters() -> None:
@@ -284,7 +286,8 @@ def test_the_page_on_ros_has_the_defaults_and_least_values_of_parameters() -> No
 
 def test_the_page_on_ros_has_the_arguments_of_the_launch_file() -> None:
     arguments = constants('launch/monitor.launch.py')['ARGUMENTS']
-    said = re.search(r'^Arguments are (.*?)\. The monitor is', text_of('ros.md'), re.MULTILINE)
+    said = re.search(r'^Arguments are (.*?)\. The monitor is', text_of('ros.md'),
+                     re.MULTILINE | re.DOTALL)
     assert said is not None and words(said[1]) == list(arguments)
 
 
@@ -329,11 +332,11 @@ WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increa
           'add_status': (4,), 'add_reason': (1,), 'add_requirements': (4,), 'add_state': (1, 2),
           'fm_log': (2,), 'fm_log_failure': (1,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.
-REASONS = ('health.c', 'input_log.c', 'reasons.c', 'monitor_node.c')
+REASONS = ('action_lines.c', 'health.c', 'input_log.c', 'reasons.c', 'monitor_node.c')
 # Functions of Python that word what a node logs, but do not log it.
-WORDING = {'fret_monitor/ros/reports/start_lines.py': 'announcement',
-           'fret_monitor/ros/nodes/logger_node.py': '_contents',
+WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',
+           'fret_monitor/ros/acting/actions.py': 'describe',
            'fret_monitor/model/parts.py': 'judged_by_gates'}
 
 
@@ -411,6 +414,8 @@ def texts_of_python(path: Path) -> set[str]:
             case ast.FunctionDef(name=name) if name == wording:
                 found |= {text_of_node(inner.value) for inner in ast.walk(node)
                           if isinstance(inner, ast.Return | ast.Yield) and inner.value}
+                found |= {text_of_node(inner.elt) for inner in ast.walk(node)
+                          if isinstance(inner, ast.ListComp)}
     return found
 
 
@@ -481,8 +486,8 @@ LIMITS: list[tuple[str, str, float | str]] = [
     ('language.md', r'one above (\d+), or', MAX_BOUND),
     ('language.md', r'sentence above (\d+)', MAX_BOUND - 1),
     ('recordings.md', r'the first (\d+) times', report._MOST_LISTED),
-    ('design.md', r'publishers of (\d+) topics',
-     'fret_monitor/ros/intake/feed.py:_REVIEWED_AT_ONCE'),
+    ('design.md', r'of all topics, (\d+) of them', LOOKS_AT_ONCE),
+    ('design.md', r'looks for all publishers every (\d+) seconds', LOOK_AGAIN_S),
     ('ros_interface.md', r'at most (\d+) a second get them',
      'fret_monitor/runtime/engine.py:MOST_DETAILS_PER_S'),
     ('ros_interface.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
@@ -614,16 +619,35 @@ def test_the_page_on_benchmarks_has_the_figures_that_can_be_asked_for() -> None:
 
 # -- pictures ------------------------------------------------------------------------------------
 
-def test_the_picture_of_the_policies_is_what_runs_give() -> None:
+def picture(name: str) -> str:
+    """Return a picture of the pages."""
+    return (ROOT / 'docs/pictures' / f'{name}.svg').read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('name', sorted(set(PICTURES) - {'report'}))
+def test_a_picture_is_what_runs_give(name: str) -> None:
+    if name == 'policies':
+        pytest.importorskip('rosbags')
+    assert PICTURES[name].drawn() == picture(name)
+
+
+def test_the_picture_of_a_report_is_of_the_report_that_is_made_today() -> None:
     pytest.importorskip('rosbags')
-    from tools import draw_pictures
-    picture = draw_pictures.PICTURE.read_text(encoding='utf-8')
-    assert draw_pictures.drawn() == picture
+    assert PICTURES['report'].source(PICTURES['report'].made()) in picture('report')
+
+
+def test_every_picture_is_on_a_page() -> None:
+    shown = [name for page in PAGES
+             for name in re.findall(r'!\[[^]]+\]\(pictures/(\w+)\.svg\)', text_of(page.name))]
+    assert sorted(shown) == sorted(PICTURES)
+
+
+def test_the_page_on_time_says_of_the_policies_what_the_picture_says() -> None:
     said = [re.search(r'(at [\d.]+ s|never):', row)
             for row in text_of('time.md').split('where OPENS is evaluated')[1].splitlines()[1:6]]
     assert [found and found[1] for found in said] == [
         text.removeprefix('violated ').replace('not violated', 'never')
-        for text in re.findall(r'violated at [\d.]+ s|not violated', picture)]
+        for text in re.findall(r'violated at [\d.]+ s|not violated', picture('policies'))]
 
 
 # -- links ---------------------------------------------------------------------------------------

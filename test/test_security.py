@@ -53,6 +53,8 @@ def test_no_module_executes_data_or_starts_a_shell() -> None:
     found = {name: list(uses(tree)) for name, tree in trees()}
     # `prove` runs arithmetic as Python that it generates itself, from operators and numbers.
     assert len(found.pop('smt/concrete.py', [''])) == 1
+    # `native:=true` replaces the process by the program that was built for the bundle.
+    assert len(found.pop('ros/native_start.py')) == 1
     assert {name: items for name, items in found.items() if items} == {}
 
 

@@ -17,8 +17,10 @@
 import ast
 from pathlib import Path
 
-from bench.mutation import equivalent, mutants_of, ROOMS
+from bench.mutation import mutants_of, ROOMS
+from bench.mutation_results import equivalent, keep, Result, summary
 from bench.source_mutants import changes, sample
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 C = """\
@@ -85,3 +87,16 @@ def test_every_mutant_of_the_sample_is_python_and_has_tests() -> None:
 
 def test_mutants_that_mean_the_same_are_given_with_a_reason() -> None:
     assert all(' => ' in key and reason for key, reason in equivalent().items())
+
+
+def test_the_summary_counts_what_was_judged_and_lists_what_was_missed(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('bench.mutation_results.RESULTS', tmp_path / 'results.jsonl')
+    found = changes('f.c', C)[:5]
+    for mutant, answer in zip(found, ('missed', 'noticed', 'invalid', 'missed')):
+        keep(Result(mutant.key, answer, '', 1.0, '', 'abc', '2026-11-23'))
+    keep(Result(found[0].key, 'noticed', '', 1.0, '', 'def', '2026-11-24'))  # by a new test
+    text = summary({'room': found, 'other': []})
+    assert '| room | 5 | 2 | 1 | 0 | 1 | 1 | 67 % |\n| other | 0 | 0 |' in text
+    assert '\n2026-11-23 to 2026-11-24: 2 at commit abc, 1 at commit def; ' in text
+    assert text.endswith(f'\n* `{found[3].key}`\n')

@@ -35,7 +35,7 @@
 #include <std_msgs/msg/empty.h>
 #include <std_msgs/msg/float32.h>
 
-#define MOST_TOPICS 128
+#define MOST_TOPICS 512
 #define SECOND INT64_C(1000000000)
 
 /// The content of a topic: a number of four bytes, or a point cloud of a megabyte.

@@ -119,6 +119,7 @@ static void free_memory(struct fm_engine * engine)
     fm_arrivals_end_handover(&engine->topics[t].arrivals);
     free(engine->topics[t].evidence);
   }
+  fm_engine_free_transforms(engine);
   fm_outbox_free(&engine->outbox);
   fm_reorder_free(&engine->waiting);
   free(engine->fields);
@@ -189,22 +190,11 @@ bool fm_engine_is_closed(struct fm_engine * engine)
   return is_closed;
 }
 
-// ---- queues ------------------------------------------------------------------------------------
-
-void fm_engine_reset(struct fm_engine * engine)
+void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box)
 {
-  fm_engine_begin_order(engine);
   fm_engine_lock(engine);
-  fm_engine_take_due_now_locked(engine);
-  fm_evaluator_reset(engine->options.evaluator);
-  fm_engine_forget_violations_locked(engine);
-  if (engine->gate != NULL) {
-    fm_gate_reset(engine->gate);
-  }
-  fm_engine_update_states_locked(engine);
-  fm_engine_take_due_now_locked(engine);
+  engine->blackbox = box;
   fm_engine_unlock(engine);
-  fm_engine_end_order(engine);
 }
 
 // ---- taking ------------------------------------------------------------------------------------
@@ -305,6 +295,16 @@ bool fm_engine_take_detail(
   return has_one;
 }
 
+void fm_engine_detail_counts(struct fm_engine * engine, struct fm_detail_counts * out)
+{
+  fm_engine_lock(engine);
+  for (uint32_t r = 0; r < engine->options.monitor->n_requirements; ++r) {
+    out[r] = fm_outbox_counts(&engine->outbox, r);
+    out[r].is_violated = engine->are_violated[r];
+  }
+  fm_engine_unlock(engine);
+}
+
 void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more)
 {
   fm_engine_lock(engine);
@@ -343,55 +343,7 @@ uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic)
   return lost;
 }
 
-// ---- messages ----------------------------------------------------------------------------------
-
-void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box)
-{
-  fm_engine_lock(engine);
-  engine->blackbox = box;
-  fm_engine_unlock(engine);
-}
-
 // ---- answers -----------------------------------------------------------------------------------
-
-struct fm_requirement_counts fm_engine_requirement_counts(
-  struct fm_engine * engine, uint32_t requirement)
-{
-  fm_engine_lock(engine);
-  struct fm_requirement_counts counts =
-    fm_evaluator_requirement_counts(engine->options.evaluator, requirement);
-  if (engine->gate != NULL && requirement < engine->options.monitor->n_requirements) {
-    counts.is_violated = counts.is_violated || engine->are_violated[requirement];
-  }
-  fm_engine_unlock(engine);
-  return counts;
-}
-
-struct fm_input_counts fm_engine_input_counts(struct fm_engine * engine, uint32_t input)
-{
-  fm_engine_lock(engine);
-  const struct fm_input_counts counts =
-    fm_evaluator_input_counts(engine->options.evaluator, input);
-  fm_engine_unlock(engine);
-  return counts;
-}
-
-struct fm_topic_counts fm_engine_topic_counts(struct fm_engine * engine, uint32_t topic)
-{
-  fm_engine_lock(engine);
-  const struct fm_topic_counts counts =
-    fm_evaluator_topic_counts(engine->options.evaluator, topic);
-  fm_engine_unlock(engine);
-  return counts;
-}
-
-struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine)
-{
-  fm_engine_lock(engine);
-  const struct fm_time_counts counts = fm_evaluator_time_counts(engine->options.evaluator);
-  fm_engine_unlock(engine);
-  return counts;
-}
 
 struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_t topic)
 {
@@ -404,14 +356,6 @@ struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_
   return counts;
 }
 
-bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out)
-{
-  fm_engine_lock(engine);
-  const bool has_value = fm_evaluator_value(engine->options.evaluator, input, out);
-  fm_engine_unlock(engine);
-  return has_value;
-}
-
 // ---- time --------------------------------------------------------------------------------------
 
 void fm_engine_advance(struct fm_engine * engine, int64_t now)
@@ -422,6 +366,22 @@ void fm_engine_advance(struct fm_engine * engine, int64_t now)
     fm_engine_take_due_by_locked(engine, fm_later(now, -engine->options.reorder));
   }
   fm_engine_unlock(engine);
+}
+
+void fm_engine_reset(struct fm_engine * engine)
+{
+  fm_engine_begin_order(engine);
+  fm_engine_lock(engine);
+  fm_engine_take_due_now_locked(engine);
+  fm_evaluator_reset(engine->options.evaluator);
+  fm_engine_forget_violations_locked(engine);
+  if (engine->gate != NULL) {
+    fm_gate_reset(engine->gate);
+  }
+  fm_engine_update_states_locked(engine);
+  fm_engine_take_due_now_locked(engine);
+  fm_engine_unlock(engine);
+  fm_engine_end_order(engine);
 }
 
 static void follow(

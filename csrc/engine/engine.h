@@ -44,13 +44,14 @@
 #include "handover.h"
 #include "outbox.h"
 #include "states.h"
+#include "transforms.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 17u
+#define FM_ENGINE_ABI 22u
 
 struct fm_engine;
 
@@ -120,6 +121,37 @@ FM_EXPORT uint32_t fm_engine_message(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
+/// A transform between two frames, as a topic: its messages are of the type
+/// geometry_msgs/msg/TransformStamped, and are made by the engine. The names have up to
+/// FM_MOST_FRAME_BYTES bytes, no slash before them, and outlive the engine.
+struct fm_transform_topic
+{
+  const char * from;
+  const char * to;
+  uint32_t topic;
+};
+
+/// Make messages of `n` transforms. The messages of the topics `tf` and `tf_static` (each
+/// tf2_msgs/msg/TFMessage) then feed a tree (transforms.h). After one of them, each transform that
+/// there is, and that differs from the one before in its stamp or its value, is delivered as a
+/// message of its topic, received when the message with the links was; one after another, in the
+/// order of `transforms`. A message with links is no step by itself. Call it once, before messages
+/// are delivered. Returns false if a topic is out of range, or memory is short: the engine is
+/// then of no use. O(n); allocates. A message of `tf` then costs fm_tree_read, and n times
+/// fm_tree_look_up.
+FM_EXPORT bool fm_engine_follow_transforms(
+  struct fm_engine * engine, const struct fm_transform_topic * transforms, uint32_t n, uint32_t tf,
+  uint32_t tf_static);
+
+/// Whether a transform, as an index of these, has no value now; as fm_tree_missing, `from` and
+/// `to` (FM_MOST_FRAME_BYTES + 1 bytes each) are then the frames between which a link is missing.
+/// As fm_tree_look_up.
+FM_EXPORT bool fm_engine_missing_link(
+  struct fm_engine * engine, uint32_t transform, char * from, char * to);
+
+/// As fm_tree_left_out.
+FM_EXPORT struct fm_tree_counts fm_engine_left_out(struct fm_engine * engine);
+
 /// Keep the states of the requirements up to date from now on (states.h), for locks and actions;
 /// the evaluator must report recoveries. fm_engine_take then also returns when one has changed.
 /// Call it before messages are delivered. O(1); each step then costs O(requirements + inputs of
@@ -159,6 +191,11 @@ FM_EXPORT uint32_t fm_engine_judge(
 /// next one is due. Costs as fm_engine_judge.
 FM_EXPORT bool fm_engine_replace(
   struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at, int64_t * due);
+
+/// Write the present ROS time into a serialized message, at an offset (-1: nowhere): that of the
+/// clock of fm_engine_follow_clock, 0 if it has none, else system time. O(1).
+FM_INTERNAL void fm_engine_write_time(
+  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at);
 
 /// When a replacement is due, as of fm_engine_judge.
 FM_EXPORT int64_t fm_engine_replacement_due(struct fm_engine * engine);
@@ -235,6 +272,11 @@ FM_EXPORT void fm_engine_want_details(
 FM_EXPORT bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds);
 
+/// Copy the counts of all requirements to `out`. A violation, its detail and its count are of one
+/// instant: without a detail in the queue, none is on its way. O(requirements).
+FM_EXPORT void fm_engine_detail_counts(
+  struct fm_engine * engine, struct fm_detail_counts * out);
+
 /// Take the kept message of a topic: the first one with a field that could not be used. After
 /// that, the next such message is kept. Returns its size, 0 if there is none. If the size is more
 /// than `room`, nothing is written and the message stays. O(size).
@@ -247,18 +289,9 @@ FM_EXPORT uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic);
 /// Count violations that were taken and could not be published (snapshot.h).
 FM_EXPORT void fm_engine_count_unpublished(struct fm_engine * engine, uint64_t more);
 
-/// As the functions of the same names in evaluator.h.
-FM_EXPORT struct fm_requirement_counts fm_engine_requirement_counts(
-  struct fm_engine * engine, uint32_t requirement);
-FM_EXPORT struct fm_input_counts fm_engine_input_counts(
-  struct fm_engine * engine, uint32_t input);
-FM_EXPORT struct fm_topic_counts fm_engine_topic_counts(
-  struct fm_engine * engine, uint32_t topic);
-FM_EXPORT struct fm_time_counts fm_engine_time_counts(struct fm_engine * engine);
 /// The messages of a topic that took effect out of order, or wait for long.
 FM_EXPORT struct fm_order_counts fm_engine_order_counts(
   struct fm_engine * engine, uint32_t topic);
-FM_EXPORT bool fm_engine_value(struct fm_engine * engine, uint32_t input, void * out);
 
 #ifdef __cplusplus
 }

@@ -29,11 +29,26 @@ void fm_engine_lock(struct fm_engine * engine) {pthread_mutex_lock(&engine->mute
 
 void fm_engine_unlock(struct fm_engine * engine) {pthread_mutex_unlock(&engine->mutex);}
 
+// Within a callback, one reading shows that what was found before still holds.
+static bool still_holds_locked(struct fm_engine * engine)
+{
+  if (engine->began == 0 || engine->ahead_read == 0) {
+    return false;
+  }
+  const int64_t now = fm_between(engine->system_ahead, fm_read_clock(CLOCK_REALTIME));
+  const bool holds = engine->began <= now && now - engine->began <= FM_CLOSE_NS;
+  engine->ahead_read = holds ? engine->began : engine->ahead_read;
+  return holds;
+}
+
 // How much the system time is ahead of the steady clock. Readings may be far apart if the thread
 // is preempted, so that they only give limits. What was found before holds while it is within
 // them: the stamps of periods are then exactly a period apart.
 int64_t fm_engine_system_ahead_locked(struct fm_engine * engine)
 {
+  if (still_holds_locked(engine)) {
+    return engine->system_ahead;
+  }
   int64_t before;
   int64_t system;
   int64_t after;

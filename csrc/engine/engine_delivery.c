@@ -144,25 +144,10 @@ uint32_t fm_engine_deliver_locked(
   return FM_RECEIVED;
 }
 
-uint32_t fm_engine_message_locked(
-  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
-  const struct fm_origin * origin)
+void fm_engine_drop_locked(struct fm_engine * engine, uint32_t topic, uint32_t n)
 {
-  struct fm_reading reading = {engine->fields, message, size, 0, false};
-  reading.is_decoded =
-    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
-  return fm_engine_deliver_locked(engine, topic, &reading, origin);
-}
-
-uint32_t fm_engine_message(
-  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
-  const struct fm_origin * origin)
-{
-  if (topic >= engine->options.n_topics) {
-    return FM_RECEIVED;
+  engine->topics[topic].arrivals.dropped += n;
+  for (uint32_t k = 0; k < n && !engine->is_closed; ++k) {
+    fm_evaluator_undecodable(engine->options.evaluator, topic);
   }
-  fm_engine_lock(engine);
-  const uint32_t receipt = fm_engine_message_locked(engine, topic, message, size, origin);
-  fm_engine_unlock(engine);
-  return receipt;
 }

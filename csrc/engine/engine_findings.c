@@ -27,9 +27,9 @@
 static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
 {
   const bool is_used = engine->blackbox != NULL || engine->has_states || engine->gate != NULL;
-  for (uint32_t k = 0; is_used && k < n; ++k) {
+  for (uint32_t k = 0; k < n; ++k) {
     const uint32_t requirement = engine->found[k].requirement;
-    if (!engine->found[k].is_recovery && !engine->are_violated[requirement]) {
+    if (is_used && !engine->found[k].is_recovery && !engine->are_violated[requirement]) {
       fm_states_begin_violation(&engine->states, requirement);
       if (engine->blackbox != NULL) {
         fm_blackbox_note(engine->blackbox, requirement, fm_steady_time());

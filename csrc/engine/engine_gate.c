@@ -185,6 +185,20 @@ static void write_stamp(uint8_t * message, size_t size, int64_t stamp_at, int64_
   }
 }
 
+void fm_engine_write_time(
+  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at)
+{
+  int64_t now = 0;
+  fm_engine_lock(engine);
+  if (engine->source != FM_CLOCK) {
+    now = fm_read_clock(CLOCK_REALTIME);
+  } else if (engine->is_outdated || engine->now(engine->clock, &now) != 0) {
+    now = 0;
+  }
+  fm_engine_unlock(engine);
+  write_stamp(message, size, stamp_at, now);
+}
+
 static bool replace_locked(
   struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at)
 {

@@ -58,6 +58,11 @@ uint32_t fm_engine_deliver_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 
+/// Count messages of a topic that the middleware dropped since it could not decode them: they are
+/// not lost. Call it with the lock held, before the next message is delivered. `topic` must be in
+/// range.
+void fm_engine_drop_locked(struct fm_engine * engine, uint32_t topic, uint32_t n);
+
 /// A queue of the middleware, from which the engine takes what callbacks leave there. The receiver
 /// owns it; what is below `deliver_locked` is the engine's.
 struct fm_queue

@@ -14,7 +14,8 @@
 
 /// engine_parts.h: the struct of an engine, and the functions that its files share. For
 /// engine_*.c, and those that read the struct: records.c and thinning.c. A file calls only those
-/// before it: clock < findings < message < due < backlog < delivery < gate < engine.
+/// before it: clock < findings < message < due < backlog < delivery < transforms <
+/// gate < engine.
 ///
 /// One mutex guards the whole struct. Functions whose names end in _locked need it held.
 
@@ -26,6 +27,7 @@
 #include "engine_locked.h"
 #include "reorder.h"
 #include "states.h"
+#include "transforms.h"
 
 #define FM_CLOSE_NS 10000  // two readings of clocks without a preemption in between
 #define FM_SET_NS 1000000  // a change of the system time by more is no error of a measurement
@@ -63,6 +65,16 @@ struct fm_engine_topic
   bool has_sources;             // an input that is not a field
 };
 
+// A transform that is made of the tree: the message that came last, and room for the next.
+struct fm_engine_transform
+{
+  struct fm_transform_topic options;
+  uint8_t * message;
+  uint8_t * next;
+  size_t size;
+  size_t pose_at;
+};
+
 struct fm_engine
 {
   pthread_mutex_t mutex;
@@ -86,6 +98,11 @@ struct fm_engine
   int (* now)(void * clock, int64_t * nanoseconds);
   void * clock;
   enum fm_source_of_time source;
+  struct fm_tree * tree;          // of coordinate frames; NULL: no input is a transform
+  struct fm_engine_transform * transforms;
+  uint32_t n_transforms;
+  uint32_t tf;                    // the topics with the links
+  uint32_t tf_static;
   struct fm_gate * gate;          // NULL: none
   uint32_t gated;                 // its topic; n_topics: one that feeds no input
   void (* on_due)(void * argument);  // NULL: nobody waits for replacements
@@ -262,7 +279,9 @@ void fm_engine_catch_up_if_free(struct fm_engine * engine);
 /// released meanwhile. Returns whether messages are left.
 bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine);
 
-// ---- engine_delivery.c -------------------------------------------------------------------------
+// ---- engine_transforms.c -----------------------------------------------------------------------
+
+void fm_engine_free_transforms(struct fm_engine * engine);
 
 /// As fm_engine_message. `topic` must be in range.
 uint32_t fm_engine_message_locked(

@@ -163,6 +163,13 @@ static void remember_key(struct fm_arrivals * arrivals, const struct fm_origin *
   }
 }
 
+static void note_missing(struct fm_arrivals * arrivals, uint64_t n)
+{
+  const uint64_t dropped = arrivals->dropped < n ? arrivals->dropped : n;
+  arrivals->dropped -= dropped;
+  arrivals->lost += n - dropped;
+}
+
 static void note_number(
   struct fm_arrivals * arrivals, struct fm_publisher * publisher, const struct fm_origin * origin)
 {
@@ -171,7 +178,7 @@ static void note_number(
     publisher->first = number;
     publisher->last = number;
   } else if (number > publisher->last) {
-    arrivals->lost += origin->gid == NULL ? 0 : number - publisher->last - 1;
+    note_missing(arrivals, origin->gid == NULL ? 0 : number - publisher->last - 1);
     publisher->last = number;
   } else if (arrivals->is_handover && publisher->first < number && number < publisher->last) {
     arrivals->lost -= arrivals->lost > 0 ? 1 : 0;  // it came late, and was counted as lost

@@ -19,8 +19,9 @@
 /// fm_arrivals_end_handover, messages that were received before are recognised as repeated.
 ///
 /// Publishers number their messages. A missing number counts as a lost message: a queue
-/// overflowed, the network dropped it, or the middleware could not decode it. Numbers before the
-/// first message received from a publisher are not counted, nor those of messages without a gid.
+/// overflowed, or the network dropped it. Not counted are the numbers of messages that the
+/// middleware dropped because it could not decode them (the owner counts these in `dropped`),
+/// those before the first message of a publisher, and those of messages without a gid.
 ///
 /// Not thread-safe: the caller holds a mutex. The caller owns the struct and zeroes it first.
 
@@ -63,6 +64,7 @@ struct fm_arrivals
   uint32_t n_publishers;
   uint64_t lost;
   uint64_t lost_before;         // `lost` when the handover began
+  uint64_t dropped;             // by the middleware, whose numbers are not missing yet
   struct fm_message_key * keys; // a ring of those received during the handover; NULL outside it
   uint64_t n_keys;              // received during the handover
   bool is_handover;

@@ -29,12 +29,14 @@
 #define MOST_DETAILS 1024u
 #define DETAIL_MEMORY_BYTES (4u << 20)
 
-// The number of details of a requirement that were queued in a second.
+// The details of a requirement: those of a second, and counters.
 struct fm_quota
 {
   int64_t second;
   uint32_t used;
+  uint32_t queued;      // that were not taken yet
   uint64_t suppressed;
+  uint64_t violations;  // with and without details
 };
 
 bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor)
@@ -131,7 +133,7 @@ static void add_detail(
     quota->suppressed += violation->is_recovery ? 0u : 1u;
     return;
   }
-  const struct fm_detail detail = {*violation, quota->suppressed};
+  const struct fm_detail detail = {*violation, quota->suppressed, quota->violations};
   const size_t inputs_bytes = (size_t)outbox->monitor->inputs_bytes;
   const uint32_t place = (outbox->detail_begin + outbox->n_details) % outbox->detail_slots;
   uint8_t * slot = outbox->details + place * outbox->detail_slot_bytes;
@@ -139,6 +141,7 @@ static void add_detail(
   memcpy(slot + sizeof(detail), fm_evaluator_inputs(evaluator), inputs_bytes);
   write_flags(slot + sizeof(detail) + inputs_bytes, outbox->monitor, evaluator);
   quota->used += 1;
+  quota->queued += 1;
   outbox->n_details += 1;
 }
 
@@ -146,6 +149,7 @@ void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_evaluator * evaluator)
 {
+  outbox->quotas[violation->requirement].violations += violation->is_recovery ? 0u : 1u;
   if (!violation->is_recovery || outbox->keeps_recoveries) {
     add_violation(outbox, violation);
   }
@@ -169,13 +173,21 @@ static bool make_details(struct fm_outbox * outbox)
   return outbox->details != NULL;
 }
 
+static void drop_details(struct fm_outbox * outbox)
+{
+  for (uint32_t r = 0; outbox->n_details > 0 && r < outbox->monitor->n_requirements; ++r) {
+    outbox->quotas[r].queued = 0;
+  }
+  outbox->n_details = 0;
+}
+
 void fm_outbox_want_details(
   struct fm_outbox * outbox, bool are_wanted, uint32_t most_per_s)
 {
   outbox->most_details_per_s = most_per_s;
   outbox->wants_details = are_wanted && (outbox->details != NULL || make_details(outbox));
   if (!outbox->wants_details) {
-    outbox->n_details = 0;  // a later listener must not receive old details
+    drop_details(outbox);  // a later listener must not receive old details
   }
 }
 
@@ -189,5 +201,12 @@ bool fm_outbox_take_detail(struct fm_outbox * outbox, struct fm_detail * out)
     detail_bytes(outbox));
   outbox->detail_begin = (outbox->detail_begin + 1u) % outbox->detail_slots;
   outbox->n_details -= 1;
+  outbox->quotas[out->violation.requirement].queued -= 1;
   return true;
+}
+
+struct fm_detail_counts fm_outbox_counts(const struct fm_outbox * outbox, uint32_t requirement)
+{
+  const struct fm_quota * quota = &outbox->quotas[requirement];
+  return (struct fm_detail_counts) {quota->violations, quota->queued, false};
 }

@@ -30,6 +30,15 @@ struct fm_detail
 {
   struct fm_violation violation;
   uint64_t suppressed;  // violations of this requirement so far whose details were not queued
+  uint64_t number;      // of the violation, from 1; of a recovery, that of the last violation
+};
+
+/// What became of a requirement's violations, at one instant.
+struct fm_detail_counts
+{
+  uint64_t violations;  // the number of the last one; 0: there was none
+  uint32_t queued;      // details that were not taken yet
+  bool is_violated;     // the last violation is not over
 };
 
 struct fm_quota;
@@ -42,7 +51,7 @@ struct fm_outbox
   uint32_t n_violations;
   uint32_t capacity;
   uint64_t unpublished;        // violations that were dropped or could not be published
-  struct fm_quota * quotas;    // by requirement
+  struct fm_quota * quotas;    // and counters, by requirement
   uint8_t * details;           // a ring of slots
   size_t detail_slot_bytes;
   uint32_t detail_slots;
@@ -74,12 +83,15 @@ uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, ui
 /// Queue details from now on, at most `most_per_s` a second for each requirement, and 1024 at a
 /// time; the others are counted (fm_detail.suppressed). With `are_wanted` false, no details are
 /// queued, and those in the queue are dropped. Allocates once, about 4 MiB at most; if that fails,
-/// no details are queued. O(1).
+/// no details are queued. O(1), O(requirements) if details are dropped.
 void fm_outbox_want_details(
   struct fm_outbox * outbox, bool are_wanted, uint32_t most_per_s);
 
 /// Take the oldest detail: fm_detail, the inputs (monitor->inputs_bytes), the flags
 /// (monitor->n_inputs). Returns whether there was one. O(bytes of the inputs).
 bool fm_outbox_take_detail(struct fm_outbox * outbox, struct fm_detail * out);
+
+/// The counts of a requirement, all but `is_violated`. O(1).
+struct fm_detail_counts fm_outbox_counts(const struct fm_outbox * outbox, uint32_t requirement);
 
 #endif  // OUTBOX_H_

@@ -369,17 +369,6 @@ bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t inpu
   return input < evaluator->monitor->n_inputs && evaluator->instance.inputs[input].has_value;
 }
 
-bool fm_evaluator_value(const struct fm_evaluator * evaluator, uint32_t input, void * out)
-{
-  if (input < evaluator->monitor->n_inputs) {
-    const struct fm_input * from = &evaluator->monitor->inputs[input];
-    memcpy(
-      out, (const char *)evaluator->instance.values + from->offset,
-      fm_instance_value_bytes((enum fm_type)from->type));
-  }
-  return fm_evaluator_has_value(evaluator, input);
-}
-
 bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input)
 {
   return input < evaluator->monitor->n_inputs && evaluator->instance.inputs[input].is_stale;

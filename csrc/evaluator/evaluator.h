@@ -364,11 +364,6 @@ FM_EXPORT const void * fm_evaluator_inputs(const struct fm_evaluator * evaluator
 /// Whether an input has a value.
 FM_EXPORT bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uint32_t input);
 
-/// Copy the current value of an input to an object of its type. Returns whether it has one;
-/// without one, zero is written, and nothing for an index out of range.
-FM_EXPORT bool fm_evaluator_value(
-  const struct fm_evaluator * evaluator, uint32_t input, void * out);
-
 /// Whether an input is stale.
 FM_EXPORT bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input);
 

@@ -143,6 +143,14 @@ static inline int64_t fm_signed(uint64_t bits)
   return bits <= (uint64_t)INT64_MAX ? (int64_t)bits : -(int64_t)(~bits) - 1;
 }
 
+/// How often p held in a window: the state is a count, `in` is p now, and `out` is p at the step
+/// that leaves the window. Starts at 0.
+static inline int64_t fm_tally(int64_t * count, bool in, bool out)
+{
+  *count = fm_signed((uint64_t)*count + (uint64_t)in - (uint64_t)out);
+  return *count;
+}
+
 /// Cells of groups that step at ticks (fm_group.step_at). Between two steps the arguments of a
 /// cell stay as they were at the first of them. `tick` is that of this step; each cell lowers
 /// `*next` to the next tick at which its result can change although its arguments stay. No tick is

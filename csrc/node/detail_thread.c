@@ -27,7 +27,7 @@
 #include "violation_log.h"
 
 #define MOST_PER_S 100u  // details of a requirement, while they are published
-#define WAIT_MS 100u     // longest wait for a detail; closing the engine ends it at once
+#define WAIT_MS 200u     // longest wait for a detail; closing the engine ends it at once
 
 struct fm_detail_thread
 {

@@ -27,7 +27,7 @@
 #include <rcl_lifecycle/transition_map.h>
 #include <rosidl_runtime_c/string_functions.h>
 
-#include "serve.h"
+#include "endpoints.h"
 
 bool fm_lifecycle_begin(
   struct fm_lifecycle * lifecycle, struct fm_node * node,

@@ -108,16 +108,6 @@ void fm_log_failure(const struct fm_node * node, const char * what)
   rcl_reset_error();
 }
 
-bool fm_passes(int64_t * next, double seconds)
-{
-  const int64_t now = fm_steady_now();
-  if (now < *next) {
-    return false;
-  }
-  *next = now + (int64_t)(seconds * 1e9);
-  return true;
-}
-
 int64_t fm_steady_now(void)
 {
   return fm_steady_time();

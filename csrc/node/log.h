@@ -50,9 +50,6 @@ void fm_log_lines(const struct fm_node * node, struct fm_lines * lines);
 /// Log the error of rcl after a text, and clear it.
 void fm_log_failure(const struct fm_node * node, const char * what);
 
-/// Let at most one event pass in an interval. `*next` is 0 at first; `seconds` of the interval.
-bool fm_passes(int64_t * next, double seconds);
-
 /// CLOCK_MONOTONIC, and the system time, in nanoseconds.
 int64_t fm_steady_now(void);
 int64_t fm_system_now(void);

@@ -37,11 +37,16 @@ static void end(int number)
 static void handle_signals(void)
 {
   struct sigaction action;
+  sigset_t handled;
   memset(&action, 0, sizeof(action));
   action.sa_handler = end;
   action.sa_flags = SA_RESTART;
   (void)sigaction(SIGINT, &action, NULL);
   (void)sigaction(SIGTERM, &action, NULL);
+  (void)sigemptyset(&handled);
+  (void)sigaddset(&handled, SIGINT);
+  (void)sigaddset(&handled, SIGTERM);
+  (void)sigprocmask(SIG_UNBLOCK, &handled, NULL);  // `monitor` blocks them until here
   action.sa_handler = SIG_IGN;  // the reader of the log may end before the node
   (void)sigaction(SIGPIPE, &action, NULL);
 }

@@ -22,6 +22,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "in_place_types.h"
+
 char * fm_resolved_name(const struct fm_node * node, const char * name)
 {
   char * resolved = NULL;
@@ -60,7 +62,8 @@ static bool subscribe(
   intake->receiver = NULL;
   intake->subscription = rcl_get_zero_initialized_subscription();
   if (rcl_subscription_init(
-      &intake->subscription, &topic->node->node, topic->about->support(), topic->about->name,
+      &intake->subscription, &topic->node->node,
+      topic->in_place != NULL ? topic->in_place : topic->about->support(), topic->about->name,
       &options) == RCL_RET_OK)
   {
     return true;
@@ -77,6 +80,7 @@ static bool receive(
   if (fm_receiver_start(
       &intake->receiver, topic->engine, topic->middleware,
       rcl_subscription_get_rmw_handle(&intake->subscription), topic->index,
+      topic->in_place != NULL ? FM_LISTEN_IN_PLACE :
       fm_receiver_taking(rmw_get_implementation_identifier())))
   {
     return true;
@@ -103,15 +107,16 @@ static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake
 
 bool fm_topic_open(
   struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_topic * about,
-  const struct fm_fixed_qos * fixed, uint32_t index)
+  const char * name, const struct fm_fixed_qos * fixed, uint32_t index)
 {
   topic->node = node;
   topic->about = about;
   topic->index = index;
-  topic->name = fm_resolved_name(node, about->name);
-  if (topic->name == NULL) {
-    fm_log_failure(node, "cannot subscribe");
-    return false;
+  topic->name = name;
+  topic->in_place = fm_in_place_type_of(about->support());
+  if (topic->in_place == NULL && fm_why_copied()[0] == '\0') {
+    fm_log(node, FM_INFO, "messages on %s are copied before they are read: %s has no type support "
+      "for Fast DDS", name, about->type);
   }
   struct fm_text problem = {NULL, 0, 0};
   topic->state = fm_subscription_create(topic->name, about->type, fixed);
@@ -154,7 +159,6 @@ bool fm_topic_close(struct fm_mapped_topic * topic)
   is_over = end_intake(topic, &topic->current) && is_over;
   fm_subscription_destroy(topic->state);
   free(topic->retired);
-  free(topic->name);
   memset(topic, 0, sizeof(*topic));
   return is_over;
 }
@@ -254,4 +258,9 @@ void fm_topic_review(struct fm_mapped_topic * topic)
   if (rmw_topic_endpoint_info_array_fini(&publishers, &topic->node->allocator) != RMW_RET_OK) {
     rcl_reset_error();
   }
+}
+
+bool fm_topic_is_settled(const struct fm_mapped_topic * topic)
+{
+  return fm_subscription_is_settled(topic->state, fm_engine_lost(topic->engine, topic->index));
 }

@@ -40,12 +40,14 @@ struct fm_mapped_topic
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
   const struct fm_node_topic * about;
-  char * name;                       // resolved
+  const rosidl_message_type_support_t * in_place;  // in_place_types.h; NULL: it is copied
+  const char * name;                 // resolved
   uint32_t index;
   struct fm_subscription * state;
   struct fm_intake current;
   struct fm_intake * retired;        // being replaced, the oldest first
   uint32_t n_retired;
+  bool is_due;                       // to be reviewed
   bool is_leaked;                    // the middleware may still call back for a closed one
 };
 
@@ -53,19 +55,22 @@ struct fm_mapped_topic
 /// if it is not valid; the error of rcl is set.
 char * fm_resolved_name(const struct fm_node * node, const char * name);
 
-/// Subscribe; no message is taken before fm_topic_start. Returns false, with the error logged.
+/// Subscribe; no message is taken before fm_topic_start. `name`: the resolved one; it outlives the
+/// topic. Returns false, with the error logged.
 bool fm_topic_open(
   struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_topic * about,
-  const struct fm_fixed_qos * fixed, uint32_t index);
+  const char * name, const struct fm_fixed_qos * fixed, uint32_t index);
 
 /// Begin to take the messages, for an engine. The engine and the middleware outlive the topic.
 bool fm_topic_start(
   struct fm_mapped_topic * topic, struct fm_engine * engine,
   const struct fm_middleware * middleware);
 
-/// Look for the publishers, and do what is decided. To be called a few times a second.
-/// O(publishers^2).
+/// Look for the publishers, and do what is decided. O(publishers^2).
 void fm_topic_review(struct fm_mapped_topic * topic);
+
+/// As fm_subscription_is_settled.
+bool fm_topic_is_settled(const struct fm_mapped_topic * topic);
 
 /// Take what waits, and unsubscribe. Returns false if the middleware may still call back: the
 /// engine must then live as long as the process.

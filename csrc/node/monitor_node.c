@@ -24,15 +24,17 @@
 #include <std_srvs/srv/trigger.h>
 #include <stdio.h>
 #include <string.h>
+#include <type_description_interfaces/srv/get_type_description.h>
 
-#include "serve.h"
+#include "endpoints.h"
+#include "in_place_types.h"
+#include "start_lines.h"
 
-#define WAIT_NS (FM_SECOND / 5)           // a longer wait would outlast a signal
-#define REVIEW_PERIOD_NS (FM_SECOND / 4)  // between two checks of the publishers
+#define WAIT_NS (FM_SECOND / 5)  // a longer wait would outlast a signal
 #define REPORT_PERIOD_NS FM_SECOND
-#define LOOKS 10u                         // for a node of the same name, one a second
+#define LOOKS 10u                // for a node of the same name, one a second
 
-enum { OTHER_SERVICES = 1, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHER_SERVICES };
+enum { OTHER_SERVICES = 2, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHER_SERVICES };
 
 // ---- transitions -------------------------------------------------------------------------------
 
@@ -44,6 +46,9 @@ static bool configure(void * context)
     fm_parameter_is_true(&monitor->parameters, "log_violations"), monitor->parameters.fixed};
   monitor->parameters.is_configured = fm_session_configure(
     &monitor->session, monitor->table, &monitor->node, &monitor->clock, &settings);
+  for (uint32_t k = 0; monitor->parameters.is_configured && k < monitor->table->n_warnings; ++k) {
+    fm_log(&monitor->node, FM_WARN, "%s", monitor->table->warnings[k]);
+  }
   if (monitor->parameters.is_configured && monitor->table->judged_by_gates[0] != '\0') {
     fm_log(&monitor->node, FM_WARN, "%s", monitor->table->judged_by_gates);
   }
@@ -69,8 +74,19 @@ static void log_taking(struct fm_monitor_node * monitor, const char * middleware
     fm_log(node, FM_INFO, "messages are taken in C, in a thread of its own: the callbacks of %s "
       "are not known to allow it", middleware);
   } else {
-    fm_log(node, FM_INFO, "messages are taken in C, inside %s", middleware);
+    const char * why = fm_why_copied();
+    fm_log(node, FM_INFO, "messages are taken in C, inside %s%s%s", middleware,
+      why[0] == '\0' ? "" : ", and copied before they are read: ", why);
   }
+}
+
+static void log_watching(const struct fm_monitor_node * monitor)
+{
+  const struct fm_watched watched = {&monitor->session.reporter, monitor->table->origin};
+  struct fm_lines lines = {NULL, 0, 0};
+  fm_add_watching(&lines, &watched, 1);
+  fm_log_lines(&monitor->node, &lines);
+  fm_lines_free(&lines);
 }
 
 static bool activate(void * context)
@@ -84,10 +100,11 @@ static bool activate(void * context)
     deactivate(context);
     return false;
   }
-  monitor->next_review = now + REVIEW_PERIOD_NS;
+  monitor->next_review = now;
   monitor->next_report = now + REPORT_PERIOD_NS;
   log_taking(monitor, rmw_get_implementation_identifier());
-  fm_log(&monitor->node, FM_INFO, "%s", monitor->table->summary);
+  fm_node_actions_describe(&monitor->session.actions);
+  log_watching(monitor);
   return true;
 }
 
@@ -128,22 +145,51 @@ static void answer_reset(
   struct fm_monitor_node * monitor, const std_srvs__srv__Trigger_Request * request,
   std_srvs__srv__Trigger_Response * response)
 {
-  struct fm_text text = {NULL, 0, 0};
+  const char * message = "nothing to restart: the node is not active";
+  struct fm_lines lines = {NULL, 0, 0};
   (void)request;
   response->success = monitor->session.is_active;
   if (response->success) {
-    const uint32_t n = monitor->table->monitor()->n_groups;
     fm_session_reset(&monitor->session);
-    fm_text_add(&text, "restarted %u step group%s; input values kept", n, n == 1u ? "" : "s");
-    fm_log(&monitor->node, FM_INFO, "%s", fm_text_get(&text));
-  } else {
-    fm_text_add(&text, "nothing to restart: the node is not active");
+    fm_add_restarted(&lines, monitor->table->monitor()->n_groups);
+    message = lines.n > 0 ? lines.lines[0].text : "";
   }
-  (void)rosidl_runtime_c__String__assign(&response->message, fm_text_get(&text));
-  fm_text_free(&text);
+  (void)rosidl_runtime_c__String__assign(&response->message, message);
+  fm_log_lines(&monitor->node, &lines);
+  fm_lines_free(&lines);
 }
 
 FM_DEFINE_SERVER(serve_reset, std_srvs, Trigger, struct fm_monitor_node, answer_reset)
+
+static void answer_type(
+  struct fm_monitor_node * monitor,
+  const type_description_interfaces__srv__GetTypeDescription_Request * request,
+  type_description_interfaces__srv__GetTypeDescription_Response * response)
+{
+  const rmw_request_id_t unused = {{0}, 0};  // it must not be NULL
+  type_description_interfaces__srv__GetTypeDescription_Response__fini(response);  // rcl begins it
+  rcl_node_type_description_service_handle_request(
+    &monitor->node.node, &unused, request, response);
+}
+
+FM_DEFINE_SERVER(
+  serve_type, type_description_interfaces, GetTypeDescription, struct fm_monitor_node,
+  answer_type)
+
+// rcl makes the service, and knows the types.
+static bool begin_types(struct fm_monitor_node * monitor)
+{
+  monitor->types = rcl_get_zero_initialized_service();
+  if (!fm_parameter_is_true(&monitor->parameters, "start_type_description_service") ||
+    rcl_node_type_description_service_init(&monitor->types, &monitor->node.node) == RCL_RET_OK)
+  {
+    return true;
+  }
+  fm_log(&monitor->node, FM_ERROR, "cannot offer the service %s: %s", "~/get_type_description",
+    rcl_get_error_string().str);
+  rcl_reset_error();
+  return false;
+}
 
 // The engine leaves /clock before it ends, and follows it after it has begun.
 static void simulate(struct fm_monitor_node * monitor, bool is_simulated)
@@ -160,7 +206,7 @@ static void simulate(struct fm_monitor_node * monitor, bool is_simulated)
 static void parameter_changed(void * context, const struct fm_parameter * parameter)
 {
   if (strcmp(parameter->name, "use_sim_time") == 0) {
-    simulate(context, parameter->value.is_true);
+    simulate(context, parameter->value.bool_value);
   }
 }
 
@@ -245,12 +291,12 @@ static bool begin_services(struct fm_monitor_node * monitor)
   monitor->wait_set = rcl_get_zero_initialized_wait_set();
   return fm_parameter_services_begin(
     &monitor->parameter_services, &monitor->node, &monitor->parameters, parameter_changed,
-    monitor) &&
+    monitor) && begin_types(monitor) &&
          fm_service_open(
     &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), "~/reset",
     &rmw_qos_profile_services_default) &&
          rcl_wait_set_init(
-    &monitor->wait_set, 1, 0, 0, 0, WAITS, 0, &monitor->node.context, monitor->node.allocator) ==
+    &monitor->wait_set, 1, 1, 0, 0, WAITS, 0, &monitor->node.context, monitor->node.allocator) ==
          RCL_RET_OK;
 }
 
@@ -295,6 +341,7 @@ void fm_monitor_node_end(struct fm_monitor_node * monitor)
     release(monitor);
     (void)fm_clock_simulate(&monitor->clock, false);
     fm_service_close(&monitor->node, &monitor->reset);
+    fm_service_close(&monitor->node, &monitor->types);
     fm_parameter_services_end(&monitor->parameter_services);
     if (monitor->has_lifecycle) {
       fm_lifecycle_end(&monitor->lifecycle);
@@ -326,12 +373,16 @@ static bool fill_wait_set(struct fm_monitor_node * monitor)
   for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
     services[FM_LIFECYCLE_SERVICES + k] = &monitor->parameter_services.services[k];
   }
-  services[WAITS - 1] = &monitor->reset;
+  services[WAITS - 2] = &monitor->reset;
+  services[WAITS - 1] = &monitor->types;
   bool is_good = rcl_wait_set_clear(&monitor->wait_set) == RCL_RET_OK;
   for (int k = 0; k < WAITS; ++k) {
-    is_good = is_good &&
-      rcl_wait_set_add_service(&monitor->wait_set, services[k], NULL) == RCL_RET_OK;
+    is_good = is_good && (services[k]->impl == NULL ||
+      rcl_wait_set_add_service(&monitor->wait_set, services[k], NULL) == RCL_RET_OK);
   }
+  is_good = is_good && rcl_wait_set_add_guard_condition(
+    &monitor->wait_set, rcl_node_get_graph_guard_condition(&monitor->node.node), NULL) ==
+    RCL_RET_OK;
   return is_good && (!monitor->clock.is_simulated || rcl_wait_set_add_subscription(
            &monitor->wait_set, &monitor->clock.subscription, NULL) == RCL_RET_OK);
 }
@@ -359,11 +410,22 @@ static void serve_clock(struct fm_monitor_node * monitor)
   }
 }
 
+static void note_change(struct fm_monitor_node * monitor)
+{
+  if (monitor->wait_set.guard_conditions[0] != NULL) {
+    monitor->next_review = fm_session_note_change(&monitor->session);
+  }
+}
+
 static void serve_all(struct fm_monitor_node * monitor)
 {
+  note_change(monitor);
   serve_clock(monitor);
   if (has_request(monitor)) {
     serve_reset(&monitor->reset, monitor);
+    if (monitor->types.impl != NULL) {
+      serve_type(&monitor->types, monitor);
+    }
     fm_parameter_services_serve(&monitor->parameter_services);
     fm_lifecycle_serve(&monitor->lifecycle);
   }
@@ -382,8 +444,8 @@ static bool is_due(int64_t * next, int64_t now, int64_t period)
 
 static void run_timers_of_session(struct fm_monitor_node * monitor, int64_t now)
 {
-  if (is_due(&monitor->next_review, now, REVIEW_PERIOD_NS)) {
-    fm_session_review(&monitor->session);
+  if (now >= monitor->next_review) {
+    monitor->next_review = fm_session_review(&monitor->session);
   }
   if (is_due(&monitor->next_report, now, REPORT_PERIOD_NS)) {
     fm_health_review(&monitor->health);

@@ -37,6 +37,7 @@ struct fm_monitor_node
   struct fm_health health;              // these two while the session is active
   struct fm_sign_of_life sign_of_life;
   rcl_service_t reset;
+  rcl_service_t types;                  // ~/get_type_description; zeroed: it is not offered
   rcl_wait_set_t wait_set;
   int64_t next_review;                  // of the publishers; steady, as the others
   int64_t next_report;

@@ -20,6 +20,8 @@
 #include <rmw/qos_profiles.h>
 #include <rosgraph_msgs/msg/clock.h>
 
+#include "start_lines.h"
+
 enum { WARNING_S = 60 };  // between two log lines about negative times on /clock
 
 static bool subscribe(struct fm_node_clock * clock)
@@ -59,11 +61,11 @@ bool fm_clock_simulate(struct fm_node_clock * clock, bool is_simulated)
 static void warn_of_negative(
   struct fm_node_clock * clock, const rosgraph_msgs__msg__Clock * message)
 {
-  const int64_t now = fm_steady_now();
-  if (now >= clock->next_warning) {
-    clock->next_warning = now + WARNING_S * FM_SECOND;
-    fm_log(clock->node, FM_WARN, "a message on /clock is ignored: its time is negative, %.3f s",
-      message->clock.sec + message->clock.nanosec / 1e9);
+  if (fm_passes(&clock->next_warning, fm_steady_now(), WARNING_S * FM_SECOND)) {
+    struct fm_lines lines = {NULL, 0, 0};
+    fm_add_negative_time(&lines, message->clock.sec + message->clock.nanosec / 1e9);
+    fm_log_lines(clock->node, &lines);
+    fm_lines_free(&lines);
   }
 }
 

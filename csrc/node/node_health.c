@@ -21,34 +21,27 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "endpoints.h"
 #include "status_messages.h"
 
-bool fm_health_begin(struct fm_health * health, const struct fm_session * session)
+bool fm_health_begin(struct fm_health * health, struct fm_session * session)
 {
-  const rcl_publisher_options_t options = rcl_publisher_get_default_options();  // depth: 10
-  const struct fm_facts facts = {.now = fm_steady_now()};
+  const struct fm_facts facts = {
+    .now = fm_steady_now(), .actions = session->actions.counts};
   memset(health, 0, sizeof(*health));
   health->session = session;
   health->review = fm_review_create(&session->reporter, &facts);
   health->topics = calloc(session->n_topics + 1u, sizeof(*health->topics));
-  health->publisher = rcl_get_zero_initialized_publisher();
-  if (rcl_publisher_init(
-      &health->publisher, &session->node->node,
-      ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), "/diagnostics",
-      &options) != RCL_RET_OK)
-  {
-    fm_log_failure(session->node, "cannot advertise /diagnostics");
-    return false;
-  }
-  return health->review != NULL && health->topics != NULL;
+  return health->review != NULL && health->topics != NULL && fm_publisher_open(
+    session->node, &health->publisher,
+    ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), "/diagnostics",
+    &rmw_qos_profile_default);
 }
 
 void fm_health_end(struct fm_health * health)
 {
-  if (health->publisher.impl != NULL &&
-    rcl_publisher_fini(&health->publisher, &health->session->node->node) != RCL_RET_OK)
-  {
-    rcl_reset_error();
+  if (health->session != NULL) {
+    fm_publisher_close(health->session->node, &health->publisher);
   }
   fm_review_destroy(health->review);
   free(health->topics);
@@ -62,6 +55,7 @@ static void look(struct fm_health * health)
   const struct fm_node_clock * clock = health->session->clock;
   const struct fm_facts facts = {
     .now = fm_steady_now(), .topics = health->topics,
+    .actions = health->session->actions.counts,
     .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
   for (uint32_t k = 0; k < health->session->n_topics; ++k) {
     health->topics[k] = fm_subscription_publishers(health->session->topics[k].state);
@@ -72,6 +66,7 @@ static void look(struct fm_health * health)
 void fm_health_review(struct fm_health * health)
 {
   size_t listeners = 0;
+  fm_node_actions_look(&health->session->actions);
   look(health);
   fm_review_log(health->review, &health->lines);
   fm_log_lines(health->session->node, &health->lines);

@@ -26,7 +26,7 @@
 /// Zeroed before fm_health_begin; fm_health_end frees all of it.
 struct fm_health
 {
-  const struct fm_session * session;
+  struct fm_session * session;
   struct fm_review * review;
   struct fm_publishers * topics;
   struct fm_lines lines;
@@ -35,7 +35,7 @@ struct fm_health
 };
 
 /// Advertise `/diagnostics`. Returns false, with the error logged. O(inputs + topics).
-bool fm_health_begin(struct fm_health * health, const struct fm_session * session);
+bool fm_health_begin(struct fm_health * health, struct fm_session * session);
 
 /// Log what is new, and publish the present state if somebody subscribes; to be called once a
 /// second. O(inputs read by all requirements).

@@ -22,6 +22,7 @@
 #define NODE_TABLE_H_
 
 #include <rosidl_runtime_c/message_type_support_struct.h>
+#include <rosidl_runtime_c/service_type_support_struct.h>
 
 #include "report_table.h"
 #include "subscription.h"
@@ -35,6 +36,19 @@
 #define FM_DECLARE_TYPE_SUPPORT(package, folder, name) \
   const rosidl_message_type_support_t * FM_TYPE_SUPPORT(package, folder, name)(void)
 
+/// As these, of a service.
+#define FM_SERVICE_SUPPORT(package, folder, name) \
+  ROSIDL_TYPESUPPORT_INTERFACE__SERVICE_SYMBOL_NAME(rosidl_typesupport_c, package, folder, name)
+#define FM_DECLARE_SERVICE_SUPPORT(package, folder, name) \
+  const rosidl_service_type_support_t * FM_SERVICE_SUPPORT(package, folder, name)(void)
+
+/// The type of the messages of an action, or of its service; NULL: none.
+struct fm_action_type
+{
+  const rosidl_message_type_support_t * (* message)(void);
+  const rosidl_service_type_support_t * (* service)(void);
+};
+
 struct fm_node_topic
 {
   const char * name;  // as written in the bundle: to be resolved by the node
@@ -47,11 +61,14 @@ struct fm_node_table
 {
   struct fm_report_table report;
   const char * node_name;  // unless it is remapped
-  const char * summary;    // of the log: requirements, inputs, topics, policy, bytes of state
+  const char * origin;     // where the bundle is from, if this node stands for `monitor`; else ""
+  const char * const * warnings;  // about the bundle
+  uint32_t n_warnings;
   const char * judged_by_gates;  // of the log: requirements that are left to gates; may be ""
   const struct fm_monitor * (* monitor)(void);
   const struct fm_readers * (* readers)(void);  // NULL: no topics
   const struct fm_node_topic * topics;
+  const struct fm_action_type * action_types;  // of each action, without locks
   const char * const * handlers;  // topics, relative; a requirement
   const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`
   const uint8_t * sources;

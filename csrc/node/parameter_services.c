@@ -20,7 +20,6 @@
 #include <rcl_interfaces/msg/parameter.h>
 #include <rcl_interfaces/msg/parameter_descriptor.h>
 #include <rcl_interfaces/msg/parameter_event.h>
-#include <rcl_interfaces/msg/parameter_value.h>
 #include <rcl_interfaces/msg/set_parameters_result.h>
 #include <rcl_interfaces/srv/describe_parameters.h>
 #include <rcl_interfaces/srv/get_parameter_types.h>
@@ -34,38 +33,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "serve.h"
-
-typedef rcl_interfaces__msg__ParameterValue parameter_value;
+#include "endpoints.h"
 
 enum { DESCRIBE, GET, TYPES, LIST, SET, SET_ATOMICALLY };
-
-// ---- values ------------------------------------------------------------------------------------
 
 static void assign(rosidl_runtime_c__String * string, const char * text)
 {
   (void)rosidl_runtime_c__String__assign(string, text);
-}
-
-static void write_value(parameter_value * out, const struct fm_parameter_value * value)
-{
-  out->type = (uint8_t)value->type;
-  out->bool_value = value->is_true;
-  out->integer_value = value->whole;
-  out->double_value = value->real;
-  if (value->text != NULL) {
-    assign(&out->string_value, value->text);
-  }
-}
-
-// The text is not copied.
-static struct fm_parameter_value read_value(const parameter_value * value)
-{
-  const bool is_text = value->type == FM_PARAMETER_STRING;
-  return (struct fm_parameter_value) {
-    value->type > FM_PARAMETER_STRING ? FM_PARAMETER_LIST : (enum fm_parameter_type)value->type,
-    value->bool_value, value->integer_value, value->double_value,
-    is_text ? value->string_value.data : NULL};
 }
 
 static const struct fm_parameter * find(
@@ -103,7 +77,7 @@ static void answer_describe(
     rcl_interfaces__msg__ParameterDescriptor * descriptor = &response->descriptors.data[k];
     assign(&descriptor->name, found->name);
     assign(&descriptor->description, found->description);
-    descriptor->type = (uint8_t)found->value.type;
+    descriptor->type = found->value.type;
     descriptor->read_only = found->settable == FM_AT_START;
   }
 }
@@ -119,7 +93,8 @@ static void answer_get(
     return;
   }
   for (size_t k = 0; k < request->names.size; ++k) {
-    write_value(&response->values.data[k], &find(services, &request->names.data[k])->value);
+    (void)rcl_interfaces__msg__ParameterValue__copy(
+      &find(services, &request->names.data[k])->value, &response->values.data[k]);
   }
 }
 
@@ -134,7 +109,7 @@ static void answer_types(
     return;
   }
   for (size_t k = 0; k < request->names.size; ++k) {
-    response->types.data[k] = (uint8_t)find(services, &request->names.data[k])->value.type;
+    response->types.data[k] = find(services, &request->names.data[k])->value.type;
   }
 }
 
@@ -238,13 +213,12 @@ static void set_all(
 {
   struct fm_text reason = {NULL, 0, 0};
   for (size_t k = 0; k < wanted->size; ++k) {
-    const struct fm_parameter_value value = read_value(&wanted->data[k].value);
-    fm_parameter_refuse(services->parameters, wanted->data[k].name.data, &value, &reason);
+    fm_parameter_refuse(
+      services->parameters, wanted->data[k].name.data, &wanted->data[k].value, &reason);
   }
   result->successful = reason.length == 0;
   for (size_t k = 0; result->successful && k < wanted->size; ++k) {
-    const struct fm_parameter_value value = read_value(&wanted->data[k].value);
-    fm_parameter_set(services->parameters, wanted->data[k].name.data, &value);
+    fm_parameter_set(services->parameters, wanted->data[k].name.data, &wanted->data[k].value);
     services->changed(
       services->context, fm_parameter_find(services->parameters, wanted->data[k].name.data));
   }
@@ -296,22 +270,6 @@ FM_DEFINE_SERVER(
   serve_set_atomically, rcl_interfaces, SetParametersAtomically, struct fm_parameter_services,
   answer_set_atomically)
 
-static bool advertise_events(struct fm_parameter_services * services)
-{
-  rcl_publisher_options_t options = rcl_publisher_get_default_options();
-  options.qos = rmw_qos_profile_parameter_events;
-  services->events = rcl_get_zero_initialized_publisher();
-  if (rcl_publisher_init(
-      &services->events, &services->node->node,
-      ROSIDL_GET_MSG_TYPE_SUPPORT(rcl_interfaces, msg, ParameterEvent), "/parameter_events",
-      &options) == RCL_RET_OK)
-  {
-    return true;
-  }
-  fm_log_failure(services->node, "cannot advertise /parameter_events");
-  return false;
-}
-
 bool fm_parameter_services_begin(
   struct fm_parameter_services * services, struct fm_node * node,
   struct fm_parameters * parameters,
@@ -338,7 +296,9 @@ bool fm_parameter_services_begin(
       return false;
     }
   }
-  return advertise_events(services);
+  return fm_publisher_open(
+    node, &services->events, ROSIDL_GET_MSG_TYPE_SUPPORT(rcl_interfaces, msg, ParameterEvent),
+    "/parameter_events", &rmw_qos_profile_parameter_events);
 }
 
 void fm_parameter_services_serve(struct fm_parameter_services * services)
@@ -356,9 +316,5 @@ void fm_parameter_services_end(struct fm_parameter_services * services)
   for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
     fm_service_close(services->node, &services->services[k]);
   }
-  if (services->events.impl != NULL &&
-    rcl_publisher_fini(&services->events, &services->node->node) != RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
+  fm_publisher_close(services->node, &services->events);
 }

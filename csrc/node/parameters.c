@@ -34,58 +34,41 @@
 
 // ---- values ------------------------------------------------------------------------------------
 
-static struct fm_parameter_value copy_value(const struct fm_parameter_value * value)
-{
-  struct fm_parameter_value copy = *value;
-  copy.text = value->text == NULL ? NULL : fm_copy_of(value->text);
-  return copy;
-}
+// Values for tables and comparisons; texts are not copied. To be copied, a value needs some text.
+#define TEXT(text, n) .string_value = {(char *)(text), (n), (n) + 1u}
+#define TRUTH(is_true) {.type = FM_TRUTH, .bool_value = (is_true), TEXT("", 0)}
+#define WHOLE(number) {.type = FM_WHOLE, .integer_value = (number), TEXT("", 0)}
+#define REAL(number) {.type = FM_REAL, .double_value = (number), TEXT("", 0)}
+#define WORD(text) {.type = FM_WORD, TEXT(text, strlen(text))}
+#define LIST {.type = FM_WORD + 1, TEXT("", 0)}
 
-static struct fm_parameter_value truth(bool is_true)
-{
-  return (struct fm_parameter_value) {FM_PARAMETER_BOOL, is_true, 0, 0.0, NULL};
-}
-
-static struct fm_parameter_value whole(int64_t number)
-{
-  return (struct fm_parameter_value) {FM_PARAMETER_INTEGER, false, number, 0.0, NULL};
-}
-
-// The text is not copied.
-static struct fm_parameter_value word(const char * text)
-{
-  return (struct fm_parameter_value) {FM_PARAMETER_STRING, false, 0, 0.0, (char *)text};
-}
-
-static void add_value(struct fm_text * text, const struct fm_parameter_value * value)
+static void add_value(struct fm_text * text, const fm_parameter_value * value)
 {
   switch (value->type) {
-    case FM_PARAMETER_UNSET: fm_text_add(text, "not set"); break;
-    case FM_PARAMETER_BOOL: fm_text_add(text, "%s", value->is_true ? "true" : "false"); break;
-    case FM_PARAMETER_INTEGER: fm_text_add(text, "%" PRId64, value->whole); break;
-    case FM_PARAMETER_DOUBLE: fm_text_add_float64(text, value->real); break;
-    case FM_PARAMETER_STRING: fm_text_add(text, "'%s'", value->text); break;
-    case FM_PARAMETER_LIST: fm_text_add(text, "a list"); break;
+    case FM_UNSET: fm_text_add(text, "not set"); break;
+    case FM_TRUTH: fm_text_add(text, "%s", value->bool_value ? "true" : "false"); break;
+    case FM_WHOLE: fm_text_add(text, "%" PRId64, value->integer_value); break;
+    case FM_REAL: fm_text_add_float64(text, value->double_value); break;
+    case FM_WORD: fm_text_add(text, "'%s'", value->string_value.data); break;
+    default: fm_text_add(text, "a list"); break;
   }
 }
 
 // The value of a constant as a parameter: a truth value, a whole number, or a number; the text of
-// a whole number that does not fit. The text is not copied.
-static struct fm_parameter_value value_of_constant(const char * text)
+// a whole number that does not fit.
+static fm_parameter_value value_of_constant(const char * text)
 {
   char * end;
-  if (strcmp(text, "true") == 0 || strcmp(text, "TRUE") == 0) {
-    return truth(true);
-  }
-  if (strcmp(text, "false") == 0 || strcmp(text, "FALSE") == 0) {
-    return truth(false);
+  const bool is_true = strcmp(text, "true") == 0 || strcmp(text, "TRUE") == 0;
+  if (is_true || strcmp(text, "false") == 0 || strcmp(text, "FALSE") == 0) {
+    return (fm_parameter_value) TRUTH(is_true);
   }
   errno = 0;
   const long long number = strtoll(text, &end, 10);
-  if (*end == '\0') {
-    return errno == ERANGE ? word(text) : whole(number);
+  if (*end != '\0') {
+    return (fm_parameter_value) REAL(strtod(text, NULL));
   }
-  return (struct fm_parameter_value) {FM_PARAMETER_DOUBLE, false, 0, strtod(text, NULL), NULL};
+  return errno == ERANGE ? (fm_parameter_value) WORD(text) : (fm_parameter_value) WHOLE(number);
 }
 
 // Whether a number is exactly a whole number, which can have more bits than a double.
@@ -94,27 +77,15 @@ static bool is_exactly(double real, int64_t whole)
   return real >= -0x1p63 && real < 0x1p63 && (int64_t)real == whole && (double)whole == real;
 }
 
-static bool are_equal(
-  const struct fm_parameter_value * one, const struct fm_parameter_value * other)
+static bool are_equal(const fm_parameter_value * one, const fm_parameter_value * other)
 {
-  if (one->type == FM_PARAMETER_DOUBLE && other->type == FM_PARAMETER_INTEGER) {
-    return is_exactly(one->real, other->whole);
+  if (one->type == FM_REAL && other->type == FM_WHOLE) {
+    return is_exactly(one->double_value, other->integer_value);
   }
-  if (one->type == FM_PARAMETER_INTEGER && other->type == FM_PARAMETER_DOUBLE) {
-    return is_exactly(other->real, one->whole);
+  if (one->type == FM_WHOLE && other->type == FM_REAL) {
+    return is_exactly(other->double_value, one->integer_value);
   }
-  if (one->type != other->type) {
-    return false;
-  }
-  switch (one->type) {
-    case FM_PARAMETER_BOOL: return one->is_true == other->is_true;
-    case FM_PARAMETER_INTEGER: return one->whole == other->whole;
-    case FM_PARAMETER_DOUBLE: return one->real == other->real;
-    case FM_PARAMETER_STRING: return strcmp(one->text, other->text) == 0;
-    case FM_PARAMETER_UNSET:
-    case FM_PARAMETER_LIST: break;
-  }
-  return false;
+  return rcl_interfaces__msg__ParameterValue__are_equal(one, other);
 }
 
 // ---- what is given -----------------------------------------------------------------------------
@@ -151,22 +122,21 @@ static bool is_addressed(const char * pattern, const char * node)
   return found;
 }
 
-static struct fm_parameter_value value_of_variant(const rcl_variant_t * variant)
+static fm_parameter_value value_of_variant(const rcl_variant_t * variant)
 {
   if (variant->bool_value != NULL) {
-    return truth(*variant->bool_value);
+    return (fm_parameter_value) TRUTH(*variant->bool_value);
   }
   if (variant->integer_value != NULL) {
-    return whole(*variant->integer_value);
+    return (fm_parameter_value) WHOLE(*variant->integer_value);
   }
   if (variant->double_value != NULL) {
-    return (struct fm_parameter_value) {
-      FM_PARAMETER_DOUBLE, false, 0, *variant->double_value, NULL};
+    return (fm_parameter_value) REAL(*variant->double_value);
   }
   if (variant->string_value != NULL) {
-    return word(variant->string_value);
+    return (fm_parameter_value) WORD(variant->string_value);
   }
-  return (struct fm_parameter_value) {FM_PARAMETER_LIST, false, 0, 0.0, NULL};
+  return (fm_parameter_value) LIST;
 }
 
 static struct fm_parameter * find(struct fm_parameter * items, size_t n, const char * name)
@@ -183,18 +153,17 @@ static void free_parameter(struct fm_parameter * parameter)
 {
   free(parameter->name);
   free(parameter->description);
-  free(parameter->value.text);
+  rcl_interfaces__msg__ParameterValue__fini(&parameter->value);
 }
 
 // Add a parameter, or replace its value. What does not fit in memory is left out.
 static void put(
   struct fm_parameter ** items, size_t * n, const char * name, const char * description,
-  enum fm_settable settable, const struct fm_parameter_value * value)
+  enum fm_settable settable, const fm_parameter_value * value)
 {
   struct fm_parameter * item = find(*items, *n, name);
   if (item != NULL) {
-    free(item->value.text);
-    item->value = copy_value(value);
+    (void)rcl_interfaces__msg__ParameterValue__copy(value, &item->value);
     return;
   }
   item = realloc(*items, (*n + 1u) * sizeof(**items));
@@ -202,9 +171,11 @@ static void put(
     return;
   }
   *items = item;
-  const struct fm_parameter new_item = {
-    fm_copy_of(name), fm_copy_of(description), settable, copy_value(value)};
-  if (new_item.name != NULL && new_item.description != NULL) {
+  struct fm_parameter new_item = {
+    .name = fm_copy_of(name), .description = fm_copy_of(description), .settable = settable};
+  if (new_item.name != NULL && new_item.description != NULL &&
+    rcl_interfaces__msg__ParameterValue__copy(value, &new_item.value))
+  {
     (*items)[(*n)++] = new_item;
   }
 }
@@ -222,7 +193,7 @@ static void read_given(struct fm_parameters * parameters)
     const rcl_node_params_t * of_node = &found->params[node];
     const size_t n = is_addressed(found->node_names[node], own) ? of_node->num_params : 0u;
     for (size_t k = 0; k < n; ++k) {
-      const struct fm_parameter_value value = value_of_variant(&of_node->parameter_values[k]);
+      const fm_parameter_value value = value_of_variant(&of_node->parameter_values[k]);
       put(&parameters->given, &parameters->n_given, of_node->parameter_names[k], "", FM_AT_START,
         &value);
     }
@@ -246,57 +217,66 @@ static bool is_among(const char * text, const char * const * words, size_t n)
   return false;
 }
 
+// Begin a line about a parameter, and add the rest of it, in the format of printf.
+FM_PRINTF(3, 4)
+static void refuse(struct fm_text * reason, const char * name, const char * format, ...)
+{
+  va_list arguments;
+  fm_text_add(reason, "%sparameter '%s'", reason->length > 0 ? "\n" : "", name);
+  va_start(arguments, format);
+  fm_text_add_arguments(reason, format, arguments);
+  va_end(arguments);
+}
+
 static void refuse_value(
-  const char * name, const struct fm_parameter_value * value, const char * wanted,
+  const char * name, const fm_parameter_value * value, const char * wanted,
   struct fm_text * reason)
 {
-  fm_text_add(reason, "%sparameter '%s' is ", reason->length > 0 ? "\n" : "", name);
+  refuse(reason, name, " is ");
   add_value(reason, value);
   fm_text_add(reason, ", and has to be %s", wanted);
 }
 
-static void check_count(
-  const char * name, const struct fm_parameter_value * value, struct fm_text * reason)
+static bool check_count(
+  const char * name, const fm_parameter_value * value, struct fm_text * reason)
 {
-  if (value->type != FM_PARAMETER_INTEGER || value->whole < 1 || value->whole > INT32_MAX) {
+  const bool is_good =
+    value->type == FM_WHOLE && value->integer_value >= 1 && value->integer_value <= INT32_MAX;
+  if (!is_good) {
     refuse_value(name, value, "a number of messages, at least 1", reason);
   }
+  return is_good;
 }
 
-static void check_level(
-  const char * name, const struct fm_parameter_value * value, struct fm_text * reason)
+static bool check_level(
+  const char * name, const fm_parameter_value * value, struct fm_text * reason)
 {
-  if (value->type != FM_PARAMETER_STRING ||
-    (value->text[0] != '\0' &&
-    !is_among(value->text, levels, sizeof(levels) / sizeof(levels[0]))))
-  {
+  const bool is_good = value->type == FM_WORD && (value->string_value.size == 0 ||
+    is_among(value->string_value.data, levels, sizeof(levels) / sizeof(levels[0])));
+  if (!is_good) {
     refuse_value(name, value, "one of debug, info, warn, error, fatal", reason);
   }
+  return is_good;
 }
 
-static void check_truth(
-  const char * name, const struct fm_parameter_value * value, struct fm_text * reason)
-{
-  if (value->type != FM_PARAMETER_BOOL) {
-    refuse_value(name, value, "true or false", reason);
-  }
-}
-
-static void check(
-  const char * name, const struct fm_parameter_value * value, struct fm_text * reason)
+static bool check(
+  const char * name, const fm_parameter_value * value, struct fm_text * reason)
 {
   if (strcmp(name, "handler_depth") == 0) {
-    check_count(name, value, reason);
-  } else if (strcmp(name, "log_level") == 0) {
-    check_level(name, value, reason);
-  } else {
-    check_truth(name, value, reason);
+    return check_count(name, value, reason);
   }
+  if (strcmp(name, "log_level") == 0) {
+    return check_level(name, value, reason);
+  }
+  if (value->type != FM_TRUTH) {
+    refuse_value(name, value, "true or false", reason);
+  }
+  return value->type == FM_TRUTH;
 }
 
 void fm_parameter_refuse(
   const struct fm_parameters * parameters, const char * name,
-  const struct fm_parameter_value * value, struct fm_text * reason)
+  const fm_parameter_value * value, struct fm_text * reason)
 {
   const struct fm_parameter * found = fm_parameter_find(parameters, name);
   if (found == NULL) {
@@ -310,70 +290,79 @@ void fm_parameter_refuse(
       "%s: read when the node is configured, since a step has to mean the same from the first to "
       "the last; deactivate and clean up first", name);
   } else {
-    check(name, value, reason);
+    (void)check(name, value, reason);
   }
 }
 
 // ---- quality of service ------------------------------------------------------------------------
 
-static const char * choice_word(
-  enum fm_choice choice, const char * follow, const char * weaker, const char * stronger)
+// A policy with two choices; `follows`: the word of a third, which the publishers choose.
+struct policy
 {
-  return choice == FM_STRONGER ? stronger : choice == FM_WEAKER ? weaker : follow;
+  const char * name;
+  const char * weaker;
+  const char * stronger;
+  const char * follows;
+  const char * words;
+  size_t place;  // in struct fm_fixed_qos
+};
+
+#define BEST_AVAILABLE "best_available"
+static const struct policy policies[] = {
+  {"reliability", "best_effort", "reliable", BEST_AVAILABLE,
+    "reliable, best_effort, " BEST_AVAILABLE, offsetof(struct fm_fixed_qos, reliability)},
+  {"durability", "volatile", "transient_local", BEST_AVAILABLE,
+    "transient_local, volatile, " BEST_AVAILABLE, offsetof(struct fm_fixed_qos, durability)},
+  {"history", "keep_last", "keep_all", NULL, "keep_last, keep_all",
+    offsetof(struct fm_fixed_qos, history)}};
+enum { N_POLICIES = sizeof(policies) / sizeof(policies[0]) };
+
+static enum fm_choice * choice_of(const struct policy * policy, struct fm_fixed_qos * fixed)
+{
+  return (enum fm_choice *)(void *)((char *)fixed + policy->place);
 }
 
-// Read a word of a policy. Returns false if it is none of these.
-static bool read_choice(
-  const char * text, const char * weaker, const char * stronger, bool may_follow,
-  enum fm_choice * choice)
+static const char * word_of(const struct policy * policy, enum fm_choice choice)
 {
-  if (strcasecmp(text, weaker) == 0) {
-    *choice = FM_WEAKER;
-  } else if (strcasecmp(text, stronger) == 0) {
-    *choice = FM_STRONGER;
-  } else if (may_follow && strcasecmp(text, "best_available") == 0) {
-    *choice = FM_FOLLOW;
-  } else {
-    return false;
+  return choice == FM_STRONGER ? policy->stronger :
+         choice == FM_FOLLOW && policy->follows != NULL ? policy->follows : policy->weaker;
+}
+
+// Apply a word to a policy. Returns false if it is none of its words.
+static bool choose(const struct policy * policy, const char * word, struct fm_fixed_qos * fixed)
+{
+  const enum fm_choice choices[] = {FM_WEAKER, FM_STRONGER, FM_FOLLOW};
+  for (uint32_t k = 0; k < sizeof(choices) / sizeof(choices[0]); ++k) {
+    if (strcasecmp(word, word_of(policy, choices[k])) == 0) {
+      *choice_of(policy, fixed) = choices[k];
+      return true;
+    }
   }
-  return true;
-}
-
-static void refuse_name(const char * name, const char * why, struct fm_text * problems)
-{
-  fm_text_add(
-    problems, "%sparameter '%s' %s", problems->length > 0 ? "\n" : "", name, why);
+  return false;
 }
 
 // Apply an override of a policy.
 static void apply(
-  const struct fm_parameter * given, const char * policy, struct fm_fixed_qos * fixed,
+  const struct fm_parameter * given, const char * name, struct fm_fixed_qos * fixed,
   struct fm_text * problems)
 {
-  const struct fm_parameter_value * value = &given->value;
-  const char * text = value->type == FM_PARAMETER_STRING ? value->text : "";
-  if (strcmp(policy, "depth") == 0) {
-    const size_t before = problems->length;
-    check_count(given->name, value, problems);
-    if (problems->length == before) {
-      fixed->depth = (uint32_t)value->whole;
+  const fm_parameter_value * value = &given->value;
+  struct fm_text words = {NULL, 0, 0};
+  for (uint32_t k = 0; k < N_POLICIES; ++k) {
+    if (strcmp(name, policies[k].name) == 0) {
+      if (!choose(&policies[k], value->type == FM_WORD ? value->string_value.data : "", fixed)) {
+        fm_text_add(&words, "one of %s", policies[k].words);
+        refuse_value(given->name, value, fm_text_get(&words), problems);
+        fm_text_free(&words);
+      }
+      return;
     }
-  } else if (strcmp(policy, "reliability") == 0) {
-    if (!read_choice(text, "best_effort", "reliable", true, &fixed->reliability)) {
-      refuse_value(given->name, value, "one of reliable, best_effort, best_available", problems);
-    }
-  } else if (strcmp(policy, "durability") == 0) {
-    if (!read_choice(text, "volatile", "transient_local", true, &fixed->durability)) {
-      refuse_value(
-        given->name, value, "one of transient_local, volatile, best_available", problems);
-    }
-  } else if (strcmp(policy, "history") == 0) {
-    if (!read_choice(text, "keep_last", "keep_all", false, &fixed->history)) {
-      refuse_value(given->name, value, "one of keep_last, keep_all", problems);
-    }
-  } else {
-    refuse_name(given->name, "is none: there are reliability, durability, history, depth",
-      problems);
+  }
+  if (strcmp(name, "depth") != 0) {
+    refuse(
+      problems, given->name, " is none: there are reliability, durability, history, depth");
+  } else if (check_count(given->name, value, problems)) {
+    fixed->depth = (uint32_t)value->integer_value;
   }
 }
 
@@ -405,19 +394,31 @@ static void check_override(const struct fm_parameter * given, struct fm_text * p
   if (policy == NULL || strchr(policy + 1, '.') != NULL || *topic != '/' ||
     !(is_endpoint(endpoint + 1, "subscription") || is_endpoint(endpoint + 1, "publisher")))
   {
-    refuse_name(given->name, "is none; write '" OVERRIDES "/TOPIC" SUBSCRIPTION "POLICY', with "
-      "the topic's full name", problems);
+    refuse(problems, given->name, " is none; write '" OVERRIDES "/TOPIC" SUBSCRIPTION "POLICY', "
+      "with the topic's full name");
   } else if (begins_with(endpoint, ".subscription_")) {
-    refuse_name(given->name, "is none: subscriptions here have no id, write '" SUBSCRIPTION "'",
-      problems);
+    refuse(problems, given->name,
+      " is none: subscriptions here have no id, write '" SUBSCRIPTION "'");
   } else if (begins_with(endpoint, SUBSCRIPTION)) {
     if (is_among(policy + 1, timed, sizeof(timed) / sizeof(timed[0]))) {
-      refuse_name(given->name, "cannot be given: it would keep out publishers that do not offer "
-        "it; use the `timeout` of the input in the bundle", problems);
+      refuse(problems, given->name, " cannot be given: it would keep out publishers that do not "
+        "offer it; use the `timeout` of the input in the bundle");
     } else {
       apply(given, policy + 1, &unused, problems);
     }
   }
+}
+
+static void show_policy(
+  struct fm_parameters * parameters, const char * prefix, const char * policy,
+  fm_parameter_value value)
+{
+  struct fm_text name = {NULL, 0, 0};
+  fm_text_add(&name, "%s%s", prefix, policy);
+  put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
+    "a policy of the subscription to the topic; read at the start of the process", FM_AT_START,
+    &value);
+  fm_text_free(&name);
 }
 
 // Apply what was given for a topic, and show its policies as parameters.
@@ -426,7 +427,6 @@ static void apply_overrides(
 {
   struct fm_fixed_qos * fixed = &parameters->fixed[index];
   struct fm_text prefix = {NULL, 0, 0};
-  struct fm_text name = {NULL, 0, 0};
   struct fm_text checked = {NULL, 0, 0};  // what is wrong is known already
   fm_text_add(&prefix, OVERRIDES "%s" SUBSCRIPTION, topic);
   for (size_t k = 0; k < parameters->n_given; ++k) {
@@ -435,22 +435,14 @@ static void apply_overrides(
         &parameters->given[k], parameters->given[k].name + prefix.length, fixed, &checked);
     }
   }
-  const struct {const char * policy; struct fm_parameter_value value;} shown[] = {
-    {"reliability",
-      word(choice_word(fixed->reliability, "best_available", "best_effort", "reliable"))},
-    {"durability",
-      word(choice_word(fixed->durability, "best_available", "volatile", "transient_local"))},
-    {"history", word(choice_word(fixed->history, "keep_last", "keep_last", "keep_all"))},
-    {"depth", whole(fixed->depth == 0 ? FM_USUAL_DEPTH : fixed->depth)}};
-  for (size_t k = 0; k < sizeof(shown) / sizeof(shown[0]); ++k) {
-    fm_text_clear(&name);
-    fm_text_add(&name, "%s%s", fm_text_get(&prefix), shown[k].policy);
-    put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
-      "a policy of the subscription to the topic; read at the start of the process", FM_AT_START,
-      &shown[k].value);
+  for (uint32_t k = 0; k < N_POLICIES; ++k) {
+    const char * word = word_of(&policies[k], *choice_of(&policies[k], fixed));
+    show_policy(
+      parameters, fm_text_get(&prefix), policies[k].name, (fm_parameter_value) WORD(word));
   }
+  show_policy(parameters, fm_text_get(&prefix), "depth", (fm_parameter_value) WHOLE(
+      fixed->depth == 0 ? FM_USUAL_DEPTH : fixed->depth));
   fm_text_free(&prefix);
-  fm_text_free(&name);
   fm_text_free(&checked);
 }
 
@@ -462,10 +454,8 @@ static void refuse_publishers(
   fm_text_add(&prefix, OVERRIDES "%s.publisher", resolved == NULL ? "" : resolved);
   for (size_t k = 0; resolved != NULL && k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
-      fm_text_add(problems,
-        "%sparameter '%s' cannot be given: violations are announced reliable and volatile; their "
-        "depth is -p handler_depth:=NUMBER", problems->length > 0 ? "\n" : "",
-        parameters->given[k].name);
+      refuse(problems, parameters->given[k].name, " cannot be given: violations are announced "
+        "reliable and volatile; their depth is -p handler_depth:=NUMBER");
     }
   }
   free(resolved);
@@ -505,7 +495,7 @@ struct described
   const char * name;
   const char * description;
   enum fm_settable settable;
-  struct fm_parameter_value usual;
+  fm_parameter_value usual;
 };
 
 static void declare(
@@ -513,29 +503,23 @@ static void declare(
 {
   const struct fm_parameter * given =
     find(parameters->given, parameters->n_given, item->name);
-  const struct fm_parameter_value * value = &item->usual;
-  if (given != NULL) {
-    const size_t before = problems->length;
-    check(item->name, &given->value, problems);
-    value = problems->length == before ? &given->value : value;
-  }
+  const bool is_good = given != NULL && check(item->name, &given->value, problems);
   put(&parameters->declared, &parameters->n_declared, item->name, item->description,
-    item->settable, value);
+    item->settable, is_good ? &given->value : &item->usual);
 }
 
 static void declare_constant(
   struct fm_parameters * parameters, const struct fm_constant * constant,
   struct fm_text * problems)
 {
-  const struct fm_parameter_value value = value_of_constant(constant->value);
+  const fm_parameter_value value = value_of_constant(constant->value);
   struct fm_text name = {NULL, 0, 0};
   fm_text_add(&name, CONSTANTS "%s", constant->name);
   const struct fm_parameter * given =
     find(parameters->given, parameters->n_given, fm_text_get(&name));
   if (given != NULL && !are_equal(&given->value, &value)) {
-    fm_text_add(problems,
-      "%sparameter '%s': the constant is compiled into this node, as %s: export the bundle with "
-      "another value", problems->length > 0 ? "\n" : "", fm_text_get(&name), constant->value);
+    refuse(problems, fm_text_get(&name), ": the constant is compiled into this node, as %s: "
+      "export the bundle with another value", constant->value);
   }
   put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
     "a constant of the bundle; compiled into this node", FM_AT_START, &value);
@@ -552,9 +536,8 @@ static void refuse_unknown_constants(
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     if (begins_with(name, CONSTANTS) && fm_parameter_find(parameters, name) == NULL) {
-      fm_text_add(problems, "%sparameter '%s': the bundle has no such constant%s%s",
-        problems->length > 0 ? "\n" : "", name, names.length > 0 ? "; its constants are " : "",
-        fm_text_get(&names));
+      refuse(problems, name, ": the bundle has no such constant%s%s",
+        names.length > 0 ? "; its constants are " : "", fm_text_get(&names));
     }
   }
   fm_text_free(&names);
@@ -562,7 +545,7 @@ static void refuse_unknown_constants(
 
 static void set_level(const struct fm_parameters * parameters)
 {
-  const char * text = fm_parameter_find(parameters, "log_level")->value.text;
+  const char * text = fm_parameter_find(parameters, "log_level")->value.string_value.data;
   int level = RCUTILS_LOG_SEVERITY_UNSET;
   for (int k = 0; k < (int)(sizeof(levels) / sizeof(levels[0])); ++k) {
     level = strcmp(text, levels[k]) == 0 ? RCUTILS_LOG_SEVERITY_DEBUG * (k + 1) : level;
@@ -575,15 +558,17 @@ void fm_parameters_begin(
   struct fm_text * problems)
 {
   const struct described described[] = {
-    {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, truth(false)},
+    {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, TRUTH(false)},
     {"log_level", "the least severity that this node logs: debug, info, warn, error or fatal; "
-      "empty for the process's", FM_ALWAYS, word("")},
+      "empty for the process's", FM_ALWAYS, WORD("")},
     {"handler_depth", "violations that a slow listener of one handler may be behind before it "
-      "loses some; read by `configure`", FM_UNCONFIGURED, whole(1000)},
+      "loses some; read by `configure`", FM_UNCONFIGURED, WHOLE(1000)},
     {"log_violations", "whether the node logs violations and their ends; false if the logger "
-      "does; read by `configure`", FM_UNCONFIGURED, truth(true)},
+      "does; read by `configure`", FM_UNCONFIGURED, TRUTH(true)},
+    {"start_type_description_service", "whether the node offers ~/get_type_description",
+      FM_AT_START, TRUTH(true)},
     {"autostart", "whether the node configures and activates itself at its start", FM_AT_START,
-      truth(true)}};
+      TRUTH(true)}};
   parameters->node = node;
   parameters->table = table;
   read_given(parameters);
@@ -624,18 +609,21 @@ static void warn_of_override(const struct fm_parameters * parameters, const char
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
-    "spec", "library", "policy", "period", "rate", "hot_path"};
+    "spec", "library", "policy", "period", "rate", "hot_path", "native"};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     const char * dot = strrchr(name, '.');
     const char * last = dot == NULL ? name : dot + 1;
     if (fm_parameter_find(parameters, name) != NULL ||
-      (begins_with(name, OVERRIDES) && is_of_rcl(name + strlen(OVERRIDES))) ||
-      strcmp(name, "start_type_description_service") == 0)
+      (begins_with(name, OVERRIDES) && is_of_rcl(name + strlen(OVERRIDES))))
     {
       continue;
     }
-    if (is_among(name, compiled, sizeof(compiled) / sizeof(compiled[0]))) {
+    const bool is_compiled = is_among(name, compiled, sizeof(compiled) / sizeof(compiled[0]));
+    if (is_compiled && parameters->table->origin[0] != '\0') {
+      continue;  // they have chosen this program
+    }
+    if (is_compiled) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': the bundle is compiled into this node", name);
     } else if (begins_with(name, OVERRIDES)) {
@@ -646,7 +634,7 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     } else {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': this node has use_sim_time, log_level, handler_depth, "
-        "log_violations, autostart, " CONSTANTS "NAME", name);
+        "log_violations, autostart, start_type_description_service, " CONSTANTS "NAME", name);
     }
   }
 }
@@ -674,20 +662,19 @@ struct fm_parameter * fm_parameter_find(const struct fm_parameters * parameters,
 
 bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * name)
 {
-  return fm_parameter_find(parameters, name)->value.is_true;
+  return fm_parameter_find(parameters, name)->value.bool_value;
 }
 
 int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char * name)
 {
-  return fm_parameter_find(parameters, name)->value.whole;
+  return fm_parameter_find(parameters, name)->value.integer_value;
 }
 
 void fm_parameter_set(
-  struct fm_parameters * parameters, const char * name, const struct fm_parameter_value * value)
+  struct fm_parameters * parameters, const char * name, const fm_parameter_value * value)
 {
   struct fm_parameter * parameter = fm_parameter_find(parameters, name);
-  free(parameter->value.text);
-  parameter->value = copy_value(value);
+  (void)rcl_interfaces__msg__ParameterValue__copy(value, &parameter->value);
   if (strcmp(name, "log_level") == 0) {
     set_level(parameters);
   }

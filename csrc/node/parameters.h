@@ -22,29 +22,23 @@
 #ifndef PARAMETERS_H_
 #define PARAMETERS_H_
 
+#include <rcl_interfaces/msg/parameter_type.h>
+#include <rcl_interfaces/msg/parameter_value.h>
+
 #include "log.h"
 #include "node_table.h"
 
-/// Types, with the numbers of rcl_interfaces/msg/ParameterType.
+/// Types of rcl_interfaces/msg/ParameterType; no parameter of this node is a list, a larger one.
 enum fm_parameter_type
 {
-  FM_PARAMETER_UNSET = 0,
-  FM_PARAMETER_BOOL = 1,
-  FM_PARAMETER_INTEGER = 2,
-  FM_PARAMETER_DOUBLE = 3,
-  FM_PARAMETER_STRING = 4,
-  FM_PARAMETER_LIST = 5  // any list: no parameter of this node is one
+  FM_UNSET = rcl_interfaces__msg__ParameterType__PARAMETER_NOT_SET,
+  FM_TRUTH = rcl_interfaces__msg__ParameterType__PARAMETER_BOOL,
+  FM_WHOLE = rcl_interfaces__msg__ParameterType__PARAMETER_INTEGER,
+  FM_REAL = rcl_interfaces__msg__ParameterType__PARAMETER_DOUBLE,
+  FM_WORD = rcl_interfaces__msg__ParameterType__PARAMETER_STRING
 };
 
-/// A value; `text` is owned, and NULL unless the type is a string.
-struct fm_parameter_value
-{
-  enum fm_parameter_type type;
-  bool is_true;
-  int64_t whole;
-  double real;
-  char * text;
-};
+typedef rcl_interfaces__msg__ParameterValue fm_parameter_value;
 
 /// When a parameter may be set.
 enum fm_settable
@@ -59,7 +53,7 @@ struct fm_parameter
   char * name;
   char * description;
   enum fm_settable settable;
-  struct fm_parameter_value value;
+  fm_parameter_value value;
 };
 
 /// The parameters of a node. Zeroed before fm_parameters_begin.
@@ -97,10 +91,10 @@ int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char *
 /// Why a parameter cannot be set to a value now; adds nothing to `reason` if it can.
 void fm_parameter_refuse(
   const struct fm_parameters * parameters, const char * name,
-  const struct fm_parameter_value * value, struct fm_text * reason);
+  const fm_parameter_value * value, struct fm_text * reason);
 
 /// Set a parameter to a value that is not refused; the value is copied. Sets the level of the log.
 void fm_parameter_set(
-  struct fm_parameters * parameters, const char * name, const struct fm_parameter_value * value);
+  struct fm_parameters * parameters, const char * name, const fm_parameter_value * value);
 
 #endif  // PARAMETERS_H_

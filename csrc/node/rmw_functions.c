@@ -25,6 +25,8 @@
 
 typedef char same_message[
   sizeof(struct fm_serialized) == sizeof(rmw_serialized_message_t) ? 1 : -1];
+typedef char same_service_info[
+  sizeof(struct fm_service_info) == sizeof(rmw_service_info_t) ? 1 : -1];
 typedef char fitting_info[
   sizeof(struct fm_padded_info) >= sizeof(rmw_message_info_t) ? 1 : -1];
 
@@ -49,6 +51,40 @@ static int listen(void * subscription, fm_on_message callback, const void * user
 {
   return rmw_subscription_set_on_new_message_callback(subscription, callback, user_data);
 }
+
+static int is_available(const void * node, const void * client, bool * found)
+{
+  return rmw_service_server_is_available(node, client, found);
+}
+
+static int send_request(const void * client, const void * request, int64_t * sequence)
+{
+  return rmw_send_request(client, request, sequence);
+}
+
+static int take_response(
+  const void * client, struct fm_service_info * info, void * response, bool * taken)
+{
+  return rmw_take_response(client, (rmw_service_info_t *)(void *)info, response, taken);
+}
+
+static int deserialize(
+  const struct fm_serialized * message, const struct fm_type_support * type, void * out)
+{
+  return rmw_deserialize(
+    (const rmw_serialized_message_t *)(const void *)message,
+    (const rosidl_message_type_support_t *)(const void *)type, out);
+}
+
+int fm_rmw_publish_serialized(
+  const void * publisher, const struct fm_serialized * message, void * allocation)
+{
+  return rmw_publish_serialized_message(
+    publisher, (const rmw_serialized_message_t *)(const void *)message, allocation);
+}
+
+const struct fm_service_functions fm_rmw_services = {
+  is_available, send_request, take_response, deserialize, rcutils_reset_error};
 
 static int publish(const void * publisher, const void * message, void * allocation)
 {

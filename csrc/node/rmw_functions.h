@@ -12,14 +12,19 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// rmw_functions.h: the middleware's functions, for the receivers and the announcer.
+/// rmw_functions.h: the middleware's functions, for the receivers, the announcer and the actions.
 
 #ifndef RMW_FUNCTIONS_H_
 #define RMW_FUNCTIONS_H_
 
-#include "middleware.h"
+#include "service_call.h"
 
 /// The functions of rmw. A receiver that cannot be stopped may use them as long as the process.
 extern const struct fm_middleware fm_rmw_functions;
+extern const struct fm_service_functions fm_rmw_services;
+
+/// rmw_publish_serialized_message.
+int fm_rmw_publish_serialized(
+  const void * publisher, const struct fm_serialized * message, void * allocation);
 
 #endif  // RMW_FUNCTIONS_H_

@@ -16,44 +16,18 @@
 
 #include "session.h"
 
-#include <rcl/error_handling.h>
-#include <rmw/qos_profiles.h>
 #include <diagnostic_msgs/msg/diagnostic_array.h>
 #include <std_msgs/msg/empty.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "rmw_functions.h"
+#include "endpoints.h"
+#include "in_place_types.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
-#define REVIEWED_AT_ONCE 50u   // topics, 50 us each
 #define ALIGNMENT 16u
 
 // ---- what is advertised ------------------------------------------------------------------------
-
-static bool advertise(
-  struct fm_session * session, rcl_publisher_t * publisher,
-  const rosidl_message_type_support_t * type, const char * topic)
-{
-  rcl_publisher_options_t options = rcl_publisher_get_default_options();
-  options.qos = rmw_qos_profile_default;  // reliable, volatile
-  options.qos.depth = session->settings.handler_depth;
-  *publisher = rcl_get_zero_initialized_publisher();
-  if (rcl_publisher_init(publisher, &session->node->node, type, topic, &options) == RCL_RET_OK) {
-    return true;
-  }
-  fm_log_failure(session->node, "cannot subscribe or advertise");
-  return false;
-}
-
-static void withdraw(struct fm_session * session, rcl_publisher_t * publisher)
-{
-  if (publisher->impl != NULL &&
-    rcl_publisher_fini(publisher, &session->node->node) != RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
-}
 
 enum kind { MONITORED, ANNOUNCED, OWN };  // topics of inputs; of violations; others of the node
 
@@ -148,17 +122,55 @@ static bool advertise_all(struct fm_session * session)
     return false;
   }
   for (; session->n_handlers < n; ++session->n_handlers) {
-    if (!advertise(
-        session, &session->handlers[session->n_handlers],
+    if (!fm_advertise(
+        session->node, &session->handlers[session->n_handlers],
         ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty),
-        session->table->handlers[session->n_handlers]))
+        session->table->handlers[session->n_handlers], session->settings.handler_depth))
     {
       return false;
     }
   }
-  return advertise(
-    session, &session->details, ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray),
-    FM_DETAILS_TOPIC);
+  return fm_advertise(
+    session->node, &session->details,
+    ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), FM_DETAILS_TOPIC,
+    session->settings.handler_depth) &&
+         fm_node_actions_begin(&session->actions, session->node, session->table);
+}
+
+static struct fm_use use_of_node(const char * name)
+{
+  return (struct fm_use) {"", "", "", "publish on", name, true};
+}
+
+// Refuse what else publishes on a topic of a lock or of the node; handlers are compared by
+// refuse_merged.
+static bool refuse_shared(const struct fm_session * session)
+{
+  const struct fm_report_table * table = &session->table->report;
+  const size_t most = session->n_handlers + (size_t)table->n_locks + table->n_actions + 3u;
+  struct fm_use * uses = calloc(most, sizeof(*uses));
+  char * alive = fm_resolved_name(session->node, "~/alive");
+  char * health = fm_resolved_name(session->node, "/diagnostics");
+  struct fm_lines lines = {NULL, 0, 0};
+  bool is_good = uses != NULL && alive != NULL && health != NULL;
+  if (is_good) {
+    uint32_t n = 0;
+    uses[n] = use_of_node(health);
+    uses[n++].is_alone = false;  // an action may publish on it
+    uses[n++] = use_of_node(rcl_publisher_get_topic_name(&session->details));
+    uses[n++] = use_of_node(alive);
+    for (uint32_t k = 0; k < session->n_handlers; ++k) {
+      uses[n++] = use_of_node(rcl_publisher_get_topic_name(&session->handlers[k]));
+    }
+    n += fm_node_actions_uses(&session->actions, &uses[n]);
+    is_good = !fm_find_shared(&lines, uses, n);
+    fm_log_lines(session->node, &lines);
+  }
+  fm_lines_free(&lines);
+  free(alive);
+  free(health);
+  free(uses);
+  return is_good && !fm_node_actions_call_own(&session->actions);
 }
 
 bool fm_session_configure(
@@ -171,7 +183,7 @@ bool fm_session_configure(
   session->clock = clock;
   session->settings = *settings;
   session->is_configured = true;
-  if (!refuse_merged(session) || !advertise_all(session)) {
+  if (!refuse_merged(session) || !advertise_all(session) || !refuse_shared(session)) {
     fm_session_release(session);
     return false;
   }
@@ -182,12 +194,13 @@ void fm_session_release(struct fm_session * session)
 {
   fm_session_deactivate(session);
   for (uint32_t k = 0; k < session->n_handlers; ++k) {
-    withdraw(session, &session->handlers[k]);
+    fm_publisher_close(session->node, &session->handlers[k]);
   }
   free(session->handlers);
   session->handlers = NULL;
   session->n_handlers = 0;
-  withdraw(session, &session->details);
+  fm_publisher_close(session->node, &session->details);
+  fm_node_actions_end(&session->actions);
   session->is_configured = false;
 }
 
@@ -267,17 +280,23 @@ static void end_reporter(struct fm_session * session)
 
 static bool start_announcer(struct fm_session * session)
 {
+  const uint32_t n_locks = session->table->report.n_locks;
   void ** publishers = calloc(session->n_handlers + 1u, sizeof(*publishers));
-  if (publishers == NULL) {
+  struct fm_lock * locks = calloc(n_locks + (size_t)1, sizeof(*locks));
+  if (publishers == NULL || locks == NULL) {
+    free(publishers);
+    free(locks);
     return false;
   }
+  fm_node_actions_locks(&session->actions, locks);
   for (uint32_t k = 0; k < session->n_handlers; ++k) {
     publishers[k] = rcl_publisher_get_rmw_handle(&session->handlers[k]);
   }
   const bool is_started = fm_announcer_start(
-    &session->announcer, session->engine, &fm_rmw_functions, publishers, session->n_handlers,
-    NULL, 0);
+    &session->announcer, session->engine, fm_node_middleware(), publishers, session->n_handlers,
+    locks, n_locks);
   free(publishers);
+  free(locks);
   return is_started;
 }
 
@@ -285,7 +304,12 @@ static bool start_threads(struct fm_session * session)
 {
   session->detail_thread = fm_detail_thread_start(
     session->node, &session->reporter, &session->details, session->settings.logs_violations);
-  if (session->detail_thread == NULL || !start_announcer(session)) {
+  if (session->table->report.n_actions > 0) {
+    fm_engine_follow_states(session->engine);
+  }
+  if (session->detail_thread == NULL || !start_announcer(session) ||
+    !fm_node_actions_start(&session->actions, session->engine))
+  {
     fm_log(session->node, FM_ERROR, "no thread can be started");
     return false;
   }
@@ -302,13 +326,14 @@ static bool subscribe_all(struct fm_session * session)
   for (uint32_t k = 0; k < table->report.n_topics; ++k) {
     session->n_topics = k + 1u;
     if (!fm_topic_open(
-        &session->topics[k], session->node, &table->topics[k], &session->settings.fixed[k], k))
+        &session->topics[k], session->node, &table->topics[k], session->topic_names[k],
+        &session->settings.fixed[k], k))
     {
       return false;
     }
   }
   for (uint32_t k = 0; k < table->report.n_topics; ++k) {
-    if (!fm_topic_start(&session->topics[k], session->engine, &fm_rmw_functions)) {
+    if (!fm_topic_start(&session->topics[k], session->engine, fm_node_middleware())) {
       return false;
     }
   }
@@ -331,7 +356,8 @@ bool fm_session_activate(struct fm_session * session)
   }
   fm_engine_begin(session->engine);  // after the subscriptions: no timeout runs while they are made
   session->is_active = true;
-  fm_session_review(session);
+  session->next_look = session->next_question = session->next_round = 0;
+  (void)fm_session_review(session);
   return true;
 }
 
@@ -345,12 +371,13 @@ void fm_session_deactivate(struct fm_session * session)
   }
   free(session->topics);
   session->topics = NULL;
-  session->n_topics = session->next_reviewed = 0;
+  session->n_topics = 0;
   if (session->engine != NULL) {
     fm_engine_close(session->engine);
   }
   fm_detail_thread_join(session->detail_thread);
   session->detail_thread = NULL;
+  fm_node_actions_stop(&session->actions);
   fm_announcer_join(&session->announcer);
   if (session->engine != NULL && is_over) {
     fm_engine_destroy(session->engine);
@@ -363,16 +390,67 @@ void fm_session_deactivate(struct fm_session * session)
 
 // ---- while it runs -----------------------------------------------------------------------------
 
-void fm_session_review(struct fm_session * session)
+static void note_all(struct fm_session * session)
 {
-  const uint32_t begin = session->next_reviewed;
-  for (uint32_t k = begin; k < session->n_topics && k < begin + REVIEWED_AT_ONCE; ++k) {
-    fm_topic_review(&session->topics[k]);
+  for (uint32_t k = 0; k < session->n_topics; ++k) {
+    session->topics[k].is_due = true;
   }
-  session->next_reviewed = begin + REVIEWED_AT_ONCE;
-  if (session->next_reviewed >= session->n_topics) {
-    session->next_reviewed = 0;
+}
+
+int64_t fm_session_note_change(struct fm_session * session)
+{
+  const int64_t first = fm_steady_now() + FM_LOOK_DELAY_NS;
+  if (!session->has_due && session->next_look < first) {
+    session->next_look = first;
   }
+  session->has_due = true;
+  note_all(session);
+  return session->next_look;
+}
+
+static void note_unsettled(struct fm_session * session, int64_t now)
+{
+  for (uint32_t k = 0; k < session->n_topics; ++k) {
+    struct fm_mapped_topic * topic = &session->topics[k];
+    topic->is_due = topic->is_due || !fm_topic_is_settled(topic);
+  }
+  if (now >= session->next_round) {
+    session->next_round = now + FM_LOOK_AGAIN_NS;
+    note_all(session);
+  }
+}
+
+// Returns whether any is left.
+static bool look_at_due(struct fm_session * session)
+{
+  bool is_any_left = false;
+  uint32_t n = 0;
+  for (uint32_t k = 0; k < session->n_topics; ++k) {
+    struct fm_mapped_topic * topic =
+      &session->topics[(session->next_looked_at + k) % session->n_topics];
+    if (topic->is_due && n < FM_LOOKS_AT_ONCE) {
+      n += 1u;
+      fm_topic_review(topic);
+      topic->is_due = !fm_topic_is_settled(topic);
+    }
+    is_any_left = is_any_left || topic->is_due;
+  }
+  session->next_looked_at += n;
+  return is_any_left;
+}
+
+int64_t fm_session_review(struct fm_session * session)
+{
+  const int64_t now = fm_steady_now();
+  if (now >= session->next_question) {
+    session->next_question = now + FM_SECOND;
+    note_unsettled(session, now);
+  }
+  if (now >= session->next_look) {
+    session->next_look = now + FM_LOOK_PERIOD_NS;
+    session->has_due = look_at_due(session);
+  }
+  return session->has_due ? session->next_look : session->next_question;
 }
 
 void fm_session_reset(struct fm_session * session)
@@ -411,12 +489,15 @@ void fm_session_wake(struct fm_session * session)
 
 bool fm_session_turns(const struct fm_session * session, uint64_t * turns)
 {
-  const uint64_t announcer = fm_announcer_turns(session->announcer);
-  const uint64_t details = fm_detail_thread_turns(session->detail_thread);
-  if (announcer == turns[0] || details == turns[1]) {
-    return false;
+  const bool has_actions = session->actions.thread != NULL;
+  const uint64_t now[FM_SESSION_THREADS] = {
+    fm_announcer_turns(session->announcer), fm_detail_thread_turns(session->detail_thread),
+    has_actions ? fm_actions_turns(session->actions.thread) : turns[2] + 1u};
+  for (int k = 0; k < FM_SESSION_THREADS; ++k) {
+    if (now[k] == turns[k]) {
+      return false;
+    }
   }
-  turns[0] = announcer;
-  turns[1] = details;
+  memcpy(turns, now, sizeof(now));
   return true;
 }

@@ -20,9 +20,9 @@
 #ifndef SESSION_H_
 #define SESSION_H_
 
-#include "announcer.h"
 #include "detail_thread.h"
 #include "mapped_topic.h"
+#include "node_actions.h"
 #include "node_clock.h"
 
 /// What `configure` has read from the parameters.
@@ -43,6 +43,7 @@ struct fm_session
   rcl_publisher_t * handlers;         // a requirement
   uint32_t n_handlers;
   rcl_publisher_t details;
+  struct fm_node_actions actions;
   void * memory;                      // of the evaluator
   struct fm_engine * engine;
   struct fm_reporter reporter;
@@ -51,7 +52,11 @@ struct fm_session
   struct fm_detail_thread * detail_thread;
   struct fm_mapped_topic * topics;
   uint32_t n_topics;                  // that were opened
-  uint32_t next_reviewed;
+  uint32_t next_looked_at;            // of the topics
+  bool has_due;                       // topics to be looked at
+  int64_t next_look;                  // at publishers; steady, as these two
+  int64_t next_question;              // whether topics are settled
+  int64_t next_round;                 // at which all are looked at
   bool is_configured;
   bool is_active;
 };
@@ -72,8 +77,12 @@ void fm_session_deactivate(struct fm_session * session);
 /// Stop, and withdraw the handlers.
 void fm_session_release(struct fm_session * session);
 
-/// Check the publishers of the topics, some at a time; to be called four times a second.
-void fm_session_review(struct fm_session * session);
+/// Note that the graph has changed. Returns when to call fm_session_review. O(topics).
+int64_t fm_session_note_change(struct fm_session * session);
+
+/// Look for the publishers of topics for which that is due (subscription.h), some at a time.
+/// Returns when to call it again, on the steady clock. O(topics).
+int64_t fm_session_review(struct fm_session * session);
 
 /// Reset all step groups between two steps.
 void fm_session_reset(struct fm_session * session);
@@ -84,8 +93,11 @@ void fm_session_follow_clock(struct fm_session * session);
 void fm_session_drain(struct fm_session * session);
 void fm_session_wake(struct fm_session * session);
 
-/// Whether each thread has looked for work since the counters in `turns` (two) were written, which
-/// are written anew if so.
+/// Threads of a session that are counted by fm_session_turns.
+enum { FM_SESSION_THREADS = 3 };
+
+/// Whether each thread has looked for work since the counters in `turns` (FM_SESSION_THREADS) were
+/// written, which are written anew if so.
 bool fm_session_turns(const struct fm_session * session, uint64_t * turns);
 
 #endif  // SESSION_H_

@@ -22,8 +22,10 @@
 #include <std_msgs/msg/header.h>
 #include <string.h>
 
+#include "endpoints.h"
+
 #define LEASE_S 3u      // without a sign, until the middleware reports the publisher as not alive
-#define LOGGED_S 60.0
+#define LOGGED_NS (60 * FM_SECOND)
 
 static void publish(struct fm_sign_of_life * sign)
 {
@@ -47,19 +49,16 @@ static void publish(struct fm_sign_of_life * sign)
 
 bool fm_sign_of_life_begin(struct fm_sign_of_life * sign, const struct fm_session * session)
 {
-  rcl_publisher_options_t options = rcl_publisher_get_default_options();
-  options.qos = rmw_qos_profile_default;
-  options.qos.depth = 1;
-  options.qos.liveliness = RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC;
-  options.qos.liveliness_lease_duration = (rmw_time_t) {LEASE_S, 0};
+  rmw_qos_profile_t profile = rmw_qos_profile_default;
+  profile.depth = 1;
+  profile.liveliness = RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC;
+  profile.liveliness_lease_duration = (rmw_time_t) {LEASE_S, 0};
   memset(sign, 0, sizeof(*sign));
   sign->session = session;
-  sign->publisher = rcl_get_zero_initialized_publisher();
-  if (rcl_publisher_init(
-      &sign->publisher, &session->node->node, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Header),
-      "~/alive", &options) != RCL_RET_OK)
+  if (!fm_publisher_open(
+      session->node, &sign->publisher, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Header),
+      "~/alive", &profile))
   {
-    fm_log_failure(session->node, "cannot advertise ~/alive");
     return false;
   }
   publish(sign);
@@ -76,7 +75,9 @@ static void suspect(struct fm_sign_of_life * sign)
   }
   if (sign->suspected == 0) {
     sign->suspected = now;
-  } else if (now - sign->suspected >= FM_SECOND && fm_passes(&sign->next_line, LOGGED_S)) {
+  } else if (now - sign->suspected >= FM_SECOND &&
+    fm_passes(&sign->next_line, now, LOGGED_NS))
+  {
     fm_log(sign->session->node, FM_ERROR,
       "a thread of the monitor hangs: no sign of life on ~/alive");
   }
@@ -93,10 +94,8 @@ void fm_sign_of_life_beat(struct fm_sign_of_life * sign)
 
 void fm_sign_of_life_end(struct fm_sign_of_life * sign)
 {
-  if (sign->publisher.impl != NULL &&
-    rcl_publisher_fini(&sign->publisher, &sign->session->node->node) != RCL_RET_OK)
-  {
-    rcl_reset_error();
+  if (sign->session != NULL) {
+    fm_publisher_close(sign->session->node, &sign->publisher);
   }
   memset(sign, 0, sizeof(*sign));
 }

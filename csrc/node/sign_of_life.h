@@ -27,7 +27,7 @@ struct fm_sign_of_life
 {
   const struct fm_session * session;
   rcl_publisher_t publisher;
-  uint64_t turns[2];    // of the threads, at the last sign
+  uint64_t turns[FM_SESSION_THREADS];  // of the threads, at the last sign
   int64_t published;    // steady
   int64_t suspected;    // steady: when a thread was first found not to have turned; 0: none is
   int64_t next_line;

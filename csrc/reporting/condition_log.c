@@ -106,14 +106,16 @@ void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
   }
   for (uint32_t k = 0; k < n; ++k) {
     if (review->changes[k] > MOST_LINES) {
+      const uint32_t more = review->changes[k] - MOST_LINES;
       log_of(
-        review, k, lines, "has changed %u times more since", review->changes[k] - MOST_LINES);
+        review, k, lines, "has changed %u time%s more since", more, more == 1u ? "" : "s");
       fm_text_clear(&review->conditions[k]);  // the present state is logged
     }
   }
   if (n > 0 && review->now.missed > 0) {
-    fm_lines_add(lines, FM_INFO, "%" PRIu64 " more changes of what locks and gates depend on came "
-      "too fast to be logged", review->now.missed);
+    fm_lines_add(lines, FM_INFO, "%" PRIu64 " more change%s of what locks and gates depend on came "
+      "too fast to be logged", review->now.missed,
+      review->now.missed == 1u ? "" : "s");
   }
   review_present(review, &state, lines);
   fm_text_free(&state);
@@ -128,7 +130,7 @@ void fm_review_gate(struct fm_review * review, struct fm_lines * lines)
   if (gate == NULL || facts == NULL) {
     return;
   }
-  if (facts->others[0] != '\0' && fm_passes_at(&log->next_others, now, LOGGED_S * FM_SECOND)) {
+  if (facts->others[0] != '\0' && fm_passes(&log->next_others, now, LOGGED_S * FM_SECOND)) {
     struct fm_text others = {NULL, 0, 0};
     fm_add_others(&others, gate, facts);
     fm_lines_add(lines, FM_ERROR, "gate '%s': %s: what does not pass the gate is not judged",
@@ -136,14 +138,14 @@ void fm_review_gate(struct fm_review * review, struct fm_lines * lines)
     fm_text_free(&others);
   }
   if (!gate->is_service && facts->unsent > log->unsent &&
-    fm_passes_at(&log->next_unsent, now, LOGGED_S * FM_SECOND))
+    fm_passes(&log->next_unsent, now, LOGGED_S * FM_SECOND))
   {
     log->unsent = facts->unsent;
     fm_lines_add(lines, FM_ERROR, "gate '%s': %" PRIu64 " messages could not be published",
       gate->name, facts->unsent);
   }
   if (review->now.gate.violating > review->before.gate.violating &&
-    fm_passes_at(&log->next_violating, now, LOGGED_S * FM_SECOND))
+    fm_passes(&log->next_violating, now, LOGGED_S * FM_SECOND))
   {
     fm_lines_add(lines, FM_WARN, "gate '%s': a requirement is violated after the substitute, too: "
       "the substitute itself violates it, or nothing on this topic satisfies it now",

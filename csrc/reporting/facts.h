@@ -22,15 +22,6 @@
 #include "reporter.h"
 #include "subscription.h"
 
-/// What became of an action.
-struct fm_action_facts
-{
-  uint64_t started;
-  uint64_t sent;     // messages, or calls that succeeded
-  uint64_t failed;
-  uint64_t skipped;
-};
-
 /// What is around a gate.
 struct fm_gate_facts
 {

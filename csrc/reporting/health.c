@@ -345,7 +345,7 @@ static void add_action(const struct report * report, uint32_t action)
       review->failed[action] - review->failed_before[action]);
   }
   struct fm_status * status = add_status(
-    report, troubles.level, "action ", review->reporter->table->actions[action],
+    report, troubles.level, "action ", review->reporter->table->actions[action].name,
     troubles.text.length > 0 ? fm_text_get(&troubles.text) : "ready");
   add_count(status, "started", counts->started);
   add_count(status, "sent", counts->sent);

@@ -18,20 +18,6 @@
 
 #include <stdlib.h>
 
-static bool make_room(struct fm_lines * lines)
-{
-  if (lines->n < lines->capacity) {
-    return true;
-  }
-  const uint32_t capacity = 2u * lines->capacity + 4u;
-  struct fm_line * moved = realloc(lines->lines, capacity * sizeof(*moved));
-  if (moved != NULL) {
-    lines->lines = moved;
-    lines->capacity = capacity;
-  }
-  return moved != NULL;
-}
-
 void fm_lines_add(struct fm_lines * lines, enum fm_level level, const char * format, ...)
 {
   struct fm_text text = {NULL, 0, 0};
@@ -39,11 +25,23 @@ void fm_lines_add(struct fm_lines * lines, enum fm_level level, const char * for
   va_start(arguments, format);
   fm_text_add_arguments(&text, format, arguments);
   va_end(arguments);
-  if (text.bytes != NULL && make_room(lines)) {
-    lines->lines[lines->n++] = (struct fm_line) {(uint32_t)level, text.bytes};
-  } else {
+  struct fm_line * moved = text.bytes == NULL ? NULL :
+    fm_with_room(lines->lines, lines->n, &lines->capacity, sizeof(*lines->lines));
+  if (moved == NULL) {
     fm_text_free(&text);
+    return;
   }
+  lines->lines = moved;
+  lines->lines[lines->n++] = (struct fm_line) {(uint32_t)level, text.bytes};
+}
+
+bool fm_passes(int64_t * next, int64_t now, int64_t interval)
+{
+  if (now < *next) {
+    return false;
+  }
+  *next = now + interval;
+  return true;
 }
 
 void fm_lines_clear(struct fm_lines * lines)

@@ -47,6 +47,10 @@ struct fm_lines
 void fm_lines_add(struct fm_lines * lines, enum fm_level level, const char * format, ...)
 FM_PRINTF(3, 4);
 
+/// Whether a line may be logged, at most one in an interval: if so, `*next` is set, which is 0 at
+/// first. All are times of one clock. O(1).
+bool fm_passes(int64_t * next, int64_t now, int64_t interval);
+
 /// Remove all lines; keep the memory of the list.
 FM_EXPORT void fm_lines_clear(struct fm_lines * lines);
 

@@ -23,6 +23,7 @@
 
 #include "evaluator.h"
 #include "fret_fields.h"
+#include "schedule.h"
 
 /// A name of a value of an input. A string input is stored as the index of its name.
 struct fm_value_name
@@ -75,6 +76,8 @@ struct fm_constant
 struct fm_report_lock
 {
   const char * name;
+  const char * topic;          // as written in the bundle
+  int64_t period;              // ns between two messages
   const uint32_t * requirements;
   uint32_t n_requirements;
 };
@@ -95,7 +98,8 @@ struct fm_report_table
   const char * component;
   const struct fm_report_gate * gate;  // NULL: none
   const struct fm_report_lock * locks;
-  const char * const * actions;        // all but locks
+  const struct fm_action * actions;    // all but locks
+  const struct fm_follows * follows;   // of these, what follows each requirement
   const struct fm_report_input * inputs;
   const struct fm_report_topic * topics;
   const struct fm_topic * topic_inputs;  // a topic: the inputs that it feeds

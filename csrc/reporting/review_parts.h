@@ -79,9 +79,6 @@ struct fm_review
   bool is_unpublished_logged;
 };
 
-/// Whether a line may be logged, at most one in an interval. `*next` is 0 at first.
-FM_INTERNAL bool fm_passes_at(int64_t * next, int64_t now, int64_t interval);
-
 /// Whether periods were missed, or enough of them late, between two counts.
 FM_INTERNAL bool fm_are_worth_reading(
   const struct fm_time_counts * before, const struct fm_time_counts * now);

@@ -19,20 +19,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Return the array with room for one more; NULL if memory is short, and it stays as it was.
-static void * with_room(void * array, uint32_t n, uint32_t * capacity, size_t bytes)
-{
-  if (n < *capacity) {
-    return array;
-  }
-  const uint32_t wanted = 2u * *capacity + 8u;
-  void * moved = realloc(array, wanted * bytes);
-  if (moved != NULL) {
-    *capacity = wanted;
-  }
-  return moved;
-}
-
 static void free_status(struct fm_status * status)
 {
   for (uint32_t k = 0; k < status->n_values; ++k) {
@@ -50,7 +36,7 @@ struct fm_status * fm_statuses_add(
   const char * hardware_id)
 {
   struct fm_status * moved =
-    with_room(list->statuses, list->n, &list->capacity, sizeof(*list->statuses));
+    fm_with_room(list->statuses, list->n, &list->capacity, sizeof(*list->statuses));
   if (moved == NULL) {
     return NULL;
   }
@@ -77,7 +63,7 @@ void fm_status_value(struct fm_status * status, const char * key, const char * f
   fm_text_add_arguments(&text, format, arguments);
   va_end(arguments);
   struct fm_key_value * moved =
-    with_room(status->values, status->n_values, &status->capacity, sizeof(*status->values));
+    fm_with_room(status->values, status->n_values, &status->capacity, sizeof(*status->values));
   char * named = moved == NULL ? NULL : fm_copy_of(key);
   char * value = text.bytes != NULL ? text.bytes : fm_copy_of("");
   if (moved != NULL) {

@@ -377,18 +377,24 @@ static void log_unmatched(
     is_volatile ? "`durability`" : "");
 }
 
+// Whether a publisher is not received, and not logged yet.
+static bool is_unlogged(const struct fm_subscription * state, const struct publisher * publisher)
+{
+  return !publisher->is_logged &&
+         (!publisher->is_ours || is_missed(&state->wanted, publisher));
+}
+
 static void log_publishers(struct fm_subscription * state, int64_t now, struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < state->n_publishers; ++k) {
     struct publisher * publisher = &state->publishers[k];
-    const bool is_missed_for_good = is_missed(&state->wanted, publisher);
-    if (publisher->is_logged || (publisher->is_ours && !is_missed_for_good) ||
+    if (!is_unlogged(state, publisher) ||
       (!publisher->is_named && now < publisher->since + NAMED_NS))
     {
       continue;
     }
     publisher->is_logged = true;
-    if (is_missed_for_good) {
+    if (publisher->is_ours) {
       log_unmatched(state, publisher, lines);
     } else {
       log_type(state, publisher, lines);
@@ -400,9 +406,8 @@ static void log_losses(
   struct fm_subscription * state, uint64_t lost, int64_t now, struct fm_lines * lines)
 {
   const uint64_t more = lost - state->logged_losses;
-  if (lost > state->logged_losses && now >= state->next_loss_line) {
+  if (lost > state->logged_losses && fm_passes(&state->next_loss_line, now, LOSSES_NS)) {
     state->logged_losses = lost;
-    state->next_loss_line = now + LOSSES_NS;
     fm_lines_add(lines, FM_WARN,
       "%" PRIu64 " message%s lost on %s since the last such message: a queue overflowed "
       "(`qos: {depth: ...}`), or the network dropped them", more, more == 1 ? " was" : "s were",
@@ -458,4 +463,14 @@ void fm_subscription_conclude(
   note_mismatches(state);
   log_publishers(state, now, lines);
   log_losses(state, lost, now, lines);
+}
+
+bool fm_subscription_is_settled(const struct fm_subscription * state, uint64_t lost)
+{
+  bool is_settled = state->n_replaced == 0 && state->handover_ends == 0 && state->retry == 0 &&
+    !state->has_new && lost == state->logged_losses;
+  for (uint32_t k = 0; k < state->n_publishers; ++k) {
+    is_settled = is_settled && !is_unlogged(state, &state->publishers[k]);
+  }
+  return is_settled;
 }

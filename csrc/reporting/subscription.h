@@ -20,8 +20,10 @@
 /// subscription is replaced. In this handover the old one is kept until all publishers have
 /// discovered the new one, and messages are expected twice.
 ///
-/// The node subscribes and closes. A few times a second it looks for the publishers of the topic,
-/// calls fm_subscription_decide, does what was decided, and calls fm_subscription_conclude.
+/// The node subscribes and closes. It looks for the publishers of a topic, calls
+/// fm_subscription_decide, does what was decided, and calls fm_subscription_conclude: for all
+/// topics when the graph has changed, and every FM_LOOK_AGAIN_NS without; for a topic that is not
+/// settled, which it asks for once a second, until it is.
 ///
 /// One thread at a time. Times are CLOCK_MONOTONIC in nanoseconds. When memory is short, nothing
 /// is decided in this round.
@@ -35,6 +37,14 @@
 /// Messages in the queue of a subscription: 0.1 s of a topic at 1 kHz. With images of 1 MB a full
 /// queue takes 100 MB, which `qos: {depth: 1}` avoids.
 #define FM_USUAL_DEPTH 100u
+
+/// How often the node looks for publishers, and for those of how many topics. A look takes up to
+/// 50 us, so that a graph that keeps changing takes at most 1 % of a processor. The first look is
+/// a while after the change: the middleware learns of a publisher before it learns of its node.
+#define FM_LOOK_DELAY_NS 100000000
+#define FM_LOOK_PERIOD_NS 250000000
+#define FM_LOOKS_AT_ONCE 50u
+#define FM_LOOK_AGAIN_NS 10000000000
 
 /// What is fixed of a policy.
 enum fm_choice
@@ -115,6 +125,11 @@ FM_EXPORT struct fm_decision fm_subscription_decide(
 FM_EXPORT void fm_subscription_conclude(
   struct fm_subscription * state, const char * problem, uint64_t lost, int64_t now,
   struct fm_lines * lines);
+
+/// Whether the next look can wait until the graph changes: nothing is due by its time, and no loss
+/// is to be logged. `lost` as in fm_subscription_conclude. O(publishers).
+FM_EXPORT bool fm_subscription_is_settled(
+  const struct fm_subscription * state, uint64_t lost);
 
 /// Return the publishers of the last review.
 FM_EXPORT struct fm_publishers fm_subscription_publishers(const struct fm_subscription * state);

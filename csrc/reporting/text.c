@@ -227,6 +227,19 @@ void fm_text_add_short_seconds(struct fm_text * text, int64_t nanoseconds)
   }
 }
 
+void * fm_with_room(void * array, uint32_t n, uint32_t * capacity, size_t bytes)
+{
+  if (n < *capacity) {
+    return array;
+  }
+  const uint32_t wanted = 2u * *capacity + 8u;
+  void * moved = realloc(array, wanted * bytes);
+  if (moved != NULL) {
+    *capacity = wanted;
+  }
+  return moved;
+}
+
 char * fm_copy_of(const char * text)
 {
   char * copy = malloc(strlen(text) + 1u);

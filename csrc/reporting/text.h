@@ -77,6 +77,10 @@ void fm_text_add_float32(struct fm_text * text, float value);
 void fm_text_add_seconds(struct fm_text * text, int64_t nanoseconds);
 void fm_text_add_short_seconds(struct fm_text * text, int64_t nanoseconds);
 
+/// Return an array of `n` elements with room for one more, to be kept in place of it; NULL if
+/// memory is short, and it stays as it was. `bytes`: of an element. Amortised O(1).
+void * fm_with_room(void * array, uint32_t n, uint32_t * capacity, size_t bytes);
+
 /// Return a copy that the caller frees; NULL if memory is short.
 char * fm_copy_of(const char * text);
 

@@ -24,15 +24,6 @@
 #define MOST_LATE 0.01      // of all periods, are worth reading
 #define FEWEST_JUDGED 300u  // periods; of fewer, three are too many
 
-bool fm_passes_at(int64_t * next, int64_t now, int64_t interval)
-{
-  if (now < *next) {
-    return false;
-  }
-  *next = now + interval;
-  return true;
-}
-
 bool fm_are_worth_reading(const struct fm_time_counts * before, const struct fm_time_counts * now)
 {
   const uint64_t late = now->late - before->late;
@@ -97,7 +88,7 @@ static void review_periods(struct fm_review * review, struct fm_lines * lines)
   struct fm_time_log * log = &review->time;
   const struct fm_time_counts * counts = &review->now.time;
   if (fm_are_worth_reading(&log->judged, counts)) {
-    if (fm_passes_at(&log->next_line, review->facts.now, PERIODS_S * FM_SECOND)) {
+    if (fm_passes(&log->next_line, review->facts.now, PERIODS_S * FM_SECOND)) {
       fm_lines_add(lines, FM_WARN,
         "periods of %g s since the last such message: %" PRIu64 " missed (no step), %" PRIu64
         " late by more than half a period", (double)review->reporter->table->period / 1e9,
@@ -105,7 +96,7 @@ static void review_periods(struct fm_review * review, struct fm_lines * lines)
       log->logged = log->judged = *counts;
     }
   } else if (counts->periods - log->judged.periods > FEWEST_JUDGED &&
-    fm_passes_at(&log->next_minute, review->facts.now, PERIODS_S * FM_SECOND))
+    fm_passes(&log->next_minute, review->facts.now, PERIODS_S * FM_SECOND))
   {
     log->judged = *counts;  // else a long good run would hide many late ones after it
   }
@@ -119,7 +110,7 @@ void fm_review_time(struct fm_review * review, struct fm_lines * lines)
     log_restart(review, lines);
   }
   if (counts->overflows > review->before.time.overflows &&
-    fm_passes_at(&review->time.next_line, review->facts.now, PERIODS_S * FM_SECOND))
+    fm_passes(&review->time.next_line, review->facts.now, PERIODS_S * FM_SECOND))
   {
     fm_lines_add(lines, FM_WARN,
       "%" PRIu64 " changes found no room in the queue of a window [a,a]: inputs change more often "

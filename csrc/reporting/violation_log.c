@@ -22,25 +22,25 @@
 
 #define INTERVAL_NS INT64_C(1000000000)
 
-// What the log says of a requirement.
+// What is known of a requirement, and what the log says.
 struct logged
 {
-  uint64_t violations;            // so far
+  uint64_t violations;           // so far
+  uint64_t violations_in_lines;
   bool is_violated;
-  struct fm_detail * violation;   // the latest that was left out since the last line
-  struct fm_detail * recovery;    // left out, if it is later than `violation`
-  bool has_violation;
-  bool has_recovery;
-  int64_t until;                  // steady: nothing is logged before; 0: all is logged
+  bool is_violated_by_lines;
+  struct fm_detail * violation;  // the last with a detail
+  struct fm_detail * recovery;   // the last
+  int64_t until;                 // steady: no line before; 0: there was none just now
 };
 
 struct fm_violation_log
 {
   const struct fm_reporter * reporter;
   struct logged * logged;
+  struct fm_detail_counts * counts;
   uint32_t n;
   size_t detail_bytes;
-  int64_t next_check;  // steady; 0: nothing new since the last
   struct fm_statuses worded;
 };
 
@@ -49,13 +49,15 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
   const struct fm_monitor * monitor = reporter->monitor;
   struct fm_violation_log * log = calloc(1, sizeof(*log));
   struct logged * logged = calloc(monitor->n_requirements + 1u, sizeof(*logged));
-  if (log == NULL || logged == NULL) {
+  struct fm_detail_counts * counts = calloc(monitor->n_requirements + 1u, sizeof(*counts));
+  if (log == NULL || logged == NULL || counts == NULL) {
     free(log);
     free(logged);
+    free(counts);
     return NULL;
   }
   *log = (struct fm_violation_log) {
-    reporter, logged, monitor->n_requirements, fm_detail_bytes(monitor), 0, {NULL, 0, 0}};
+    reporter, logged, counts, monitor->n_requirements, fm_detail_bytes(monitor), {NULL, 0, 0}};
   fm_engine_want_details(reporter->engine, true, FM_LOGGED_PER_S);
   return log;
 }
@@ -71,6 +73,7 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
   }
   fm_statuses_free(&log->worded);
   free(log->logged);
+  free(log->counts);
   free(log);
 }
 
@@ -135,57 +138,52 @@ static const struct fm_status * worded(
 
 // ---- what is logged when -----------------------------------------------------------------------
 
-// Log a number of violations in one line, then their end, as far as there are any.
-static void write_lines(
-  struct fm_violation_log * log, uint32_t requirement, uint64_t violations, bool is_over,
-  int64_t now, struct fm_lines * lines)
+static void log_violations(
+  struct fm_violation_log * log, uint32_t requirement, uint64_t n, struct fm_lines * lines)
 {
   const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
-  struct logged * logged = &log->logged[requirement];
-  if (violations > 0 && logged->has_violation) {
-    fm_add_violated(lines, about, logged->violation->violation.stamp,
-      worded(log, logged->violation), violations - 1u);
-  } else if (violations > 0) {
-    add_unseen(lines, about, violations);
+  const struct logged * logged = &log->logged[requirement];
+  const struct fm_detail * last = logged->violation;
+  if (last != NULL && last->number > logged->violations_in_lines) {
+    fm_add_violated(lines, about, last->violation.stamp, worded(log, last), n - 1u);
+  } else {
+    add_unseen(lines, about, n);
   }
-  if (is_over && logged->has_recovery) {
-    fm_add_satisfied(lines, about, logged->recovery->violation.stamp,
-      worded(log, logged->recovery));
-  } else if (is_over) {
-    fm_add_satisfied(lines, about, 0, NULL);
-  }
-  logged->is_violated = !is_over;
-  logged->until = now + INTERVAL_NS;
-  logged->has_violation = logged->has_recovery = false;
 }
 
-// Log the violations that were left out, with their number, and then their end.
+static void log_end(
+  struct fm_violation_log * log, uint32_t requirement, struct fm_lines * lines)
+{
+  const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
+  const struct logged * logged = &log->logged[requirement];
+  const struct fm_detail * last = logged->recovery;
+  if (last != NULL && last->number == logged->violations) {
+    fm_add_satisfied(lines, about, last->violation.stamp, worded(log, last));
+  } else {
+    fm_add_satisfied(lines, about, 0, NULL);
+  }
+}
+
+// Log the violations that no line has, and then their end, as far as there are any.
 static void settle(
   struct fm_violation_log * log, uint32_t requirement, int64_t now, struct fm_lines * lines)
 {
   struct logged * logged = &log->logged[requirement];
-  const struct fm_requirement_counts counts =
-    fm_engine_requirement_counts(log->reporter->engine, requirement);
-  uint64_t more = counts.announced > logged->violations ?
-    counts.announced - logged->violations : 0;
-  const bool was_violated = logged->is_violated || more > 0;
-  logged->violations = counts.announced;
-  const bool has_details = logged->has_violation || logged->has_recovery;
-  const bool is_violated = has_details ? !logged->has_recovery : was_violated && counts.is_violated;
-  if (more == 0 && is_violated && !logged->is_violated) {
-    more = 1;  // the counters were ahead of its detail
+  const uint64_t more = logged->violations - logged->violations_in_lines;
+  const bool is_over = !logged->is_violated && (more > 0 || logged->is_violated_by_lines);
+  if (more > 0) {
+    log_violations(log, requirement, more, lines);
   }
-  const bool is_over = was_violated && !is_violated;
-  if (more > 0 || is_over) {
-    write_lines(log, requirement, more, is_over, now, lines);
-  } else {
-    logged->has_violation = logged->has_recovery = false;
-    logged->until = 0;
+  if (is_over) {
+    log_end(log, requirement, lines);
   }
+  logged->until = more > 0 || is_over ? now + INTERVAL_NS : 0;
+  logged->violations_in_lines = logged->violations;
+  logged->is_violated_by_lines = logged->is_violated;
 }
 
-static bool copy_detail(
-  struct fm_violation_log * log, struct fm_detail ** copy, const struct fm_detail * detail)
+static void copy_detail(
+  const struct fm_violation_log * log, struct fm_detail ** copy, const struct fm_detail * detail)
 {
   if (*copy == NULL) {
     *copy = malloc(log->detail_bytes);
@@ -193,45 +191,31 @@ static bool copy_detail(
   if (*copy != NULL) {
     memcpy(*copy, detail, log->detail_bytes);
   }
-  return *copy != NULL;
 }
 
 void fm_violation_log_add(
   struct fm_violation_log * log, const struct fm_detail * detail, int64_t now,
   struct fm_lines * lines)
 {
-  const bool is_recovery = detail->violation.is_recovery;
   struct logged * logged = &log->logged[detail->violation.requirement];
-  if (log->next_check == 0) {
-    log->next_check = now + INTERVAL_NS;
-  }
-  if (is_recovery) {
-    logged->has_recovery = copy_detail(log, &logged->recovery, detail);
-  } else {
-    logged->has_violation = copy_detail(log, &logged->violation, detail);
-    logged->has_recovery = false;
-  }
+  logged->is_violated = !detail->violation.is_recovery;
+  logged->violations = detail->number;
+  copy_detail(log, logged->is_violated ? &logged->violation : &logged->recovery, detail);
   if (logged->until == 0) {
-    logged->violations += is_recovery ? 0u : 1u;
-    write_lines(
-      log, detail->violation.requirement, is_recovery ? 0u : 1u, is_recovery, now, lines);
+    settle(log, detail->violation.requirement, now, lines);
   }
 }
 
 void fm_violation_log_review(
   struct fm_violation_log * log, int64_t now, struct fm_lines * lines)
 {
+  fm_engine_detail_counts(log->reporter->engine, log->counts);
   for (uint32_t k = 0; k < log->n; ++k) {
-    if (log->logged[k].until != 0 && now >= log->logged[k].until) {
-      settle(log, k, now, lines);
+    if (log->counts[k].queued == 0) {  // else the details on their way say more
+      log->logged[k].violations = log->counts[k].violations;
+      log->logged[k].is_violated = log->counts[k].is_violated;
     }
-  }
-  if (log->next_check == 0 || now < log->next_check) {
-    return;
-  }
-  log->next_check = 0;
-  for (uint32_t k = 0; k < log->n; ++k) {
-    if (log->logged[k].until == 0) {  // the queue was full, or its details were suppressed
+    if (now >= log->logged[k].until) {
       settle(log, k, now, lines);
     }
   }

@@ -16,7 +16,8 @@
 ///
 /// The end of a violation is logged after the line of the violation. What is logged comes from the
 /// details that the engine queues; it may have suppressed some, or the queue may have been full.
-/// The counters of the engine show that, so that no violation is left uncounted.
+/// Details have the numbers of violations, and the engine counts them: each violation is in one
+/// line, and the end of each, also by a reset.
 ///
 /// One thread at a time.
 
@@ -51,7 +52,8 @@ FM_EXPORT struct fm_violation_log * fm_violation_log_create(const struct fm_repo
 FM_EXPORT void fm_violation_log_destroy(struct fm_violation_log * log);
 
 /// Log a violation or its end, or leave it to the review if there was a line just now. `now` is
-/// CLOCK_MONOTONIC in nanoseconds. The detail is copied. O(inputs).
+/// CLOCK_MONOTONIC in nanoseconds. The detail is copied. Each detail that was taken is added
+/// before the next review. O(inputs).
 FM_EXPORT void fm_violation_log_add(
   struct fm_violation_log * log, const struct fm_detail * detail, int64_t now,
   struct fm_lines * lines);

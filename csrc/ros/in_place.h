@@ -41,18 +41,6 @@ struct fm_type_callbacks
   void * key_callbacks;
 };
 
-/// rosidl_message_type_support_t.
-struct fm_type_support
-{
-  const char * typesupport_identifier;
-  const struct fm_type_callbacks * data;
-  const struct fm_type_support * (* func)(
-    const struct fm_type_support * handle, const char * identifier);
-  void * get_type_hash_func;
-  void * get_type_description_func;
-  void * get_type_description_sources_func;
-};
-
 /// A type support whose messages are read in place. `support` comes first: a pointer to it is a
 /// pointer to the whole. It must not be moved or freed while the middleware may use it.
 struct fm_in_place_type

@@ -54,6 +54,20 @@ struct fm_message_info
   bool from_intra_process;
 };
 
+struct fm_type_callbacks;
+
+/// rosidl_message_type_support_t.
+struct fm_type_support
+{
+  const char * typesupport_identifier;
+  const struct fm_type_callbacks * data;
+  const struct fm_type_support * (* func)(
+    const struct fm_type_support * handle, const char * identifier);
+  void * get_type_hash_func;
+  void * get_type_description_func;
+  void * get_type_description_sources_func;
+};
+
 /// rmw_gid_t.
 struct fm_gid
 {

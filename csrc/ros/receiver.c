@@ -45,6 +45,7 @@ struct fm_receiver
   struct fm_reading reading;
   struct fm_padded_info info;
   uint32_t topic;
+  uint32_t dropped;  // by the middleware, and not counted yet
   enum fm_taking taking;
   // Guarded by the engine's mutex.
   bool is_retired;
@@ -114,7 +115,7 @@ static enum fm_take take(struct fm_receiver * receiver)
   const int result = is_in_place ?
     middleware->take_message(receiver->subscription, receiver, &taken, info, NULL) :
     middleware->take(receiver->subscription, &receiver->message, &taken, info, NULL);
-  const enum fm_take done = fm_take_result(middleware, result, taken);
+  const enum fm_take done = fm_take_result(middleware, result, taken, &receiver->dropped);
   if (done == FM_TAKEN) {
     if (!is_in_place) {
       read_fields(receiver, receiver->message.buffer, receiver->message.length);
@@ -134,6 +135,15 @@ static struct fm_origin origin_of(const struct fm_receiver * receiver)
   return origin;
 }
 
+// During a handover the new subscription receives the same messages.
+static void count_dropped_locked(struct fm_receiver * receiver)
+{
+  if (receiver->dropped > 0 && !receiver->is_retired) {
+    fm_engine_drop_locked(receiver->engine, receiver->topic, receiver->dropped);
+  }
+  receiver->dropped = 0;
+}
+
 static void deliver_locked(struct fm_receiver * receiver)
 {
   const struct fm_origin origin = origin_of(receiver);
@@ -148,6 +158,7 @@ static bool take_locked(struct fm_receiver * receiver, size_t count)
   enum fm_take result = FM_TAKEN;
   for (size_t k = 0; k < most && result != FM_EMPTY; ++k) {
     result = take(receiver);
+    count_dropped_locked(receiver);
     if (result == FM_TAKEN) {
       deliver_locked(receiver);
     }
@@ -188,6 +199,11 @@ static bool take_for_queue(void * argument, int64_t * received)
   struct fm_receiver * receiver = argument;
   receiver->middleware->forget_error();  // left by earlier calls in this thread
   const bool is_taken = take_any(receiver) == FM_TAKEN;
+  if (receiver->dropped > 0) {
+    fm_engine_lock(receiver->engine);
+    count_dropped_locked(receiver);
+    fm_engine_unlock(receiver->engine);
+  }
   *received = receiver->info.info.received_timestamp;
   return is_taken;
 }

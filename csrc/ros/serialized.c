@@ -47,11 +47,13 @@ struct fm_allocator fm_malloc_allocator(void)
   return (struct fm_allocator) {allocate, deallocate, reallocate, zero_allocate, NULL};
 }
 
-enum fm_take fm_take_result(const struct fm_middleware * middleware, int result, bool taken)
+enum fm_take fm_take_result(
+  const struct fm_middleware * middleware, int result, bool taken, uint32_t * dropped)
 {
   const bool has_error = middleware->has_error();
   if (has_error) {
     middleware->forget_error();
+    *dropped += result == 0 ? 1u : 0u;
   }
   if (result == 0 && taken) {
     return FM_TAKEN;
@@ -64,9 +66,10 @@ uint32_t fm_take_serialized(
   struct fm_serialized * message, struct fm_padded_info * info)
 {
   bool taken = false;
+  uint32_t dropped = 0;
   message->allocator = fm_malloc_allocator();
   const int result = middleware->take(subscription, message, &taken, &info->info, NULL);
-  return fm_take_result(middleware, result, taken);
+  return fm_take_result(middleware, result, taken, &dropped);
 }
 
 void fm_free_serialized(struct fm_serialized * message)

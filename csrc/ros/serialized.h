@@ -32,8 +32,10 @@ enum fm_take
 };
 
 /// Return what a call to take a message did, with its result, and clear the middleware's error.
+/// Count in `*dropped` a message that the middleware dropped, also before the one that was taken;
+/// of several, it shows only one.
 FM_INTERNAL enum fm_take fm_take_result(
-  const struct fm_middleware * middleware, int result, bool taken);
+  const struct fm_middleware * middleware, int result, bool taken, uint32_t * dropped);
 
 /// Take a message of a subscription. Zero the message before the first call; its buffer is used
 /// again by the next. Return enum fm_take.

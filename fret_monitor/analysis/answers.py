@@ -71,7 +71,7 @@ class Analysis:
     All answers: of each component for consistency and realizability, of each requirement else.
 
     For vacuity and redundancy, `holds` is True if the requirement is vacuous or redundant. `asked`
-    are the questions, `seconds` the time taken, `is_partial` whether it ended before its end.
+    are the questions, `seconds` the time taken, `is_partial` whether it was stopped early.
     """
 
     answers: tuple[Answer, ...]

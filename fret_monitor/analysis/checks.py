@@ -54,7 +54,7 @@ from fret_monitor.model.times import time_text
 from fret_monitor.smt import solver
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
-from fret_monitor.smt.transition import NoTicks
+from fret_monitor.smt.transition import NotModelled
 from fret_monitor.traces.deadline import Deadline, OutOfTime
 
 _MOST_CONFLICTS = 10
@@ -159,7 +159,7 @@ class _PartAnalysis:
 
     def answers(self) -> Iterator[Answer]:
         if len(self._part.properties) > _MANY:
-            with suppress(MemoryError, NoTicks, OutOfTime, TooLarge), MemoryErrors():
+            with suppress(MemoryError, NotModelled, OutOfTime, TooLarge), MemoryErrors():
                 self._show_by_runs()
         for question in self._questions:
             if question in (Question.VACUITY, Question.REDUNDANCY):
@@ -188,7 +188,7 @@ class _PartAnalysis:
         try:
             with MemoryErrors():
                 return self._answer(blank, place)
-        except (TooLarge, NoTicks, NoRun) as error:
+        except (TooLarge, NotModelled, NoRun) as error:
             return replace(blank, reason=str(error))
         except _Refuted:
             return replace(blank, reason=_REFUTED)
@@ -216,7 +216,7 @@ class _PartAnalysis:
         """
         if place is None or self._is_on_grid or not self._is_timed:
             return None
-        with suppress(MemoryError, NoRun, NoTicks, OutOfTime, TooLarge), MemoryErrors():
+        with suppress(MemoryError, NoRun, NotModelled, OutOfTime, TooLarge), MemoryErrors():
             self._deadline.begin_attempt(_TIMED_S)
             component = self._built()
             is_covered = not component.games.pending and not component.doubts \
@@ -483,7 +483,7 @@ class _PartAnalysis:
         if place in component.games.pending or not self._reads_floats(
                 place if others is None else None):
             return False
-        with suppress(NanUndecided, NoRun, NoTicks, TooLarge):
+        with suppress(NanUndecided, NoRun, NotModelled, TooLarge):
             return self._nan.violate(place, others, self._runs)
         return None
 
@@ -498,7 +498,7 @@ class _PartAnalysis:
         """Return an addition to "equal", if NaN may tell two requirements apart."""
         if not self._reads_floats():
             return ''
-        with suppress(NanUndecided, NoTicks, TooLarge):
+        with suppress(NanUndecided, NotModelled, TooLarge):
             if not self._nan.differ(place, other):
                 return ''
         return ' for finite numbers'
@@ -563,7 +563,7 @@ class _PartAnalysis:
             if self._second is None:
                 self._second = SecondCheck(component.group, component.inputs, component.games)
             found = check(self._second)
-        except (NoTicks, NotComparable):
+        except (NotModelled, NotComparable):
             return 'checked once'
         if found is solver.ProofAnswer.REFUTED:
             raise _Refuted

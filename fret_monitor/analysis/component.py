@@ -185,7 +185,7 @@ def build_component(specification: Specification, part: Part,
 
     Raises
     ------
-    TooLarge, NoTicks, OutOfTime
+    TooLarge, NotModelled, OutOfTime
         if there is none.
     """
     extra = [] if denials is None else list(trigger_properties(part, denials))

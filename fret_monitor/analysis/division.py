@@ -29,7 +29,7 @@ from fret_monitor.analysis.component import build_component, by_outputs, Part, u
 from fret_monitor.analysis.diagrams import MemoryErrors
 from fret_monitor.logic.specification import Specification
 from fret_monitor.smt.boolean import TooLarge
-from fret_monitor.smt.transition import NoTicks
+from fret_monitor.smt.transition import NotModelled
 from fret_monitor.traces.deadline import Deadline, OutOfTime
 
 _SMALL = 8  # requirements that are not divided
@@ -91,7 +91,7 @@ def _freedom(specification: Specification, part: Part, deadline: Deadline) -> _F
     try:
         with MemoryErrors():
             return _found_freedom(specification, part, deadline)
-    except (MemoryError, NoTicks, OutOfTime, TooLarge):
+    except (MemoryError, NotModelled, OutOfTime, TooLarge):
         return _Freedom.NONE
 
 

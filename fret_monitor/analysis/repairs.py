@@ -34,7 +34,7 @@ from fret_monitor.logic.specification import Gate, Property, Specification
 from fret_monitor.model.policies import InputRole, InputSource, Policy
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.terms import Term
-from fret_monitor.smt.transition import NoTicks
+from fret_monitor.smt.transition import NotModelled
 from fret_monitor.traces.deadline import Deadline, OutOfTime
 from fret_monitor.traces.gated import Repair
 from fret_monitor.traces.trace import Value
@@ -91,7 +91,7 @@ def _decided(specification: Specification, judged: set[str], item: Property, is_
             return found
         # With rounding, the solver may not see all values of the other inputs.
         return None if found.example is None else replace(found, is_first=False)
-    except (TooLarge, NoTicks, OutOfTime):
+    except (TooLarge, NotModelled, OutOfTime):
         return None
 
 

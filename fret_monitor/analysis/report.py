@@ -113,7 +113,7 @@ def shown(found: Analysis, specification: Specification, replay: Replay) -> Iter
             if item.example is not None:
                 yield from _drawing(item, item.example, specification, replay)
     if found.is_partial:
-        yield 'The analysis ended before its end: what is unknown above may have an answer.'
+        yield 'The analysis was stopped early: what is unknown above may have an answer.'
 
 
 def warnings(found: Analysis, specification: Specification) -> Iterator[Diagnostic]:
@@ -229,7 +229,7 @@ def _drawing(item: Answer, example: Example, specification: Specification,
         [[bool(value) for value in column] for column in truths], verdicts, None,
         tuple(value_lines(signals, trace, example.grid)))
     violated = ', '.join(example.violated)
-    end = 'the environment can prevent that all are fulfilled' \
+    end = 'the environment can keep one from being fulfilled' \
         if item.question is Question.REALIZABILITY else 'not all can be fulfilled'
     yield '    ' + (f'a run at whose end {violated} '
                     f'{"is" if len(example.violated) == 1 else "are"} violated'

@@ -34,10 +34,11 @@ from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
-from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.manifest import Manifest, ManifestTopic
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import short_seconds
+from fret_monitor.model.transforms import TOPICS
 from fret_monitor.native.monitor import CompiledMonitor, Monitor
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED
 from fret_monitor.runtime.evaluator import (
@@ -272,7 +273,8 @@ class _Run:
         self._latest = -NEVER  # the time of the last message that was read
         self._names = [ROWS] if recording.is_trace else [
             resolved(topic.name, selection) for topic in self._manifest.topics]
-        self._recorded = {name: recording.recorded[name] for name in self._names}
+        self._recorded = {name: recording.recorded[name] for index, name in enumerate(self._names)
+                          if recording.is_trace or index not in self._manifest.made}
         self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
         self._fit = None if isinstance(recording, Trace) else MessageFit(
@@ -352,7 +354,8 @@ class _Run:
         """Refuse a new name for a topic that the bundle does not have."""
         selection = self._selection
         topics = {absolute(topic.name, selection.namespace): topic.name
-                  for topic in self._manifest.topics}
+                  for index, topic in enumerate(self._manifest.topics)
+                  if index not in self._manifest.made}
         for old, new in selection.remaps.items():
             if absolute(old, selection.namespace) not in topics:
                 refuse(f"--remap {old}:={new}: the bundle has no topic '{old}'",
@@ -368,6 +371,8 @@ class _Run:
             refuse('no input of the bundle has a topic',
                    help='write the topic of each: x: {topic: level, type: std_msgs/msg/Float64}')
         for index, (name, topic) in enumerate(zip(self._names, self._manifest.topics)):
+            if index in self._manifest.made:
+                continue
             if name in seen:
                 other = self._manifest.topics[seen[name]].name
                 refuse(f"'{other}' and '{topic.name}' are one topic here, {name}",
@@ -383,6 +388,8 @@ class _Run:
             elif others:
                 self._errors.append(f'{name} was recorded as {" and ".join(others)}, the bundle '
                                     f'says {topic.message_type}')
+            elif not found and self._is_other_recorded(topic):
+                pass
             elif not found:
                 near = _remedy(name, types) or did_you_mean(name, types)
                 self._miss(index, f'{name} was not recorded' + (f': {near}' if near else ''))
@@ -392,7 +399,12 @@ class _Run:
 
         if not any(self._recorded.values()) and not self._errors:
             self._errors.append('no row was recorded' if self._recording.is_trace else
-                                'no message was recorded of what the bundle reads')
+                                'no message was recorded on the topics of the bundle')
+
+    def _is_other_recorded(self, topic: ManifestTopic) -> bool:
+        """Whether it is one of the topics of transforms, and another of them was recorded."""
+        return not topic.inputs and any(
+            self._recorded.get(resolved(name, self._selection)) for name in TOPICS)
 
     def _miss(self, index: int, text: str) -> None:
         """Note that a topic is missing: what reads it is not judged."""
@@ -431,7 +443,11 @@ class _Run:
 
     def _leave_out(self, topics: Iterable[int]) -> None:
         """Judge no requirement that reads one of these topics."""
-        inputs = {number for index in topics for number in self._manifest.topics[index].inputs}
+        fed = self._manifest.topics
+        without = {*topics}
+        if any(not fed[index].inputs for index in without):  # the transforms are missing
+            without |= self._manifest.made
+        inputs = {number for index in without for number in fed[index].inputs}
         self._unread |= {index for index, item in enumerate(self._manifest.requirements)
                          if inputs.intersection(item.inputs)}
         self._unjudged = [index for index in self._unjudged if index not in self._unread]
@@ -445,7 +461,7 @@ class _Run:
             self._take(self._engine.advance_all(
                 begin + self._manifest.reorder, most=self._most))
             self._engine.reset()
-        self._before = [self._engine.requirement_counts(k) for k in range(len(self._findings))]
+        self._before = [self._evaluator.requirement_counts(k) for k in range(len(self._findings))]
         self._is_judging = True
         self._begin = begin
         self._unjudged = [index for index in range(len(self._findings))
@@ -455,7 +471,7 @@ class _Run:
         """Return the times and requirements of first steps since the last call, in order."""
         found = []
         for index in self._unjudged if self._changes else ():
-            if self._engine.requirement_counts(index).steps > self._before[index].steps:
+            if self._evaluator.requirement_counts(index).steps > self._before[index].steps:
                 group = self._manifest.requirements[index].group
                 found.append((max(self._begin, self._evaluator.start(group)), index))
         self._unjudged = sorted({*self._unjudged} - {index for _, index in found})
@@ -509,7 +525,7 @@ class _Run:
         is_timed = self._manifest.policy is Policy.TIMED
         due = self._open() if is_timed else {}
         for index, (findings, before) in enumerate(zip(self._findings, self._before)):
-            counts = self._engine.requirement_counts(index)
+            counts = self._evaluator.requirement_counts(index)
             violations = counts.violations - before.violations
             findings.violations = None if is_timed else violations
             if index in self._unread:
@@ -535,7 +551,7 @@ class _Run:
             self._errors.extend(self._fit.errors(self._names))
             self._warnings.extend(self._fit.warnings())
         for index, topic in enumerate(self._manifest.topics):
-            counts = self._engine.topic_counts(index)
+            counts = self._evaluator.topic_counts(index)
             if counts.undecodable:
                 self._errors.append(f'{counted(counts.undecodable, "message")} of {topic.name} '
                                     f'cannot be decoded as {topic.message_type}')
@@ -547,7 +563,9 @@ class _Run:
                                 (order.ahead, 'have stamps ahead of their reception')):
                 if count:
                     self._warnings.append(f'{counted(count, "message")} of {topic.name} {what}')
-        times = self._engine.time_counts()
+        if not self._recording.is_trace:
+            self._complain_of_transforms()
+        times = self._evaluator.time_counts()
         if times.missed:
             self._errors.append(f'{counted(times.missed, "period")} in gaps of the recording '
                                 'were left out')
@@ -555,9 +573,24 @@ class _Run:
             self._errors.append(f'{counted(times.overflows, "change")} came faster than max_rate '
                                 'says')
 
+    def _complain_of_transforms(self) -> None:
+        for number, item in enumerate(self._manifest.transforms):
+            link = self._engine.missing_link(number)
+            if link is not None:
+                has_come = self._evaluator.topic_counts(item.topic).messages > 0
+                (self._warnings if has_come else self._errors).append(
+                    f'there is no transform from {item.source} to {item.target} at the end: '
+                    + broken(*link))
+        counts = self._engine.links_left_out
+        for count, what in ((counts.loops, 'would close a loop'),
+                            (counts.unusable, 'have no usable transform'),
+                            (counts.old, 'came more than 10 s after a newer one')):
+            if count:
+                self._warnings.append(f'{counted(count, "link")} of /tf left out: they {what}')
+
     def _complain_of_input(self, number: int, topic: str) -> None:
         name = self._manifest.inputs[number].name
-        counts = self._engine.input_counts(number)
+        counts = self._evaluator.input_counts(number)
         if counts.unusable and not counts.received:
             self._errors.append(f'no message of {topic} has a value of {name}')
         elif counts.unusable:
@@ -600,6 +633,12 @@ def _end(findings: Findings, stamp: int) -> None:
         findings.longest = max(findings.longest, stamp - since)
         if findings.spans[-1] == (since, None):
             findings.spans[-1] = (since, stamp)
+
+
+def broken(first: str, second: str) -> str:
+    """Return where a chain of frames is broken, as `Engine.missing_link` has it."""
+    return f'the samples of {first} do not reach the time of the other links' \
+        if first == second else f'no link between {first} and {second}'
 
 
 def resolved(topic: str, selection: Selection) -> str:

@@ -28,7 +28,6 @@ import hashlib
 from importlib import import_module
 import json
 import logging
-from multiprocessing import get_context
 from pathlib import Path
 import re
 from typing import Any
@@ -38,6 +37,7 @@ from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import json_line
 from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
+from fret_monitor.bag.workers import workers
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, Problems, refuse
 from fret_monitor.model.progress import no_progress, Progress
@@ -171,8 +171,7 @@ def check_all(bundle: Path, paths: Sequence[Path], selection: Selection, *, jobs
 def _check_in_pool(check: _Check, bundle: Path, paths: Sequence[Path], selection: Selection,
                    jobs: int) -> Generator[Outcome, None, list[Path]]:
     """Yield outcomes; return the recordings that are left if a process died."""
-    # Not forked: the library of a monitor may have been loaded here already.
-    with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=workers()) as pool:
         waiting: dict[Future[Outcome], Path] = {}
         queue = iter(paths)
         _fill(pool, waiting, queue, partial(check, bundle, selection=selection), 2 * jobs)
@@ -198,7 +197,7 @@ def _one_by_one(check: _Check, bundle: Path, paths: Iterable[Path], selection: S
                 rest: list[Path]) -> Generator[Outcome, None, list[Path]]:
     """Check each recording in a process of its own, as one of them ended its process."""
     for path in paths:
-        with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
+        with ProcessPoolExecutor(1, mp_context=workers()) as pool:
             try:
                 yield pool.submit(check, bundle, path, selection).result()
             except BrokenProcessPool:

@@ -81,11 +81,11 @@ def _damage_of_mcap(storage: McapReader) -> Iterator[str]:
     begin = storage.data_end
     expected = _number(file, end)
     if begin < end - _FOOTER_BYTES and expected and _checksum(file, begin, end) != expected:
-        yield f'{name} is damaged: the checksum of its summary is another one'
+        yield f'{name} is damaged: the checksum of its summary does not match'
     if not _are_chunks_covered(file, storage.chunks) \
             and (expected := _data_checksum(file, begin)) \
             and _checksum(file, 0, begin - len(_DATA_END) - _CRC_BYTES) != expected:
-        yield f'{name} is damaged: the checksum of its records is another one'
+        yield f'{name} is damaged: the checksum of its records does not match'
     if (statistics := storage.statistics) is not None and storage.chunks:
         # Some writers give chunks no begin but 0.
         filled = [item for item in storage.chunks if any(item.channel_count.values())]

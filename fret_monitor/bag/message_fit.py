@@ -87,12 +87,12 @@ class MessageFit:
         """Yield what does not fit; `names` are those of the topics in the recording."""
         for topic, problem in sorted(self._misfits.items()):
             yield (f'messages of {names[topic]} do not fit {self._types[topic]}: they {problem}; '
-                   'they are damaged, or their type was another version of it')
+                   'they are damaged, or were written with another version of it')
 
     def warnings(self) -> Iterator[str]:
         """Yield which types are defined in another way than those that are installed."""
         for name, layout in sorted({*zip(self._types, self._layouts)}, key=itemgetter(0)):
             with suppress(CompileError):  # it is not installed
                 if fingerprint(find_message(name)) != fingerprint(layout):
-                    yield (f'{name} is defined in the recording in another way than it is '
-                           'installed: the definition of the recording was used')
+                    yield (f'{name}: the definition in the recording differs from the installed '
+                           'one; that of the recording was used')

@@ -235,8 +235,7 @@ class _Report:
             'lanes': overview.verdicts(result.findings),
             'inputs': [{
                 'name': item.name, 'bool': item.value_type is ValueType.BOOL,
-                'names': [(name, place if item.is_string else number)
-                          for place, (name, number) in enumerate(item.values)],
+                'names': item.stored_values,
                 'n': overview.parts, 'b': _number(overview.thinning.before(index), item),
                 'v': _values(overview.thinning.parts(index), item),
             } for index, item in enumerate(inputs)],
@@ -269,8 +268,8 @@ class _Report:
 
     def _threshold(self, value: float, item: ManifestInput) -> str:
         """Return the label of a threshold: a named value or a constant of the bundle, if it is."""
-        for place, (name, number) in enumerate(item.values):
-            if value == (place if item.is_string else number):
+        for name, number in item.stored_values:
+            if value == number:
                 return name
         text = f'{value:.{_DIGITS}g}'
         names = [name for name, written in self._reading.constants if _is_number(written, value)]

@@ -137,7 +137,6 @@ def _of_kind(name: Text, kind: ActionKind, part: Shape, problems: Problems) -> A
         type=type_,
         content=mapping_of(part.node(content), f"'{content}'", problems, f'{content}: {{}}')
         if content else None,
-        content_place=part.span,
         rate=rate, duration=duration,
         timeout=(part.number('timeout', SECONDS, _SHORTEST_S, _LONGEST_S) or _USUAL_TIMEOUT_S)
         if tries else None,

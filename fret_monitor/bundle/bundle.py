@@ -66,7 +66,9 @@ class InputEntry:
 
     `damaged` are the keys with refused values, and 'name' if its name was refused; `places` are
     the places of the keys in which inputs on one topic must agree. `block` is the key under
-    `topics` that it is written in, None for one under `inputs`.
+    `topics` that it is written in, None for one under `inputs`. `transform` are the frames of
+    one under `transform`, from and to; `topic` and `type` are then those of the messages that the
+    engine makes of it.
     """
 
     name: Text
@@ -84,6 +86,7 @@ class InputEntry:
     places: tuple[tuple[str, Span], ...] = ()
     block: Text | None = None
     role: InputRole | None = None
+    transform: tuple[str, str] | None = None
 
     @property
     def owner(self) -> Text:
@@ -133,8 +136,8 @@ class ActionEntry:
     An action; None where its kind has no such key, or the value was refused. Times in seconds.
 
     `target` is the topic of a lock or of `publish`, the service of `call`, or the node of
-    `transition`. `content` is the message or request as written, and `content_place` where it is
-    missing. `duration` is written `for`, and `state` is written `to`.
+    `transition`. `content` is the message or request as written. `duration` is written `for`, and
+    `state` is written `to`.
     """
 
     name: Text
@@ -142,7 +145,6 @@ class ActionEntry:
     target: Text | None
     type: Text | None = None
     content: YamlMapping | None = None
-    content_place: Span | None = None
     rate: Fraction | None = None
     duration: Fraction | None = None
     timeout: Fraction | None = None

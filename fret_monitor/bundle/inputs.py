@@ -35,10 +35,12 @@ from fret_monitor.model.names import (
     topic_fault, type_fault,
 )
 from fret_monitor.model.policies import InputRole, Stale
+from fret_monitor.model.transforms import STAMPED
 
 FIELD_KEYS = ('field', 'initial', 'values', 'role')
 _TOPIC_KEYS = ('qos', 'timeout', 'stale', 'startup', 'max_rate')
-INPUT_KEYS = ('topic', 'type', *FIELD_KEYS, *_TOPIC_KEYS)
+TRANSFORM_KEYS = ('from', 'to')
+INPUT_KEYS = ('topic', 'transform', 'type', *FIELD_KEYS, *_TOPIC_KEYS)
 BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
 _SLIPS = {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'}
 _FIELDS_EXAMPLE = 'fields: {altitude: pose.pose.position.z}'
@@ -46,6 +48,8 @@ _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _NOTHING = 'none'
+_LONGEST_FRAME = 255  # bytes; FM_MOST_FRAME_BYTES
+_TRANSFORM_EXAMPLE = 'transform: {from: map, to: base_link}'
 QOS_KEYS = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
@@ -57,9 +61,63 @@ QOS_KEYS = {
 def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> InputEntry:
     """Return an entry under `inputs`."""
     shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS)
+    if shape.key('transform'):
+        return _transform(name, shape, problems)
     topic = _checked(shape, 'topic', topic_fault, problems)
     entry = InputEntry(name.text, topic=topic, damaged=_refused(shape, topic=topic))
     return _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
+
+
+def _transform(name: DeclaredName, shape: Shape, problems: Problems) -> InputEntry:
+    """Return an input that is a part of a transform between two frames."""
+    place = shape.key('transform') or name
+    for key in ('topic', 'type', 'qos'):
+        if other := shape.key(key):
+            problems.error(f"an input with a 'transform' has no '{key}'", other.span,
+                           'transforms come from /tf and /tf_static', 'remove it')
+    frames = _frames(shape, problems)
+    topic, kind = (_at(text, place.text) for text in (' -> '.join(frames or ('', '')), STAMPED))
+    entry = InputEntry(name.text, topic=topic, type=kind, transform=frames or ('', ''),
+                       damaged=frozenset(['qos'] if frames else ['qos', 'type']))
+    entry = _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
+    return entry if frames else replace(entry, type=None)
+
+
+def _frames(shape: Shape, problems: Problems) -> tuple[str, str] | None:
+    """Return the frames of a transform, None if one is missing or refused."""
+    mapping = mapping_of(shape.node('transform'), "'transform'", problems, _TRANSFORM_EXAMPLE)
+    if mapping is None:
+        return None
+    part = Shape(mapping, "'transform'", TRANSFORM_KEYS, problems, {
+        'source': 'from', 'parent': 'from', 'target': 'to', 'child': 'to'})
+    for key in TRANSFORM_KEYS:
+        if part.lacks(key):
+            problems.error(f"'transform' has no '{key}'", mapping.span, 'the name of a frame',
+                           _TRANSFORM_EXAMPLE)
+    frames = [_checked(part, key, _frame_fault, problems) for key in TRANSFORM_KEYS]
+    first, second = frames
+    if first is None or second is None:
+        return None
+    if first.value == second.value:
+        problems.error('the transform from a frame to itself is always the same', second.span,
+                       f"'from' is {shown(first.value)} too", _TRANSFORM_EXAMPLE)
+        return None
+    return first.value, second.value
+
+
+def _frame_fault(name: str) -> Fault | None:
+    if name.startswith('/'):
+        return Fault(f'the name of a frame has no slash before it: {shown(name)}',
+                     f'write {name.lstrip("/")}')
+    if len(name.encode()) > _LONGEST_FRAME or not name.isprintable():
+        return Fault(f'the name of a frame has up to {_LONGEST_FRAME} printable bytes')
+    return None
+
+
+def _at(value: str, place: Text) -> Text:
+    """Return a text that is not written, with the place of one that is."""
+    span = place.span
+    return Text(value, span.source, [span.start] * max(len(value), 1) + [span.end])
 
 
 def read_block(topic: YamlScalar, mapping: YamlMapping,
@@ -106,7 +164,7 @@ def _with_topic_keys(entry: InputEntry, shape: Shape, problems: Problems) -> Inp
     found = Problems()
     entry = replace(
         entry,
-        type=_checked(shape, 'type', type_fault, problems),
+        type=entry.type or _checked(shape, 'type', type_fault, problems),
         qos=tuple(_qos(shape.node('qos'), found)),
         timeout=shape.number('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         stale=shape.choice('stale', Stale),
@@ -118,7 +176,7 @@ def _with_topic_keys(entry: InputEntry, shape: Shape, problems: Problems) -> Inp
     damaged = entry.damaged | _refused(
         shape, type=entry.type, timeout=entry.timeout, stale=entry.stale, startup=entry.startup,
         max_rate=entry.max_rate) | _refused_with(found, shape, 'qos', problems)
-    if shape.lacks('type'):
+    if shape.lacks('type') and entry.type is None:
         damaged |= {'type'}
         kind = 'input' if entry.block is None else 'topic'
         is_plain = entry.block is None and shape.lacks('topic')

@@ -27,7 +27,9 @@ from typing import Any, TypeAlias
 from fret_monitor.bundle.actions import KIND_KEYS, STATES
 from fret_monitor.bundle.formulas import FORMULA_KEYS
 from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS, WhenStale
-from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
+from fret_monitor.bundle.inputs import (
+    BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS, TRANSFORM_KEYS,
+)
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
 from fret_monitor.model.policies import (
@@ -200,9 +202,16 @@ _VALUES |= {
               'topics and services that pass on only what satisfies their requirements, by name'),
 }
 _VALUES |= {
+    'transform': (_mapping(TRANSFORM_KEYS, TRANSFORM_KEYS, {
+        'from': (_TEXT, 'the frame in which the pose is given'),
+        'to': (_TEXT, 'the frame whose pose it is')}),
+        'in place of a topic: two frames of /tf and /tf_static'),
+}
+_VALUES |= {
     'evaluation': ({**_mapping(EVALUATION_KEYS), 'type': ['object', 'null']},
                    'when a step happens'),
-    'inputs': (_named(_mapping(INPUT_KEYS, required=['type'])),
+    'inputs': (_named({**_mapping(INPUT_KEYS), 'anyOf': [
+        {'required': ['type']}, {'required': ['transform']}]}),
                'the values that are read, by name'),
     'fields': ({'type': 'object', 'minProperties': 1, 'additionalProperties': {
         'anyOf': [_TEXT, _mapping(FIELD_KEYS)]}}, 'the fields that become inputs, by name'),

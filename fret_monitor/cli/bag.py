@@ -86,7 +86,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     output.add_argument('--jobs', metavar='N', type=_jobs, default=1,
                         help='processes; 0: one a processor')
     output.add_argument('--dask', metavar='ADDRESS',
-                        help='check recordings on a cluster, or `local`: --jobs workers here')
+                        help='check recordings on a Dask cluster; local: --jobs workers here')
     output.add_argument('--results', metavar='FILE.jsonl', type=Path,
                         help='append a line of JSON a recording; those in it already are skipped')
     parser.set_defaults(run=run)
@@ -107,6 +107,9 @@ def run(options: Namespace) -> int:
 
 def _run(options: Namespace, lines: dict[str, str]) -> int:
     require_packages('`bag`', {'rosbags': _ROSBAGS})
+    if options.jobs > 1 and len(options.bags) > 1 and options.dask is None:
+        from fret_monitor.bag.workers import workers
+        workers()  # they start while this process imports the same
     try:
         from fret_monitor.bag.recording import files_of
     except ImportError as error:  # earlier releases lack something that is needed

@@ -83,7 +83,7 @@ def run(options: Namespace) -> int:
     print_diagnostics(generated.warnings)
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))
     content = TARGETS[options.target].content(generated, chosen)
-    print_diagnostics([*unacted(generated), *content.warnings])
+    print_diagnostics([*unacted(generated, acts=TARGETS[options.target].acts), *content.warnings])
     check_output(options.output, content.templates)
     # Once without the certificate, so that a mistake in --templates is reported before the proof.
     assemble(options.target, generated, chosen, content, templates=options.templates)

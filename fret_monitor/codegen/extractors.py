@@ -31,6 +31,7 @@ from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.manifest import SECONDS
 from fret_monitor.model.policies import InputSource, Stamp
+from fret_monitor.model.transforms import TOPICS
 from fret_monitor.model.values import ValueType
 
 
@@ -48,11 +49,17 @@ def generate_extractors(names: Names, title: str, signals: Sequence[Signal],
 
 
 def topics_of(signals: Sequence[Signal]) -> dict[str, list[int]]:
-    """Return the topics of signals, in order, each with the indices of its signals."""
+    """
+    Return the topics of signals, in order, each with the indices of its signals.
+
+    With transforms, the topics that they come from are among them.
+    """
     topics: dict[str, list[int]] = {}
     for index, signal in enumerate(signals):
         if signal.topic is not None and signal.message_type is not None:
             topics.setdefault(signal.topic, []).append(index)
+    if any(signal.transform for signal in signals):
+        topics |= {name: topics.get(name, []) for name in TOPICS}
     return topics
 
 
@@ -91,15 +98,15 @@ class _FileWriter:
             item.reduction not in ('', SECONDS) for item in fed) else 'fret_cdr.h'
 
     def _extractor(self, number: int, topic: str, signals: Sequence[Signal]) -> Iterator[str]:
-        layout = signals[0].layout
-        assert layout is not None, topic
+        layout = signals[0].layout if signals else None
         need = Need()
         receptions = [place for place, signal in enumerate(signals)
                       if signal.source is InputSource.RECEIVED]
         for place, signal in enumerate(signals):
             if place not in receptions:
                 need.at(signal.path).whole.append((place, signal))
-        yield from comment(f'{topic}: {layout.name}')
+        yield from comment(f'{topic}: {layout.name}' if layout else
+                           f'{topic}: the engine reads its transforms')
         yield f'static bool read_{number}(const uint8_t * message, size_t size, ' \
               'struct fm_field * fields)'
         yield '{'
@@ -107,6 +114,9 @@ class _FileWriter:
         yield '  if (!fm_cdr_open(&c, message, size)) {'
         yield '    return false;'
         yield '  }'
+        if layout is None:
+            yield from ('  (void)fields;', '  return true;', '}', '')
+            return
         for place in receptions:
             yield from comment(f'{signals[place].name}: received()', '  ')
             yield f'  fields[{place}] = fm_field_i(1);'

@@ -33,13 +33,14 @@ from fret_monitor.logic.printing import to_smv
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import (
-    FieldKind, GroupLayout, ring_lengths, SHIFT_REGISTER_BITS, StateField,
+    FieldKind, GroupLayout, places, ring_lengths, SHIFT_REGISTER_BITS, StateField,
 )
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, CounterCell, Delay,
-    FeedbackRead, FirstStep, lasts_a_tick, Literal, MonitorProgram, OnceBefore, OnceEver,
-    OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read, SinceBefore,
-    SinceBetween, SinceEver, SinceWithin, TriggeredEver,
+    FeedbackRead, FirstStep, Greatest, Hold, is_exact_sum, lasts_a_tick, Literal, MonitorProgram,
+    OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation, Overflowed, Power,
+    PreviousNumber, Read, Room, Rounded, SinceBefore, SinceBetween, SinceEver, SinceWithin,
+    SlopeBetween, Tally, TimeAtLeast, Total, TriggeredEver, ValueAgo,
 )
 
 _INLINE_DEPTH = 4
@@ -158,7 +159,9 @@ class PartWriter:
                 and index not in self._used_here:
             return  # each part reads its own inputs
         expression = self._expression(index)
-        if self._can_inline(index, expression):
+        if is_exact_sum(self._group.equations[index]):
+            yield f'  {c.text(expression)};'
+        elif self._can_inline(index, expression):
             self._inlined[index] = expression
         else:
             yield from self._constant(index, expression)
@@ -271,6 +274,23 @@ class PartWriter:
             case Overflowed():
                 queue = c.Atom(f's->queue_{operation.argument.value}')
                 return c.Apply('fm_overflowed_at', (queue, *_AT))
+            case ValueAgo() | Greatest() | Total() | TimeAtLeast():
+                return self._window(operation, index)
+            case Rounded():
+                exact = c.Atom(f's->sum_{operation.total.value}')
+                return c.Apply('fm_exact_mean', (exact,)) if operation.is_mean \
+                    else c.Apply('fm_exact_quotient', (exact, c.Atom('1u')))
+            case SlopeBetween():
+                state = (c.Atom(f'&s->number_{index}'), c.Atom(f's->queue_{index}'))
+                return c.Apply('fm_slope_at', (*state, *map(self._operand, operands(operation)),
+                                               *_AT))
+            case Tally():
+                return c.Apply('fm_tally', (c.Atom(f'&s->number_{index}'),
+                                            *map(self._operand, operands(operation))))
+            case Hold():
+                return c.Ternary(self._operand(operation.condition),
+                                 self._operand(operation.argument),
+                                 c.Atom(f's->number_{index}'))
             case PreviousNumber():
                 return c.Atom(f's->number_{index}')
             case FeedbackRead():
@@ -322,10 +342,59 @@ class PartWriter:
                         *arguments))
 
     def _queue(self, cell: SinceBetween, index: int) -> c.CExpression:
-        numbers = (c.Atom(f'INT64_C({number})') for number in (cell.capacity, cell.low, cell.high))
+        numbers = map(_int64, (cell.room.capacity or 0, cell.low, cell.high))
         return c.Apply('fm_since_between_at', (
             c.Atom(f's->queue_{index}'), *numbers, self._operand(cell.left),
             self._operand(cell.right), *_AT))
+
+    def _window(self, cell: ValueAgo | Greatest | Total | TimeAtLeast,
+                index: int) -> c.CExpression:
+        queue = c.Atom(f's->queue_{index}')
+        match cell:
+            case Greatest():
+                return self._greatest(cell, index)
+            case TimeAtLeast():
+                return c.Apply('fm_time_over_at', (
+                    queue, *map(_int64, (cell.room.capacity or 0, cell.past, cell.least)),
+                    self._operand(cell.argument), *_AT))
+            case ValueAgo():
+                return self._number(index, self._with_room(
+                    'fm_ago', (queue,), cell.past, cell.room, (self._word(cell.argument),)))
+            case Total():
+                is_float = self._group.equations[index].type.is_float
+                sums = self._with_room(
+                    'fm_exact_sum' if is_float else 'fm_sum',
+                    (c.Atom(f's->sum_{index}'), queue) if is_float else (queue,),
+                    cell.past + (cell.room is None), cell.room,
+                    ((self._operand(cell.at),) if cell.room else ())
+                    + (self._word(cell.argument),))
+                return sums if is_float else self._number(index, sums)
+
+    def _with_room(self, function: str, state: tuple[c.CExpression, ...], past: int,
+                   room: Room | None, arguments: tuple[c.CExpression, ...]) -> c.Apply:
+        """Return the call of a cell, or of the same one for ticks."""
+        if room is None:
+            return c.Apply(function, (*state, _int64(past), *arguments))
+        return c.Apply(f'{function}_at', (*state, _int64(room.capacity or 0), _int64(past),
+                                          *arguments, *_AT))
+
+    def _greatest(self, cell: Greatest, index: int) -> c.CExpression:
+        suffix = SUFFIXES[self._group.equations[index].type]
+        is_least = c.Atom('true' if cell.is_least else 'false')
+        key = c.Apply(f'fm_key_{suffix}', (self._operand(cell.argument), is_least))
+        window, length = c.Atom(f's->window_{index}'), _int64(places(cell))
+        found = c.Apply('fm_greatest', (window, length, key)) if cell.room is None else c.Apply(
+            'fm_greatest_at', (window, c.Atom(f's->queue_{index}'), length, _int64(cell.past), key,
+                               *_AT))
+        return c.Apply(f'fm_of_key_{suffix}', (found, is_least))
+
+    def _word(self, operand: Operand) -> c.CExpression:
+        """Return a number as a word of 64 bits."""
+        suffix = SUFFIXES[self._group.equations[operand.value].type]
+        return c.Apply(f'fm_word_{suffix}', (self._operand(operand),))
+
+    def _number(self, index: int, word: c.CExpression) -> c.CExpression:
+        return c.Apply(f'fm_number_{SUFFIXES[self._group.equations[index].type]}', (word,))
 
     # -- what follows an equation ---------------------------------------------------------------
 
@@ -337,6 +406,8 @@ class PartWriter:
             yield f'  s->flag_{index} = {c.text(self._next_value(index, operation))};'
         elif index in self._layout.bits and not isinstance(operation, FirstStep):
             yield self._next_bit(index, operation)
+        elif isinstance(operation, Hold):
+            yield f'  s->number_{index} = {c.text(self._inlined[index])};'
         elif isinstance(operation, PreviousNumber):
             yield f'  s->number_{index} = {c.text(self._operand(operation.argument))};'
 
@@ -386,6 +457,10 @@ class PartWriter:
             yield f'  s->{field(place)} = {shown};'
 
 
+def _int64(number: int) -> c.CExpression:
+    return c.Atom(f'INT64_C({number})')
+
+
 _AT = (c.Atom('tick'), c.Atom('&next'))
 _COUNTERS: dict[type[Operation], str] = {
     OnceWithin: 'once_within', AlwaysWithin: 'always_within', OnceBefore: 'once_before',
@@ -394,7 +469,9 @@ _COUNTERS: dict[type[Operation], str] = {
 _STEMS: dict[type[Operation], str] = {
     **_COUNTERS, FirstStep: 'first', OnceEver: 'once', AlwaysSoFar: 'always', SinceEver: 'since',
     TriggeredEver: 'triggered', PreviousNumber: 'previous', FeedbackRead: 'feedback',
-    SinceBetween: 'since_between', Overflowed: 'overflowed',
+    SinceBetween: 'since_between', Overflowed: 'overflowed', Tally: 'count', Rounded: 'sum',
+    ValueAgo: 'ago', Greatest: 'extreme', Total: 'total', TimeAtLeast: 'time_over', Hold: 'held',
+    SlopeBetween: 'slope',
 }
 
 

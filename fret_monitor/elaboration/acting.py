@@ -275,5 +275,5 @@ def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
                 problems.error(
                     f'the gate {shown(gate.name)} cannot be open while '
                     f'{shown(name)} is stale', places[gate.name] or gate.place,
-                    f'{shown(name)} has stale: violate, which violates what reads it',
+                    f'{shown(name)} has stale: violate: its silence violates the requirements',
                     'stale: closed')

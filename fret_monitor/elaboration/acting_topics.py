@@ -126,7 +126,7 @@ class _Checks:
             if other is not lock:
                 self.problems.error(
                     f'two locks on {shown(topic.value)}', topic.span,
-                    'one would say false while the other says true',
+                    'one would publish false while the other publishes true',
                     f'use the lock {shown(other.name.value)} for the requirements of both')
         for _, topic in self._aimed(ActionKind.PUBLISH):
             if other_lock := first.get(absolute(topic.value)):

@@ -19,14 +19,19 @@ literal outside the range of the operand's type, with a warning: it is always tr
 false. In arithmetic such a literal is an error.
 """
 
+from math import ceil, floor
+
 from fret_monitor.elaboration.terms import (
-    alike, cast, common_type, convert, describe, expect_number, Number, promoted, TypedTerm, unify,
+    alike, cast, common_type, convert, describe, expect_number, Lasting, Number, promoted,
+    TypedTerm, unify,
 )
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Constant, Conversion, FALSE, Formula, TRUE, Unary, UnaryOperator,
+    Binary, BinaryOperator, Constant, Conversion, FALSE, Formula, TimeOver, TRUE, Unary,
+    UnaryOperator,
 )
 from fret_monitor.logic.numbers import absolute, ExactNumber, fold, negated, NumberError
 from fret_monitor.model.diagnostics import Problems, refuse, Span
+from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 
 MAX_EXPONENT = 2 ** 31 - 1
@@ -140,6 +145,10 @@ def _folded_power(base: ExactNumber, exponent: ExactNumber, place: Span) -> Exac
 def relation(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str, place: Span,
              problems: Problems) -> Formula:
     """Return the comparison `left operator right`; `name` is the operator as written."""
+    if isinstance(left.value, Lasting) and isinstance(right.value, ExactNumber):
+        return _lasting(operator, left.value, right.value)
+    if isinstance(right.value, Lasting) and isinstance(left.value, ExactNumber):
+        return _lasting(_MIRRORED[operator], right.value, left.value)
     if left.is_text or right.is_text or left.is_boolean or right.is_boolean:
         return _equality(operator, left, right, name)
     a, b = expect_number(left, name), expect_number(right, name)
@@ -151,6 +160,30 @@ def relation(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: 
     if isinstance(b, ExactNumber):
         return _against(operator, a, b, right, place, problems)
     return _typed(operator, a, b)
+
+
+def _lasting(operator: BinaryOperator, time: Lasting, limit: ExactNumber) -> Formula:
+    """Return the comparison of a `timeOver` with a number of seconds, exact to the nanosecond."""
+    exact = limit.value * NANOSECONDS['s']
+    reaches, exceeds = (_at_least(time, count) for count in (ceil(exact), floor(exact) + 1))
+    match operator:
+        case BinaryOperator.GE:
+            return reaches
+        case BinaryOperator.GT:
+            return exceeds
+        case BinaryOperator.LT:
+            return Unary(UnaryOperator.NOT, reaches)
+        case BinaryOperator.LE:
+            return Unary(UnaryOperator.NOT, exceeds)
+        case _:
+            equal = Binary(BinaryOperator.AND, reaches, Unary(UnaryOperator.NOT, exceeds))
+            return equal if operator is BinaryOperator.EQ else Unary(UnaryOperator.NOT, equal)
+
+
+def _at_least(time: Lasting, count: int) -> Formula:
+    if count <= 0:
+        return TRUE
+    return TimeOver(time.past, count, time.argument) if count <= time.past else FALSE
 
 
 def _equality(operator: BinaryOperator, left: TypedTerm, right: TypedTerm, name: str) -> Formula:

@@ -32,13 +32,14 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import (
-    Bundle, DECLARING, Definition, InputEntry, Language, Requirement,
+    Bundle, ConstantEntry, DECLARING, Definition, InputEntry, Language, Requirement,
 )
 from fret_monitor.elaboration.acting import check_judged, resolve_acting
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
+from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.languages import read_expression, read_formula
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
@@ -88,7 +89,7 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     specification = Specification(
         name=bundle.name,
         component=bundle.component.value if bundle.component else '',
-        signals=known,
+        signals=(*known, *reading.implied.added),
         properties=tuple(item for item in properties if item),
         policy=bundle.policy,
         period=bundle.period,
@@ -127,7 +128,10 @@ class _Reading:
         self.problems = problems
         self._bundle = bundle
         self._scale = TimeScale(bundle.policy, bundle.period, bundle.unit)
-        self._scope = Scope(is_cut=bool(bundle.cut & set(DECLARING)))
+        declared: list[InputEntry | ConstantEntry | Definition] = [
+            *bundle.inputs, *bundle.constants, *bundle.definitions]
+        self.implied = ImpliedInputs(item.name.value for item in declared)
+        self._scope = Scope(is_cut=bool(bundle.cut & set(DECLARING)), implied=self.implied)
         self._feedback: dict[Feedback, Formula] = {}
         self._names_of: dict[str, set[str]] = {}  # that a definition refers to, by its FRET name
 
@@ -145,10 +149,17 @@ class _Reading:
         signals = []
         for entry in bundle.inputs:
             signal, declaration = input_declaration(entry, find_message, self.problems)
-            if bundle.stamp is Stamp.HEADER and signal is not None:
+            if bundle.stamp is Stamp.HEADER and signal is not None and signal.transform:
+                self.problems.error(
+                    f"'{entry.name}' is a transform, which does not go with stamp: header",
+                    entry.name.span, 'its links have stamps of their own',
+                    'stamp: received   # under evaluation')
+            elif bundle.stamp is Stamp.HEADER and signal is not None:
                 self._check_header(entry, signal)
             if 'name' not in entry.damaged:
                 self._scope.declare(entry.name.value, declaration)
+            if signal is not None:
+                self.implied.declare(signal)
             signals.append(signal)
         return signals
 

@@ -29,8 +29,9 @@ from fractions import Fraction
 from typing import assert_never, NoReturn, TypeAlias
 
 from fret_monitor.elaboration import arithmetic
+from fret_monitor.elaboration.application import Application
 from fret_monitor.elaboration.durations import approximate, STEPS, TimeScale
-from fret_monitor.elaboration.functions import Application, choice, COUNTING, FUNCTIONS, previous
+from fret_monitor.elaboration.functions import choice, COUNTING, FUNCTIONS, previous
 from fret_monitor.elaboration.scope import Role, Scope
 from fret_monitor.elaboration.terms import (
     alike, Broken, describe, expect_bool, joined_bounds, TypedTerm, Undeclared, Value, Vocabulary,
@@ -326,7 +327,7 @@ class Elaborator:
                     refuse('a time cannot be used here', part.span, 'the condition stands here',
                            f'the time comes first: {node.function}({time}, p)')
                 refuse('a time cannot be used here', part.span, 'this has a unit',
-                       'only bounds, persisted and occurred take times')
+                       'only bounds, and functions such as persisted, take times')
         return [replace(term, value=self._steps(part, term)) for part, term in
                 zip(parts[:counts], operands, strict=False)] + operands[counts:]
 
@@ -431,7 +432,7 @@ class Elaborator:
             first, later = alike([operands[0], delayed_term], f"'{name}'")
             return Choice(FTP, first, later), None
         call = Application(name, tuple(operands), node.span, self._problems, self._left,
-                           self._scale)
+                           self._scale, self._scope.implied)
         return function.meaning(call), self._shared_vocabulary(node, operands)
 
     def _shared_vocabulary(self, node: Call, operands: list[TypedTerm]) -> Vocabulary | None:
@@ -551,6 +552,8 @@ def _sharing(node: Expression) -> tuple[int, ...]:
             return (0, 1)
         case Call('ite') if len(node.arguments) == 3:
             return (1, 2)
+        case Call('heldAt') if len(node.arguments) == 2:
+            return (1,)
         case Conditional():
             return (1, 2)
         case _:

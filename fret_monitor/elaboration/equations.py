@@ -31,7 +31,7 @@ from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.settling import settles
 from fret_monitor.elaboration.terms import (
     Broken, cast, common_type, convert, describe, expect_bool, expect_number, joined_bounds,
-    TypedTerm, Undeclared,
+    Lasting, TypedTerm, Undeclared,
 )
 from fret_monitor.language.expression import (
     Call, children, Conditional, Equations, Expression, Infix, LustreVariable, Name, postorder,
@@ -210,7 +210,7 @@ class _LustreNode:
             return None
         term = self._elaborator({}, Problems()).term(argument.left)
         match term.value:
-            case Undeclared() | Broken():
+            case Undeclared() | Broken() | Lasting():
                 return None
             case value:
                 return value
@@ -249,7 +249,7 @@ class _LustreNode:
                loop: Collection[Feedback]) -> None:
         """Record the equation of a feedback of a loop, converted to the feedback's type."""
         match term.value:
-            case Undeclared() | Broken():
+            case Undeclared() | Broken() | Lasting():
                 return
             case value:
                 pass
@@ -337,7 +337,7 @@ def _kind(guess: Cell) -> ValueType:
 def _risen(guess: Cell, term: TypedTerm) -> Cell:
     """Return a guess widened to the type that was found with the previous guess."""
     match term.value:
-        case Undeclared() | Broken():
+        case Undeclared() | Broken() | Lasting():
             return guess
         case ExactNumber() as literal:
             found = common_type([literal])

@@ -18,65 +18,24 @@ docs/numbers.md defines the operand types of `abs`, `min`, `max`, `ite` and `pre
 spellings (`absInt`, `preReal` ...) restrict them. `persisted`, `occurred` and `prevOcc` look back
 at most to the left end of the interval in which they are used: `FTP`, or the left end of the
 scope of a FRETish sentence. In the expression of a scope there is no left end. The formulas are
-FRET's.
+FRET's. `over_time.py` has the functions of docs/over_time.md.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+from fret_monitor.elaboration.application import Application, count_of, Function
 from fret_monitor.elaboration.arithmetic import arithmetic, magnitude
-from fret_monitor.elaboration.durations import STEPS, TimeScale
+from fret_monitor.elaboration.over_time import OVER_TIME
 from fret_monitor.elaboration.terms import (
     alike, cast, convert, describe, expect_bool, expect_number, Number, TypedTerm,
 )
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Choice, Formula, FTP, Historically, Once, Previous, Since,
-    Unary, UnaryOperator, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, Choice, Formula, Historically, Once, Previous, Since, Unary,
+    UnaryOperator, Window, Yesterday,
 )
 from fret_monitor.logic.numbers import ExactNumber
-from fret_monitor.model.diagnostics import Problems, refuse, Span
+from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.values import ValueType
-
-
-@dataclass(frozen=True)
-class Application:
-    """
-    A call with elaborated arguments, whose number is correct.
-
-    `left` holds at the left end of the interval in which the call looks back; None for no end.
-    The counts and times among the arguments are numbers of `scale` already.
-    """
-
-    name: str
-    arguments: tuple[TypedTerm, ...]
-    place: Span
-    problems: Problems
-    left: Formula | None = FTP
-    scale: TimeScale = STEPS
-
-    @property
-    def quoted(self) -> str:
-        """The quoted name, for messages."""
-        return f"'{self.name}'"
-
-
-@dataclass(frozen=True)
-class Function:
-    """
-    A predefined function: the arguments of each form, and its formula.
-
-    `gives_truth`: the result is Boolean for all arguments. `counts_steps`: all arguments except
-    the last are numbers of steps.
-    """
-
-    forms: tuple[str, ...]
-    meaning: Callable[[Application], Formula | ExactNumber]
-    gives_truth: bool = False
-    counts_steps: bool = False
-
-    def takes(self, count: int) -> bool:
-        """Whether a form has `count` arguments."""
-        return any(len(form.split(', ')) == count for form in self.forms)
 
 
 def choice(condition: TypedTerm, yes: TypedTerm, no: TypedTerm, name: str) -> Formula:
@@ -158,19 +117,9 @@ def _real(call: Application, term: TypedTerm) -> TypedTerm:
     return TypedTerm(value, term.span)
 
 
-def _count(call: Application, term: TypedTerm) -> int:
-    value, longest = term.value, call.scale.longest
-    if not isinstance(value, ExactNumber) or value.is_real or not 0 <= value.value <= longest:
-        what = 'a time, up to 2^62 ns, or a count' if call.scale.is_timed else \
-            f'a number of steps, from 0 to {longest}'
-        refuse(f'{call.quoted} takes {what}, as digits or as a constant', term.span,
-               f'this is {describe(term)}')
-    return value.value.numerator
-
-
 def _window(call: Application) -> Window:
     *counts, _ = (call.arguments)
-    low, high = ([0] if len(counts) == 1 else []) + [_count(call, it) for it in counts]
+    low, high = ([0] if len(counts) == 1 else []) + [count_of(call, it) for it in counts]
     if high < low:
         first, second = call.scale.shown(high), call.scale.shown(low)
         what = 'shorter time' if call.scale.is_timed else 'smaller number of steps'
@@ -236,6 +185,7 @@ FUNCTIONS = {
     'preInt': _PRE,
     'preReal': _PRE,
     'prevOcc': Function(('p, q',), _prev_occ, gives_truth=True),
+    **OVER_TIME,
     **{item.value: _library(item)
        for item in (*UnaryOperator, BinaryOperator.ATAN2)
        if item is BinaryOperator.ATAN2 or isinstance(item, UnaryOperator) and item.is_library},

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fret_monitor.elaboration.functions import FUNCTIONS
+from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.terms import TypedTerm, Vocabulary
 from fret_monitor.logic.formula import FTP
 from fret_monitor.model.diagnostics import did_you_mean, Source, Span
@@ -55,14 +56,16 @@ class Scope:
     writes `a_DOT_b` in formulas for `a.b`. Names of an inner scope hide those of the outer one.
     """
 
-    def __init__(self, outer: 'Scope | None' = None, is_cut: bool = False) -> None:
+    def __init__(self, outer: 'Scope | None' = None, is_cut: bool = False,
+                 implied: ImpliedInputs | None = None) -> None:
         """
         Start without names, within another scope.
 
         `is_cut`: there may be declarations that could not be read, so that no name is reported
-        as undeclared.
+        as undeclared. `implied` are the inputs that formulas may add; None without a bundle.
         """
         self._outer = outer
+        self.implied: ImpliedInputs | None = outer.implied if outer else implied
         self.is_cut: bool = is_cut or outer is not None and outer.is_cut
         self._names: dict[str, Declaration] = {}
         self._spelled: dict[str, Declaration] = {}

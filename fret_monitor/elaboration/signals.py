@@ -34,6 +34,7 @@ from fret_monitor.messages.constants import NamedValues, NO_CONSTANTS
 from fret_monitor.messages.field_path import (
     check_reachable, doubt_part, field_line, resolve_field, ResolvedField,
 )
+from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
 from fret_monitor.model.manifest import REDUCTIONS
@@ -45,6 +46,8 @@ FindMessage = Callable[[str], MessageLayout]
 
 _PLAIN = {kind.value: kind for kind in ValueType}
 _TEXT = 'string'
+_TRANSFORM = 'transform'  # the field of geometry_msgs/msg/TransformStamped
+_AGE, _OF_STAMP, _RECEIVED = 'age()', 'age(header.stamp)', 'received()'
 _USUAL_STARTUP_S = 10.0
 _FIELD = r'(?P<field>[A-Za-z][A-Za-z0-9_.]*(?:\[[^][]*\][A-Za-z0-9_.]*)*)'
 _CALL = re.compile(rf'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*{_FIELD}\s*\)\s*')
@@ -136,6 +139,7 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         source=source,
         role=entry.role or InputRole.INPUT,
         place=entry.name.span,
+        transform=entry.transform,
     )
     return signal, vocabulary
 
@@ -172,9 +176,24 @@ def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
     layout = find_layout(name, entry.type, find_message)
     if entry.field is not None:
         _refuse_mathematics(entry.name.value, entry.field)
-    field = resolve_field(layout, entry.field, entry.type)
+    field = _transform_field(layout, entry) if entry.transform else \
+        resolve_field(layout, entry.field, entry.type)
     check_reachable(layout, field, entry.type.span)
     return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout, field
+
+
+def _transform_field(layout: MessageLayout, entry: InputEntry) -> ResolvedField:
+    """Return a field of a transform: one of geometry_msgs/msg/Transform, or of its stamp."""
+    path, place = entry.field, entry.type or entry.name
+    call = ''.join(path.value.split()) if path else ''
+    if path and call == _AGE:
+        at = path.offsets
+        path = Text(_OF_STAMP, path.source, [at[0]] * len(_OF_STAMP) + [at[-1]])
+    if call in (_AGE, _RECEIVED):
+        return resolve_field(layout, path, place)
+    kind = next(item.type for item in layout.fields if item.name == _TRANSFORM)
+    field = resolve_field(nested_layout(layout, kind, place.span), path, place)
+    return replace(field, path=(_TRANSFORM, *field.path), types=(kind, *field.types))
 
 
 def _refuse_mathematics(name: str, path: Text) -> None:

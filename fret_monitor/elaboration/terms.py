@@ -23,7 +23,7 @@ comparison can resolve (`LANDING` in `state = LANDING`), or a mark that a mistak
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import NoReturn, TypeAlias
 
 from fret_monitor.logic.formula import Constant, Conversion, Formula
 from fret_monitor.logic.numbers import constant, ExactNumber, NumberError
@@ -96,7 +96,19 @@ class Broken:
     """An expression with a mistake that was reported; what contains it is broken, too."""
 
 
-Value: TypeAlias = Formula | ExactNumber | Undeclared | Broken
+@dataclass(frozen=True, eq=False)
+class Lasting:
+    """
+    `timeOver`: how long `argument` held in the last `past` nanoseconds.
+
+    It changes at every nanosecond, and is therefore only compared with constants.
+    """
+
+    past: int
+    argument: Formula
+
+
+Value: TypeAlias = Formula | ExactNumber | Undeclared | Broken | Lasting
 Number: TypeAlias = Formula | ExactNumber
 
 
@@ -127,7 +139,7 @@ class TypedTerm:
     def is_boolean(self) -> bool:
         """Whether it is Boolean."""
         match self.value:
-            case ExactNumber() | Undeclared() | Broken():
+            case ExactNumber() | Undeclared() | Broken() | Lasting():
                 return False
             case formula:
                 return formula.type is ValueType.BOOL
@@ -158,6 +170,8 @@ def describe(term: TypedTerm) -> str:
             return f"the unknown name '{name}'"
         case Broken():
             return 'a mistake'
+        case Lasting():
+            return 'a time that changes all the time'
         case Constant(bool(value), _):
             return str(value).upper()
         case formula:
@@ -167,7 +181,7 @@ def describe(term: TypedTerm) -> str:
 def expect_bool(term: TypedTerm, operator: str) -> Formula:
     """Return a term's formula; refuse it unless it is BOOL, as `operator` requires."""
     value = term.value
-    if not term.is_boolean or isinstance(value, (ExactNumber, Undeclared, Broken)):
+    if not term.is_boolean or isinstance(value, (ExactNumber, Undeclared, Broken, Lasting)):
         refuse(f'{operator} takes only true or false', term.span,
                f'this is {describe(term)}', _truth_help(term))
     return value
@@ -182,6 +196,8 @@ def _truth_help(term: TypedTerm) -> str:
             return f"write {'TRUE' if value else 'FALSE'}"
         case ExactNumber():
             return ''
+        case Lasting():
+            return 'compare it with seconds, as in timeOver(10 s, p) <= 2.5'
     if term.vocabulary is not None:
         return f'compare it with one of its values: {term.vocabulary}'
     return 'compare it with something, as in x > 0'
@@ -193,9 +209,16 @@ def expect_number(term: TypedTerm, operator: str) -> Number:
         refuse(f'{operator} takes numbers', term.span, 'this is text',
                f'text can be compared by = and != with its names: {term.vocabulary}')
     value = term.value
+    if isinstance(value, Lasting):
+        _refuse_lasting(term)
     if term.is_boolean or isinstance(value, (Undeclared, Broken)):
         refuse(f'{operator} takes numbers', term.span, f'this is {describe(term)}')
     return value
+
+
+def _refuse_lasting(term: TypedTerm) -> NoReturn:
+    refuse("'timeOver' is only compared with constants", term.span,
+           f'this is {describe(term)}', 'write timeOver(10 s, p) <= 2.5, in seconds')
 
 
 def unify(numbers: Iterable[Number]) -> ValueType | None:
@@ -287,7 +310,7 @@ def same_text(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
                    f'text can be compared by = and != with its names: {vocabulary}')
     values = [term.value for term in terms]
     return [cast(term, value, ValueType.INT64) for term, value in zip(terms, values)
-            if not isinstance(value, (Undeclared, Broken))]
+            if not isinstance(value, (Undeclared, Broken, Lasting))]
 
 
 def formula_of(term: TypedTerm) -> Formula:
@@ -295,6 +318,8 @@ def formula_of(term: TypedTerm) -> Formula:
     match term.value:
         case Undeclared() | Broken():
             raise AssertionError('mistakes are reported before')
+        case Lasting():
+            _refuse_lasting(term)
         case ExactNumber() as literal:
             return cast(term, literal, common_type([literal]))
         case formula:

@@ -25,6 +25,7 @@ from collections.abc import Iterable
 from typing import assert_never
 
 from fret_monitor.elaboration.elaborator import gives_truth
+from fret_monitor.elaboration.over_time import OVER_TIME
 from fret_monitor.language.expression import (
     Boolean, Call, children, Conditional, Duration, Expression, Infix, Name, Number, postorder,
     Prefix,
@@ -111,8 +112,13 @@ class TypesByUse:
 
     def _add_call(self, node: Call) -> None:
         name, arguments = node.function, node.arguments
-        if name in ('persisted', 'occurred'):
+        if name in ('persisted', 'occurred', 'countOver', 'timeOver'):
             self._expect(_BOOL, arguments[-1:])
+        elif name == 'heldAt' and len(arguments) == 2:
+            self._expect(_BOOL, arguments[:1])
+            self._unify([arguments[1], node])
+        elif name in OVER_TIME:
+            self._expect(_REAL, [*arguments[-1:], node])
         elif name in ('preBool', 'prevOcc'):
             self._expect(_BOOL, arguments)
         elif name.endswith('Int'):

@@ -27,14 +27,13 @@ from fret_monitor.codegen.c import string_literal
 from fret_monitor.export import flight
 from fret_monitor.export.content import (
     common_values, Content, csrc_files, EVALUATOR, export_name, ExportPart, fill, hand_written,
-    HandlerArguments, Options, structs,
+    HandlerArguments, Options, runtime_files, structs,
 )
 from fret_monitor.export.examples import example
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.compiler import COMPILE_FLAGS
 
-_RUNTIME = ('fret_monitor.h', 'fret_cells.h')
 _EXTRACTORS = ('fret_cdr.h', 'fret_fields.h', 'fret_reductions.h')
 _FIELDS_ROW = ('| `src/{}_fields.c`, `src/fret_fields.h` | reads the inputs from serialized '
                'messages (CDR) |\n')
@@ -57,8 +56,8 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
         refuse('the target c99 calls no handlers', help='leave --handler-arguments out: a '
                'verdict is an element of an array, and the inputs are a struct')
     name, files = export_name(generated), generated.module.files
-    library = {**csrc_files(*_RUNTIME, *EVALUATOR,
-                            *(_EXTRACTORS if generated.module.readers else ())), **files}
+    extractors = _EXTRACTORS if generated.module.readers else ()
+    library = {**runtime_files(generated), **csrc_files(*EVALUATOR, *extractors), **files}
     values = {**common_values(generated, options), **flight.runner_values(generated)}
     if generated.manifest.inputs:
         library[f'{name}_options.h'] = '\n'.join([*flight.options_header(generated), ''])
@@ -156,8 +155,7 @@ def _tables(generated: GeneratedMonitor, heading: str) -> Iterator[str]:
     yield 'static const struct {uint32_t input; const char * name; const char * number;} ' \
           'test_values[] = {'
     for index, item in enumerate(manifest.inputs):
-        for place, (word, value) in enumerate(item.values):
-            number = place if item.is_string else value
+        for word, number in item.stored_values:
             yield f'  {{{index}u, {string_literal(word.encode())}, "{number}"}},'
     yield '  {UINT32_MAX, "", ""},'
     yield '};'

@@ -23,6 +23,7 @@ from fret_monitor import __version__
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.inputs import meaning
+from fret_monitor.codegen.module import WINDOWS_HEADER
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems, refuse, Source, Span
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.parts import judged_by_gates
@@ -121,6 +122,13 @@ def csrc_files(*names: str) -> dict[str, str]:
     return {name: csrc_file(name).read_text(encoding='utf-8') for name in names}
 
 
+def runtime_files(generated: GeneratedMonitor) -> dict[str, str]:
+    """Return the headers that the generated monitors include."""
+    names = ('fret_monitor.h', 'fret_cells.h', WINDOWS_HEADER)
+    has_windows = any(f'"{WINDOWS_HEADER}"' in text for _, text in generated.module.sources)
+    return csrc_files(*names if has_windows else names[:-1])
+
+
 def structs(*names: str) -> dict[str, str]:
     """Return the memory of structs, as in `ExportPart.held`."""
     return {f'struct {name}': f'sizeof(struct {name})' for name in names}
@@ -147,11 +155,11 @@ def common_values(generated: GeneratedMonitor, options: Options) -> dict[str, st
     }
 
 
-def unacted(generated: GeneratedMonitor) -> tuple[Diagnostic, ...]:
-    """Return warnings of what a bundle does besides monitoring: no export does it."""
+def unacted(generated: GeneratedMonitor, *, acts: bool) -> tuple[Diagnostic, ...]:
+    """Return warnings of what an export leaves out; `acts`: it starts actions."""
     problems = Problems()
     for item in generated.specification.properties:
-        if item.on_violation or item.on_end:
+        if not acts and (item.on_violation or item.on_end):
             problems.warning(f"no action follows '{item.id}' in an export", item.id_place,
                              'the program that it is built into has to act')
     for gate in generated.specification.gates:

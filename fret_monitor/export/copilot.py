@@ -29,8 +29,8 @@ from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.inputs import number_text, origin
 from fret_monitor.codegen.names import is_of_module, Names
 from fret_monitor.export.content import (
-    common_values, Content, csrc_files, export_name, ExportPart, hand_written, HandlerArguments,
-    Options,
+    common_values, Content, export_name, ExportPart, hand_written, HandlerArguments, Options,
+    runtime_files,
 )
 from fret_monitor.export.external_names import check_name, constant_names, input_names
 from fret_monitor.model.diagnostics import Problems
@@ -65,7 +65,7 @@ def copilot(generated: GeneratedMonitor, options: Options) -> Content:
     writer = _CopilotWriter(generated, options, inputs, constants)
     hand = hand_written('copilot')
     module = generated.module.files
-    monitors = {**csrc_files('fret_monitor.h', 'fret_cells.h'), **module,
+    monitors = {**runtime_files(generated), **module,
                 **{name.partition('/')[2]: text for name, text in hand.items()
                    if name.startswith(f'{_MONITORS}/')}}
     monitors.pop(f'{writer.name}_fields.c', None)  # no messages are decoded
@@ -216,8 +216,7 @@ class _CopilotWriter:
         for item in self._manifest.inputs:
             if item.values:
                 yield f'// Values of {self.inputs[item.name]}.'
-            for place, (word, value) in enumerate(item.values):
-                number = place if item.is_string else int(value)
+            for word, number in item.stored_values:
                 yield f'#define {self.constants[item.name, word]} {_number(number)}'
             if item.values:
                 yield ''

@@ -31,12 +31,13 @@ from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.names import Names
 from fret_monitor.export.content import (
     common_values, Content, csrc_files, EVALUATOR, export_name, ExportPart, hand_written,
-    HandlerArguments, Options, structs,
+    HandlerArguments, Options, runtime_files, structs,
 )
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource, Policy, Stale, Stamp
+from fret_monitor.model.transforms import ONLY_RECORDED
 from fret_monitor.model.values import ValueType
 
 MONITORS = 'monitors'
@@ -119,6 +120,8 @@ def check(generated: GeneratedMonitor, options: Options, messages: str,
             problems.error(
                 f"'{signal.name}' is a string, which {messages} do not have", signal.place,
                 help='send a number: give its `values` numbers, and a type such as uint8')
+        if signal.transform:
+            problems.error(f"'{signal.name}' is a transform", signal.place, help=ONLY_RECORDED)
         if specification.stamp is Stamp.HEADER and signal.topic is not None:
             problems.error(
                 f"'{signal.name}' has no header in {messages}", signal.place,
@@ -163,7 +166,7 @@ def _runner_files(generated: GeneratedMonitor, folder: str) -> dict[str, str]:
     module = {file: text for file, text in generated.module.files.items()
               if file != f'{name}_fields.c'}  # no serialized messages are read
     hand = hand_written('flight')
-    files = {**csrc_files('fret_monitor.h', 'fret_cells.h', *EVALUATOR), **module,
+    files = {**runtime_files(generated), **csrc_files(*EVALUATOR), **module,
              'fret_static.h': hand['fret_static.h'],
              f'{name}_options.h': '\n'.join(options_header(generated)) + '\n'}
     return {f'{folder}/{file}': text for file, text in files.items()}

@@ -30,16 +30,17 @@ from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import HANDLER_TOPIC
+from fret_monitor.model.transforms import ONLY_RECORDED
 from fret_monitor.native.cache import csrc_directory, CSRC_ROOMS
 
 NODE_NAME = 'fret_monitor'
 """As that of the monitor in Python, so that services and topics have the same names."""
 
 NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgraph_msgs',
-                 'std_msgs', 'std_srvs')
+                 'std_msgs', 'std_srvs', 'type_description_interfaces')
 """The packages of the messages and services that every node has."""
 
-_UNUSED = ('benchmark.c', 'csv.c', 'in_place.c', 'records.c', 'relay.c', 'thinning.c', 'trials.c')
+_UNUSED = ('benchmark.c', 'csv.c', 'records.c', 'relay.c', 'thinning.c', 'trials.c')
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:
@@ -54,9 +55,9 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     if options.handler_arguments is not HandlerArguments.NONE:
         refuse('handlers of ros2 are topics of std_msgs/msg/Empty, without arguments',
                help='copilot/violations has the values; leave --handler-arguments out')
-    _refuse_inputs_off_ros(generated)
+    refuse_inputs_off_ros(generated)
     manifest = generated.manifest
-    files = {**csrc_files(*_hand_written_sources()), **generated.module.files}
+    files = {**csrc_files(*hand_written_sources()), **generated.module.files}
     sources = {f'src/{name}': text for name, text in files.items()}
     sources['src/node_table.c'] = node_table(generated, NODE_NAME)
     interfaces = sorted({*NODE_PACKAGES, *packages_of(manifest)})
@@ -82,16 +83,21 @@ def package_name(name: str) -> str:
     return f'{word if word[:1].isalpha() else f"m_{word}"}_monitor'.replace('__', '_')
 
 
-def _hand_written_sources() -> list[str]:
+def hand_written_sources() -> list[str]:
     """Return the names in `csrc` of all C that every node has."""
     found = [path.name for room in CSRC_ROOMS for path in (csrc_directory() / room).iterdir()]
     return sorted(name for name in found if name.rpartition('.')[0] + '.c' not in _UNUSED)
 
 
-def _refuse_inputs_off_ros(generated: GeneratedMonitor) -> None:
+def refuse_inputs_off_ros(generated: GeneratedMonitor) -> None:
+    """Refuse inputs that a requirement reads without a topic, and transforms: `CompileError`."""
     manifest = generated.manifest
     read = {index for group in manifest.groups for index in group.inputs}
     problems = []
+    for signal in generated.specification.signals:
+        if signal.transform:
+            problems.append(Diagnostic(f"'{signal.name}' is a transform", signal.place,
+                                       help=ONLY_RECORDED))
     for index in sorted(read):
         item, signal = manifest.inputs[index], generated.specification.signals[index]
         if item.topic is None or item.message_type is None:

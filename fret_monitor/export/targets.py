@@ -33,12 +33,13 @@ class Target:
     A target: a line for `--help`, and the function that makes its files.
 
     The function raises a `CompileError` with places for a bundle that the target cannot do. `part`
-    is what the target takes of a bundle; None: all requirements.
+    is what the target takes of a bundle; None: all requirements. `acts`: it starts its actions.
     """
 
     summary: str
     content: Callable[[GeneratedMonitor, Options], Content]
     part: NodePart | None = None
+    acts: bool = False
 
 
 TARGETS = {
@@ -49,5 +50,5 @@ TARGETS = {
     'fprime': Target('a component of F Prime: an event and a channel for each requirement',
                      fprime),
     'ros2': Target('a package for colcon, with one node in C on rcl', ros2,
-                   UNGATED),
+                   UNGATED, acts=True),
 }

@@ -342,7 +342,8 @@ def _without_unit(number: str, unit: str, is_time: bool) -> str:
     write = 'write the value in the unit of its message field, and no unit'
     if unit in ('deg', 'degrees') and math.isfinite(float(number)):
         return f'{write}: {short(number)} {unit} are {math.radians(float(number)):.7g} in radians'
-    return f'{write}; only bounds, persisted and occurred take times' if is_time else write
+    only = 'only bounds, and functions such as persisted, take times'
+    return f'{write}; {only}' if is_time else write
 
 
 _PHYSICAL = frozenset({'m', 'cm', 'mm', 'km', 'kg', 'g', 'rad', 'deg', 'degrees', 'Hz', 'N', 'Nm',

@@ -23,8 +23,8 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from fret_monitor.logic.formula import (
-    ALWAYS, Feedback, Formula, FTP, Historically, Once, operands, postorder, Previous, Since,
-    Triggered, Variable, WeakYesterday, Yesterday,
+    ALWAYS, Feedback, Formula, FTP, Historically, NUMBERS_OVER_TIME, Once, operands, postorder,
+    Previous, Since, Triggered, Variable, WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
@@ -33,7 +33,7 @@ from fret_monitor.model.policies import InputSource, Policy, Report
 _Kinds: TypeAlias = tuple[type[Previous | WeakYesterday | Yesterday], ...]
 
 _ONE_BACK: _Kinds = (Previous, WeakYesterday, Yesterday)
-_TEMPORAL = (Historically, Once, Since, Triggered, *_ONE_BACK)
+_TEMPORAL = (Historically, Once, Since, Triggered, *NUMBERS_OVER_TIME, *_ONE_BACK)
 
 
 def reports_once(specification: Specification) -> Iterator[Diagnostic]:

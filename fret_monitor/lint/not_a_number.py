@@ -23,9 +23,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator as Op, Choice, Constant, Conversion, Formula, Historically, Once,
-    operands, postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables,
-    WeakYesterday, Yesterday,
+    Ago, Binary, BinaryOperator as Op, Choice, Constant, Conversion, Formula, Held, Historically,
+    Once, operands, Over, postorder, Previous, Since, Slope, Triggered, Unary, UnaryOperator,
+    Variable, variables, WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.pointwise import operation
 from fret_monitor.logic.printing import to_smv
@@ -160,7 +160,7 @@ def _distance(node: Formula, part: Formula) -> int:
 def _is_nan(node: Formula, undefined: set[Formula], table: Mapping[Formula, _Both]) -> bool:
     """Return whether a number may be NaN."""
     match node:
-        case Conversion() | Unary() | Previous():
+        case Conversion() | Unary() | Previous() | Over() | Ago() | Held() | Slope():
             return node.argument in undefined
         case Binary(Op.MIN | Op.MAX, _, right):
             return right in undefined

@@ -25,11 +25,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Binary, Choice, Constant, Conversion, Feedback, Formula, Historically, Once, operands,
-    postorder, Previous, Since, Triggered, Unary, Variable, WeakYesterday, Window, Yesterday,
+    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, Once,
+    operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
+    WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.pointwise import (
-    at_start, checked, Compute, operation, TraceError, Value,
+    aggregate, at_start, checked, Compute, operation, slope, TraceError, Value,
 )
 from fret_monitor.model.values import ValueType
 
@@ -128,6 +129,18 @@ def _rule(node: Formula, columns: _Columns, trace: Trace,
             return _since(node.window, columns[node.left], columns[node.right])
         case Triggered():
             return _triggered(node.window, columns[node.left], columns[node.right])
+        case Over():
+            return _over(node, columns[node.argument], columns[node.at])
+        case Ago():
+            x = columns[node.argument]
+            return lambda t: x[max(0, t - node.past)]
+        case Held():
+            return _held(columns[node.condition], columns[node.argument])
+        case Slope():
+            return _slope(columns[node.argument], columns[node.at])
+        case TimeOver():
+            p = columns[node.argument]
+            return lambda t: sum(p[max(0, t - node.past + 1):t + 1]) >= node.least
         case _:
             assert_never(node)
 
@@ -168,6 +181,31 @@ def _found_since(value: bool, past: slice, t: int, p: list[Value], q: list[Value
         if p[k] is not value:
             return False
     return False
+
+
+# Numbers over time (docs/over_time.md).
+
+def _over(node: Over, x: list[Value], at: list[Value]) -> _Rule:
+    compute = aggregate(node)
+
+    def value_at(t: int) -> Value:
+        first = max(0, t - node.past)
+        window = zip(x[first:t + 1], at[first:t + 1], strict=True)
+        return compute([value for value, is_there in window if is_there])
+
+    return value_at
+
+
+def _slope(x: list[Value], at: list[Value]) -> _Rule:
+    def value_at(t: int) -> Value:
+        steps = [k for k in range(t + 1) if at[k]][-2:]
+        return 0.0 if len(steps) < 2 else slope(*((k, x[k]) for k in steps))
+
+    return value_at
+
+
+def _held(condition: list[Value], x: list[Value]) -> _Rule:
+    return lambda t: x[next((k for k in range(t, 0, -1) if condition[k]), 0)]
 
 
 # Values of the previous step.

@@ -268,6 +268,90 @@ class Feedback(_Node):
     type: ValueType
 
 
+class Aggregate(Enum):
+    """
+    What an `Over` makes of the values in its window, none of which is left out.
+
+    GREATEST and LEAST: INT64, UINT64, FLOAT32 or FLOAT64 to the same type. SUM: INT64, UINT64 or
+    FLOAT64 to the same type. MEAN: FLOAT64 to FLOAT64. COUNT: BOOL to INT64.
+    """
+
+    GREATEST = 'maxOver'
+    LEAST = 'minOver'
+    SUM = 'sumOver'
+    MEAN = 'meanOver'
+    COUNT = 'countOver'
+
+    @property
+    def is_extreme(self) -> bool:
+        """Whether it is the value at one step of the window."""
+        return self in (Aggregate.GREATEST, Aggregate.LEAST)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Over(_Node):
+    """
+    An aggregate of `argument` at the steps k with 0 <= t - k <= past at which `at` is true.
+
+    `at` says at which steps there is a value: the messages, under the policy timed. It is TRUE
+    for an extreme.
+    """
+
+    aggregate: Aggregate
+    past: int
+    argument: 'Formula'
+    at: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Set the type: INT64 for a count, else that of the argument."""
+        is_count = self.aggregate is Aggregate.COUNT
+        object.__setattr__(self, 'type', ValueType.INT64 if is_count else self.argument.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ago(_Node):
+    """`argument` so many steps ago; at step 0 if that is later. A number of a term's type."""
+
+    past: int
+    argument: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Set the type to that of the argument."""
+        object.__setattr__(self, 'type', self.argument.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Held(_Node):
+    """`argument` at the last step at which `condition` held; at step 0 before. A number."""
+
+    condition: 'Formula'
+    argument: 'Formula'
+    type: ValueType = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Set the type to that of the argument."""
+        object.__setattr__(self, 'type', self.argument.type)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Slope(_Node):
+    """
+    The change of `argument` between the last two steps at which `at` held, per 10^9 steps.
+
+    0.0 before the second one. FLOAT64; only under the policy timed, where it is per second.
+    """
+
+    argument: 'Formula'
+    at: 'Formula'
+
+    @property
+    def type(self) -> ValueType:
+        """FLOAT64."""
+        return ValueType.FLOAT64
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class _Boolean(_Node):
 
@@ -325,9 +409,21 @@ class Triggered(_Boolean):
     right: 'Formula'
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class TimeOver(_Boolean):
+    """`argument` held at `least` or more of the last `past` steps, this one included."""
+
+    past: int
+    least: int
+    argument: 'Formula'
+
+
 Formula: TypeAlias = (Constant | Variable | Conversion | Unary | Binary | Choice | Previous
-                      | Feedback | Yesterday | WeakYesterday | Once | Historically | Since
-                      | Triggered)
+                      | Feedback | Over | Ago | Held | Slope | Yesterday | WeakYesterday
+                      | Once | Historically | Since | Triggered | TimeOver)
+
+NUMBERS_OVER_TIME = (Over, Ago, Held, Slope, TimeOver)
+"""The nodes of docs/over_time.md."""
 
 TRUE = Constant(True, ValueType.BOOL)
 FALSE = Constant(False, ValueType.BOOL)
@@ -337,8 +433,10 @@ FTP = WeakYesterday(FALSE)
 # A table and not `match`, which compares with one class after the other: this is called often.
 _OPERANDS: dict[type[Any], Callable[[Any], tuple[Formula, ...]]] = {
     **dict.fromkeys((Constant, Variable, Feedback), lambda node: ()),
-    **dict.fromkeys((Conversion, Unary, Yesterday, WeakYesterday, Once, Historically),
-                    lambda node: (node.argument,)),
+    **dict.fromkeys((Conversion, Unary, Ago, Yesterday, WeakYesterday, Once, Historically,
+                     TimeOver), lambda node: (node.argument,)),
+    **dict.fromkeys((Over, Slope), attrgetter('argument', 'at')),
+    Held: attrgetter('condition', 'argument'),
     **dict.fromkeys((Binary, Since, Triggered), attrgetter('left', 'right')),
     Choice: attrgetter('condition', 'yes', 'no'),
     Previous: attrgetter('initial', 'argument'),

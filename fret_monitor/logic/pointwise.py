@@ -13,22 +13,24 @@
 # limitations under the License.
 
 """
-The value of a node from the values of its operands at the same instant.
+The value of a node from the values of its operands at the same instant, or in its window.
 
 Numbers are those of C99, bit for bit: integers wrap, and floats are rounded to their type after
 each operation. `evaluate` and `timed` give every node without past its meaning from here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import ctypes
+from fractions import Fraction
+from functools import reduce
 import math
 import operator
 from typing import assert_never, cast, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Choice, Constant, Conversion, Unary, UnaryOperator,
+    Aggregate, Binary, BinaryOperator, Choice, Constant, Conversion, Over, Unary, UnaryOperator,
 )
-from fret_monitor.model.floats import to_float32
+from fret_monitor.model.floats import to_float32, to_float64
 from fret_monitor.model.values import ValueType
 
 Value: TypeAlias = bool | int | float
@@ -138,6 +140,61 @@ _RELATIONS: dict[BinaryOperator, Compute] = {
     BinaryOperator.EQ: operator.eq,
     BinaryOperator.NE: operator.ne,
 }
+
+
+# Numbers over time. The order of the values in the window makes no difference.
+
+def aggregate(node: Over) -> Callable[[Sequence[Value]], Value]:
+    """Return the function from the values in the window of a node to its own value."""
+    match node.aggregate:
+        case Aggregate.GREATEST:
+            return lambda values: reduce(_greater, values)
+        case Aggregate.LEAST:
+            return lambda values: reduce(_lesser, values)
+        case Aggregate.COUNT:
+            return lambda values: sum(value is True for value in values)
+        case Aggregate.SUM if node.type.is_integer:
+            fit = _FIT[node.type]
+            return lambda values: fit(sum(values))
+        case Aggregate.SUM:
+            return lambda values: _quotient_of_sum(values, 1)
+        case Aggregate.MEAN:
+            return lambda values: _quotient_of_sum(values, len(values))
+        case _:
+            assert_never(node.aggregate)
+
+
+def slope(before: tuple[int, Value], now: tuple[int, Value]) -> float:
+    """Return the change from one step and its value to another, per 10^9 steps."""
+    return (now[1] - before[1]) / ((now[0] - before[0]) / 1e9)
+
+
+def _greater(a: Value, b: Value) -> Value:
+    """Return the greater number; NaN if one is NaN, and 0.0 of 0.0 and -0.0."""
+    if a != a or b != b:
+        return math.nan
+    return max(a, b, key=lambda item: (item, math.copysign(1, item)))
+
+
+def _lesser(a: Value, b: Value) -> Value:
+    """Return the lesser number; NaN if one is NaN, and -0.0 of 0.0 and -0.0."""
+    if a != a or b != b:
+        return math.nan
+    return min(a, b, key=lambda item: (item, math.copysign(1, item)))
+
+
+def _quotient_of_sum(values: Sequence[Value], divisor: int) -> float:
+    """
+    Return the exact sum of floats over a divisor, rounded once; NaN if there is none.
+
+    With NaN, or infinities of both signs, it is NaN; with infinities of one sign, that infinity.
+    """
+    odd = {value for value in values if not math.isfinite(value)}
+    if divisor == 0 or len(odd) > 1 or any(math.isnan(value) for value in odd):
+        return math.nan
+    if odd:
+        return float(odd.pop())
+    return to_float64(sum(map(Fraction, values), Fraction(0)) / divisor)
 
 
 # Numbers. An operation is computed with Python's exact integers or in float64, and the result is

@@ -34,12 +34,12 @@ from typing import assert_never, ClassVar, Final, NamedTuple, TypeAlias
 
 from fret_monitor.language import cocospec, smv
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Historically,
-    Once, Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
-    Yesterday,
+    Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Held,
+    Historically, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary, UnaryOperator,
+    Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.model.floats import shortest_float32
-from fret_monitor.model.times import LONGEST_NS, time_text
+from fret_monitor.model.times import LONGEST_NS, short_seconds, time_text
 from fret_monitor.model.values import ValueType
 
 Values: TypeAlias = Mapping[str, Sequence[tuple[str, int | str]]]
@@ -177,11 +177,15 @@ class _Style:
                 return _Shape.SIGNED
             case Binary():
                 return self._binary_shape(node)
+            case TimeOver():
+                return _Shape.RELATION
+            case Ago():
+                return _Shape.SUM
             case _:
                 return _Shape.ATOM
 
     def _binary_shape(self, node: Binary) -> _Shape:
-        if node.operator in _CALLS:
+        if node.operator in _CALLS or _is_change(node):
             return _Shape.ATOM
         if node.operator in _SUMS:
             return _Shape.SUM
@@ -212,10 +216,26 @@ class _Style:
             case Previous():
                 initial, argument = self._alike(node.initial, node.argument)
                 return _call(f'pre{_kind(node)}', initial, argument)
+            case Over():
+                return self._over(node.aggregate.value, node.past, node.argument)
+            case Ago():
+                return [_Part(node.argument, _NUMBER), ' - ',
+                        *self._over('changeOver', node.past, node.argument)]
+            case Held():
+                return _call('heldAt', _Part(node.condition), _Part(node.argument))
+            case Slope():
+                return _call('derivative', _Part(node.argument))
+            case TimeOver():
+                least = short_seconds(node.least) if self._is_timed else str(node.least)
+                return [*self._over('timeOver', node.past, node.argument), f' >= {least}']
             case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
                 return ['FTP'] if node is FTP else self._temporal(node)
             case _:
                 assert_never(node)
+
+    def _over(self, function: str, past: int, argument: Formula) -> _Pieces:
+        past_text = time_text(past) if self._is_timed else str(past)
+        return _call(function, past_text, _Part(argument))
 
     def _constant(self, node: Constant) -> str:
         if isinstance(node.value, bool):
@@ -241,6 +261,9 @@ class _Style:
     def _binary(self, node: Binary) -> _Pieces:
         if node.operator is BinaryOperator.ATAN2:
             return _call('atan2', _Part(node.left), _Part(node.right))
+        if _is_change(node):
+            assert isinstance(node.right, Ago)
+            return self._over('changeOver', node.right.past, node.left)
         if node.operator in _CALLS:
             return self._function(node.operator.value, node, node.left, node.right)
         left, right = self._sides(node)
@@ -310,6 +333,12 @@ def _call(function: str, *arguments: _Part | str) -> _Pieces:
     return [*pieces[:-1], ')']
 
 
+def _is_change(node: Binary) -> bool:
+    """Whether it is what `changeOver` means."""
+    return node.operator is BinaryOperator.SUB and isinstance(node.right, Ago) \
+        and node.right.argument is node.left
+
+
 def _kind(node: Formula) -> str:
     """Return the suffix of FRET's typed spelling of a function: Bool, Int or Real."""
     if node.type is ValueType.BOOL:
@@ -336,6 +365,8 @@ def _sources(node: Formula) -> list[Variable]:
                 stack += [argument, initial]
             case Choice(_, yes, no):
                 stack += [no, yes]
+            case Held(_, argument):
+                stack.append(argument)
     return found
 
 

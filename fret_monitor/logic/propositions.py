@@ -20,15 +20,16 @@ a trace on which it is never true, the implication is vacuously satisfied.
 """
 
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Choice, Feedback, Formula, Historically, Once, operands, postorder,
-    Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables, WeakYesterday,
-    Yesterday,
+    Ago, Binary, BinaryOperator, Choice, Feedback, Formula, Historically, NUMBERS_OVER_TIME, Once,
+    operands, Over, postorder, Previous, Since, TimeOver, Triggered, Unary, UnaryOperator,
+    Variable, variables, WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.values import ValueType
 
 _BOOL = ValueType.BOOL
-_TEMPORAL = (Yesterday, WeakYesterday, Once, Historically, Since, Triggered, Previous, Feedback)
+_TEMPORAL = (Yesterday, WeakYesterday, Once, Historically, Since, Triggered, Previous, Feedback,
+             *NUMBERS_OVER_TIME)
 
 
 def is_proposition(node: Formula) -> bool:
@@ -111,6 +112,8 @@ def _reach(node: Formula) -> int:
     match node:
         case Once() | Historically() | Since() | Triggered():
             return max(node.window.low, node.window.high or 0)
+        case Over() | Ago() | TimeOver():
+            return node.past
         case Yesterday() | WeakYesterday() | Previous() | Feedback():
             return 1
         case _:
@@ -123,4 +126,6 @@ def bounds(item: Property) -> list[int]:
     for node in postorder(item.roots):
         if isinstance(node, Once | Historically | Since | Triggered):
             found |= {end for end in (node.window.low, node.window.high) if end}
+        elif isinstance(node, Over | Ago | TimeOver):
+            found.add(node.past)
     return sorted(end for end in found if end > 0)

@@ -46,6 +46,7 @@ class Signal:
     `reduction` is as in `ManifestInput`. `max_rate` is the greatest number of messages a second.
     `layout` is that of the message; None if the specification was not made from a bundle, and
     messages cannot be decoded. `place` is that of the name in the bundle. `role` says who sets it.
+    `transform` are the frames of a transform, from and to; `topic` is then the name of the two.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Signal:
     source: InputSource = InputSource.FIELD
     role: InputRole = field(default=InputRole.INPUT, repr=False)
     place: Span | None = field(default=None, repr=False, compare=False)
+    transform: tuple[str, str] | None = field(default=None, repr=False)
 
     @property
     def is_string(self) -> bool:

@@ -30,11 +30,12 @@ from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.evaluate import Equations, Trace
 from fret_monitor.logic.formula import (
-    Binary, Choice, Constant, Conversion, Feedback, Formula, Historically, Once, operands,
-    postorder, Previous, Since, Triggered, Unary, Variable, WeakYesterday, Window, Yesterday,
+    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, Once,
+    operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
+    WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.pointwise import (
-    at_start, checked, Compute, operation, TraceError, Value,
+    aggregate, at_start, checked, Compute, operation, slope, TraceError, Value,
 )
 
 # The first tick of each interval in which a value stays the same, and that value. The first
@@ -155,6 +156,20 @@ def _evaluate(node: Formula, arguments: Sequence[History], trace: TimedTrace) ->
         case Triggered():
             p, q = arguments
             return _not(_history(_since(node.window, _false(p, end), _false(q, end), end), end))
+        case Over():
+            return _over(node, arguments[0], _true(arguments[1], end), end)
+        case Ago():
+            (_, first), *later = arguments[0]
+            moved = ((tick + node.past, value) for tick, value in later)
+            return _canonical([(0, first), *(piece for piece in moved if piece[0] <= end)])
+        case Held():
+            return _held(*arguments)
+        case Slope():
+            ticks = _expanded(_true(arguments[1], end))
+            pairs = pairwise(zip(ticks, _sampled(arguments[0], ticks), strict=True))
+            return _canonical([(0, 0.0), *((now[0], slope(before, now)) for before, now in pairs)])
+        case TimeOver():
+            return _history(_lasting(node, _true(arguments[0], end), end), end)
         case _:
             assert_never(node)
 
@@ -212,6 +227,51 @@ def _history(spans: _Spans, end: int) -> History:
         pieces += [(max(first, reached + 1), True), (last + 1, False)]
         reached = last
     return _canonical(piece for piece in pieces if piece[0] <= end)
+
+
+# Numbers over time (docs/over_time.md).
+
+def _over(node: Over, argument: History, at: _Spans, end: int) -> History:
+    """Return the aggregate of the values that are in the window."""
+    ends = [start - 1 for start, _ in argument[1:]] + [end]
+    spans = [(start, last, value) for (start, value), last in zip(argument, ends, strict=True)]
+    if not node.aggregate.is_extreme:
+        # Each tick at which `at` is true is a value of its own.
+        ticks = _expanded(at)
+        values = _sampled(argument, ticks)
+        spans = [(tick, tick, value) for tick, value in zip(ticks, values, strict=True)]
+    compute = aggregate(node)
+    edges = {0}.union(*({first, last + node.past + 1} for first, last, _ in spans))
+    return _canonical((tick, compute([value for first, last, value in spans
+                                      if first <= tick <= last + node.past]))
+                      for tick in sorted(edges) if tick <= end)
+
+
+def _expanded(spans: _Spans) -> list[int]:
+    return [tick for first, last in spans for tick in range(first, last + 1)]
+
+
+def _held(condition: History, argument: History) -> History:
+    ticks = sorted({start for start, _ in [*condition, *argument]})
+    rows = zip(ticks, _sampled(condition, ticks), _sampled(argument, ticks), strict=True)
+    return _canonical((tick, value) for tick, holds, value in rows if holds or tick == 0)
+
+
+def _lasting(node: TimeOver, p: _Spans, end: int) -> _Spans:
+    """Return the ticks t at which p holds at `least` of the ticks t - past + 1 .. t."""
+    edges = sorted({0, end + 1}.union(*(
+        {first, last + 1, first + node.past, last + 1 + node.past} for first, last in p)))
+    found: _Spans = []
+    for start, following in pairwise(edge for edge in edges if edge <= end + 1):
+        # Between two edges the number of ticks changes by the same each tick.
+        counts = [sum(max(0, min(last, tick) - max(first, tick - node.past + 1) + 1)
+                      for first, last in p) for tick in (start, following - 1)]
+        change = (counts[1] > counts[0]) - (counts[1] < counts[0])
+        first = start + max(0, node.least - counts[0]) if change > 0 else start
+        final = start + counts[0] - node.least if change < 0 else following - 1
+        if max(counts) >= node.least:
+            found.append((first, min(final, following - 1)))
+    return found
 
 
 # Other nodes.

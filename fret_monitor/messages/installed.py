@@ -35,6 +35,7 @@ from fret_monitor.model.diagnostics import (
 )
 from fret_monitor.model.names import LONGEST_PATH, shown
 from fret_monitor.model.packages import how_to_install, search_path
+from fret_monitor.model.transforms import DEFINITIONS
 
 _MAX_LISTED = 12
 _SEPARATOR = '=' * 80 + '\n'
@@ -78,6 +79,9 @@ def find_message(type_name: str, search: Sequence[Path] | None = None,
         if state is not None:
             found = _read(file, f'{package}/{folder}/{name}', prefixes, state)
             return _part(found, name, match['part'], place)
+    if type_name in DEFINITIONS:
+        text = Source(type_name, DEFINITIONS[type_name])
+        return parse_definition(text, type_name, prefixes)['']
     _refuse_missing(package, folder, name, prefixes, place)
 
 

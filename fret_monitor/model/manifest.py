@@ -35,7 +35,7 @@ from fret_monitor.model.policies import (
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 6
+FORMAT = 7
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -91,6 +91,23 @@ class ManifestInput:
         return any(isinstance(value, str) for _, value in self.values)
 
     @property
+    def stored_values(self) -> tuple[tuple[str, int], ...]:
+        """The names of its values, each with the number that is stored."""
+        is_string = self.is_string
+        return tuple((name, place if is_string else int(value))
+                     for place, (name, value) in enumerate(self.values))
+
+    @property
+    def is_timed_out(self) -> bool:
+        """Whether a time without a message is too long: an input without a topic has none."""
+        return self.timeout is not None and self.topic is not None
+
+    @property
+    def first_timeout(self) -> float:
+        """The longest time without a first message, in seconds; 0: no limit."""
+        return self.startup or self.timeout or 0.0
+
+    @property
     def field(self) -> str:
         """The field as a bundle names it, such as `min(ranges[3:9])`."""
         path = path_text(self.path)
@@ -105,6 +122,19 @@ class ManifestTopic:
     message_type: str
     inputs: tuple[int, ...]
     qos: tuple[tuple[str, str | int], ...]
+
+
+@dataclass(frozen=True)
+class ManifestTransform:
+    """
+    A transform between two frames: the pose of `target` in `source`.
+
+    `topic` is the index of the topic whose messages the engine makes of it.
+    """
+
+    source: str
+    target: str
+    topic: int
 
 
 @dataclass(frozen=True)
@@ -277,6 +307,12 @@ class Manifest:
     actions: tuple[ManifestAction, ...] = ()
     gate: ManifestGate | None = None
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    transforms: tuple[ManifestTransform, ...] = ()
+
+    @property
+    def made(self) -> frozenset[int]:
+        """The indices of the topics whose messages the engine makes: those of transforms."""
+        return frozenset(item.topic for item in self.transforms)
 
     @property
     def subscribed(self) -> tuple[ManifestTopic, ...]:
@@ -311,6 +347,21 @@ class Manifest:
             raise ManifestError(f'manifest has format {str(number)[:20]}, this version reads '
                                 f'{FORMAT}: compile the bundle again')
         return _manifest(content)
+
+
+def followed(manifest: Manifest) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """
+    Return the actions on violation and on end of each requirement, without locks.
+
+    They are numbered as the actions that are no locks.
+    """
+    others = [place for place, item in enumerate(manifest.actions)
+              if item.kind is not ActionKind.LOCK]
+    numbers = {place: number for number, place in enumerate(others)}
+
+    def of(places: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(numbers[place] for place in places if place in numbers)
+    return [(of(item.on_violation), of(item.on_end)) for item in manifest.requirements]
 
 
 def _plain(value: object) -> object:
@@ -496,6 +547,10 @@ def _manifest(content: _Value) -> Manifest:
         gate=None if content['gate'].found is None else _gate(content['gate'], len(topics)),
         kept=tuple((name.text(), tuple(item.text() for item in ids.items()))
                    for name, ids in content['kept'].pairs()),
+        transforms=tuple(
+            ManifestTransform(item['source'].text(), item['target'].text(),
+                              item['topic'].index(len(topics)))
+            for item in content['transforms'].items()),
     )
 
 

@@ -32,6 +32,7 @@ using it after its removal.
 import atexit
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from functools import cache
 from hashlib import sha256
 import json
@@ -47,7 +48,7 @@ import tempfile
 import time
 
 from fret_monitor.native.compiler import (
-    COMPILE_FLAGS, compile_library, Compiler, find_compiler, LIBRARIES, LINK_FLAGS, TIMEOUT,
+    COMPILE_FLAGS, compile_library, Compiler, find_compiler, Linking, SHARED, TIMEOUT,
 )
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
 from fret_monitor.native.monitor import is_cut_short, Library
@@ -55,12 +56,14 @@ from fret_monitor.native.monitor import is_cut_short, Library
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
     'instance.c', 'tables.c', 'due.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c',
-    'states.c', 'handover.c', 'outbox.c', 'reorder.c', 'blackbox.c', 'thread.c', 'engine_clock.c',
-    'engine_findings.c', 'engine_message.c', 'engine_due.c', 'engine_backlog.c',
-    'engine_delivery.c', 'engine_gate.c', 'engine.c', 'snapshot.c', 'records.c', 'text.c',
-    'lines.c', 'subscription.c', 'statuses.c', 'details.c', 'violation_log.c', 'reasons.c',
-    'time_log.c', 'condition_log.c', 'input_log.c', 'health.c', 'review.c', 'thinning.c', 'csv.c',
-    'serialized.c', 'receiver.c', 'in_place.c', 'announcer.c', 'relay.c',
+    'states.c', 'schedule.c', 'handover.c', 'outbox.c', 'reorder.c', 'blackbox.c', 'thread.c',
+    'engine_clock.c', 'engine_findings.c', 'engine_message.c', 'engine_due.c', 'engine_backlog.c',
+    'engine_delivery.c', 'transforms.c', 'engine_transforms.c', 'engine_gate.c', 'engine.c',
+    'snapshot.c', 'records.c', 'text.c', 'lines.c', 'action_lines.c', 'subscription.c',
+    'statuses.c', 'details.c', 'violation_log.c', 'reasons.c', 'time_log.c', 'condition_log.c',
+    'input_log.c', 'start_lines.c', 'shared_names.c', 'health.c', 'review.c', 'thinning.c',
+    'csv.c', 'serialized.c', 'receiver.c', 'in_place.c', 'in_place_versions.c', 'announcer.c',
+    'service_call.c', 'action_call.c', 'actions.c', 'relay.c',
 )
 
 #: The folders of csrc whose files may call those of the folders before them, and no others.
@@ -79,9 +82,13 @@ _log = logging.getLogger(__name__)
 def build_library(
     sources: Mapping[str, str], *, name: str, headers: Mapping[str, str] | None = None,
     compiler: Compiler | None = None, timeout: float = TIMEOUT,
+    linking: Linking = SHARED, identity: str = '',
 ) -> Path:
     """
     Compile C files to one shared library, or return it from the cache.
+
+    With another `linking` than `SHARED` they become another file, which depends on `identity`,
+    too, and is made in the cache only.
 
     Parameters
     ----------
@@ -95,6 +102,10 @@ def build_library(
         the result of `find_compiler` when None.
     timeout
         seconds for the compiler.
+    linking
+        what the objects are linked to.
+    identity
+        a text that changes with what the result depends on besides.
 
     Returns
     -------
@@ -106,14 +117,15 @@ def build_library(
     CompilerError
         if there is no compiler, or it fails.
     CacheError
-        if other users can write to the cache, or it is a link.
+        if other users can write to the cache, or it is a link; or it cannot be written, and
+        `linking` is not `SHARED`.
     """
     compiler = compiler or find_compiler()
     texts = {**(runtime_headers() if headers is None else headers), **sources}
     files = {file: text.encode() for file, text in texts.items()}
-    build = _Build(files, tuple(sources), f'lib{name}.so', compiler, timeout)
-    entry = _Entry(build.key(), build.library, build.fill, _warn_once)
-    return entry.kept() or entry.make()
+    build = _Build(files, tuple(sources), linking, name, compiler, timeout)
+    entry = _Entry(build.key(identity), build.library, build.fill, _warn_once)
+    return entry.kept() or (entry.make() if linking is SHARED else entry.make_to_keep())
 
 
 def private_copy(library: Path) -> Path:
@@ -242,8 +254,12 @@ def runtime_headers() -> dict[str, str]:
 
 def csrc_file(name: str) -> Path:
     """Return a file of csrc, but for those of exports; a name is used once."""
-    found, = (path for room in CSRC_ROOMS if (path := csrc_directory() / room / name).is_file())
-    return found
+    return _csrc_files()[name]
+
+
+@cache
+def _csrc_files() -> dict[str, Path]:
+    return {path.name: path for room in CSRC_ROOMS for path in (csrc_directory() / room).iterdir()}
 
 
 def csrc_includes() -> list[str]:
@@ -308,21 +324,22 @@ class _Build:
     """The sources, compiler and settings that a library is built from."""
 
     def __init__(
-        self, files: Mapping[str, bytes], sources: tuple[str, ...], library: str,
-        compiler: Compiler, timeout: float,
+        self, files: Mapping[str, bytes], sources: tuple[str, ...], linking: Linking,
+        name: str, compiler: Compiler, timeout: float,
     ) -> None:
-        self.library = library
+        self.library = linking.file.format(name)
+        self._linking = linking
         self._files = files
         self._sources = sources
         self._compiler = compiler
         self._timeout = timeout
 
-    def key(self) -> str:
+    def key(self, identity: str) -> str:
         """Return the hash of everything that determines the library."""
         decisive = [
             {file: sha256(text).hexdigest() for file, text in sorted(self._files.items())},
             self._sources, self.library, self._compiler.identity,
-            COMPILE_FLAGS, LINK_FLAGS, LIBRARIES, platform.machine(), sys.platform]
+            COMPILE_FLAGS, asdict(self._linking), identity, platform.machine(), sys.platform]
         return sha256(json.dumps(decisive).encode()).hexdigest()
 
     def fill(self, folder: Path) -> None:
@@ -330,7 +347,8 @@ class _Build:
         for file, text in self._files.items():
             (folder / file).write_bytes(text)
         compile_library(
-            self._compiler, self._sources, self.library, folder=folder, timeout=self._timeout)
+            self._compiler, self._sources, self.library, folder=folder, timeout=self._timeout,
+            linking=self._linking)
         for made in folder.glob('*.o'):
             made.unlink()
         _refuse_garbage(folder / self.library, self._compiler)
@@ -366,6 +384,14 @@ class _Entry:
             if not _is_full(self._root):
                 raise
             return self.make_for_now('the disk is full')
+
+    def make_to_keep(self) -> Path:
+        """Make the library in the cache; raises `CacheError` if it cannot be written."""
+        try:
+            return self._make_kept()
+        except OSError as error:
+            raise CacheError(f'{self._root} cannot be written '
+                             f'({error.strerror or error})') from None
 
     def make_for_now(self, reason: str) -> Path:
         """Make the library in a private folder, until the process ends."""

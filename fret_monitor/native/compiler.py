@@ -46,6 +46,26 @@ COMPILE_FLAGS = (
 )
 LINK_FLAGS = ('-shared', '-Wl,-z,defs')
 LIBRARIES = ('-lm', '-pthread')
+
+
+@dataclass(frozen=True)
+class Linking:
+    """
+    What object files are linked to: `file` with the name in place of `{}`.
+
+    `searched` are arguments with which the headers are found; `flags` come before the objects, and
+    `libraries` after them.
+    """
+
+    file: str
+    searched: tuple[str, ...] = ()
+    flags: tuple[str, ...] = LINK_FLAGS
+    libraries: tuple[str, ...] = LIBRARIES
+
+
+SHARED = Linking('lib{}.so')
+"""A shared library."""
+
 TIMEOUT = 600.0  # seconds for all commands of one library
 
 _SEARCHED = ('CPATH', 'C_INCLUDE_PATH', 'LIBRARY_PATH')  # environment variables with search paths
@@ -140,10 +160,12 @@ def _environment() -> dict[str, str]:
 
 def compile_library(
     compiler: Compiler, sources: Sequence[str], library: str, *, folder: Path,
-    timeout: float = TIMEOUT,
+    timeout: float = TIMEOUT, linking: Linking = SHARED,
 ) -> None:
     """
     Compile C files of a folder, several at a time, and link them to a shared library there.
+
+    With another `linking` they become an object file or a program.
 
     Parameters
     ----------
@@ -157,6 +179,8 @@ def compile_library(
         where the compiler runs. It gets relative names, so that the library contains no path.
     timeout
         seconds for all commands together.
+    linking
+        what the objects are linked to.
 
     Raises
     ------
@@ -164,14 +188,15 @@ def compile_library(
         if a command fails, or the time is over; no process is left running.
     """
     deadline = time.monotonic() + timeout
-    link = (*compiler.command, *COMPILE_FLAGS, *LINK_FLAGS, '-o', library)
+    compile_one = (*compiler.command, *COMPILE_FLAGS, *linking.searched)
+    link = (*compile_one, *linking.flags, '-o', library)
     if len(sources) == 1:
-        _run([(*link, *sources, *LIBRARIES)], folder, deadline)
+        _run([(*link, *sources, *linking.libraries)], folder, deadline)
         return
     objects = [f'{source}.o' for source in sources]
-    _run([(*compiler.command, *COMPILE_FLAGS, '-c', '-o', made, source)
+    _run([(*compile_one, '-c', '-o', made, source)
           for source, made in zip(sources, objects)], folder, deadline)
-    _run([(*link, *objects, *LIBRARIES)], folder, deadline)
+    _run([(*link, *objects, *linking.libraries)], folder, deadline)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,8 +31,9 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout, SHIFT_REGISTER_BITS
 from fret_monitor.program.monitor_program import (
     AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FeedbackRead,
-    lasts_a_tick, Literal, OnceBefore, OnceWithin, Overflowed, Power, PreviousNumber, Read,
-    SinceBefore, SinceBetween, SinceWithin,
+    Greatest, Hold, lasts_a_tick, Literal, OnceBefore, OnceWithin, Overflowed, Power,
+    PreviousNumber, Read, Rounded, SinceBefore, SinceBetween, SinceWithin, SlopeBetween, Tally,
+    TimeAtLeast, Total, ValueAgo,
 )
 
 COSTS = {
@@ -61,6 +62,8 @@ COSTS = {
     'delay, word': 11, 'delay, ring': 19, 'position of rings': 16,
     'pre, Boolean': 5, 'pre, integer': 4, 'pre, float': 4,
     'feedback': 3, 'wire': 3,
+    'number ago': 60, 'greatest': 160, 'sum': 70, 'exact sum': 1300, 'rounded sum': 100,
+    'mean': 200, 'time over': 120, 'slope': 20, 'count': 8,
 }
 # Inside the functions of the C library, for glibc 2.36, whose fmod divides bit by bit.
 LIBRARY_COSTS = {'fmod, float32': 3_000, 'fmod, float64': 20_000, 'pow': 500,
@@ -157,6 +160,20 @@ def _kinds(equation: Equation, is_packed: bool) -> Iterator[tuple[str, int]]:
             yield 'queue', 1
         case Overflowed():
             yield 'overflow of a queue', 1
+        case ValueAgo():
+            yield 'number ago', 1
+        case Greatest():
+            yield 'greatest', 1
+        case Total():
+            yield 'exact sum' if kind.is_float else 'sum', 1
+        case Rounded():
+            yield 'mean' if operation.is_mean else 'rounded sum', 1
+        case SlopeBetween():
+            yield 'slope', 1
+        case TimeAtLeast():
+            yield 'time over', 1
+        case Tally() | Hold():
+            yield 'count', 1
         case PreviousNumber() | FeedbackRead():
             yield f'pre, {family}', 1
         case _:

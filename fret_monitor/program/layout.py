@@ -29,14 +29,17 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 
+from fret_monitor.logic.formula import NUMBERS_OVER_TIME, postorder
+from fret_monitor.logic.specification import Property
 from fret_monitor.model.diagnostics import Diagnostic, Problems
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
-    AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
-    OnceWithin, Operand, operands, Operation, PreviousNumber, Read, SinceBefore, SinceBetween,
-    SinceEver, SinceWithin, StepGroup, TriggeredEver,
+    AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Greatest, Hold, is_exact_sum, Literal,
+    MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation, PreviousNumber,
+    Read, room_of, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup,
+    Tally, TimeAtLeast, Total, TriggeredEver, ValueAgo,
 )
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
@@ -45,7 +48,10 @@ SHIFT_REGISTER_BITS = 64
 # A byte is faster to read and write than a bit of a word, since it does not depend on other bits.
 FEW_BITS = 8
 
-QUEUE_HEAD = 4  # numbers before the intervals of a queue
+QUEUE_HEAD = 4  # numbers before the entries of a queue, as in csrc/generated/fret_cells.h
+_RING_HEAD = 3  # as in csrc/generated/fret_windows.h
+_WINDOW_HEAD = 8
+_SUM_LENGTH = 40
 FM_NEVER = 2 ** 63 - 1  # as in csrc/generated/fret_monitor.h
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
@@ -60,6 +66,8 @@ class FieldKind(Enum):
     LINE = 'line'
     RING = 'ring'
     QUEUE = 'queue'
+    WINDOW = 'window'
+    SUM = 'sum'
     POSITION = 'position'
     NUMBER = 'number'
     FEEDBACK = 'feedback'
@@ -200,11 +208,19 @@ def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
         f'the bundle needs {needed:,} bytes of state; at most {limit:,} are allowed',
         item.place,
         f'{item.id} looks back {past}: {size:,} bytes' if size else item.id,
-        'a window [a,b] keeps b/(b-a) intervals; use [0,b], which needs one number, or a smaller a'
-        if program.policy is Policy.TIMED else
-        'a window [a,b] keeps its last a values; use [0,b], which needs one counter, '
-        'or a smaller a')])
+        _help_on_size(item, program.policy))])
     problems.raise_errors()
+
+
+def _help_on_size(item: Property, policy: Policy) -> str:
+    if any(isinstance(node, NUMBERS_OVER_TIME) for node in postorder(item.roots)):
+        return "a window of numbers keeps as many as its inputs' max_rate allows in its time" \
+            if policy is Policy.TIMED else 'a window of numbers keeps each of them'
+    if policy is Policy.TIMED:
+        return 'a window [a,b] keeps b/(b-a) intervals; use [0,b], which needs one number, or a ' \
+            'smaller a'
+    return 'a window [a,b] keeps its last a values; use [0,b], which needs one counter, or a ' \
+        'smaller a'
 
 
 def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> None:
@@ -213,17 +229,31 @@ def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> N
         group = layout.group
         for index, equation in enumerate(group.equations):
             cell = equation.operation
-            if isinstance(cell, SinceBetween) and cell.capacity is None:
+            room = room_of(cell)
+            if room is not None and room.capacity is None:
                 item = program.properties[_owner(group, index)]
-                slow = [program.signals[one].name for one in cell.signals
+                slow = [program.signals[one].name for one in room.signals
                         if program.signals[one].max_rate is None]
+                exactly = 'exactly ' if isinstance(cell, SinceBetween) else ''
                 problems.extend([Diagnostic(
-                    f'{item.id} looks back exactly {time_text(cell.high)}, for which each '
+                    f'{item.id} looks back {exactly}{time_text(_past(cell))}, for which each '
                     'change in between must be stored', item.place,
                     f'how many there can be is not known without a rate of {", ".join(slow)}',
-                    f'write `max_rate: 100` (Hz) at {", ".join(slow)}, or a window '
-                    '[a,b] with a < b, which needs no rate')])
+                    f'write `max_rate: 100` (Hz) at {", ".join(slow)}' + (
+                        ', or a window [a,b] with a < b, which needs no rate' if exactly else
+                        ''))])
     problems.raise_errors()
+
+
+def _past(cell: Operation) -> int:
+    """Return how far a cell with a queue looks back."""
+    match cell:
+        case SinceBetween():
+            return cell.high
+        case ValueAgo() | Greatest() | Total() | TimeAtLeast():
+            return cell.past
+        case _:
+            return 0
 
 
 def _owner(group: StepGroup, index: int) -> int:
@@ -239,9 +269,11 @@ def _delays(layouts: tuple[GroupLayout, ...]) -> Iterator[tuple[int, str, int]]:
             cell = equation.operation
             if isinstance(cell, Delay):
                 yield -(-cell.steps // 8), f'{cell.steps:,} steps', _owner(group, index)
-            elif isinstance(cell, SinceBetween):
-                size = layout.field_of[FieldKind.QUEUE, index].size
-                yield size, time_text(cell.high), _owner(group, index)
+            elif _past(cell):
+                size = sum(item.size for kind in (FieldKind.QUEUE, FieldKind.WINDOW)
+                           if (item := layout.field_of.get((kind, index))))
+                shown = time_text(_past(cell)) if group.is_timed else f'{_past(cell):,} steps'
+                yield size, shown, _owner(group, index)
 
 
 def _parts(group: StepGroup) -> Iterator[range]:
@@ -272,8 +304,9 @@ def _wires(group: StepGroup, parts: tuple[range, ...]) -> Iterator[int]:
 
 
 def _is_at_hand(group: StepGroup, value: int) -> bool:
-    """Whether every part can read a value itself: an input or a literal."""
-    return isinstance(group.equations[value].operation, Read | Literal)
+    """Whether every part can read a value itself: an input, a literal, or an exact sum."""
+    equation = group.equations[value]
+    return isinstance(equation.operation, Read | Literal) or is_exact_sum(equation)
 
 
 def _is_bit(operation: Operation) -> bool:
@@ -336,8 +369,15 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
             case OnceBefore() | SinceBefore() if group.is_timed:
                 yield StateField(FieldKind.COUNTER, index, ValueType.INT64, 0, FM_NEVER)
             case SinceBetween():
-                length = QUEUE_HEAD + 2 * (operation.capacity or 0)
+                length = QUEUE_HEAD + 2 * (operation.room.capacity or 0)
                 yield StateField(FieldKind.QUEUE, index, ValueType.INT64, length)
+            case ValueAgo() | Greatest() | Total() | TimeAtLeast():
+                yield from _window(index, operation, equation.type)
+            case SlopeBetween():
+                yield StateField(FieldKind.NUMBER, index, equation.type)
+                yield StateField(FieldKind.QUEUE, index, ValueType.INT64, 2)
+            case Tally() | Hold():
+                yield StateField(FieldKind.NUMBER, index, equation.type)
             case OnceWithin() | AlwaysWithin() | SinceWithin():
                 kind = _holding(2 * operation.bound + 1)  # an age saturates at the highest bit
                 yield StateField(FieldKind.COUNTER, index, kind, 0, _start(operation))
@@ -349,6 +389,35 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
                 yield _line(index, operation)
             case _:
                 pass
+
+
+def _window(index: int, cell: ValueAgo | Greatest | Total | TimeAtLeast,
+            type: ValueType) -> Iterator[StateField]:
+    """Yield the fields of a window of numbers (see csrc/generated/fret_windows.h)."""
+    def words(kind: FieldKind, length: int) -> StateField:
+        return StateField(kind, index, ValueType.INT64, length)
+
+    if isinstance(cell, Total) and type.is_float:
+        yield StateField(FieldKind.SUM, index, ValueType.UINT64, _SUM_LENGTH)
+    if isinstance(cell, Greatest):
+        yield words(FieldKind.WINDOW, _WINDOW_HEAD + places(cell))
+    match cell:
+        case Greatest(room=None):
+            pass
+        case Greatest():
+            yield words(FieldKind.QUEUE, QUEUE_HEAD + places(cell))
+        case ValueAgo(room=None):
+            yield words(FieldKind.QUEUE, _RING_HEAD + cell.past)
+        case Total(room=None):
+            yield words(FieldKind.QUEUE, _RING_HEAD + cell.past + 1)
+        case ValueAgo() | Total() | TimeAtLeast():
+            assert cell.room is not None
+            yield words(FieldKind.QUEUE, QUEUE_HEAD + 2 * (cell.room.capacity or 0) + 1)
+
+
+def places(cell: Greatest) -> int:
+    """Return the length of the array of a greatest or least number, one more than its numbers."""
+    return cell.past + 2 if cell.room is None else (cell.room.capacity or 0) + 1
 
 
 def _start(cell: OnceWithin | AlwaysWithin | SinceWithin) -> int:

@@ -45,9 +45,9 @@ from math import ceil
 from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Historically, Once,
-    postorder, Previous, Since, Triggered, Unary, UnaryOperator, Variable, variables,
-    WeakYesterday, Window, Yesterday,
+    Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Held,
+    Historically, Once, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary,
+    UnaryOperator, Variable, variables, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.specification import Signal, Specification
@@ -56,9 +56,10 @@ from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
-    FeedbackEquation, FeedbackRead, FirstStep, Literal, MonitorProgram, OnceBefore, OnceEver,
-    OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Pure, Read,
-    SinceBefore, SinceBetween, SinceEver, SinceWithin, StepGroup, TriggeredEver, TRUE,
+    FeedbackEquation, FeedbackRead, FirstStep, Greatest, Hold, Literal, MonitorProgram, OnceBefore,
+    OnceEver, OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Pure,
+    Read, Room, room_of, Rounded, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween,
+    StepGroup, Tally, TimeAtLeast, Total, TriggeredEver, TRUE, ValueAgo,
 )
 from fret_monitor.program.prune import prune
 from fret_monitor.program.rewriting import without_queues
@@ -146,13 +147,18 @@ class _Rates:
         """Return the inputs that a formula reads."""
         return tuple(sorted(self._index[item.name] for item in variables(node)))
 
-    def intervals(self, node: _Windowed, ticks: int) -> int | None:
-        """Return how many intervals the operands begin in so many ticks; None if unknown."""
+    def intervals(self, roots: Sequence[Formula], ticks: int) -> int | None:
+        """Return how many intervals some formulas begin in so many ticks; None if unknown."""
+        changes = self.changes(roots, ticks)
+        return None if changes is None else changes // 2 + 2
+
+    def changes(self, roots: Sequence[Formula], ticks: int) -> int | None:
+        """Return how often some formulas change in so many ticks; None if unknown."""
         found: dict[Formula, dict[object, int] | None] = {}
-        for item in postorder(operands_of(node)):
+        for item in postorder(roots):
             found[item] = self._changes(item, ticks, [found[part] for part in operands_of(item)])
-        together = _united([found[item] for item in operands_of(node)])
-        return None if together is None else sum(together.values()) // 2 + 2
+        together = _united([found[item] for item in roots])
+        return None if together is None else sum(together.values())
 
     def _changes(self, node: Formula, ticks: int,
                  parts: list[dict[object, int] | None]) -> dict[object, int] | None:
@@ -169,9 +175,9 @@ class _Rates:
             return None
         total = sum(together.values())
         match node:
-            case Yesterday() | WeakYesterday() | Previous() | Once() | Historically():
+            case Yesterday() | WeakYesterday() | Previous() | Once() | Historically() | Ago():
                 return {node: total + 2}
-            case Since() | Triggered():
+            case Since() | Triggered() | Over() | Slope() | TimeOver():
                 return {node: 2 * total + 4}
             case _:
                 return together
@@ -285,6 +291,17 @@ class _GroupBuilder:
             case Triggered():
                 return ~self._since(node, ~self.operand[node.left], ~self.operand[node.right],
                                     True)
+            case Over():
+                return self._over(node)
+            case Ago():
+                return self._value_ago(node)
+            case Held():
+                return self._held(node)
+            case Slope():
+                return self._windowed(SlopeBetween(self.operand[node.argument],
+                                                   self.operand[node.at]), node.type)
+            case TimeOver():
+                return self._time_over(node)
             case _:
                 assert_never(node)
 
@@ -548,15 +565,18 @@ class _GroupBuilder:
         """Return `left S[w] right`, w the window of `node`, in a group that steps at ticks."""
         low, high = node.window.low, node.window.high
         assert self._rates is not None and high is not None
-        signals = self._rates.inputs(node)
         # Intervals of `right` whose results do not touch begin at least this many ticks apart.
         longest = high // (high - low + 2) + 1
-        by_rate = self._rates.intervals(node, high)
-        may_overflow = low == high and high > _SHORT_QUEUE if by_rate is None \
-            else by_rate < longest
-        capacity = by_rate if may_overflow else longest
+        room = self._room(node, self._rates.intervals(operands_of(node), high), longest,
+                          low == high and high > _SHORT_QUEUE)
         return self._share(('between', low, high, left, right), False,
-                           SinceBetween(low, high, left, right, signals, capacity, may_overflow))
+                           SinceBetween(low, high, left, right, room))
+
+    def _room(self, node: Formula, by_rate: int | None, longest: int, needs_rate: bool) -> Room:
+        """Return room for the entries that the rate allows, and at most for the `longest`."""
+        assert self._rates is not None
+        may_overflow = needs_rate if by_rate is None else by_rate < longest
+        return Room(self._rates.inputs(node), by_rate if may_overflow else longest, may_overflow)
 
     def unless_lost(self, verdict: Operand) -> Operand:
         """
@@ -572,12 +592,13 @@ class _GroupBuilder:
                 continue
             seen.add((value, is_remembered))
             operation = self.equations[value].operation
-            if isinstance(operation, SinceBetween) and operation.may_overflow:
+            room = room_of(operation)
+            if room is not None and room.may_overflow:
                 lost = self._share(('overflowed', value), False, Overflowed(Operand(value)))
                 if is_remembered:
                     lost = self._once_ever(lost, False)
                 verdict = self._connective(BinaryOperator.AND, verdict, ~lost)
-            is_cell = not isinstance(operation, Pure)
+            is_cell = not isinstance(operation, Pure | Rounded)
             stack.extend((item.value, is_remembered or is_cell) for item in operands(operation))
             if isinstance(operation, FeedbackRead):
                 stack.append((self.fed[operation.index].value, True))
@@ -651,6 +672,75 @@ class _GroupBuilder:
             return right
         return self._share(('since within', bound, left, right), False,
                            SinceWithin(bound, left, right))
+
+    # -- numbers over time ------------------------------------------------------------------
+
+    def _over(self, node: Over) -> Operand:
+        argument, at = self.operand[node.argument], self.operand[node.at]
+        match node.aggregate:
+            case Aggregate.GREATEST | Aggregate.LEAST:
+                is_least = node.aggregate is Aggregate.LEAST
+                return argument if node.past == 0 else self._windowed(
+                    Greatest(node.past, argument, is_least, self._room_of_changes(node)),
+                    node.type)
+            case Aggregate.COUNT if self._rates is None:
+                leaving = self._delay(node.past + 1, argument)
+                return self._windowed(Tally(argument, leaving), node.type)
+            case Aggregate.COUNT:
+                one = self._constant(Constant(1, ValueType.INT64))
+                return self._total(node, one, self._and(BinaryOperator.AND, at, argument, False))
+            case Aggregate.SUM if node.type.is_integer:
+                return self._total(node, argument, at)
+            case Aggregate.SUM | Aggregate.MEAN:
+                return self._windowed(Rounded(self._total(node, argument, at),
+                                              node.aggregate is Aggregate.MEAN), node.type)
+            case _:
+                assert_never(node.aggregate)
+
+    def _total(self, node: Over, argument: Operand, at: Operand) -> Operand:
+        room = None
+        if self._rates is not None:
+            by_rate = self._rates.intervals([node.at], node.past)
+            room = self._room(node.at, by_rate, node.past + 2, node.past > _SHORT_QUEUE)
+        return self._windowed(Total(node.past, argument, at, room), node.type)
+
+    def _room_of_changes(self, node: Over | Ago) -> Room | None:
+        """Return room for the changes of a number, in a group that steps at ticks."""
+        if self._rates is None:
+            return None
+        by_rate = self._rates.changes([node.argument], node.past)
+        return self._room(node, None if by_rate is None else by_rate + 2, node.past + 2,
+                          node.past > _SHORT_QUEUE)
+
+    def _windowed(self, cell: Operation, type: ValueType) -> Operand:
+        return self._number((cell, type), cell, type)
+
+    def _value_ago(self, node: Ago) -> Operand:
+        argument = self.operand[node.argument]
+        return argument if node.past == 0 else self._windowed(
+            ValueAgo(node.past, argument, self._room_of_changes(node)), node.type)
+
+    def _held(self, node: Held) -> Operand:
+        condition = self._connective(BinaryOperator.OR, self.operand[node.condition],
+                                     self._first_step())
+        argument = self.operand[node.argument]
+        return argument if condition == TRUE else self._windowed(
+            Hold(condition, argument), node.type)
+
+    def _time_over(self, node: TimeOver) -> Operand:
+        argument = self.operand[node.argument]
+        if not 0 < node.least <= node.past or argument == FALSE:
+            return TRUE if node.least <= 0 else FALSE
+        if self._rates is None:
+            tally = self._windowed(Tally(argument, self._delay(node.past, argument)),
+                                   ValueType.INT64)
+            least = self._constant(Constant(node.least, ValueType.INT64))
+            return self._relation(BinaryOperator.LE, least, tally,
+                                  (ValueType.INT64, ValueType.INT64))
+        room = self._room(node, self._rates.intervals([node.argument], node.past),
+                          node.past // 2 + 2, node.past > _SHORT_QUEUE)
+        return self._share(('time over', node), False,
+                           TimeAtLeast(node.past, node.least, argument, room))
 
 
 def _known_conjunction(left: Operand, right: Operand) -> Operand | None:

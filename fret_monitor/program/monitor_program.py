@@ -209,27 +209,131 @@ class SinceBefore:
 
 
 @dataclass(frozen=True)
-class SinceBetween:
+class Room:
     """
-    `left S[low,high] right`, 0 < low <= high; only in groups that step at ticks.
+    How many entries a cell has room for, which are not a number of steps.
 
-    A queue of at most `capacity` intervals of ticks at which it is true. `capacity` is None where
-    it is unknown: low equals high, and some input of `signals` has no `max_rate`. With
-    `may_overflow` more intervals than that can come.
+    `capacity` is None where it is unknown: some input of `signals` has no `max_rate`. With
+    `may_overflow` more entries than that can come.
     """
 
-    low: int
-    high: int
-    left: Operand
-    right: Operand
     signals: tuple[int, ...]
     capacity: int | None
     may_overflow: bool
 
 
 @dataclass(frozen=True)
+class SinceBetween:
+    """
+    `left S[low,high] right`, 0 < low <= high; only in groups that step at ticks.
+
+    A queue of intervals of ticks at which it is true. Their number is unknown only where low
+    equals high.
+    """
+
+    low: int
+    high: int
+    left: Operand
+    right: Operand
+    room: Room
+
+
+@dataclass(frozen=True)
+class ValueAgo:
+    """
+    The number `past` steps ago, that of step 0 if that is later; past > 0.
+
+    A ring of numbers; in a group that steps at ticks a queue of changes, for which `room` is set.
+    """
+
+    past: int
+    argument: Operand
+    room: Room | None
+
+
+@dataclass(frozen=True)
+class Greatest:
+    """
+    The greatest number of this step and the `past` before, or the least; past > 0.
+
+    A queue with partial results (DABA Lite). `room` as in ValueAgo.
+    """
+
+    past: int
+    argument: Operand
+    is_least: bool
+    room: Room | None
+
+
+@dataclass(frozen=True)
+class Total:
+    """
+    The sum of the numbers at the steps of the window at which `at` holds; past > 0.
+
+    The sum of integers is modulo 2^64. That of float64 is exact, and only read by `Rounded`. A
+    ring of numbers, and a sum; `at` holds always, but in a group that steps at ticks. `room` as
+    in ValueAgo.
+    """
+
+    past: int
+    argument: Operand
+    at: Operand
+    room: Room | None
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """The sum or the mean of the numbers in the window of a Total of float64, rounded once."""
+
+    total: Operand
+    is_mean: bool
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How often `entering` held since `leaving` is the same some steps ago. One number."""
+
+    entering: Operand
+    leaving: Operand
+
+
+@dataclass(frozen=True)
+class TimeAtLeast:
+    """
+    Whether the argument held at `least` or more of the last `past` ticks; 0 < least <= past.
+
+    Only in groups that step at ticks. A queue of intervals.
+    """
+
+    past: int
+    least: int
+    argument: Operand
+    room: Room
+
+
+@dataclass(frozen=True)
+class SlopeBetween:
+    """
+    The change of a float64 between the last two ticks at which `at` held, per second.
+
+    Only in groups that step at ticks. The slope, the last such tick and the number there.
+    """
+
+    argument: Operand
+    at: Operand
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The argument at the last step at which the condition held. One number."""
+
+    condition: Operand
+    argument: Operand
+
+
+@dataclass(frozen=True)
 class Overflowed:
-    """Whether the queue of a SinceBetween, the argument, has lost what it would need now."""
+    """Whether the queue of a cell, the argument, has lost what it would need now."""
 
     argument: Operand
 
@@ -252,8 +356,10 @@ class FeedbackRead:
 Pure: TypeAlias = Read | Literal | Convert | ApplyUnary | ApplyBinary | Power | Choose
 BitCell: TypeAlias = FirstStep | OnceEver | AlwaysSoFar | SinceEver | TriggeredEver
 CounterCell: TypeAlias = OnceWithin | AlwaysWithin | OnceBefore | SinceWithin | SinceBefore
-Cell: TypeAlias = (BitCell | CounterCell | Delay | SinceBetween | Overflowed | PreviousNumber
-                   | FeedbackRead)
+WindowCell: TypeAlias = (ValueAgo | Greatest | Total | Rounded | Tally | TimeAtLeast
+                         | SlopeBetween | Hold)
+Cell: TypeAlias = (BitCell | CounterCell | WindowCell | Delay | SinceBetween | Overflowed
+                   | PreviousNumber | FeedbackRead)
 Operation: TypeAlias = Pure | Cell
 
 
@@ -264,6 +370,11 @@ class Equation:
     operation: Operation
     type: ValueType
     formula: Formula | None
+
+
+def is_exact_sum(equation: Equation) -> bool:
+    """Whether an equation is a Total of float64, which has no value but its state."""
+    return isinstance(equation.operation, Total) and equation.type.is_float
 
 
 @dataclass(frozen=True)
@@ -317,6 +428,12 @@ class MonitorProgram:
 def operands(operation: Operation) -> tuple[Operand, ...]:
     """Return the operands that an operation reads in the current step, left to right."""
     return tuple(item for item in vars(operation).values() if isinstance(item, Operand))
+
+
+def room_of(operation: Operation) -> Room | None:
+    """Return the room of a cell with entries that are not a number of steps, else None."""
+    room = getattr(operation, 'room', None)
+    return room if isinstance(room, Room) else None
 
 
 def lasts_a_tick(operation: Operation) -> bool:

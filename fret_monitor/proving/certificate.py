@@ -109,7 +109,8 @@ def _trusted_cells(program: MonitorProgram) -> Iterator[str]:
     if any(kind.is_float for kind in stored):
         yield _SAME
     if any(isinstance(item.operation, SinceBetween)
-           and ((item.operation.capacity or 0) > PROVED_CAPACITY or item.operation.may_overflow)
+           and ((item.operation.room.capacity or 0) > PROVED_CAPACITY
+                or item.operation.room.may_overflow)
            for item in equations):
         yield _QUEUE
 
@@ -176,8 +177,7 @@ def lines(certificate: Certificate) -> Iterator[str]:
         yield ''
     yield from _failures(found)
     if is_timed and any(not item.is_proved for item in found.groups):
-        yield 'No trace was searched for that shows the failure: only `simulate` and the tests run'
-        yield 'monitors of the policy `timed`.'
+        yield 'No counterexample was searched for under the policy `timed`.'
         yield ''
     yield 'Assumed, or not covered by this proof:'
     yield from (f'- {text}' for text in certificate.assumed)

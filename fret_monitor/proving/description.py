@@ -138,7 +138,7 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
         yield 'occurrences', [more.get(place, place)
                               for place, _ in enumerate(program.properties)]
     can_overflow = any(isinstance(equation.operation, SinceBetween)
-                       and equation.operation.may_overflow
+                       and equation.operation.room.may_overflow
                        for layout in layouts for equation in layout.group.equations)
     step = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
     yield 'monitor', [

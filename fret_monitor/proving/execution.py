@@ -184,7 +184,7 @@ class Machine:
         if value == NULL:
             return value
         if kind.target is not None and value.type != kind.target:
-            self.require(f'{name}: a pointer to {value.type} taken for one to {kind.target}',
+            self.require(f'{name}: a pointer to {value.type} is used as one to {kind.target}',
                          t.FALSE)
         return value
 

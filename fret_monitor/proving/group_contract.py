@@ -165,7 +165,7 @@ class _ContractBuilder(SystemBuilder):
 
     def queue(self, index: int, operation: SinceBetween, arguments: list[Term]) -> Term:
         queue = self._field(FieldKind.QUEUE, index)
-        numbers = (operation.capacity or 0, operation.low, operation.high)
+        numbers = (operation.room.capacity or 0, operation.low, operation.high)
         out, after, due = timed_terms('since_between', queue,
                                       *(t.number(item, 64) for item in numbers), *arguments,
                                       self.tick)
@@ -173,7 +173,7 @@ class _ContractBuilder(SystemBuilder):
         self.dues.append((index, due))
         self._queues[index] = after
         self.fits.append((f'queue_{index}', queue_fits(*numbers, queue.sort[1] // 64)
-                          and (operation.may_overflow or all_fits(*numbers))))
+                          and (operation.room.may_overflow or all_fits(*numbers))))
         return out
 
     def overflowed(self, index: int, queue: int) -> Term:

@@ -40,7 +40,7 @@ from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.concrete import function_of
 from fret_monitor.smt.terms import Sort, Term
-from fret_monitor.smt.transition import NoTicks, transition_system
+from fret_monitor.smt.transition import NotModelled, transition_system
 from fret_monitor.traces.boundary import both_sides
 from fret_monitor.traces.csv_trace import trace_text
 from fret_monitor.traces.random_traces import Pools, random_traces
@@ -181,7 +181,7 @@ def _find(subject: ProofSubject, group: int, values: Sequence[Mapping[Term, Any]
     until = time.monotonic() + seconds
     try:
         runner = ProgramRunner(subject, group)
-    except (NoTicks, Unreadable, KeyError):
+    except (NotModelled, Unreadable, KeyError):
         return None
     pools = _pools(subject, values)
     bounds = _bounds(subject, group)

@@ -14,6 +14,8 @@
 
 """The executable `monitor`: monitors the requirements of bundles on ROS 2 topics."""
 
+import sys
+
 from fret_monitor.ros.signals import StopRequest
 
 
@@ -21,6 +23,15 @@ def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
     # Imported after the signal handlers are set, since these imports are slow.
+    from fret_monitor.ros.native_start import become_native
+    reason = become_native(sys.argv)
     from fret_monitor.ros.nodes.monitor_node import MonitorNode
     from fret_monitor.ros.process import run
-    return run('monitor', MonitorNode, stop)
+
+    def make() -> MonitorNode:
+        node = MonitorNode()
+        if reason:
+            node.get_logger().warning(f'native is not possible, the node runs in Python: {reason}')
+        return node
+
+    return run('monitor', make, stop)

@@ -24,6 +24,7 @@ import shlex
 import sys
 from textwrap import fill
 import traceback
+from typing import Any
 
 from fret_monitor.model.output import drop_output
 from fret_monitor.ros.settings.parameters import (
@@ -37,10 +38,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
-# Python handles a signal only between two calls into C, so no call may last longer.
-_SPIN = 0.2  # s, the longest call
 _WIDTH = 80
 _FAILED = 2
 
@@ -165,8 +165,9 @@ def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        while not stop.requested and node.context.ok():
-            executor.spin_once(timeout_sec=_SPIN)
+        is_over: Any = Future()
+        with stop.waking(lambda: is_over.set_result(None)):
+            executor.spin_until_future_complete(is_over)
     except Exception:  # noqa: B902  whatever it is, launch must not take it for a refusal
         traceback.print_exc()
         return _FAILED

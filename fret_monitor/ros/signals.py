@@ -16,19 +16,21 @@
 End a node's process on SIGINT and SIGTERM, at any time and without a traceback.
 
 Python runs signal handlers between two steps of its main thread, never in the middle of a call
-into C, so the main thread must not block for long. rclpy's own handlers shut the context down
-while other threads still use it, which then raise errors: initialize rclpy without them.
+into C. A main thread that waits in C must therefore be woken by another thread (`waking`). rclpy's
+own handlers shut the context down while other threads still use it, which then raise errors:
+initialize rclpy without them.
 
 This module uses the standard library only, since it is imported before anything that is slow.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import os
 import signal
+from threading import Thread
 from types import FrameType
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class _Uninterrupted:
@@ -64,7 +66,7 @@ class StopRequest:
     def __init__(self) -> None:
         """Take over SIGINT and SIGTERM."""
         self.requested = False
-        for number in _SIGNALS:
+        for number in SIGNALS:
             signal.signal(number, _end_at_once)
 
     @contextmanager
@@ -83,13 +85,38 @@ class StopRequest:
         finally:
             self._handle(self._remember)
 
+    @contextmanager
+    def waking(self, wake: Callable[[], None]) -> Iterator[None]:
+        """
+        Call `wake` in another thread at the first signal that is received inside this block.
+
+        It is called at once if a signal was received before.
+        """
+        read_end, write_end = os.pipe()
+        os.set_blocking(write_end, False)
+
+        def run() -> None:
+            if self.requested or os.read(read_end, 1):
+                wake()
+
+        thread = Thread(target=run, name='signals', daemon=True)
+        signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+        thread.start()
+        try:
+            yield
+        finally:
+            signal.set_wakeup_fd(-1)
+            os.close(write_end)
+            thread.join()
+            os.close(read_end)
+
     def end(self) -> None:
         """Ignore further signals: one during the shutdown of Python would kill the process."""
-        for number in _SIGNALS:
+        for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
     def _handle(self, handler: 'signal._HANDLER') -> None:
-        for number in _SIGNALS:
+        for number in SIGNALS:
             signal.signal(number, handler)
 
     def _remember(self, number: int, frame: FrameType | None) -> None:

@@ -22,6 +22,7 @@ failed goes on.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from threading import Thread
 import traceback
 
 from rclpy.node import Node
@@ -40,6 +41,22 @@ class ErrorKeeper(AbstractContextManager[None]):
         if isinstance(error, Exception):
             self.error = error
         return isinstance(error, Exception)
+
+
+class WatchedThread(Thread):
+    """A daemon thread that keeps the error that ends it."""
+
+    def __init__(self, name: str, work: Callable[[], None]) -> None:
+        """Prepare to do the work, once `start` is called."""
+        super().__init__(target=work, name=name, daemon=True)
+        self.failure: Exception | None = None
+
+    def run(self) -> None:
+        """Do the work; called by `start`, in the new thread."""
+        kept = ErrorKeeper()
+        with kept:
+            super().run()
+        self.failure = kept.error
 
 
 class Watch:
@@ -61,12 +78,18 @@ class Watch:
             f'the part of the node that is called {name} has failed: {self._effect}\n'
             f'{"".join(traceback.format_exception(error)).rstrip()}')
 
-    def run(self, name: str, callback: Callable[[], None]) -> None:
-        """Call a timer's callback, and note its error."""
+    def run(self, name: str, callback: Callable[[], None],
+            has_ended: Callable[[], bool] = lambda: False) -> None:
+        """
+        Call a timer's callback, and note its error.
+
+        Another thread may end what the callback uses; an error after `has_ended` is none.
+        """
         kept = ErrorKeeper()
         with kept:
             callback()
-        self.note(name, kept.error)
+        if not has_ended():
+            self.note(name, kept.error)
 
     def forget(self) -> None:
         """Forget what has failed: all of it begins anew."""

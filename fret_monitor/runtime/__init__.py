@@ -18,7 +18,7 @@ from fret_monitor.runtime.engine import (
     Engine, MOST_DETAILS_PER_S, OrderCounts, Receipt, RequirementState, State,
 )
 from fret_monitor.runtime.evaluator import (
-    Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
+    Evaluator, InputCounts, NEVER, RequirementCounts, TimeCounts, TopicCounts, Violation,
 )
 from fret_monitor.runtime.gate import GateCounts, Judgement, MessageGate
 from fret_monitor.runtime.message_ring import KeptCounts, KeptMessage, MessageRing, Occurrences
@@ -40,7 +40,6 @@ __all__ = [
     'Receipt',
     'RequirementCounts',
     'RequirementState',
-    'Silence',
     'State',
     'TimeCounts',
     'TopicCounts',

@@ -26,13 +26,13 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Stamp
+from fret_monitor.model.transforms import TOPICS
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import (
-    Evaluator, InputCounts, RequirementCounts, TimeCounts, TopicCounts, Violation, violation,
-)
+from fret_monitor.runtime.evaluator import Evaluator, Violation, violation
 from fret_monitor.runtime.gate import Judgement, MessageGate
 from fret_monitor.runtime.message_ring import MessageRing
 
@@ -90,6 +90,20 @@ class OrderCounts:
     most_ahead: int = 0
 
 
+@dataclass(frozen=True)
+class LinkCounts:
+    """
+    Links between frames that were left out.
+
+    `loops` would have closed one; `unusable` had no usable transform, or a frame too many; `old`
+    came more than 10 s after a newer one.
+    """
+
+    loops: int
+    unusable: int
+    old: int
+
+
 class Engine:
     """
     Evaluates messages, takes what is due, and queues violations and their details.
@@ -132,11 +146,43 @@ class Engine:
             raise LibraryError('the library does not read the topics of its manifest')
         # Holds the library too: a reference to its function would not keep it open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
+        self._frames: list[Any] = []
+        if manifest.transforms:
+            self._follow_transforms(manifest)
         self._ring: MessageRing | None = None  # outlives the engine
         self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
-        self._values = [ffi.new(f'{item.value_type.c_name} *') for item in manifest.inputs]
         self._detail = ffi.new('char[]', self._library.fm_detail_bytes(self._monitor.pointer))
+
+    def _follow_transforms(self, manifest: Manifest) -> None:
+        self._frames = [(ffi.new('char[]', item.source.encode()),
+                         ffi.new('char[]', item.target.encode()), item.topic)
+                        for item in manifest.transforms]
+        names = [topic.name for topic in manifest.topics]
+        if not self._library.fm_engine_follow_transforms(
+                self.pointer, ffi.new('struct fm_transform_topic[]', self._frames),
+                len(self._frames), *map(names.index, TOPICS)):
+            raise LibraryError('there is no memory for the transforms of its manifest')
+
+    def missing_link(self, transform: int) -> tuple[str, str] | None:
+        """
+        Return the frames between which a link is missing; None if there is a transform.
+
+        `transform` is an index in the manifest's transforms. If both are one frame, its samples do
+        not reach the latest common time of the chain.
+        """
+        names = [ffi.new('char[]', ffi.integer_const('FM_MOST_FRAME_BYTES') + 1) for _ in range(2)]
+        if not self._library.fm_engine_missing_link(self.pointer, transform, *names):
+            return None
+        first, second = (bytes(ffi.buffer(name)).partition(b'\0')[0].decode(errors='replace')
+                         for name in names)
+        return first, second
+
+    @property
+    def links_left_out(self) -> LinkCounts:
+        """Links between frames that were not taken."""
+        found = self._library.fm_engine_left_out(self.pointer)
+        return LinkCounts(found.loops, found.unusable, found.old)
 
     @property
     def library(self) -> Any:
@@ -170,11 +216,6 @@ class Engine:
         return int(changes), [
             RequirementState(int(found[k].occurrences), State(found[k].state))
             for k in range(count)]
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether `close` was called."""
-        return bool(self._library.fm_engine_is_closed(self.pointer))
 
     def keep_messages(self, ring: MessageRing) -> None:
         """Keep each message, and note when violations begin; call it before any is delivered."""
@@ -395,40 +436,6 @@ class Engine:
     def lost(self, topic: int) -> int:
         """Return how many messages of a topic were lost."""
         return int(self._library.fm_engine_lost(self.pointer, topic))
-
-    def count_unpublished(self, more: int) -> None:
-        """Count violations that were taken from the queue and could not be published."""
-        self._library.fm_engine_count_unpublished(self.pointer, more)
-
-    def time_counts(self) -> TimeCounts:
-        """Return the counters of the time."""
-        found = self._library.fm_engine_time_counts(self.pointer)
-        return TimeCounts(found.periods, found.late, found.missed, found.restarts,
-                          found.overflows, found.restarted_at)
-
-    def value(self, index: int) -> bool | int | float | None:
-        """Return the current value of an input, None before its first."""
-        place = self._values[index]
-        has_value = self._library.fm_engine_value(self.pointer, index, place)
-        current: bool | int | float = place[0]
-        return current if has_value else None
-
-    def requirement_counts(self, index: int) -> RequirementCounts:
-        """Return the counters of a requirement."""
-        found = self._library.fm_engine_requirement_counts(self.pointer, index)
-        return RequirementCounts(
-            found.steps, found.violations, found.announced, bool(found.verdict),
-            bool(found.holds), bool(found.is_violated))
-
-    def input_counts(self, index: int) -> InputCounts:
-        """Return the counters of an input."""
-        found = self._library.fm_engine_input_counts(self.pointer, index)
-        return InputCounts(found.received, found.unusable, found.overwritten)
-
-    def topic_counts(self, index: int) -> TopicCounts:
-        """Return the counters of a topic."""
-        found = self._library.fm_engine_topic_counts(self.pointer, index)
-        return TopicCounts(found.messages, found.undecodable)
 
 
 def _destroy(library: Any, pointer: Any) -> None:

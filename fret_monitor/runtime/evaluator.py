@@ -101,20 +101,6 @@ class TopicCounts:
 
 
 @dataclass(frozen=True)
-class Silence:
-    """
-    The silences of an input: times without a usable value, from its timeout on.
-
-    `count` so far; `lasted` is the time (ns) from the value before the present one until now, or
-    of the last one.
-    """
-
-    count: int
-    lasted: int
-    is_silent: bool
-
-
-@dataclass(frozen=True)
 class TimeCounts:
     """
     Periods taken, those taken late or not at all, and how often time went back.
@@ -403,15 +389,6 @@ class Evaluator:
         """Return the current value of an input, None before its first."""
         current: bool | int | float = self._current[index][0]
         return current if self._library.fm_evaluator_has_value(self.pointer, index) else None
-
-    def is_stale(self, index: int) -> bool:
-        """Return whether an input is stale."""
-        return bool(self._library.fm_evaluator_is_stale(self.pointer, index))
-
-    def silence(self, index: int) -> Silence:
-        """Return the silences of an input."""
-        found = self._library.fm_evaluator_silence(self.pointer, index)
-        return Silence(found.count, found.lasted, bool(found.is_silent))
 
     def time_counts(self) -> TimeCounts:
         """Return the counters of the time."""

@@ -70,11 +70,6 @@ class GateCounts:
     is_latched: bool
     holds: bool
 
-    @property
-    def withheld(self) -> int:
-        """The messages that did not pass, for any reason."""
-        return self.violates + self.closed + self.latched + self.unreadable
-
 
 class MessageGate:
     """

@@ -25,20 +25,18 @@ from enum import IntEnum
 from time import monotonic_ns
 from typing import Any
 
-from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.manifest import followed, Manifest, ManifestAction, ManifestInput
 from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.message_ring import KeptCounts
 
-
 OF_ALL_DETAILS: int = ffi.integer_const('FM_OF_ALL_DETAILS')
 """Values that all details begin with; the last of them names the silent inputs."""
 
 LOGGED_PER_S: int = ffi.integer_const('FM_LOGGED_PER_S')
 """Details of a requirement in a second while only the log reads them."""
-
 
 _NO_MESSAGES = KeptCounts()
 
@@ -86,17 +84,19 @@ class ReportTable:
         """
         self._kept: list[Any] = []  # memory of C that the table points to
         inputs, topics, policy = manifest.inputs, manifest.topics, policy or manifest.policy
-        locks = [_lock(manifest, place) for place, item in enumerate(manifest.actions)
+        locks = [(place, item) for place, item in enumerate(manifest.actions)
                  if item.kind is ActionKind.LOCK]
-        actions = [item.name for item in manifest.actions if item.kind is not ActionKind.LOCK]
+        actions = [item for item in manifest.actions if item.kind is not ActionKind.LOCK]
         self.pointer: Any = ffi.new('struct fm_report_table *', {
             'bundle': self._text(bundle or manifest.name),
             'component': self._text(manifest.component),
             'gate': self._gate(manifest),
             'locks': self._array('struct fm_report_lock[]', [
-                (self._text(name), self._array('uint32_t[]', places), len(places))
-                for name, places in locks]),
-            'actions': self._array('char *[]', [self._text(name) for name in actions]),
+                self._lock(manifest, place, item) for place, item in locks]),
+            'actions': self._array('struct fm_action[]', [
+                self._action(item) for item in actions]),
+            'follows': self._array('struct fm_follows[]', [
+                self._follows(*item) for item in followed(manifest)]),
             'inputs': self._array('struct fm_report_input[]', [
                 self._input(item) for item in inputs]),
             'topics': self._array('struct fm_report_topic[]', [
@@ -136,6 +136,28 @@ class ReportTable:
         self._kept.append(ffi.new(kind, list(items)))
         return self._kept[-1]
 
+    def _lock(self, manifest: Manifest, place: int, action: ManifestAction) -> dict[str, Any]:
+        users = [number for number, item in enumerate(manifest.requirements)
+                 if place in item.on_violation]
+        return {'name': self._text(action.name), 'topic': self._text(action.target),
+                'period': action.period, 'requirements': self._array('uint32_t[]', users),
+                'n_requirements': len(users)}
+
+    def _action(self, item: ManifestAction) -> dict[str, Any]:
+        return {
+            'kind': ffi.integer_const(f'FM_ACTION_{item.kind.name}'),
+            'name': self._text(item.name), 'target': self._text(item.target),
+            'state': self._text(item.state),
+            'payload': self._array('uint8_t[]', item.payload), 'payload_size': len(item.payload),
+            'stamp_at': -1 if item.stamp_at is None else item.stamp_at,
+            **{name: getattr(item, name) for name in (
+                'period', 'duration', 'timeout', 'after', 'cooldown', 'retries')}}
+
+    def _follows(self, violation: tuple[int, ...], end: tuple[int, ...]) -> dict[str, Any]:
+        return {'on_violation': self._array('uint32_t[]', violation),
+                'n_on_violation': len(violation),
+                'on_end': self._array('uint32_t[]', end), 'n_on_end': len(end)}
+
     def _gate(self, manifest: Manifest) -> Any:
         gate = manifest.gate
         if gate is None:
@@ -152,16 +174,15 @@ class ReportTable:
             'name': self._text(item.name),
             'path': self._text(item.field),
             'values': self._array('struct fm_value_name[]', [
-                (self._text(name),
-                 _union(item.value_type, place if item.is_string else int(number)))
-                for place, (name, number) in enumerate(item.values)]),
+                (self._text(name), _union(item.value_type, number))
+                for name, number in item.stored_values]),
             'n_values': len(item.values),
-            'is_timed_out': item.timeout is not None and item.topic is not None,
+            'is_timed_out': item.is_timed_out,
             'violates': item.stale is Stale.VIOLATE,
             'has_initial': item.initial is not None,
             'initial': _union(item.value_type, item.initial or 0),
             'timeout': item.timeout or 0.0,
-            'startup': item.startup or item.timeout or 0.0,
+            'startup': item.first_timeout,
         }
 
 
@@ -200,7 +221,7 @@ class Lines:
 
     def __init__(self, library: Any) -> None:
         """Begin with no line; `library` has the functions of csrc."""
-        self._library = library
+        self.library = library
         self.pointer: Any = ffi.gc(ffi.new('struct fm_lines *'), library.fm_lines_free)
 
     def take(self) -> list[LogLine]:
@@ -208,7 +229,7 @@ class Lines:
         lines = self.pointer.lines
         found = [LogLine(LogLevel(lines[k].level), _string(lines[k].text))
                  for k in range(self.pointer.n)]
-        self._library.fm_lines_clear(self.pointer)
+        self.library.fm_lines_clear(self.pointer)
         return found
 
 
@@ -287,7 +308,7 @@ class Review:
         self._kept: list[Any] = []  # what the facts of the last look point to
         self._has_looked = False
         self._topics: tuple[tuple[TopicFacts, ...], Any, list[Any]] = ((), ffi.NULL, [])
-        counts, written = _action_facts(actions), _blackbox_facts(blackbox)
+        counts, written = action_facts(actions), _blackbox_facts(blackbox)
         pointer = self._library.fm_review_create(
             reporter.pointer, ffi.new('struct fm_facts *', {
                 'now': monotonic_ns() if now is None else now,
@@ -329,7 +350,7 @@ class Review:
             'now': monotonic_ns() if now is None else now,
             'waits_for_clock': waits_for_clock,
             'topics': self._topics[1],
-            'actions': ffi.NULL if actions is None else keep(_action_facts(actions)),
+            'actions': ffi.NULL if actions is None else keep(action_facts(actions)),
             'gate': ffi.NULL if gate is None else keep(ffi.new('struct fm_gate_facts *', (
                 text(gate.others), text(gate.place), gate.unsent))),
             'blackbox': keep(_blackbox_facts(blackbox)),
@@ -465,9 +486,16 @@ def read_detail(library: Any, record: StatusRecord) -> ReceivedDetail | None:
     return ReceivedDetail(found.stamp, found.suppressed, found.is_recovery, text)
 
 
-def _action_facts(counts: Sequence[ActionCounts]) -> Any:
+def action_facts(counts: Sequence[ActionCounts]) -> Any:
+    """Return counts as C reads them: a `struct fm_action_facts[]`."""
     return ffi.new('struct fm_action_facts[]', [
         (item.started, item.sent, item.failed, item.skipped) for item in counts])
+
+
+def action_counts(facts: Any) -> list[ActionCounts]:
+    """Return the counts in a `struct fm_action_facts[]`."""
+    return [ActionCounts(int(item.started), int(item.sent), int(item.failed), int(item.skipped))
+            for item in facts]
 
 
 def _blackbox_facts(counts: BlackBoxCounts | None) -> Any:
@@ -482,13 +510,6 @@ def _text_of(detail: ReceivedDetail | None) -> Any:
 
 def _characters(text: str) -> Any:
     return ffi.new('char[]', text.encode(errors='replace'))
-
-
-def _lock(manifest: Manifest, place: int) -> tuple[str, list[int]]:
-    """Return the name of a lock, and the requirements that lock it."""
-    return manifest.actions[place].name, [
-        number for number, item in enumerate(manifest.requirements)
-        if place in item.on_violation]
 
 
 def _status(found: Any) -> StatusRecord:

@@ -30,6 +30,17 @@ from fret_monitor.runtime.reporting import Lines, LogLine, TopicFacts
 
 DEFAULT_DEPTH: int = ffi.integer_const('FM_USUAL_DEPTH')
 
+LOOKS_AT_ONCE: int = ffi.integer_const('FM_LOOKS_AT_ONCE')
+"""For the publishers of how many topics a node looks, every `LOOK_PERIOD_S`, while any is due."""
+
+LOOK_DELAY_S: float = ffi.integer_const('FM_LOOK_DELAY_NS') / 1e9
+"""From a change of the graph until the first look."""
+
+LOOK_PERIOD_S: float = ffi.integer_const('FM_LOOK_PERIOD_NS') / 1e9
+
+LOOK_AGAIN_S: float = ffi.integer_const('FM_LOOK_AGAIN_NS') / 1e9
+"""After which a node looks for all publishers although the graph has not changed."""
+
 
 class Offer(NamedTuple):
     """A publisher, as discovered: its gid, its node, its type, and what it offers."""
@@ -112,6 +123,10 @@ class SubscriptionState:
             self._pointer, ffi.NULL if problem is None else ffi.new('char[]', problem.encode()),
             lost, now, self._lines.pointer)
         return self._lines.take()
+
+    def is_settled(self, lost: int) -> bool:
+        """Whether the next look can wait until the graph changes; `lost` as in `conclude`."""
+        return bool(self._library.fm_subscription_is_settled(self._pointer, lost))
 
     @property
     def publishers(self) -> TopicFacts:

@@ -30,7 +30,7 @@ from fret_monitor.program.monitor_program import (
 )
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.terms import Term
-from fret_monitor.smt.transition import NoTicks, StateVariable, SystemBuilder
+from fret_monitor.smt.transition import NotModelled, StateVariable, SystemBuilder
 
 _CONNECTIVES = frozenset({'not', 'and', 'iff', 'choice', 'constant', 'variable'})
 _MOST_LIFTED = 256  # comparisons that one becomes by its choices
@@ -143,7 +143,7 @@ class BitBuilder(SystemBuilder):
 
     def queue(self, index: int, operation: SinceBetween, arguments: list[Term]) -> Term:
         """Refuse a queue."""
-        raise NoTicks('queues')
+        raise NotModelled('queues')
 
     def line(self, index: int, operation: Delay, argument: Term) -> Term:
         """Add a shift register, and return what the cell returns."""

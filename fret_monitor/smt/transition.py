@@ -33,9 +33,10 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, ring_lengths, SHIFT_REGISTER_BITS
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, BitCell, Choose, Convert, CounterCell,
-    Delay, FeedbackRead, FirstStep, Literal, OnceBefore, OnceEver, OnceWithin, Operand, operands,
-    Operation, Overflowed, Power, PreviousNumber, Read, SinceBefore, SinceBetween, SinceEver,
-    SinceWithin, StepGroup, TriggeredEver,
+    Delay, FeedbackRead, FirstStep, Greatest, Hold, Literal, OnceBefore, OnceEver, OnceWithin,
+    Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read, Rounded, SinceBefore,
+    SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally, TimeAtLeast, Total,
+    TriggeredEver, ValueAgo,
 )
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
@@ -55,8 +56,8 @@ LAST_TICK = t.number((1 << 62) - 3, 64)
 FIRST_TICK = t.number(0, 64)
 
 
-class NoTicks(Exception):
-    """A transition system does not have the cells of groups that step at ticks."""
+class NotModelled(Exception):
+    """A transition system does not have a cell: one for ticks, or a window of numbers."""
 
 
 @dataclass(frozen=True)
@@ -290,6 +291,11 @@ class SystemBuilder:
                                    numbers.constant(operation.initial, type),
                                    self._operand(operation.argument))
                 return before
+            case Tally() | Hold():
+                return self._kept(index, operation, type)
+            case ValueAgo() | Greatest() | Total() | Rounded() | TimeAtLeast() \
+                    | SlopeBetween():
+                raise NotModelled('windows of numbers')
             case FeedbackRead():
                 return self._feedback[operation.index]
             case SinceBetween():
@@ -299,6 +305,18 @@ class SystemBuilder:
                 return self.overflowed(index, operation.argument.value)
             case _:
                 assert_never(operation)
+
+    def _kept(self, index: int, operation: Tally | Hold, type: ValueType) -> Term:
+        """Return the value of a cell that is its value at the previous step, changed."""
+        before = self.current(FieldKind.NUMBER, index, numbers.sort_of(type))
+        first, second = map(self._operand, operands(operation))
+        if isinstance(operation, Hold):
+            now = t.choice(first, second, before)
+        else:
+            more = t.operation('add', before, t.from_truth(first, type.bits))
+            now = t.operation('sub', more, t.from_truth(second, type.bits))
+        self.add(FieldKind.NUMBER, index, before, numbers.constant(0, type), now)
+        return now
 
     def _add_bit(self, index: int, now: Term, start: bool, after: Term) -> None:
         self.add(FieldKind.FLAG, index, now, t.truth(start), after)
@@ -345,7 +363,7 @@ class SystemBuilder:
     def counter(self, index: int, operation: CounterCell, arguments: list[Term]) -> Term:
         """Add a counter, and return what the cell returns."""
         if self._group.is_timed:
-            raise NoTicks('counters')
+            raise NotModelled('counters')
         number = self.current(FieldKind.COUNTER, index, t.word(WIDTH))
         bound = t.number(operation.bound, WIDTH)
         out, after = counter_model(operation).step(number, bound, arguments)
@@ -355,11 +373,11 @@ class SystemBuilder:
 
     def queue(self, index: int, operation: SinceBetween, arguments: list[Term]) -> Term:
         """Add a queue, and return what the cell returns."""
-        raise NoTicks('queues')
+        raise NotModelled('queues')
 
     def overflowed(self, index: int, queue: int) -> Term:
         """Return whether the queue of equation `queue` lacks an interval at this tick."""
-        raise NoTicks('queues')
+        raise NotModelled('queues')
 
     def line(self, index: int, operation: Delay, argument: Term) -> Term:
         """Add a shift register, and return what the cell returns."""

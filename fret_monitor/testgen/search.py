@@ -254,7 +254,7 @@ class _Hunt:
             raise AssertionError(
                 f'{task.item.id}: the compiled monitor and the reference differ on '
                 f'"{task.obligations[number].what}"')
-        task.doubts[number] = 'an example on a grid of time is none in real time'
+        task.doubts[number] = 'an example on a grid of time does not hold in real time'
 
     def _note_proofs(self, left: dict[int, int]) -> None:
         for number in left.values():

@@ -39,6 +39,7 @@ from typing import Any, BinaryIO, NoReturn, TYPE_CHECKING, TypeAlias
 from fret_monitor.model.diagnostics import CompileError, counted, refuse, Source, Span
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import CData
 from fret_monitor.runtime.csv_rows import CsvColumn, CsvRows
@@ -296,6 +297,7 @@ class TraceReader:
         ------
         CompileError
             if an input has no column, or two, or there is not one column `time` and one is needed.
+            An input that says that a message came needs none.
         """
         self._inputs = inputs
         self._library = library
@@ -303,7 +305,8 @@ class TraceReader:
         self._rows = iter(self._source)
         heading = [cell.strip() for cell in next(self._rows, _Row(1, [])).cells]
         self._width = len(heading)
-        self._places = self._find(heading)
+        self._heading = frozenset(heading)
+        self._columns = self._find(heading)
         is_optional = TIME not in heading or any(item.name == TIME for item in inputs)
         self._time = None if time is TimeColumn.IGNORED or (
             time is TimeColumn.OPTIONAL and is_optional) else self._find_time(heading)
@@ -330,21 +333,28 @@ class TraceReader:
             with the place, if the file is not CSV, a cell is not a value of its input, or times do
             not increase.
         """
-        plain = self._plain(map(_csv_column, self._inputs, self._places))
+        plain = self._plain(_csv_column(item, place) for item, place in self._columns)
         while True:
             # The first time is the origin of the others, and is read here.
             limits = _ANY_TIME if self._time is None else None if self._last is None else (
                 self._last, self.first + LAST_TICK)
             if limits is not None and (found := self._plain_rows(plain, limits)) is not None:
-                yield self._of_plain(*found)
+                yield self._with_receptions(self._of_plain(*found))
                 continue
             rows, problem = self._other_rows()
             if not rows and problem is None:
                 return
             if rows:
-                yield from self._of_rows(rows)
+                yield from map(self._with_receptions, self._of_rows(rows))
             if problem is not None:
                 raise problem
+
+    def _with_receptions(self, block: Block) -> Block:
+        """Insert the inputs that have no column: each row is a message."""
+        times, columns = block
+        found = iter(columns)
+        return times, [next(found) if item.name in self._heading else array('B', [1] * len(times))
+                       for item in self._inputs]
 
     def spans(self) -> Iterator[tuple[int, int | None, int | None]]:
         """
@@ -457,12 +467,12 @@ class TraceReader:
                 self._refuse_width(row)
         times = self._numbers(len(rows)) if self._time is None \
             else array('q', self._times(rows, self._time))
-        return times, [self._column(rows, item, place) for item, place
-                       in zip(self._inputs, self._places, strict=True)]
+        return times, [self._column(rows, item, place) for item, place in self._columns]
 
-    def _find(self, heading: list[str]) -> list[int]:
+    def _find(self, heading: list[str]) -> list[tuple[ManifestInput, int]]:
         line = self._source.line
-        missing = [item.name for item in self._inputs if item.name not in heading]
+        missing = [item.name for item in self._inputs if item.name not in heading
+                   and item.source is not InputSource.RECEIVED]
         if missing:
             hints = (_near_column(name, heading) for name in missing)
             self._source.refuse(
@@ -472,7 +482,8 @@ class TraceReader:
         for item in self._inputs:
             if heading.count(item.name) > 1:
                 self._source.refuse(1, line, f"the trace has two columns for '{item.name}'", '')
-        return [heading.index(item.name) for item in self._inputs]
+        return [(item, heading.index(item.name)) for item in self._inputs
+                if item.name in self._heading]
 
     def _find_time(self, heading: list[str]) -> int:
         if any(item.name == TIME for item in self._inputs):

@@ -178,7 +178,7 @@ class _GateSearch:
         judged = () if self._judged is None else self._topics[self._judged]
         own = {self._part.signals[index].name for index in judged}
         if self._gate.settings.otherwise is Otherwise.SUBSTITUTE or not own >= {*item.inputs}:
-            return 'until that changes nothing passes, and no substitute satisfies it'
+            return 'until that changes, nothing passes, and no substitute satisfies it'
         return ('what is withheld never happens, so that nothing passes any more: write '
                 'otherwise: {substitute: ...}, or what the message itself has to be (p, not Y p)')
 

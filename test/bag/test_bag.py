@@ -583,7 +583,7 @@ def test_a_recording_without_messages_judges_nothing(tmp_path: Path) -> None:
         for topic in ('/level', '/flow'):
             writer.add_connection(topic, FLOAT, typestore=TYPES)
     result = check_recording(bundle(tmp_path, 'every_message'), tmp_path / 'bag', Selection())
-    assert result.errors == ('no message was recorded of what the bundle reads',)
+    assert result.errors == ('no message was recorded on the topics of the bundle',)
     assert [item.verdict for item in result.findings] == [None] * 3
 
 

@@ -30,6 +30,7 @@ from bundles import write_bundle
 from fret_monitor.bag import fleet
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.results_file import finished_lines, ResultsFile
+from fret_monitor.bag.workers import workers
 from fret_monitor.cli.bag import _ROSBAGS
 from fret_monitor.cli.main import main
 import pytest
@@ -277,6 +278,12 @@ def test_one_job_needs_no_other_process(
     assert found == {recording: False, other: True}
     assert [item.error for item in outcomes] == ['', '']
     assert pools == ([] if jobs == 1 else [2])
+
+
+def test_workers_have_imported_what_they_need() -> None:
+    with ProcessPoolExecutor(1, mp_context=workers()) as pool:
+        found = pool.submit(eval, "'fret_monitor.build' in __import__('sys').modules")
+        assert found.result()
 
 
 def test_a_cluster_without_workers_is_an_error(

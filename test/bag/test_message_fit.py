@@ -63,8 +63,8 @@ def test_a_type_that_is_defined_in_another_way_than_installed_is_a_warning(
     result = checked(tmp_path, path)
     assert (result.findings[0].verdict, result.errors) == (True, ())
     assert result.warnings == (
-        f'{KIND} is defined in the recording in another way than it is installed: the definition '
-        'of the recording was used',)
+        f'{KIND}: the definition in the recording differs from the installed one; that of the '
+        'recording was used',)
 
 
 @pytest.mark.parametrize(('definition', 'problem'), [

@@ -37,6 +37,7 @@ format: 1
 constants: {v_max: 0.5, is_outdoors: true}
 inputs:
   x: {topic: x, type: std_msgs/msg/Float32, timeout: 0.5, stale: violate, startup: 5, initial: 0}
+  t: {transform: {from: map, to: base}, field: translation.x}
   s: {topic: s, type: std_msgs/msg/String, values: {IDLE: idle}, qos: {depth: 5}}
 topics:
   odom: {type: nav_msgs/msg/Odometry, max_rate: 50,
@@ -99,6 +100,10 @@ def test_all_keys_are_valid_where_they_belong() -> None:
     ('format: 1', ''),
     ('std_msgs/msg/Float32, ', 'std_msgs/msg/Float32, timout: 1, '),
     ('topic: x, type: std_msgs/msg/Float32', 'topic: x'),
+    ('{from: map, to: base}', 'map'),
+    ('{from: map, to: base}', '{from: map}'),
+    ('{from: map, to: base}', '{from: map, to: base, at: 0}'),
+    ('transform: {from: map, to: base}, ', ''),
     ('timeout: 0.5', 'timeout: 0'),
     ('timeout: 0.5', 'timeout: soon'),
     ('stale: violate', 'stale: never'),

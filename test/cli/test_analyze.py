@@ -154,7 +154,7 @@ def test_an_interrupt_leaves_partial_answers(here: Here) -> None:
     done = here.run('analyze', bundle, '--only', 'consistency')
     assert done.status == 1
     assert 'unknown' in done.out and '(interrupted)' in done.out
-    assert 'The analysis ended before its end' in done.out
+    assert 'The analysis was stopped early' in done.out
 
 
 def test_json_tells_what_is_unknown_from_what_is_not_so(here: Here) -> None:

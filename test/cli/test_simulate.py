@@ -384,11 +384,15 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+# Not ru_maxrss: a process takes over the one of the process that forked it.
 PEAK = """
-import resource, sys
+import sys
+from pathlib import Path
 from fret_monitor.cli.main import main
 status = main(sys.argv[1:])
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+[peak] = [line.split()[1] for line in Path('/proc/self/status').read_text().splitlines()
+          if line.startswith('VmHWM:')]
+print(peak, file=sys.stderr)
 sys.exit(status)
 """
 

@@ -293,6 +293,13 @@ static void call_back(uint32_t topic)
   }
 }
 
+// Receive a message now, and take it.
+static void arrive(uint32_t topic, uint8_t value)
+{
+  receive(topic, value, system_now());
+  call_back(topic);
+}
+
 // As the announcer does.
 static void announce(struct fm_engine * engine)
 {
@@ -315,8 +322,7 @@ static bool is_taken(uint32_t requirement, int64_t stamp)
 static void nothing_is_overdue_while_an_answer_waits(void)
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(Y, false);
   const int64_t asked = system_now();
   receive(X, true, asked);
   call_back(X);
@@ -372,8 +378,7 @@ static void a_message_counts_from_its_reception_however_late_it_is(void)
 static void a_message_of_before_the_system_time_was_set_counts_as_well(int64_t seconds)
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(Y, false);
   const int64_t asked = system_now();
   receive(X, true, asked);
   sleep_ms(WINDOW / 2 / MS);
@@ -412,8 +417,7 @@ static void callbacks_that_only_wake_leave_all_in_order(void)
 static void a_flood_does_not_suspend_a_deadline(void)
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(Y, false);
   const int64_t asked = system_now();
   receive(X, true, asked);
   call_back(X);
@@ -441,6 +445,14 @@ static int read_sim_time(void * clock, int64_t * nanoseconds)
   return 0;
 }
 
+static struct fm_engine * make_on_clock(void)
+{
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sim_time = 1000 * MS;
+  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  return engine;
+}
+
 static void move_clock(struct fm_engine * engine, int64_t to)
 {
   sleep_ms(2);
@@ -451,13 +463,9 @@ static void move_clock(struct fm_engine * engine, int64_t to)
 
 static void under_a_clock_a_message_counts_from_what_it_said_then(bool is_in_time)
 {
-  struct fm_engine * engine = make(FM_TIMED, 0);
-  sim_time = 1000 * MS;
-  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
-  receive(Y, false, system_now());
-  call_back(Y);
-  receive(X, true, system_now());
-  call_back(X);
+  struct fm_engine * engine = make_on_clock();
+  arrive(Y, false);
+  arrive(X, true);
   announce(engine);
   move_clock(engine, 1040 * MS);
   const int64_t early = system_now();
@@ -472,13 +480,9 @@ static void under_a_clock_a_message_counts_from_what_it_said_then(bool is_in_tim
 
 static void a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(uint32_t ticks)
 {
-  struct fm_engine * engine = make(FM_TIMED, 0);
-  sim_time = 1000 * MS;
-  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
-  receive(Y, false, system_now());
-  call_back(Y);
-  receive(X, true, system_now());
-  call_back(X);
+  struct fm_engine * engine = make_on_clock();
+  arrive(Y, false);
+  arrive(X, true);
   announce(engine);
   move_clock(engine, 1000 * MS + 2 * WINDOW);
   receive(Y, true, system_now());  // too late
@@ -493,16 +497,14 @@ static void a_message_counts_by_the_clock_of_its_reception_while_that_runs_on(ui
 
 static void the_time_does_not_go_back_while_the_clock_stands(void)
 {
-  struct fm_engine * engine = make(FM_TIMED, 0);
-  sim_time = 1000 * MS;
-  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  struct fm_engine * engine = make_on_clock();
   for (uint32_t k = 0; k < 3; ++k) {
     receive(Y, false, system_now());
     receive(X, true, system_now());
     fm_engine_drain(engine);
   }
   announce(engine);
-  CHECK(subscriptions[X].taken == 3 && fm_engine_time_counts(engine).restarts == 0);
+  CHECK(subscriptions[X].taken == 3 && time_counts_of(engine).restarts == 0);
   destroy(engine);
 }
 
@@ -512,8 +514,7 @@ static void no_call_takes_what_is_due_before_an_answer_that_waits(enum call call
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
   struct seen seen;
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(Y, false);
   const int64_t asked = system_now();
   receive(X, true, asked);
   call_back(X);
@@ -544,8 +545,7 @@ static void answer_in_time(void)
 static void a_round_takes_what_is_due_by_the_time_until_which_it_delivers(void)
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(Y, false);
   const int64_t asked = system_now();
   receive(X, true, asked);
   call_back(X);
@@ -562,13 +562,12 @@ static void a_message_that_waits_for_its_stamp_takes_effect_in_time(void)
   reorder = 20 * MS;
   struct fm_engine * engine = make(FM_TIMED, 0);
   bool value = false;
-  receive(Y, true, system_now());
-  call_back(Y);
+  arrive(Y, true);
   announce(engine);
-  CHECK(!fm_engine_value(engine, Y, &value));
+  CHECK(!value_of(engine, Y, &value));
   sleep_ms(reorder / MS + 1);
   announce(engine);
-  CHECK(fm_engine_value(engine, Y, &value) && value);
+  CHECK(value_of(engine, Y, &value) && value);
   reorder = 0;
   destroy(engine);
 }
@@ -601,8 +600,7 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
   works = true;
   uint32_t n = 0;
   while (subscriptions[X].taken == subscriptions[X].sent && n < 1000) {
-    receive(X, true, system_now());
-    call_back(X);
+    arrive(X, true);
     n += 1;
   }
   CHECK(n > 1 && n < 1000);
@@ -615,8 +613,7 @@ static void callbacks_that_take_too_long_leave_their_messages(void)
     sleep_ms(50);
     receive(X, true, system_now());
     announce(engine);
-    receive(X, true, system_now());
-    call_back(X);
+    arrive(X, true);
     n += 1;
   } while (subscriptions[X].taken < subscriptions[X].sent && n < 100);
   CHECK(n > 10 && n < 100);
@@ -631,8 +628,7 @@ static void callbacks_that_stand_still_take_their_messages(void)
   cost_ms = 2;
   for (uint32_t k = 0; k < 60; ++k) {
     work_ms(1);  // the middleware's
-    receive(X, true, system_now());
-    call_back(X);
+    arrive(X, true);
   }
   cost_ms = 0;
   CHECK(subscriptions[X].taken == 60);
@@ -643,10 +639,8 @@ static void callbacks_that_stand_still_take_their_messages(void)
 static void a_system_time_that_is_set_back_in_a_flood_suspends_no_deadline(void)
 {
   struct fm_engine * engine = make(FM_TIMED, 0);
-  receive(Y, false, system_now());
-  call_back(Y);
-  receive(X, true, system_now());
-  call_back(X);
+  arrive(Y, false);
+  arrive(X, true);
   sleep_ms(2 * WINDOW / MS);
   is_endless = true;
   set_back_at_take = X;
@@ -661,17 +655,13 @@ static void a_system_time_that_is_set_back_in_a_flood_suspends_no_deadline(void)
 
 static void the_marks_of_a_clock_are_in_order_after_the_system_time_was_set_back(void)
 {
-  struct fm_engine * engine = make(FM_TIMED, 0);
-  sim_time = 1000 * MS;
-  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
+  struct fm_engine * engine = make_on_clock();
   for (uint32_t k = 0; k < 100; ++k) {
     fm_engine_wake(engine);
   }
   set_by = -3600 * 1000 * MS;
-  receive(Y, false, system_now());
-  call_back(Y);
-  receive(X, true, system_now());
-  call_back(X);
+  arrive(Y, false);
+  arrive(X, true);
   announce(engine);
   move_clock(engine, 1000 * MS + 2 * WINDOW);
   receive(Y, true, system_now());  // too late
@@ -685,13 +675,9 @@ static void the_marks_of_a_clock_are_in_order_after_the_system_time_was_set_back
 // As nodes do: what waits counts by the clock of before.
 static void what_waits_while_a_clock_goes_back_is_of_the_time_before(void)
 {
-  struct fm_engine * engine = make(FM_TIMED, 0);
-  sim_time = 1000 * MS;
-  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
-  receive(Y, false, system_now());
-  call_back(Y);
-  receive(X, true, system_now());
-  call_back(X);
+  struct fm_engine * engine = make_on_clock();
+  arrive(Y, false);
+  arrive(X, true);
   announce(engine);
   move_clock(engine, 1000 * MS + 2 * WINDOW);
   receive(Y, true, system_now());  // too late
@@ -699,7 +685,7 @@ static void what_waits_while_a_clock_goes_back_is_of_the_time_before(void)
   move_clock(engine, MS);
   announce(engine);
   CHECK(n_taken == 1 && taken[0].stamp == 1000 * MS + WINDOW + 2);
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarts == 1);
   destroy(engine);
 }
 
@@ -727,7 +713,7 @@ static void what_begins_within_a_round_begins_once(void)
   announce(engine);
   announce(engine);
   CHECK(subscriptions[Y].taken == subscriptions[Y].sent);
-  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  CHECK(time_counts_of(engine).restarts == 0);
   destroy(engine);
 }
 
@@ -743,7 +729,7 @@ static void a_held_message_outlives_a_system_time_that_is_set_back(void)
   cost_ms = 0;
   CHECK(set_by != 0);
   announce(engine);
-  CHECK(subscriptions[X].taken == 1 && fm_engine_topic_counts(engine, Y).messages == 1);
+  CHECK(subscriptions[X].taken == 1 && topic_counts_of(engine, Y).messages == 1);
   set_by = 0;
   destroy(engine);
 }
@@ -752,8 +738,7 @@ static void a_header_counts_however_late_its_message_is_processed(void)
 {
   reorder = 20 * MS;
   struct fm_engine * engine = make(FM_TIMED, 0);
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(Y, false);
   announce(engine);
   const int64_t asked = system_now();
   receive(X, true, asked);
@@ -780,10 +765,8 @@ static struct fm_engine * make_gate(uint32_t policy)
     .from = N_TOPICS, .otherwise = FM_DROP};
   gate_memory = malloc((size_t)fm_gate_bytes(&rules));
   fm_engine_guard(engine, fm_gate_init(gate_memory, &rules), &rules);
-  receive(X, false, system_now());
-  call_back(X);
-  receive(Y, false, system_now());
-  call_back(Y);
+  arrive(X, false);
+  arrive(Y, false);
   return engine;
 }
 
@@ -832,10 +815,9 @@ void __wrap_fm_engine_begin_order(struct fm_engine * engine);
 void __wrap_fm_engine_begin_order(struct fm_engine * engine)
 {
   __real_fm_engine_begin_order(engine);
-  n_caught_up = fm_engine_topic_counts(engine, X).messages;
+  n_caught_up = topic_counts_of(engine, X).messages;
   if (is_between) {
-    receive(X, false, system_now());
-    call_back(X);
+    arrive(X, false);
   }
 }
 
@@ -849,7 +831,7 @@ static void a_callback_between_catching_up_and_judging_sets_no_time_back(uint32_
   }
   is_between = false;
   CHECK(subscriptions[X].taken == 11);
-  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  CHECK(time_counts_of(engine).restarts == 0);
   destroy(engine);
   free(gate_memory);
 }
@@ -871,7 +853,7 @@ static void a_gate_gets_its_turn_during_a_flood(void)
   is_endless = true;
   sleep_ms(500);  // so that the queues are looked at
   CHECK(pthread_create(&announcer, NULL, run_announcer, engine) == 0);
-  while (fm_engine_topic_counts(engine, X).messages < MOST_AT_ONCE) {
+  while (topic_counts_of(engine, X).messages < MOST_AT_ONCE) {
     sleep_ms(1);
   }
   uint64_t delivered = 0;
@@ -880,7 +862,7 @@ static void a_gate_gets_its_turn_during_a_flood(void)
     while (__atomic_load_n(&is_asked_to_rest, __ATOMIC_SEQ_CST) != 0) {
       sleep_ms(1);
     }
-    const uint64_t before = fm_engine_topic_counts(engine, X).messages;
+    const uint64_t before = topic_counts_of(engine, X).messages;
     CHECK(judge(engine) == FM_PASSED);
     delivered += n_caught_up - before;
   }
@@ -894,11 +876,8 @@ static void a_gate_gets_its_turn_during_a_flood(void)
 
 static void a_clock_that_moves_looks_for_messages_only_if_something_is_due(void)
 {
-  struct fm_engine * engine = make(FM_TIMED, 0);
-  sim_time = 1000 * MS;
-  fm_engine_follow_clock(engine, read_sim_time, NULL, false);
-  receive(Y, false, system_now());
-  call_back(Y);
+  struct fm_engine * engine = make_on_clock();
+  arrive(Y, false);
   announce(engine);
   n_takes = 0;
   for (uint32_t k = 0; k < 50; ++k) {
@@ -910,7 +889,7 @@ static void a_clock_that_moves_looks_for_messages_only_if_something_is_due(void)
   sim_time = 1 * MS;  // goes back
   fm_engine_wake(engine);
   announce(engine);
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarts == 1);
   destroy(engine);
 }
 

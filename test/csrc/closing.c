@@ -23,6 +23,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "fakes.h"
 
@@ -47,18 +48,18 @@ static void close_at(struct fm_engine * engine, const char * place)
 
 bool __wrap_fm_engine_is_closed(struct fm_engine * engine)
 {
-  close_at(engine, "before is_closed");
+  close_at(engine, "before_is_closed");
   const bool is_closed = __real_fm_engine_is_closed(engine);
-  close_at(engine, "after is_closed");
+  close_at(engine, "after_is_closed");
   return is_closed;
 }
 
 uint32_t __wrap_fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
 {
-  close_at(engine, "before take");
+  close_at(engine, "before_take");
   const uint32_t n = __real_fm_engine_take(engine, out, room, milliseconds);
-  close_at(engine, "after take");
+  close_at(engine, "after_take");
   return n;
 }
 
@@ -67,6 +68,7 @@ static int publish(const void * publisher, const void * message, void * allocati
   (void)publisher;
   (void)message;
   (void)allocation;
+  nanosleep(&(struct timespec) {0, 20000000}, NULL);  // who does not join it is there before
   published += 1;
   return 0;
 }

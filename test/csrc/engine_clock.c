@@ -207,7 +207,7 @@ static void * disturb(void * engine)
     resets += 1;
     fm_engine_want_details(engine, resets % 2 == 0, 1000);
     CHECK(fm_engine_deadline(engine) != FM_NEVER);
-    CHECK(fm_engine_time_counts(engine).restarts == 0);
+    CHECK(time_counts_of(engine).restarts == 0);
   }
   return NULL;
 }
@@ -317,18 +317,18 @@ static uint64_t check_order(void)
 
 static void check_counts(struct fm_engine * engine, int64_t least, int64_t most)
 {
-  const struct fm_time_counts counts = fm_engine_time_counts(engine);
+  const struct fm_time_counts counts = time_counts_of(engine);
   const struct fm_silence quiet = silence_of(engine, 1);
   const uint64_t beats = check_order();
   CHECK(counts.periods == beats && counts.missed == 0 && counts.restarts == 0);
-  CHECK(fm_engine_requirement_counts(engine, BEAT).steps == beats);
+  CHECK(requirement_counts_of(engine, BEAT).steps == beats);
   CHECK((int64_t)beats >= (least - lost) / (PERIOD_MS * MS) - 1);
   CHECK((int64_t)beats <= most / (PERIOD_MS * MS) + 1);
   CHECK(quiet.count <= sent + 1 && quiet.count >= sent / 2 && sent > 3);
-  CHECK(fm_engine_requirement_counts(engine, QUIET).announced >= quiet.count);
+  CHECK(requirement_counts_of(engine, QUIET).announced >= quiet.count);
   if (longest_gap < (FED_MS - PATIENCE_MS) * (int64_t)MS) {
     CHECK(silence_of(engine, 0).count == 0);
-    CHECK(fm_engine_requirement_counts(engine, FED).violations == 0);
+    CHECK(requirement_counts_of(engine, FED).violations == 0);
   }
 #ifndef FM_PAUSE
   CHECK(counts.late * 2 < counts.periods);
@@ -387,7 +387,7 @@ static void a_process_that_did_not_run_loses_no_period_and_finds_no_silence(void
       beats += 1;
     }
   }
-  CHECK(beats >= 30 && fm_engine_time_counts(engine).missed == 0);
+  CHECK(beats >= 30 && time_counts_of(engine).missed == 0);
   const int64_t begin = steady();
   while (silence_of(engine, 0).count == 0 && steady() < begin + 60000 * (int64_t)MS) {
     sleep_ms(PERIOD_MS);
@@ -415,7 +415,7 @@ static void an_engine_may_be_closed_in_the_middle_of_a_wait(void)
     for (uint32_t n = 0; n < n_taken; ++n) {
       beats += taken[n].requirement == BEAT ? 1u : 0u;
     }
-    CHECK(beats == fm_engine_time_counts(engine).periods);
+    CHECK(beats == time_counts_of(engine).periods);
     fm_engine_destroy(engine);
     free(memory);
   }

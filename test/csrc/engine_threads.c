@@ -321,9 +321,9 @@ static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
       fm_engine_reset(engine);
       fm_engine_want_details(engine, k % 2 == 0, 100);
       (void)fm_engine_evidence(engine, t, room, sizeof(room));
-      (void)fm_engine_value(engine, t, room);
-      (void)fm_engine_input_counts(engine, t);
-      (void)fm_engine_requirement_counts(engine, t);
+      (void)value_of(engine, t, room);
+      (void)input_counts_of(engine, t);
+      (void)requirement_counts_of(engine, t);
       (void)unpublished_of(engine);
       CHECK(fm_engine_message(engine, t, room, 1, &origin) == FM_UNDECODABLE);
     }
@@ -372,11 +372,11 @@ static void check_counts(struct fm_engine * engine)
   }
   const uint64_t senders = N_SENDERS / N_TOPICS;
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
-    const struct fm_topic_counts counts = fm_engine_topic_counts(engine, t);
-    const struct fm_requirement_counts violated = fm_engine_requirement_counts(engine, t);
+    const struct fm_topic_counts counts = topic_counts_of(engine, t);
+    const struct fm_requirement_counts violated = requirement_counts_of(engine, t);
     CHECK(counts.undecodable == senders * garbage + N_RENEWALS);
     CHECK(counts.messages == senders * (N_MESSAGES - garbage));
-    CHECK(fm_engine_input_counts(engine, t).unusable == senders * useless);
+    CHECK(input_counts_of(engine, t).unusable == senders * useless);
     CHECK(violated.violations >= senders * bad);
     CHECK(violated.violations <= senders * (bad + useless));
     CHECK(violated.announced == violated.violations);

@@ -120,7 +120,7 @@ static bool is_taken(uint32_t k, uint32_t requirement, int64_t stamp)
 static bool are_counted(
   struct fm_engine * engine, uint64_t periods, uint64_t missed, uint64_t restarts)
 {
-  const struct fm_time_counts counts = fm_engine_time_counts(engine);
+  const struct fm_time_counts counts = time_counts_of(engine);
   return counts.periods == periods && counts.missed == missed && counts.restarts == restarts;
 }
 
@@ -147,7 +147,7 @@ SCENARIO(what_is_due_is_stamped_with_its_instant)
   for (uint32_t k = 0; k < 9; ++k) {
     CHECK(is_taken(k, BEAT, 7 + (k + 2) * PERIOD) && taken[k].step == k + 1);
   }
-  const struct fm_time_counts counts = fm_engine_time_counts(engine);
+  const struct fm_time_counts counts = time_counts_of(engine);
   CHECK(counts.periods == 10 && counts.late == 8 && counts.missed == 0 && counts.restarts == 0);
   destroy(engine);
 }
@@ -324,7 +324,7 @@ SCENARIO(a_closed_engine_takes_nothing)
   clock.now += 10 * TIMEOUT;
   deliver(engine, true, 0);
   CHECK(take(engine) == 0 && are_counted(engine, 0, 0, 0));
-  CHECK(fm_engine_topic_counts(engine, 0).messages == 0);
+  CHECK(topic_counts_of(engine, 0).messages == 0);
   CHECK(!silence_of(engine, 0).is_silent);
   destroy(engine);
   engine = make(FM_PERIODIC, TIMEOUT, 0);
@@ -343,11 +343,11 @@ SCENARIO(a_record_of_an_unknown_topic_is_ignored)
   uint8_t room[8];
   CHECK(deliver_to(engine, 1, true, 0) == FM_RECEIVED);
   CHECK(deliver_to(engine, UINT32_MAX, true, 0) == FM_RECEIVED);
-  CHECK(take(engine) == 0 && fm_engine_topic_counts(engine, 0).messages == 0);
-  CHECK(fm_engine_topic_counts(engine, 1).messages == 0);
-  CHECK(fm_engine_input_counts(engine, 0).received == 0);
+  CHECK(take(engine) == 0 && topic_counts_of(engine, 0).messages == 0);
+  CHECK(topic_counts_of(engine, 1).messages == 0);
+  CHECK(input_counts_of(engine, 0).received == 0);
   CHECK(fm_engine_lost(engine, 1) == 0 && fm_engine_evidence(engine, 1, room, 8) == 0);
-  CHECK(!silence_of(engine, 1).is_silent && !fm_engine_value(engine, 1, room));
+  CHECK(!silence_of(engine, 1).is_silent && !value_of(engine, 1, room));
   fm_engine_begin_handover(engine, 1, true);
   fm_engine_end_handover(engine, 1);
   destroy(engine);
@@ -409,7 +409,7 @@ SCENARIO(times_at_the_ends_of_the_range_are_times)
   follow(engine, &clock);
   CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND);
   clock.now = 1;
-  CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND && fm_engine_time_counts(engine).restarts == 1);
+  CHECK(take(engine) <= FM_MOST_PERIODS_BEHIND && time_counts_of(engine).restarts == 1);
   deliver(engine, true, 0);
   destroy(engine);
   engine = make(FM_PERIODIC, TIMEOUT, PATIENCE);
@@ -417,6 +417,6 @@ SCENARIO(times_at_the_ends_of_the_range_are_times)
   fm_engine_advance(engine, INT64_MAX - 1);
   CHECK(take(engine) == FM_MOST_PERIODS_BEHIND);
   fm_engine_advance(engine, INT64_MIN);
-  CHECK(take(engine) == 0 && fm_engine_time_counts(engine).restarts == 1);
+  CHECK(take(engine) == 0 && time_counts_of(engine).restarts == 1);
   destroy(engine);
 }

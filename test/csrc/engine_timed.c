@@ -22,6 +22,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "engine.h"
+#include "engine_locked.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -29,6 +30,7 @@
 
 #include "fakes.h"
 #include "scenarios.h"
+#include "seen.h"
 
 enum { X, Y, GOT_X, AGE, N_INPUTS };
 enum { ANSWER, BEAT, OLD, N_REQUIREMENTS };
@@ -261,6 +263,7 @@ static void play(struct fm_engine * engine, const struct event * events, size_t 
 // that stand.
 static int64_t set_back = 0;
 static int64_t stands_at = 0;  // by CLOCK_MONOTONIC; 0: the clocks run
+static uint32_t n_readings = 0;
 
 int __real_clock_gettime(clockid_t clock, struct timespec * out);
 int __wrap_clock_gettime(clockid_t clock, struct timespec * out);
@@ -268,6 +271,7 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec * out);
 int __wrap_clock_gettime(clockid_t clock, struct timespec * out)
 {
   const int result = __real_clock_gettime(clock, out);
+  n_readings += 1;
   const int64_t back = clock == CLOCK_REALTIME ? set_back : 0;
   const int64_t read = (int64_t)out->tv_sec * 1000 * MS + (int64_t)out->tv_nsec;
   const int64_t time = (stands_at != 0 ? stands_at : read) - back;
@@ -306,7 +310,7 @@ SCENARIO(ages_are_seconds_from_the_stamp_to_the_reception)
   double age = 0.0;
   fm_engine_advance(engine, 0);
   deliver(engine, TOPIC_X, true, INT64_C(1000000000), INT64_C(1250000000));
-  CHECK(fm_engine_value(engine, AGE, &age) && age == 0.25);
+  CHECK(value_of(engine, AGE, &age) && age == 0.25);
   take(engine, 0);
   CHECK(count_of(OLD) == 0);
   deliver(engine, TOPIC_X, true, INT64_C(1000000000), INT64_C(1500000000));
@@ -342,8 +346,8 @@ SCENARIO(a_clock_that_starts_again_starts_the_groups_afresh)
   struct fm_engine * engine = make_with_clock(-1, 1000);
   PLAY(engine, Y_OF(false, 0, 1), X_OF(true, 0, 1), CLOCK(1050), TAKE, CLOCK(20),
     X_OF(true, 0, 1));
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
-  CHECK(fm_engine_time_counts(engine).restarted_at == 20);
+  CHECK(time_counts_of(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarted_at == 20);
   PLAY(engine, CLOCK(119), TAKE);
   CHECK(count_of(ANSWER) == 0);
   PLAY(engine, CLOCK(500), TAKE);
@@ -361,7 +365,7 @@ SCENARIO(messages_at_one_time_of_a_clock_take_effect_one_by_one)
     take(engine, 0);
   }
   PLAY(engine, CLOCK(1010), TAKE, X_OF(false, 0, 1));
-  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  CHECK(time_counts_of(engine).restarts == 0);
   PLAY(engine, CLOCK(1099), TAKE);
   CHECK(n_taken == 0);
   PLAY(engine, CLOCK(1101), TAKE);
@@ -401,7 +405,7 @@ SCENARIO(an_answer_while_the_clock_stands_at_the_deadline_counts)
       }
       CHECK(count_of(ANSWER) == (uint32_t)late);  // asked at 1001
       CHECK(late == 0 || is_taken(ANSWER, 1101, 100));
-      CHECK(fm_engine_time_counts(engine).restarts == 0);
+      CHECK(time_counts_of(engine).restarts == 0);
       destroy(engine);
     }
   }
@@ -411,15 +415,15 @@ SCENARIO(without_a_time_messages_are_steps_of_the_last_instant)
 {
   struct fm_engine * engine = make_with_clock(-1, 0);
   PLAY(engine, Y_OF(false, 0, 1), X_OF(true, 0, 1), TAKE);
-  CHECK(n_taken == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  CHECK(n_taken == 0 && requirement_counts_of(engine, ANSWER).steps == 0);
   PLAY(engine, CLOCK(500), TAKE);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 0);
   PLAY(engine, CLOCK(501), TAKE);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 1);
   simulated.fails = true;
   deliver(engine, TOPIC_X, false, 0, 1);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
-  CHECK(count_of(OLD) == 0 && fm_engine_input_counts(engine, AGE).unusable == 2);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 2);
+  CHECK(count_of(OLD) == 0 && input_counts_of(engine, AGE).unusable == 2);
   simulated.fails = false;
   PLAY(engine, CLOCK(10000), TAKE);
   CHECK(is_taken(ANSWER, 600, 100) && is_taken(BEAT, 702, 202));
@@ -454,8 +458,46 @@ SCENARIO(a_reception_ends_with_its_message_and_wakes_no_thread)
   const struct timespec pause = {0, 2 * MS};
   nanosleep(&pause, NULL);
   deliver(engine, TOPIC_X, true, 0, time_of(CLOCK_REALTIME) - MS);
-  CHECK(fm_engine_requirement_counts(engine, BEAT).steps == 2);
-  CHECK(fm_engine_requirement_counts(engine, BEAT).verdict);
+  CHECK(requirement_counts_of(engine, BEAT).steps == 2);
+  CHECK(requirement_counts_of(engine, BEAT).verdict);
+  destroy(engine);
+}
+
+// As a receiver does in a callback of the middleware. Returns the number of clocks that were read.
+static uint32_t deliver_in_callback(
+  struct fm_engine * engine, uint32_t topic, bool value, int64_t received)
+{
+  struct fm_field fields[N_INPUTS];
+  const struct message message = {0, value};
+  const struct fm_origin origin = {received, 0, 0, NULL, false};
+  struct fm_reading reading = {fields, NULL, 0, 0, false};
+  reading.is_decoded = fm_engine_read(
+    engine, topic, (const uint8_t *)&message, sizeof(message), fields, &reading.stamp);
+  CHECK(fm_engine_begin_taking(engine));
+  const uint32_t before = n_readings;
+  fm_engine_deliver_locked(engine, topic, &reading, &origin);
+  const uint32_t n = n_readings - before;
+  fm_engine_end_taking(engine, false);
+  return n;
+}
+
+SCENARIO(a_message_in_a_callback_costs_one_reading_of_a_clock)
+{
+  window = 100 * MS;
+  stands_at = time_of(CLOCK_MONOTONIC);
+  struct fm_engine * engine = make(-1);
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  deliver_in_callback(engine, TOPIC_Y, false, stands_at - MS);
+  deliver_in_callback(engine, TOPIC_X, false, stands_at - MS);
+  stands_at += 10 * MS;
+  CHECK(deliver_in_callback(engine, TOPIC_Y, false, stands_at) == 1);
+  stands_at += 10 * MS;
+  set_back = 1000 * MS;  // the system time
+  CHECK(deliver_in_callback(engine, TOPIC_X, true, stands_at - set_back) > 1);
+  CHECK(fm_engine_deadline(engine) == stands_at + 1);  // the reception ends
+  set_back = stands_at = 0;
+  window = 100;
   destroy(engine);
 }
 
@@ -468,9 +510,9 @@ SCENARIO(messages_take_effect_in_the_order_of_their_stamps)
     X_OF(true, 1100, 1140), Y_OF(false, 1130, 1141));
   CHECK(fm_engine_deadline(engine) == 1100);
   fm_engine_advance(engine, 1149);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 0);
   PLAY(engine, ADVANCE(1279), TAKE);
-  CHECK(count_of(ANSWER) == 0 && fm_engine_requirement_counts(engine, ANSWER).steps == 3);
+  CHECK(count_of(ANSWER) == 0 && requirement_counts_of(engine, ANSWER).steps == 3);
   fm_engine_advance(engine, 1280);  // x is still true since 1130, and no answer until 1230
   take(engine, 0);
   CHECK(is_taken(ANSWER, 1230, 130));
@@ -515,7 +557,7 @@ SCENARIO(a_late_message_takes_effect_after_what_is_decided_then)
   n_taken = 0;
   PLAY(engine, CLOCK(3000), TAKE);
   CHECK(is_taken(ANSWER, 2001, 971));  // asked again at 1901, after the message at 1900
-  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  CHECK(time_counts_of(engine).restarts == 0);
   destroy(engine);
 }
 
@@ -527,8 +569,8 @@ SCENARIO(messages_of_one_stamp_do_not_move_the_time_back)
   }
   PLAY(engine, CLOCK(1050), TAKE, X_OF(false, 10, 1), X_OF(false, 10, 1), X_OF(false, 10, 1),
     TAKE);
-  CHECK(fm_engine_time_counts(engine).restarts == 0);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 10);
+  CHECK(time_counts_of(engine).restarts == 0);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 10);
   destroy(engine);
 }
 
@@ -541,10 +583,10 @@ SCENARIO(when_too_many_wait_the_oldest_takes_effect)
   }
   CHECK(fm_engine_order_counts(engine, TOPIC_X).overflows == 9);
   CHECK(fm_engine_order_counts(engine, TOPIC_Y).overflows == 1);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 9);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 9);
   fm_engine_advance(engine, 3000000);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == MOST_WAITING + 9);
-  CHECK(fm_engine_time_counts(engine).restarts == 0);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == MOST_WAITING + 9);
+  CHECK(time_counts_of(engine).restarts == 0);
   destroy(engine);
 }
 
@@ -552,7 +594,7 @@ SCENARIO(when_the_clock_of_stamps_goes_back_what_waits_takes_effect)
 {
   struct fm_engine * engine = make_with_clock(50, 10000);
   PLAY(engine, Y_OF(false, 10000, 1), X_OF(true, 10010, 1), CLOCK(500), X_OF(false, 490, 1));
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarts == 1);
   CHECK(fm_engine_order_counts(engine, TOPIC_X).late == 0);
   PLAY(engine, CLOCK(540), TAKE, CLOCK(1000), TAKE);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));  // asked at 450, the begin
@@ -565,7 +607,7 @@ SCENARIO(when_the_clock_goes_back_no_deadline_is_taken_that_never_came)
   // asked for an answer until 10050
   PLAY(engine, Y_OF(false, 9940, 1), X_OF(true, 9950, 1), TAKE);
   PLAY(engine, X_OF(false, 20000, 1), CLOCK(500), TAKE);
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarts == 1);
   CHECK(count_of(ANSWER) == 0);
   PLAY(engine, X_OF(true, 450, 1), X_OF(false, 9000, 1));  // and of another clock
   fm_engine_follow_steady(engine);
@@ -581,7 +623,7 @@ SCENARIO(when_the_clock_goes_back_the_deadlines_that_have_come_are_taken_first)
   // the time is 10100, and nothing was taken since
   PLAY(engine, CLOCK(10020), TAKE, CLOCK(10150), Y_OF(true, 20000, 1));
   PLAY(engine, CLOCK(500), TAKE);
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarts == 1);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 10060, 100));
   destroy(engine);
 }
@@ -591,9 +633,9 @@ SCENARIO(messages_that_wait_take_effect_before_another_clock_is_followed)
   struct clock other = {500, false};
   struct fm_engine * engine = make_with_clock(50, 10000);
   PLAY(engine, Y_OF(false, 9940, 1), X_OF(true, 9980, 1));
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 0);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 0);
   fm_engine_follow_clock(engine, read_clock, &other, false);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 1);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 1);
   other.now = 20000;  // the stamp of the other clock has come, and means nothing
   take(engine, 0);
   CHECK(count_of(ANSWER) == 1 && is_taken(ANSWER, 550, 100));
@@ -606,7 +648,7 @@ SCENARIO(a_message_without_a_stamp_cannot_be_decoded)
   const uint8_t message[] = {1};
   const struct fm_origin origin = {1, 0, 0, NULL, false};
   CHECK(fm_engine_message(engine, TOPIC_Y, message, sizeof(message), &origin) == FM_UNDECODABLE);
-  CHECK(fm_engine_topic_counts(engine, TOPIC_Y).undecodable == 1);
+  CHECK(topic_counts_of(engine, TOPIC_Y).undecodable == 1);
   destroy(engine);
 }
 
@@ -635,14 +677,14 @@ SCENARIO(a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect)
   fm_engine_begin(engine);
   deliver(engine, TOPIC_Y, false, time_of(CLOCK_REALTIME), time_of(CLOCK_REALTIME));
   deliver(engine, TOPIC_X, true, time_of(CLOCK_REALTIME), time_of(CLOCK_REALTIME));
-  CHECK(fm_engine_requirement_counts(engine, OLD).steps == 0);
+  CHECK(requirement_counts_of(engine, OLD).steps == 0);
   nanosleep(&pause, NULL);
   set_back = 20 * MS;
   deliver(engine, TOPIC_Y, false, time_of(CLOCK_REALTIME), time_of(CLOCK_REALTIME));
-  CHECK(fm_engine_time_counts(engine).restarts == 1);
+  CHECK(time_counts_of(engine).restarts == 1);
   // At the message that waited, and at the start after it.
-  CHECK(fm_engine_requirement_counts(engine, OLD).steps == 2);
-  CHECK(fm_engine_requirement_counts(engine, ANSWER).steps == 2);
+  CHECK(requirement_counts_of(engine, OLD).steps == 2);
+  CHECK(requirement_counts_of(engine, ANSWER).steps == 2);
   set_back = 0;
   destroy(engine);
 }

@@ -85,6 +85,18 @@ static void a_publisher_is_known_from_its_first_message(void)
   check(losses.lost == 1, "a new publisher begins anew");
 }
 
+static void what_the_middleware_dropped_is_not_lost(void)
+{
+  struct fm_arrivals losses = {0};
+  note(&losses, 1, 5);
+  losses.dropped = 3;
+  note(&losses, 1, 7);
+  check(losses.lost == 0 && losses.dropped == 2, "one number is missing");
+  note(&losses, 2, 1);
+  note(&losses, 2, 5);
+  check(losses.lost == 1 && losses.dropped == 0, "three are missing, two of them dropped");
+}
+
 static void without_numbers_nothing_is_lost(void)
 {
   struct fm_arrivals losses = {0};
@@ -192,6 +204,7 @@ int main(int argc, char ** argv)
   all_dropped_messages_are_counted(1);
   all_dropped_messages_are_counted(FM_MOST_PUBLISHERS);
   a_publisher_is_known_from_its_first_message();
+  what_the_middleware_dropped_is_not_lost();
   without_numbers_nothing_is_lost();
   what_comes_late_is_not_lost();
   losses_from_before_a_handover_are_counted_during_it();

@@ -28,6 +28,7 @@
 
 #include "check.h"
 #include "monitor_node.h"
+#include "seen.h"
 
 enum { FIXED, HEAT };  // topics and inputs, in the order of the bundle
 
@@ -194,7 +195,7 @@ static void review_for(uint32_t seconds)
 
 static uint64_t received(void)
 {
-  return fm_engine_topic_counts(node.session.engine, HEAT).messages;
+  return topic_counts_of(node.session.engine, HEAT).messages;
 }
 
 // Publish until a message is received.

@@ -23,6 +23,7 @@
 #include "check.h"
 #include "fakes.h"
 #include "engine_locked.h"
+#include "seen.h"
 
 // ---- a middleware with one subscription --------------------------------------------------------
 
@@ -32,7 +33,13 @@ struct subscription
   uint64_t sent;
   uint64_t taken;
   uint64_t late;  // messages that come just after a take has found none
+  uint64_t garbled;  // the next messages, without a header: the middleware drops them
 };
+
+static bool is_error_set = false;
+
+static void forget_error_of_drop(void) {is_error_set = false;}
+static bool has_error_of_drop(void) {return is_error_set;}
 
 static void send(struct subscription * subscription, uint64_t count);
 
@@ -53,6 +60,12 @@ static int take(
   (void)allocation;
   // A later version of the middleware may write the padding.
   memset(info, 0, sizeof(struct fm_padded_info));
+  if (self->garbled > 0 && self->taken < self->sent) {
+    self->garbled -= 1;
+    self->taken += 1;
+    is_error_set = true;
+    return 0;
+  }
   *taken = self->taken < self->sent;
   self->taken += *taken ? 1u : 0u;
   info->publication_sequence_number = self->taken;
@@ -105,12 +118,12 @@ static struct fm_engine * make_engine(void)
 
 static uint64_t received(struct fm_engine * engine)
 {
-  return fm_engine_topic_counts(engine, 0).messages;
+  return topic_counts_of(engine, 0).messages;
 }
 
 static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
 {
-  struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -135,7 +148,7 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
 
 static void a_drain_delivers_all_that_waits(void)
 {
-  struct subscription subscription = {{NULL, NULL, false}, 2500, 0, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 2500, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -150,7 +163,7 @@ static void a_drain_delivers_all_that_waits(void)
 // The callback comes while a drain takes, so it leaves its message to the drain.
 static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
 {
-  struct subscription subscription = {{NULL, NULL, false}, 1, 0, 2};
+  struct subscription subscription = {{NULL, NULL, false}, 1, 0, 2, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -167,7 +180,7 @@ static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
 
 static void a_callback_that_is_not_forgotten_does_no_harm(void)
 {
-  struct subscription subscription = {{NULL, NULL, true}, 0, 0, 0};
+  struct subscription subscription = {{NULL, NULL, true}, 0, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
@@ -184,7 +197,7 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
 // Where the callback must not take, nothing is taken within it.
 static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_catches_up(void)
 {
-  struct subscription subscription = {{NULL, NULL, false}, 2, 0, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 2, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   struct fm_violation none;
@@ -205,9 +218,38 @@ static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_ca
   free(memory);
 }
 
+static void what_the_middleware_drops_is_undecodable_and_not_lost(uint32_t taking)
+{
+  struct subscription subscription = {{NULL, NULL, false}, 1, 0, 0, 0};
+  struct fm_engine * engine = make_engine();
+  struct fm_middleware drops = middleware;
+  struct fm_receiver * receiver = NULL;
+  struct fm_violation none;
+  drops.has_error = has_error_of_drop;
+  drops.forget_error = forget_error_of_drop;
+  CHECK(fm_receiver_start(&receiver, engine, &drops, &subscription, 0, taking));
+  for (uint64_t k = 1; k < 4; ++k) {
+    subscription.garbled = 2;
+    send(&subscription, 2);
+    CHECK(fm_engine_take(engine, &none, 1, 0) == 0);
+    CHECK(topic_counts_of(engine, 0).undecodable == 2 * k);
+    send(&subscription, 1);
+    CHECK(fm_engine_take(engine, &none, 1, 0) == 0);
+    CHECK(received(engine) == 1 + k && fm_engine_lost(engine, 0) == 0);
+  }
+  fm_receiver_retire(receiver);
+  subscription.garbled = 1;
+  send(&subscription, 1);
+  fm_engine_drain(engine);
+  CHECK(topic_counts_of(engine, 0).undecodable == 6);
+  CHECK(fm_receiver_stop(&receiver));
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
 static void a_middleware_without_a_callback_is_refused(void)
 {
-  struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0};
+  struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_middleware without = middleware;
   struct fm_receiver * receiver = NULL;
@@ -226,6 +268,8 @@ int main(void)
   a_message_that_comes_during_a_drain_is_taken_by_it();
   a_callback_that_is_not_forgotten_does_no_harm();
   a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_catches_up();
+  what_the_middleware_drops_is_undecodable_and_not_lost(FM_LISTEN);
+  what_the_middleware_drops_is_undecodable_and_not_lost(FM_WAKE);
   a_middleware_without_a_callback_is_refused();
   return failures == 0 ? 0 : 1;
 }

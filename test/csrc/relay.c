@@ -357,6 +357,31 @@ static void a_flood_passes_in_order_through_a_handover(void)
   end(&bench);
 }
 
+// The new one may get its messages before; what it has is no history for the old one.
+static void a_subscription_that_is_replaced_delivers_what_it_has_late(void)
+{
+  struct bench bench = begin(FM_DROP, 0);
+  struct subscription before;
+  struct subscription after;
+  make_subscription(&before, 0);
+  make_subscription(&after, 2);
+  give_flag(bench.engine, true);
+  CHECK(fm_relay_add(bench.relay, &before));
+  send(&before, 1);
+  CHECK(wait_for(&publishers[0], 1));
+  fm_engine_begin_handover(bench.engine, LEVEL, true);
+  fm_relay_retire(bench.relay, &before);
+  CHECK(fm_relay_add(bench.relay, &after));
+  send(&after, 1);
+  CHECK(wait_for(&publishers[0], 2));
+  send(&before, 1);
+  CHECK(wait_for(&publishers[0], 3));
+  CHECK(publishers[0].numbers[1] == 3 && publishers[0].numbers[2] == 2);
+  CHECK(fm_relay_remove(bench.relay, &before));
+  CHECK(fm_relay_remove(bench.relay, &after));
+  end(&bench);
+}
+
 static void nothing_is_lost_or_repeated_without_a_handover(void)
 {
   struct bench bench = begin(FM_DROP, 0);
@@ -565,6 +590,7 @@ int main(void)
   nothing_is_lost_or_repeated_without_a_handover();
   what_waits_in_a_subscription_that_is_removed_is_taken();
   a_flood_passes_in_order_through_a_handover();
+  a_subscription_that_is_replaced_delivers_what_it_has_late();
   substitutes_come_from_the_start_and_when_another_topic_violates();
   a_failing_publisher_is_counted();
   a_middleware_without_callbacks_is_refused();

@@ -45,6 +45,20 @@ STRUCTS = {
         name: name for name in (
             'typesupport_identifier', 'data', 'func', 'get_type_hash_func',
             'get_type_description_func', 'get_type_description_sources_func')}),
+    'fm_service_support': ('rosidl_service_type_support_t', {
+        name: name for name in (
+            'typesupport_identifier', 'data', 'func', 'request_typesupport',
+            'response_typesupport')}),
+    'fm_service_info': ('rmw_service_info_t', {
+        'source_timestamp': 'source_timestamp', 'received_timestamp': 'received_timestamp',
+        'writer_guid': 'request_id.writer_guid',
+        'sequence_number': 'request_id.sequence_number'}),
+    'fm_message_member': ('rosidl_typesupport_introspection_c__MessageMember', {
+        name: f'{name}_' for name in (
+            'name', 'type_id', 'members', 'is_array', 'offset', 'default_value')}),
+    'fm_message_members': ('rosidl_typesupport_introspection_c__MessageMembers', {
+        'member_count': 'member_count_', 'size': 'size_of_', 'members': 'members_',
+        'init': 'init_function', 'fini': 'fini_function'}),
     'fm_gid': ('rmw_gid_t', {'implementation': 'implementation_identifier', 'data': 'data'}),
     'fm_message_info': ('rmw_message_info_t', {
         'source_timestamp': 'source_timestamp', 'received_timestamp': 'received_timestamp',
@@ -60,7 +74,15 @@ FUNCTIONS = {
     'forget_error': 'rcutils_reset_error',
     'has_error': 'rcutils_error_is_set',
     'take_message': 'rmw_take_with_info',
+    'is_available': 'rmw_service_server_is_available',
+    'send': 'rmw_send_request',
+    'take_response': 'rmw_take_response',
+    'deserialize': 'rmw_deserialize',
+    'publish_serialized': 'rmw_publish_serialized_message',
 }
+PREFIXES = ('fm_service_support',)  # of a longer struct
+KINDS = {'BOOLEAN': 'FM_BOOLEAN_FIELD', 'UINT8': 'FM_UINT8_FIELD', 'STRING': 'FM_STRING_FIELD',
+         'MESSAGE': 'FM_MESSAGE_FIELD'}
 
 
 def run(*command: object, folder: Path | None = None) -> 'subprocess.CompletedProcess[str]':
@@ -96,7 +118,7 @@ class Sanitized:
             flags = ('-include', PAUSE, *flags)
         program = self._folder / name
         built = run(*self._command, *flags, HERE / f'{name}.c', *objects.values(), '-o', program,
-                    '-pthread')
+                    '-lm', '-pthread')
         assert (built.returncode, built.stdout) == (0, '')
         return program
 
@@ -123,7 +145,7 @@ def sanitized(request: pytest.FixtureRequest) -> Sanitized:
     return found
 
 
-@pytest.mark.parametrize('name', ['engine_threads', 'receivers', 'relay', 'locks'])
+@pytest.mark.parametrize('name', ['engine_threads', 'receivers', 'relay', 'locks', 'actions'])
 def test_threads(sanitized: Sanitized, name: str) -> None:
     program = sanitized.program(name)
     for _ in range(max(1, EXAMPLES // 50)):
@@ -166,7 +188,7 @@ def test_only_the_announcer_takes_violations() -> None:
 def test_a_violation_queued_just_before_closing_is_published(addresses: Sanitized) -> None:
     program = addresses.program(
         'closing', '-Wl,--wrap=fm_engine_is_closed,--wrap=fm_engine_take')
-    for place in ('before take', 'after take', 'before is_closed', 'after is_closed'):
+    for place in ('before_take', 'after_take', 'before_is_closed', 'after_is_closed'):
         done = run(program, place)
         assert (done.returncode, done.stdout) == (0, '')
 
@@ -220,9 +242,15 @@ def include_flags() -> list[str]:
 
 def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> None:
     lines = ['#include <rmw/rmw.h>', '#include <rcutils/error_handling.h>',
-             '#include "in_place.h"']
+             '#include "in_place.h"', '#include "service_call.h"',
+             '#include <rosidl_typesupport_introspection_c/message_introspection.h>',
+             '#include <rosidl_typesupport_introspection_c/field_types.h>']
+    lines += [f'_Static_assert((int){ours} == '
+              f'(int)rosidl_typesupport_introspection_c__ROS_TYPE_{name}, "{name}");'
+              for name, ours in KINDS.items()]
     for ours, (theirs, fields) in STRUCTS.items():
-        lines.append(f'_Static_assert(sizeof(struct {ours}) == sizeof({theirs}), "{ours}");')
+        if ours not in PREFIXES:
+            lines.append(f'_Static_assert(sizeof(struct {ours}) == sizeof({theirs}), "{ours}");')
         for mine, other in fields.items():
             lines.append(f'_Static_assert(offsetof(struct {ours}, {mine}) == '
                          f'offsetof({theirs}, {other}), "{ours}.{mine}");')
@@ -232,7 +260,9 @@ def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> No
     lines.append('_Static_assert(sizeof(rmw_ret_t) == sizeof(int), "result");')
     # All arguments are pointers, so a call through our type is correct if both take as many. An
     # assignment with a cast to the middleware's type would hide a missing argument.
-    counts = {'take': 5, 'listen': 3, 'publish': 3, 'has_error': 0, 'take_message': 5}
+    counts = {'take': 5, 'listen': 3, 'publish': 3, 'has_error': 0, 'take_message': 5,
+              'is_available': 3, 'send': 3, 'take_response': 4, 'deserialize': 3,
+              'publish_serialized': 3}
     for field, count in counts.items():
         arguments = ', '.join(['(void *)0'] * count)
         lines.append(f'int call_{field}(void) {{return (int){FUNCTIONS[field]}({arguments});}}')

@@ -26,6 +26,7 @@
 #include <string.h>
 
 #include "scenarios.h"
+#include "seen.h"
 
 // ---- the monitor -------------------------------------------------------------------------------
 
@@ -461,13 +462,13 @@ SCENARIO(receptions_of_two_topics_are_told_apart)
   struct fm_evaluator * evaluator = made();
   bool seen;
   PLAY(evaluator, AT(0), P_AT(true, 100), Q_AT(true, 101));
-  CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && !seen);
-  CHECK(fm_evaluator_value(evaluator, GOT_Q, &seen) && seen);
+  CHECK(value_in(evaluator, &MONITOR, GOT_P, &seen) && !seen);
+  CHECK(value_in(evaluator, &MONITOR, GOT_Q, &seen) && seen);
   CHECK(evaluations[ALIVE] == 1 && !verdict(evaluator, ALIVE));
   message(evaluator, TOPIC_P, true, 102);
   CHECK(verdict(evaluator, ALIVE) && last_tick[ALIVE] == 1);
   PLAY(evaluator, P_AT(true, 103), P_AT(true, 103));
-  CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && seen && last_tick[ALIVE] == 3);
+  CHECK(value_in(evaluator, &MONITOR, GOT_P, &seen) && seen && last_tick[ALIVE] == 3);
   advance(evaluator, 1000);
   CHECK(is_found(ALIVE, 115, 14) && count_of(ALIVE) == 2);
 }
@@ -479,7 +480,7 @@ SCENARIO(a_group_that_an_initial_value_begins_has_no_reception_from_before)
   bool seen;
   PLAY(evaluator, AT(0), P_AT(true, 100), AT(200));
   fm_evaluator_initial(evaluator, GOT_Q, no);
-  CHECK(fm_evaluator_value(evaluator, GOT_P, &seen) && !seen);
+  CHECK(value_in(evaluator, &MONITOR, GOT_P, &seen) && !seen);
   advance(evaluator, 1000);
   CHECK(is_found(ALIVE, 200, 0));
 }

@@ -35,7 +35,8 @@ from fret.test_shared_data import meaning
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Choice, Constant, Feedback, Formula, FTP, Historically, Once,
-    postorder, Previous, Since, Triggered, TRUE, Unary, UnaryOperator, Variable, Window, Yesterday,
+    postorder, Previous, Since, Slope, Triggered, TRUE, Unary, UnaryOperator, Variable, Window,
+    Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.logic.timed import evaluate_timed, History, TimedTrace, value_at
@@ -96,13 +97,28 @@ class TimedFormulaMaker(FormulaMaker):
     def __init__(self, draw: Draw, scale: Scale, inputs: Sequence[Variable] = INPUTS) -> None:
         """Start with no terms to share."""
         super().__init__(draw, inputs, bounds=scale.bounds)
-        self._longest_exact = scale.longest_exact
+        self._scale = scale
+
+    def past(self) -> int:
+        """Return the length of a window that has room for all changes within it."""
+        return self._pick([bound for bound in self._scale.bounds
+                           if bound <= self._scale.longest_exact])
+
+    def messages(self) -> Formula:
+        """Return when a message comes: at one tick each time."""
+        event = self.formula(1)
+        return Binary(BinaryOperator.AND, event, no(Yesterday(event)))
+
+    def _mathematics(self) -> Formula:
+        if self._draw(2):
+            return Slope(self.term(ValueType.FLOAT64, 3), self.messages())
+        return super()._mathematics()
 
     def window(self) -> Window:
         """Return a window of any form."""
         found = super().window()
         is_exact = found.low == found.high
-        if (found.low > self._longest_exact) if is_exact else is_narrow(found):
+        if (found.low > self._scale.longest_exact) if is_exact else is_narrow(found):
             return Window(found.low // 2, found.high)
         return found
 

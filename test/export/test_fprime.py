@@ -280,6 +280,9 @@ requirements:
 
 
 @pytest.mark.parametrize(('text', 'expected'), [
+    ('inputs:\n  x: {transform: {from: map, to: base}, field: translation.x}\n'
+     'requirements:\n  - {id: R-1, ptltl: "x < 1.0"}\n',
+     "bundle.yaml:3:3: error: 'x' is a transform\n"),
     ('inputs:\n  word: {type: string, values: {go: "1"}}\nrequirements:\n'
      '  - {id: R-1, ptltl: "word = go"}\n',
      "bundle.yaml:3:3: error: 'word' is a string, which ports of F Prime do not have\n"),

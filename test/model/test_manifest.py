@@ -21,7 +21,7 @@ from typing import Any
 
 from fret_monitor.model.manifest import (
     Manifest, ManifestAction, ManifestError, ManifestGate, ManifestGroup, ManifestInput,
-    ManifestRequirement, ManifestTopic,
+    ManifestRequirement, ManifestTopic, ManifestTransform,
 )
 from fret_monitor.model.paths import LookUp, Sector, Slice
 from fret_monitor.model.policies import (
@@ -58,7 +58,8 @@ MANIFEST = Manifest(
     gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
                       substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
                       open_after=2 * 10 ** 9, timeout=10 ** 9),
-    kept=(('other', ('R-2',)),))
+    kept=(('other', ('R-2',)),),
+    transforms=(ManifestTransform('map', 'base_link', 1),))
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -99,7 +100,7 @@ ALLOWED: dict[str, list[Any]] = {
     **{f'actions[{index}].retries': [HUGE] for index in (0, 1)},
 }
 EMPTY = ('path', 'values', 'qos', 'sources', 'constants', 'on_violation', 'on_end',
-         'kept', 'kept[0][1]')  # lists that may be empty
+         'kept', 'kept[0][1]', 'transforms')  # lists that may be empty
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
@@ -135,7 +136,7 @@ def is_allowed(key: str, value: object) -> bool:
     if value == []:
         return key.endswith(EMPTY) or key in EMPTY_INDICES and key != 'requirements'
     if value is None:
-        return key.endswith(OPTIONAL) and not key.startswith('topics') \
+        return key.endswith(OPTIONAL) and not key.startswith(('topics', 'transforms')) \
             or None in ALLOWED.get(key, [])
     return any(type(item) is type(value) and repr(item)[:9] == repr(value)[:9]
                for item in ALLOWED.get(key, []) if isinstance(item, float)) \
@@ -170,7 +171,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 6: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 7: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),

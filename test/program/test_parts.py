@@ -26,8 +26,9 @@ from differential.compiled import c_module, Compiled, reference, unoptimised
 from fret_monitor.build import build_specification
 from fret_monitor.codegen import module
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Choice, Constant, Feedback, Formula, FTP, Historically, Once,
-    Previous, Since, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
+    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Choice, Constant, Feedback, Formula, FTP, Held,
+    Historically, Once, Over, Previous, Since, Triggered, TRUE, Unary, UnaryOperator, Variable,
+    WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.values import ValueType
@@ -43,7 +44,8 @@ from strategies import (
 
 CELLS = {'FirstStep', 'Delay', 'OnceEver', 'AlwaysSoFar', 'SinceEver', 'TriggeredEver',
          'OnceWithin', 'AlwaysWithin', 'OnceBefore', 'SinceWithin', 'SinceBefore',
-         'PreviousNumber', 'FeedbackRead'}
+         'PreviousNumber', 'FeedbackRead', 'Greatest', 'Hold', 'Rounded', 'Tally', 'Total',
+         'ValueAgo'}
 PURE = {'ApplyBinary', 'ApplyUnary', 'Power', 'Choose'}
 FEW = (Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL),
        Variable('x_int8', ValueType.INT8), Variable('x_float32', ValueType.FLOAT32))
@@ -143,10 +145,16 @@ def test_every_kind_of_value_crosses_from_one_part_to_another(
         Since(Window(5, None), P, Q), Once(Window(20, 20), P), Once(Window(100, 100), Q),
         Choice(Once(ALWAYS, Q), Yesterday(P), Yesterday(Q)), Binary(BinaryOperator.AND, P, Q),
         loose]
+    real = as_term(number, ValueType.FLOAT64)
     numbers: list[Formula] = [
+        Ago(2, whole), Over(Aggregate.GREATEST, 3, whole, TRUE), Held(P, whole),
+        Over(Aggregate.SUM, 4, whole, TRUE), Over(Aggregate.COUNT, 5, P, TRUE),
         Previous(three, whole), loop, Unary(UnaryOperator.NEG, whole),
         Binary(BinaryOperator.MUL, whole, whole), Binary(BinaryOperator.POW, whole, three), whole]
     terms += [Binary(BinaryOperator.LT, item, three) for item in numbers]
+    means = [Over(aggregate, 3, real, TRUE) for aggregate in (Aggregate.SUM, Aggregate.MEAN)]
+    terms += [Binary(operator, item, real) for item in means
+              for operator in (BinaryOperator.LT, BinaryOperator.EQ)]
     terms += [Binary(BinaryOperator.EQ, item, whole) for item in numbers[:-1]]
     equations = ((loop, Binary(BinaryOperator.ADD, loop, whole)),
                  (loose, Unary(UnaryOperator.NOT, Binary(BinaryOperator.OR, loose, P))))

@@ -20,12 +20,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+from fret_monitor.native import evaluator_library
 import pytest
 
 if TYPE_CHECKING:
     from ros.harness import Partner
 
-_HERE = Path(__file__).parent
 
 collect_ignore_glob: list[str] = []
 try:
@@ -38,24 +38,17 @@ except ImportError:
 BOTH_WAYS = {'test_monitor_node'}
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """
-    Run a test of this folder once more if it fails.
-
-    Processes and the middleware's discovery may be held up on a loaded machine for longer than a
-    test waits. The summary counts what was run again, and a test that fails twice has failed.
-    """
-    ours = {path for path in {item.path for item in items} if path.is_relative_to(_HERE)}
-    for item in items:
-        if item.path in ours:
-            item.add_marker(pytest.mark.flaky(reruns=1))
-
-
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run the tests of `BOTH_WAYS` twice."""
     if metafunc.module.__name__.rpartition('.')[2] in BOTH_WAYS:
         metafunc.fixturenames.append('hot_path')
         metafunc.parametrize('hot_path', ['on', 'off'], indirect=True)
+
+
+@pytest.fixture(scope='session', autouse=True)
+def built_engine() -> None:
+    """Build the engine before the first node does: on a busy machine that takes half a minute."""
+    evaluator_library()
 
 
 @pytest.fixture

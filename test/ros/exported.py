@@ -44,6 +44,9 @@ from fret_monitor.model.parts import UNGATED
 from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler
+from fret_monitor.native.ros_files import (
+    linked, NODE_LIBRARIES, prefixes, rmw_library, searched,
+)
 from ros import forked
 from ros.harness import NodeProcess
 
@@ -59,13 +62,13 @@ def _folder() -> 'TemporaryDirectory[str]':
 
 def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> list[Path]:
     """Compile C files with all warnings as errors."""
-    searched = [*csrc_includes(), f'-I{folder}']
+    includes = [*csrc_includes(), f'-I{folder}']
     folder.mkdir(parents=True, exist_ok=True)
 
     def compiled(source: Path) -> Path:
         made = folder / f'{source.stem}.o'
         done = subprocess.run(
-            [*find_compiler().command, *_FLAGS, *flags, *searched, *bench.ros.searched(),
+            [*find_compiler().command, *_FLAGS, *flags, *includes, *searched(),
              '-c', source, '-o', made],
             capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
@@ -78,7 +81,7 @@ def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> li
 @cache
 def hand_written(flags: tuple[str, ...]) -> list[Path]:
     """Return the object files of all C that is the same for every bundle."""
-    unused = {'csv.c', 'records.c', 'thinning.c', 'in_place.c', 'relay.c'}
+    unused = {'csv.c', 'records.c', 'thinning.c', 'relay.c'}
     rooms = [csrc_directory() / room for room in ('reporting', 'node')]
     sources = [*sorted({*(path for room in rooms for path in room.glob('*.c')),
                         *(csrc_file(name) for name in EVALUATOR_SOURCES if name not in unused)}),
@@ -109,7 +112,7 @@ def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
             flags: Sequence[str]) -> Path:
     return bench.ros.compiled(program, [
         *flags, *map(str, objects),
-        *bench.ros.linked([*bench.ros.NODE_LIBRARIES, bench.ros.rmw_library()], packages),
+        *linked([*NODE_LIBRARIES, rmw_library()], packages),
         '-lm', '-pthread'])
 
 
@@ -158,7 +161,7 @@ cmake_language(DEFER CALL drop_missing)
 def has_ament_cmake() -> bool:
     """Return whether CMake and ament_cmake are installed, with what they need of Python."""
     return shutil.which('cmake') is not None and any(
-        (prefix / 'share' / 'ament_cmake').is_dir() for prefix in bench.ros.prefixes()) and all(
+        (prefix / 'share' / 'ament_cmake').is_dir() for prefix in prefixes()) and all(
         find_spec(name) is not None for name in ('ament_package', 'catkin_pkg'))
 
 
@@ -172,17 +175,17 @@ def cmake_build(bundle: Path, folder: Path) -> Path:
     (folder / 'drop.cmake').write_text(_DROP_MISSING, encoding='utf-8')
     no_python = folder / 'no_python.o'
     bench.ros.compiled(no_python, ['-c', str(ROOT / 'bench' / 'ros' / 'no_python.c')])
-    prefixes = [str(prefix) for prefix in bench.ros.prefixes()]
+    places = [str(prefix) for prefix in prefixes()]
     for command in (
             ('cmake', '-S', folder / 'package', '-B', folder / 'build',
-             f'-DCMAKE_PREFIX_PATH={";".join(prefixes)}', f'-DPython3_EXECUTABLE={sys.executable}',
+             f'-DCMAKE_PREFIX_PATH={";".join(places)}', f'-DPython3_EXECUTABLE={sys.executable}',
              f'-DCMAKE_PROJECT_INCLUDE={folder / "drop.cmake"}',
-             f'-DCMAKE_EXE_LINKER_FLAGS={no_python} {" ".join(bench.ros.linked((), ()))}'),
+             f'-DCMAKE_EXE_LINKER_FLAGS={no_python} {" ".join(linked((), ()))}'),
             ('cmake', '--build', folder / 'build', '--parallel', '2'),
             ('cmake', '--install', folder / 'build', '--prefix', folder / 'installed')):
         done = subprocess.run(
             [*map(str, command)], capture_output=True, text=True, check=False,
-            env={**os.environ, 'AMENT_PREFIX_PATH': os.pathsep.join(prefixes)})
+            env={**os.environ, 'AMENT_PREFIX_PATH': os.pathsep.join(places)})
         assert done.returncode == 0, f'{done.stdout}\n{done.stderr}'
     return next((folder / 'installed' / 'lib').glob('*/monitor'))
 

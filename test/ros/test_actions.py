@@ -12,30 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Locks and actions of a monitor over DDS: when they come, what they count, how they fail."""
+"""Locks and actions of both nodes over DDS: when they come, what they count, how they fail."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import signal
-from threading import Event, stack_size
+from threading import Event
 from time import monotonic, sleep
-from types import SimpleNamespace
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from bundles import spec_of, write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
-from fret_monitor.ros.acting import actions
-from fret_monitor.ros.nodes.monitor_node import MonitorNode
-from fret_monitor.runtime.reporting import ActionCounts
 from geometry_msgs.msg import PointStamped
+import pytest
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
-from rclpy.parameter import Parameter
+from ros.exported import exported_bundle, ExportedNode, running
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Bool, Float32, Int32
 from std_srvs.srv import SetBool, Trigger
 
+NODES = ('rclpy', 'rcl')
 LOCKS = """
 format: 1
 inputs:
@@ -93,8 +91,20 @@ class Log:
 
 
 @contextmanager
-def to_be_killed(*arguments: str) -> Iterator[NodeProcess]:
-    node = NodeProcess('monitor', *arguments)
+def monitoring(face: str, folder: Path, text: str) -> Iterator[NodeProcess]:
+    """Run a bundle on the node on rclpy or on rcl; it must end well."""
+    if face == 'rclpy':
+        with started('monitor', '-p', spec_of(folder, text)) as node:
+            yield node
+    else:
+        with running(exported_bundle(write_bundle(folder, text))) as exported:
+            yield exported
+
+
+@contextmanager
+def to_be_killed(face: str, folder: Path, text: str) -> Iterator[NodeProcess]:
+    node = NodeProcess('monitor', '-p', spec_of(folder, text)) if face == 'rclpy' else \
+        ExportedNode(exported_bundle(write_bundle(folder, text)))
     try:
         node.wait_for('watching')
         yield node
@@ -102,14 +112,15 @@ def to_be_killed(*arguments: str) -> Iterator[NodeProcess]:
         node.kill()
 
 
+@pytest.mark.parametrize('face', NODES)
 def test_a_lock_follows_its_requirements_and_is_silent_with_its_process(
-    tmp_path: Path, partner: Partner,
+    tmp_path: Path, partner: Partner, face: str,
 ) -> None:
     x, y = (partner.publisher(Float32, name) for name in 'xy')
     lock = Log(partner, Bool, 'e_stop')
     diagnostics = Diagnostics(partner, 'lock')
     begin = monotonic()
-    with to_be_killed('-p', spec_of(tmp_path, LOCKS)) as monitor:
+    with to_be_killed(face, tmp_path, LOCKS) as monitor:
         lock.wait_for(True, begin)  # no message has come
         monitor.wait_for("lock 'stop' on /e_stop, 2 Hz")
         monitor.wait_for("lock 'stop' is locked: no value yet of x")
@@ -187,7 +198,10 @@ class Diagnostics:
                    f'{name}: {wanted}, and not {self.of.get(name)}')
 
 
-def test_actions_follow_violations_and_are_counted(tmp_path: Path, partner: Partner) -> None:
+@pytest.mark.parametrize('face', NODES)
+def test_actions_follow_violations_and_are_counted(
+    tmp_path: Path, partner: Partner, face: str,
+) -> None:
     n = partner.publisher(Int32, 'n')
     kinds: dict[str, Any] = dict.fromkeys(('brake', 'lamp', 'late', 'rare', 'over'), Bool)
     kinds['once'] = PointStamped
@@ -211,7 +225,7 @@ def test_actions_follow_violations_and_are_counted(tmp_path: Path, partner: Part
     partner._executor.add_node(arm)
     diagnostics = Diagnostics(partner)
     try:
-        with started('monitor', '-p', spec_of(tmp_path, BUNDLE)) as monitor:
+        with monitoring(face, tmp_path, BUNDLE) as monitor:
             monitor.wait_for("action 'call' calls /call; action 'slow' calls /slow")
             monitor.wait_for("action 'park' brings /arm to inactive")
             partner.wait_for_listener(n)
@@ -269,70 +283,34 @@ def test_actions_follow_violations_and_are_counted(tmp_path: Path, partner: Part
         other.close()
 
 
-class Publisher:
-    """Counts what is published."""
-
-    sent = 0
-
-    def publish(self, message: bytes) -> None:
-        self.sent += 1
-
-
-def test_a_stream_sends_a_message_for_a_violation_that_is_over_already() -> None:
-    publisher: Any = Publisher()
-    action: Any = SimpleNamespace(payload=bytes(8), duration=0, period=10**8, stamp_at=None)
-    node: Any = None
-    stream = actions._Publishing(node, action, publisher)
-    for now in (1.0, 5.0):
-        stream.start(now, Event())
-        stream.run(now, False)
-        stream.run(now + 1, False)
-    assert publisher.sent == 2 and stream.due() == float('inf')
+SHARED = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 1}
+actions:
+  stop: {lock: {topic: e_stop}}
+  brake: {publish: {topic: braked, type: std_msgs/msg/Bool}}
+  call: {call: {service: call, type: std_srvs/srv/Trigger}}
+report: occurrence
+requirements:
+  - {id: X, ptltl: "H (x < 1.0)", on_violation: [stop, brake, call]}
+"""
 
 
-def test_a_start_that_is_skipped_since_a_call_runs_begins_no_cooldown() -> None:
-    running: Any = object.__new__(actions._ActionThread)
-    calling: Any = SimpleNamespace(action=SimpleNamespace(cooldown=5 * 10**9),
-                                   start=lambda now, is_over: now != 6.0)
-    running._runners, running._last_start, running._is_over = {0: calling}, {}, Event()
-    for now in (1.0, 6.0):
-        running._start(0, now)
-    assert running._last_start == {0: 1.0}
-
-
-def test_a_call_for_which_no_thread_can_be_started_has_failed_and_other_actions_go_on(
-    tmp_path: Path, partner: Partner,
+@pytest.mark.parametrize(('remapping', 'reason'), [
+    ('braked:=e_stop', "the lock 'stop' and the action 'brake' both publish on /e_stop"),
+    ('e_stop:=fret_monitor/alive', "the node itself and the lock 'stop' both publish on"),
+    ('call:=fret_monitor/reset', "the action 'call' calls /fret_monitor/reset, a service of")])
+@pytest.mark.parametrize('face', NODES)
+def test_names_that_only_one_part_may_use_are_refused(
+    tmp_path: Path, partner: Partner, face: str, remapping: str, reason: str,
 ) -> None:
-    path = write_bundle(tmp_path, BUNDLE.replace('[absent, slow, call, park]', '[slow, once]'))
-    once = Log(partner, PointStamped, 'once')
-    monitor = MonitorNode(context=partner.context,
-                          parameter_overrides=[Parameter('spec', value=str(path))])
-    n = partner.publisher(Int32, 'n')
-    partner.wait_for_listener(n)
-    session, = monitor._sessions
-    before = stack_size(1 << 46)  # from here on there is not enough memory for another thread
+    arguments = ('-r', remapping)
+    node = NodeProcess('monitor', '-p', spec_of(tmp_path, SHARED), *arguments) \
+        if face == 'rclpy' else \
+        ExportedNode(exported_bundle(write_bundle(tmp_path, SHARED)), *arguments)
     try:
-        n.publish(Int32(data=2))
-        wait_until(lambda: len(once.messages) == 1, 'the other action')
-        found = {runner.action.name: runner.counts
-                 for runner in session._actions._runners.values()}
+        assert node.status() == 1
+        assert reason in node.output
     finally:
-        stack_size(before)
-    assert found['slow'] == ActionCounts(started=1, failed=1)
-    assert session._actions.failure is None
-    monitor.destroy_node()
-
-
-def test_a_delayed_action_starts_after_the_end_and_not_after_a_violation_that_is_over() -> None:
-    running: Any = object.__new__(actions._ActionThread)
-    watched = actions._Watched()
-    running._watched, running._runners = [watched], {0: None, 1: None}
-    running._manifest = SimpleNamespace(
-        actions=[SimpleNamespace(after=10**9), SimpleNamespace(after=2 * 10**9)],
-        requirements=[SimpleNamespace(on_violation=(0,), on_end=(1,))])
-    running._follow(0, 1, True, 10.0)
-    assert watched.scheduled == [(11.0, 0)]
-    running._follow(0, 1, False, 10.5)
-    assert watched.scheduled == [(12.5, 1)]
-    running._follow(0, 2, False, 20.0)  # a violation that began and ended between two looks
-    assert watched.scheduled == [(22.0, 1)]
+        node.kill()

@@ -16,15 +16,17 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 import re
 
-from bench import ros as bench
+from bench import ros as bench, trace
+from fret_monitor.native.ros_files import prefixes
 from native import engine
 import pytest
 from strategies import thorough
 
-if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
-        not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in bench.prefixes()):
+if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in prefixes()) or \
+        not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in prefixes()):
     pytest.skip('needs the headers of rcl, and the installed node', allow_module_level=True)
 
 SAMPLE = bench.Sample(sent=100, counted=100, answers=100, cpu=10.0, p50=1.0, p99=2.0,
@@ -87,6 +89,36 @@ def test_a_start_ends_with_the_first_step_after_the_first_subscription(short: be
     for subject in (short.bare(work, '--publish', handler), *short.monitors(bundle)):
         start = bench.started(short.load, work, subject)
         assert 0.0 < start.first <= start.every <= start.step
+
+
+@pytest.mark.usefixtures('forking')
+def test_nodes_at_rest_are_compared_with_bare_ones_also_while_others_come(
+    short: bench.Bench,
+) -> None:
+    rows = list(bench.idle(replace(short, idle_topics=(2,), settle=1.0)))
+    assert [row.subject for row in rows] == 2 * ['rclpy', 'rcl in C', 'monitor', bench.EXPORTED]
+    assert all(row.value > 0.0 for row in rows)
+    bare = {row.figure: row.value for row in rows if row.subject == 'rclpy'}
+    for row in rows:
+        if row.subject == 'monitor':
+            assert row.ratio == pytest.approx(row.value / bare[row.figure])
+
+
+def test_a_trace_has_each_hand_over_of_each_message_in_order(short: bench.Bench) -> None:
+    library = trace.library_of(short)
+    for case, work, (bare, monitor, *_), chain in trace.cases(short):
+        if case not in ('violation', 'gate'):
+            continue
+        for subject in (bare, monitor):
+            found = trace.trace(short, work, subject, chain, library)
+            moments = list(found.values())
+            assert {len(times) for times in moments} == {work.count}
+            for before, after in pairwise(moments):
+                assert all(a <= b for a, b in zip(before, after)), (case, subject.name)
+            *stages, total = trace.rows(subject.name, [found])
+            assert [row[1] for row in stages] == [
+                f'{a} to {b}' for a, b in pairwise(found)]
+            assert total[1] == f'sent to {[*found][-1]}'
 
 
 def test_missing_figures_are_reported_and_ratios_compare_the_same_round() -> None:

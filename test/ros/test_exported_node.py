@@ -30,9 +30,12 @@ from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.qos import QoSProfile
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
 from ros.harness import Partner, PATIENCE, wait_until
+from std_msgs.msg import Bool, Int32
 from std_srvs.srv import Trigger
+from type_description_interfaces.srv import GetTypeDescription
 
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
 
@@ -83,6 +86,29 @@ def wait_for_subscriptions(partner: Partner, topic: str, count: int = 2) -> None
     sleep(0.3)
 
 
+@pytest.mark.parametrize('is_offered', [True, False])
+def test_types_are_described_unless_a_parameter_forbids_it(
+    partner: Partner, faults: Path, is_offered: bool,
+) -> None:
+    with running(exported_bundle(faults), '-r', '__node:=exported', '-p',
+                 f'start_type_description_service:={str(is_offered).lower()}'):
+        def has(service: str) -> bool:
+            return any(name == f'/exported/{service}'
+                       for name, _ in partner.node.get_service_names_and_types())
+
+        wait_until(lambda: has('reset'), 'the service that is offered last')
+        assert has('get_type_description') is is_offered
+        if not is_offered:
+            return
+        wait_until(lambda: partner.node.count_publishers('/exported/alive') == 1, '~/alive')
+        info, = partner.node.get_publishers_info_by_topic('/exported/alive')
+        answer = call(partner, GetTypeDescription, 'get_type_description',
+                      type_name='std_msgs/msg/Header', type_hash=str(info.topic_type_hash))
+        assert answer.successful, answer.failure_reason
+        fields = [field.name for field in answer.type_description.type_description.fields]
+        assert fields == ['stamp', 'frame_id']
+
+
 def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     partner: Partner, faults: Path,
 ) -> None:
@@ -102,6 +128,8 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         assert "ignored parameter 'constant.most': did you mean 'constants.most'?" in node.output
         assert re.search(
             "ignored parameter 'frame_id': this node has .*, constants.NAME", node.output)
+        copied = 'inside rmw_fastrtps_cpp, and copied before they are read'
+        assert 'messages are taken in C' in node.output and copied not in node.output
         node.process.send_signal(signal.SIGPIPE)  # nobody reads its log any more
         listed = call(partner, ListParameters, 'list_parameters').result.names
         assert {'use_sim_time', 'log_level', 'handler_depth', 'log_violations', 'autostart',
@@ -202,6 +230,23 @@ def test_what_cannot_be_used_ends_the_process_with_the_reason(
         assert reason in node.output
     finally:
         node.kill()
+
+
+def test_a_node_stopped_in_a_flood_judges_each_message_of_another_topic(
+    partner: Partner, faults: Path,
+) -> None:
+    with running(exported_bundle(faults)) as node:
+        partner.listen('FIXED')
+        n = partner.publisher(Int32, 'n', QoSProfile(depth=10))
+        fixed = partner.publisher(Bool, 'fixed', QoSProfile(depth=10))
+        partner.wait_for_listener(n, fixed)
+        node.process.send_signal(signal.SIGSTOP)
+        for _ in range(10):
+            fixed.publish(Bool(data=False))
+            for number in range(500):
+                n.publish(Int32(data=number))
+        node.process.send_signal(signal.SIGCONT)
+        partner.expect({'FIXED': 10})
 
 
 def test_the_package_builds_with_ament_cmake_and_its_node_runs(

@@ -409,8 +409,9 @@ def test_garbage_at_full_speed_is_counted_and_causes_no_step(
                 return sent == counts['received'] + counts['undecodable'] + counts['lost']
 
             wait_until(are_counted, f'what came on {publisher.topic_name}')
-            # The middleware drops messages without a header, which counts as a loss. Under load,
-            # Fast DDS may also lose a message without reporting it.
+            # Of messages without a header that the middleware drops at once, one counts as
+            # undecodable and the others as lost. Under load, Fast DDS may also lose a message
+            # without reporting it.
             assert counts[name] == counts['received'] <= sent - 100 * len(garbage)
             assert 100 <= counts['undecodable'] <= 100 * len(garbage)
             assert counts['lost'] <= 100 * HEADERLESS + 5

@@ -21,16 +21,17 @@ from pathlib import Path
 import random
 from tempfile import TemporaryDirectory
 from threading import Thread
-from time import sleep
+from time import monotonic, sleep
 from typing import Any
 
 from fret_monitor import build
 from fret_monitor.native import evaluator_library, load_evaluator, Monitor
 from fret_monitor.ros.intake import feed
 from fret_monitor.ros.intake.feed import Feed
+from fret_monitor.ros.intake.graph_wait import GraphWait
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.raw_topic import RawIntake, RawTopic
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime import Engine, Evaluator, MessageRing
 import pytest
@@ -79,7 +80,8 @@ class Listener:
         self._thread.start()
 
     def _take(self) -> None:
-        while not self._engine.is_closed:
+        engine = self._engine
+        while not engine.library.fm_engine_is_closed(engine.pointer):
             self._engine.take(100)
 
     def close(self) -> None:
@@ -298,12 +300,44 @@ def test_a_subscription_that_cannot_be_replaced_goes_on_until_it_is(
         wait_until(lambda: listener.numbers(0) == [0, 1], 'a message of the new one')
 
 
+def test_publishers_are_looked_for_only_when_the_graph_changes(
+    partner: Partner, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks: list[float] = []
+    with listening(partner) as listener:
+        find = listener.node.get_publishers_info_by_topic
+
+        def look(topic: str) -> Any:
+            looks.append(monotonic())
+            return find(topic)
+
+        monkeypatch.setattr(listener.node, 'get_publishers_info_by_topic', look)
+        partner.publisher(Int32, 'x')
+        wait_until(lambda: looks != [] and monotonic() - looks[-1] > 2.0, 'a graph at rest')
+        partner.publisher(Int32, 'other')
+        before = len(looks)
+        wait_until(lambda: len(looks) > before, 'a look')
+
+
+def test_a_change_of_the_graph_ends_each_wait_of_a_context(partner: Partner) -> None:
+    one, two = (GraphWait(Node(name, context=partner.context)) for name in ('one', 'two'))
+    while one.wait(1.0) or two.wait(0.1):
+        pass
+    partner.publisher(Int32, 'x')
+    wait_until(lambda: one.wait(0.1), 'a change')
+    assert two.wait(0.0)
+    assert not two.wait(0.0)
+    for each in (one, two):
+        each.close()
+        each._node.destroy_node()
+
+
 def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> None:
     def fail(data: bytes, stamp: int, sent: int) -> None:
         raise RuntimeError('oh')
 
     node: Any = Node('fret_monitor', context=partner.context)
-    library, intake = load_evaluator(evaluator_library()), RawIntake(node)
+    library, intake = load_evaluator(evaluator_library()), RawIntake()
     intake.prepare(library)
     failing = Feed(node, intake)
     failing.subscribe(

@@ -49,7 +49,7 @@ def test_the_logger_prints_what_the_readme_says(domain: int, tmp_path: Path) -> 
     bundle = tmp_path / 'robot.yaml'
     bundle.write_text(text.split('```yaml\n')[1].split('```')[0], encoding='utf-8')
     messages = re.findall(r'^python examples/publish\.py .*$', text, re.MULTILINE)
-    printed = re.findall(r'^The logger prints `(.*)`', text, re.MULTILINE)
+    printed = re.findall(r'^The logger prints `([^`]*)`', text, re.MULTILINE)
     assert messages and len(printed) == 1
     with started('monitor', '-p', f'spec:={bundle}'), \
             started('logger', '-p', f'spec:={bundle}') as logger:

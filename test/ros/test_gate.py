@@ -28,6 +28,7 @@ from threading import Event
 from time import monotonic, sleep, time
 from typing import Any
 
+from bundles import ARMED
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
 from fret_monitor.ros.nodes.gate_node import GateNode
@@ -459,14 +460,7 @@ def test_another_publisher_of_a_node_of_the_same_name_is_reported(
             item.destroy_node()
 
 
-SERVICES = """\
-format: 1
-evaluation: {policy: every_message}
-inputs:
-  data: {topic: enable/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
-  safe: {topic: safe, type: std_msgs/msg/Bool}
-requirements:
-  - {id: ARMED, ptltl: "data -> safe"}
+SERVICES = ARMED + """\
 gates:
   enable:
     service: enable

@@ -31,8 +31,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros import MonitorNode
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware, why_callbacks_wake
-from fret_monitor.ros.intake.in_place import KNOWN, loaded_versions, refuse_unknown_versions
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, Unavailable
 from fret_monitor.ros.reports.details import Details
 from fret_monitor.ros.settings.parameters import Refusal
@@ -201,21 +200,36 @@ def test_callbacks_of_an_unknown_middleware_only_wake(
     assert why_callbacks_wake('off', library) == 'hot_path is off'
 
 
-def test_messages_are_read_in_place_only_with_known_versions() -> None:
-    if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
-        pytest.skip('only Fast DDS is read in place')
-    context = rclpy.Context()
-    rclpy.init(context=context)  # loads the middleware
-    found = loaded_versions()
-    context.try_shutdown()
-    refuse_unknown_versions(found)
-    assert found.keys() == KNOWN.keys()
-    for name in KNOWN:
-        for other in ('9.9.9', f'{KNOWN[name]}1.0'):
-            with pytest.raises(Unavailable, match=f'{name} {KNOWN[name]}, not with {other}'):
-                refuse_unknown_versions({**found, name: other})
-    with pytest.raises(Unavailable, match='not with unknown'):
-        refuse_unknown_versions({})
+def why_copied(library: Any, maps: str) -> str:
+    why = ffi.new('char[]', 256)
+    is_known = library.fm_in_place_is_known(maps.encode(), why, len(why))
+    reason: Any = ffi.string(why)
+    return '' if is_known else str(reason.decode())
+
+
+def test_messages_are_read_in_place_only_with_known_versions(tmp_path: Path) -> None:
+    library = load_evaluator(evaluator_library())
+    versions = {'rmw_fastrtps_cpp': '8.4', 'rosidl_typesupport_fastrtps_c': '3.6',
+                'fastcdr': '2.2'}
+    (tmp_path / 'a b' / 'lib').mkdir(parents=True)
+    maps = '7f00-7f01 r-xp 00000000 08:01 12 /usr/lib/libc.so.6\n'
+    for name, version in versions.items():
+        maps += f'7f00-7f01 r-xp 0 08:01 12    {tmp_path}/a b/lib/lib{name}.so.2\n'
+        package = tmp_path / 'a b' / 'share' / name / 'package.xml'
+        package.parent.mkdir(parents=True)
+        package.write_text(f'<package><version> {version}.1 </version></package>')
+    assert why_copied(library, maps) == ''
+    for name, version in versions.items():
+        package = tmp_path / 'a b' / 'share' / name / 'package.xml'
+        for other in ('9.9.9', f'{version}1.0'):
+            package.write_text(f'<package><version>{other}</version></package>')
+            assert f'{name} {version}, not with {other}' in why_copied(library, maps)
+        package.unlink()
+        assert f'{name} {version}, not with unknown' in why_copied(library, maps)
+        (tmp_path / 'a b' / 'lib' / f'lib{name}.so.{version}.5').touch()  # of no ROS package
+        assert why_copied(library, maps) == ''
+    assert 'not with unknown' in why_copied(library, '')
+    assert 'not with unknown' in why_copied(library, maps.replace('fastcdr', 'slowcdr'))
 
 
 @pytest.mark.parametrize('is_stopped', [True, False])

@@ -22,7 +22,7 @@ from builtin_interfaces.msg import Time
 from fret_monitor import build
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.node_time import as_time, NodeTime
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.runtime import Engine, Evaluator, MessageRing
 import rclpy

@@ -36,7 +36,7 @@ requirements:
 """
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
          'log_violations', 'blackbox', 'blackbox_seconds', 'blackbox_bytes', 'blackbox_files',
-         'blackbox_disk_bytes', 'autostart', 'log_level']
+         'blackbox_disk_bytes', 'native', 'autostart', 'log_level']
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_every_parameter_has_a_description(partner: Partner, bundle: Path) -> No
     described = {item.name: item for item in answer.descriptors}
     assert list(described) == NAMES
     assert all(len(item.description) > 20 for item in answer.descriptors)
-    assert [name for name in NAMES if described[name].read_only] == ['autostart']
+    assert [name for name in NAMES if described[name].read_only] == ['native', 'autostart']
 
 
 @pytest.mark.parametrize('name', ['monitor', 'logger'])

@@ -36,7 +36,7 @@ SHALLOW = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 
 def raw_feed(node: Node, topics: dict[str, Deliver], depth: int) -> Feed:
     """Return a feed of raw topics."""
-    library, intake = load_evaluator(evaluator_library()), RawIntake(node)
+    library, intake = load_evaluator(evaluator_library()), RawIntake()
     intake.prepare(library)
     feed = Feed(node, intake)
     for name, deliver in topics.items():

@@ -215,6 +215,19 @@ requirements:
         '    w:', '      topic: w', '      type: std_msgs/msg/Float64']
 
 
+def test_transforms_are_refused(context: Context, tmp_path: Path) -> None:
+    bundle = write(tmp_path, """
+format: 1
+inputs:
+  x: {transform: {from: map, to: base}, field: translation.x}
+  old: {transform: {from: map, to: base}, field: age()}
+requirements:
+  - {id: R1, ptltl: x < 5.0 & old < 1.0}
+""")
+    assert refusal(context, spec=str(bundle)) == (
+        'error: transforms (x, old): so far only `bag` and `simulate` read transforms')
+
+
 def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Path) -> None:
     told = refusal(context, 'y:=x', spec=str(write(tmp_path)))
     assert told.startswith("error: 'x' and 'y' are both remapped to /x; ")

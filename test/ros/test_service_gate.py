@@ -18,6 +18,7 @@ from unittest.mock import MagicMock
 
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
+from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.ros.acting import service_gate
 from fret_monitor.runtime import Judgement
 import pytest
@@ -31,6 +32,7 @@ def make_gate(node: MagicMock, engine: MagicMock) -> service_gate.ServiceGate:
     """Return a gate whose requests pass, with a timeout of 2 s."""
     engine.judge.return_value = Judgement.PASSED
     node.create_client.return_value.call_async.return_value = Future()
+    engine.library = load_evaluator(evaluator_library())
     return service_gate.ServiceGate(node, engine, ManifestGate(
         name='arm', source='arm', target='arm_raw', interface='std_srvs/srv/SetBool',
         is_service=True, topic=None, otherwise=Otherwise.RESPOND, hold=0, period=0,

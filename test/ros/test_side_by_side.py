@@ -27,6 +27,8 @@ both, and the next ones are equal, with what has happened since the last report.
   and the number of violations in lines is;
 * the ten seconds of real time without a name: whether it is over, and how often it was;
 * the order of log lines from different threads;
+* when changes of the lock are logged, and so which reasons: both look once a second;
+* the name of a publisher's node, which is discovered later than the publisher;
 * the origin of the bundle in the line `watching`, and how messages are taken, which are facts of
   one node.
 """
@@ -89,10 +91,11 @@ topics:
       got_state: received()
   /never: {type: sensor_msgs/msg/Range, fields: {never: range}}
   /fixed: {type: sensor_msgs/msg/Range, qos: {reliability: reliable}, fields: {fixed: range}}
+actions: {stop: {lock: {topic: e_stop, rate: 10}}}
 requirements:
   - {id: X-1, title: "x is \\"small\\"", ptltl: "x < limit -> O[0,3] (x > 0.2)"}
   - {id: X-2, ptltl: "Y (x > 0.3) | x > 0.5", report: onset, severity: warn}
-  - {id: RANGE, ptltl: "H (x < 0.9)", report: occurrence}
+  - {id: RANGE, ptltl: "H (x < 0.9)", report: occurrence, on_violation: [stop]}
   - {id: ELBOW, ptltl: "elbow < 1.0 & reach < 4.0"}
   - {id: WRIST, ptltl: "wrist < 1.0 | state = IDLE", report: onset}
   - {id: STILL, ptltl: "state = IDLE -> level = HIGH"}
@@ -106,9 +109,11 @@ TOPICS = {'probe': 'Range', 'x': 'Range', 'level': 'Range', 'joints': 'JointStat
           'state': 'CompressedImage'}  # each with an acknowledging requirement
 NODES = ('python', 'native')
 REORDER_NS = 500_000_000
-GARBAGE = (b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 4)  # a header, and too little after it
+GARBAGE = (b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 4,  # a header, and too little after it
+           b'\xff' * 8, b'\0')  # no header
 EPOCH_NS = 100_000_000_000
-ROUND_S = 0.4  # what a round takes at most, between two reports of both nodes
+ROUND_S = 0.35  # what a round takes at most, between two reports of both nodes
+MARGIN_S = 0.1  # before a report, which may be late, or received late
 
 
 def bundle(folder: Path, evaluation: str, *, is_simulated: bool) -> Path:
@@ -130,6 +135,7 @@ Line = tuple[str, str]
 """Of the log: its level and its text."""
 
 _LOGGED = re.compile(r'^\[([A-Z]+)\] \[[0-9.]+\] \[[\w.]+\]: ', re.MULTILINE)
+_OF_LOCK = re.compile(r"^lock 'stop' |more changes? of what locks and gates depend on")
 _VERDICT = re.compile(r'([\w-]+) (violated|satisfied again)(?: at ([0-9.]+))?'
                       r'(?: (\d+) times more)?(.*?)'
                       r'(?: \((\d+) more violations? since the last line\))?', re.DOTALL)
@@ -185,10 +191,11 @@ class Face:
         message = status.message if self.is_simulated else re.sub(
             r'for [0-9.]+ s of', 'for long of', status.message)
         message = re.sub(r'(; )?no message has had the names for 10 s: wrist', '', message)
+        level = status.level if message else DiagnosticStatus.OK
         values = [(pair.key, pair.value) for pair in status.values
                   if pair.key not in ('rate', 'behind')]
         item = status.name.partition('/')[2]
-        return f'{item} {status.level!r} {status.hardware_id} {message} {values}'
+        return f'{item} {level!r} {status.hardware_id} {message or "received"} {values}'
 
     def shown_details(self) -> Counter[tuple[str, int, str]]:
         """Return the details of each requirement, numbered, without what may differ."""
@@ -211,15 +218,15 @@ class Face:
     def plain_lines(self) -> Counter[Line]:
         """Return the log without violations and their ends, and without what may differ."""
         found = [(level, self._plain(text)) for level, text in self.lines()
-                 if _VERDICT.fullmatch(text) is None]
-        return Counter({item: 1 if 'no message has had' in item[1] else found.count(item)
-                        for item in found})
+                 if _VERDICT.fullmatch(text) is None and _OF_LOCK.search(text) is None]
+        return Counter(item for item in found if 'no message has had' not in item[1])
 
     def _plain(self, text: str) -> str:
         if text.startswith('watching'):
             return re.sub(r' \([^()]*\)$', '', text)
         if text.startswith('messages are taken in C'):
             return 'messages are taken'
+        text = re.sub(r'(to receive from) (?:a publisher of no known node|/\w+)', r'\1 one', text)
         text = text if self.is_simulated else re.sub(
             r'again after [0-9.]+ s', 'again after long', text)
         return text.replace(f'/{self.name}/', '/NODE/')
@@ -236,8 +243,8 @@ class Face:
             if kind == 'violated':
                 counts[name] += int(times or 1) + int(more or 0)
             place = re.search(r'\[(step \d+|\S+ s after)', rest)
-            key = moment if self.is_simulated else place and place[1]
-            found.setdefault((name, kind, str(key)), set()).add((level, rest))
+            key = (name, kind, str(moment if self.is_simulated else ''), str(place and place[1]))
+            found.setdefault(key, set()).add((level, rest))
         return found, counts
 
 
@@ -424,17 +431,20 @@ class Traffic:
         equal(Face.shown_details, self._faces, 'details')
 
     def left(self) -> float:
-        """Return the seconds until a node reports."""
+        """Return the seconds until a node may report: once a second, of which some are late."""
         now = monotonic()
-        return min((face.reports[-1][0] - now) % 1.0 for face in self._faces)
+        return min((when - now) % 1.0 for face in self._faces for when, _ in face.reports[-5:])
 
     def round(self, acts: deque[Act]) -> None:
         """Do what fits between two reports of both nodes, and compare the next ones."""
-        wait_until(lambda: self.left() > ROUND_S, 'reports')
+        end = monotonic() + 3.0  # on a busy machine reports come at any time
+        wait_until(lambda: self.left() > ROUND_S or monotonic() > end, 'reports')
         before = self._numbers()
-        while acts and not acts[0][1] and self.left() > 0.15 and self._numbers() == before:
+        acts.popleft()[0]()
+        while acts and not acts[0][1] and self.left() > 2 * MARGIN_S \
+                and self._numbers() == before:
             acts.popleft()[0]()
-        is_exact = self.left() > 0.05 and self._numbers() == before
+        is_exact = self.left() > MARGIN_S and self._numbers() == before
         self._wait_for_reports()
         if not is_exact:  # one node may have reported in between
             self.settle()
@@ -456,6 +466,7 @@ class Traffic:
 
     def join(self, topic: str, kind: Any, profile: QoSProfile) -> None:
         """Let a publisher come, or go if it is there."""
+        print(f'{monotonic():.3f} a publisher comes to /{topic}, or goes')
         key = (topic, kind, profile.reliability)
         if key in self._others:
             self._stranger.node.destroy_publisher(self._others.pop(key))
@@ -501,13 +512,16 @@ class Traffic:
                 ChangeState, f'/{face.name}/fret_monitor/change_state')
             assert client.wait_for_service(PATIENCE)
             answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-            wait_until(answer.done, 'a transition')
+            wait_until(answer.done, 'a transition', 4 * PATIENCE)  # `configure` may compile
             assert answer.result().success, face.process.output
             self._partner.node.destroy_client(client)
 
     def restart(self) -> None:
         """Stop monitoring in both nodes, and start anew."""
         self._pass_on()
+        print(f'{monotonic():.3f} restart')
+        for topic in () if self._is_simulated else ('x', 'level'):
+            self.send(topic)  # else a timeout may be over in the one that is stopped later
         self.change(Transition.TRANSITION_DEACTIVATE)
         wait_until(lambda: not any(publisher.get_subscription_count()
                                    for publisher in self._publishers.values()), 'their end')
@@ -551,7 +565,12 @@ def both(path: Path, *, is_simulated: bool) -> Iterator[list[Face]]:
                  Face('native', ExportedNode(program, *options['native']), is_simulated)]
         for face in faces:
             stack.callback(face.process.kill)
-        yield faces
+        try:
+            yield faces
+        except BaseException:  # noqa: B902  whatever ends the test: the logs are shown
+            for face in faces:
+                print(f'---- {face.name}\n{face.process.output}')
+            raise
         for face in faces:
             assert face.process.end() == 0, face.process.output
 
@@ -632,4 +651,5 @@ def test_both_nodes_answer_a_random_hour_with_the_same(
             traffic.join(topic, *offers[topic])
             if number % 7 == 6:
                 traffic.restart()
-        assert name == 'messages' or traffic.passed > 3600 * 10**9
+        while name != 'messages' and traffic.passed < 3600 * 10**9:
+            traffic.run(10)

@@ -14,16 +14,16 @@
 
 """The sign of life ends when the monitor ends, is stopped, or one of its threads hangs."""
 
+from collections.abc import Callable
 from pathlib import Path
 import signal
-from threading import Event
+from threading import Event, Thread
 from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
 
 from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fret_monitor.ros.acting import actions
 from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.throttle import Throttle
@@ -32,7 +32,7 @@ from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.watch import Watch
-from fret_monitor.runtime.reporting import Review, ViolationLog
+from fret_monitor.runtime.reporting import Review, StatusRecord, ViolationLog
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
@@ -86,7 +86,6 @@ def test_there_is_no_sign_of_life_while_a_thread_hangs(partner: Partner) -> None
     heard: list[Header] = []
     partner.node.create_subscription(Header, '/guard/alive', heard.append, RELIABLE)
     life = SignOfLife(node, [lambda: tuple(turns.values())], Watch(node))
-    node.destroy_timer(life._timer)  # the test itself beats
     errors: list[str] = []
     node.get_logger = lambda: SimpleNamespace(error=errors.append)
     now = monotonic()
@@ -161,13 +160,71 @@ def test_a_monitor_without_the_thread_that_logs_is_not_alive(
     wait_until(lambda: sum(old < new for old, new in zip(before, session.turns())) == 2, 'turns')
     sleep(0.3)
     assert [old < new for old, new in zip(before, session.turns())].count(False) == 1
-    session._report_health()
+    session.report()
     goes_on.set()
     details: Any = session._detail_publisher
     wait_until(lambda: details.failure is not None, 'the error')
     assert monitor._watch.failures == {}
-    session._report_health()
+    session.report()
     assert monitor._watch.failures == {'details': 'ValueError: oh'}
+    monitor.destroy_node()
+
+
+def test_a_transition_in_another_thread_during_a_report_is_no_failure(
+    partner: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle = write_bundle(tmp_path, BUNDLE)
+    monitor = MonitorNode(context=partner.context,
+                          parameter_overrides=[Parameter('spec', value=str(bundle))])
+    session, = monitor._sessions
+    partner.node.create_subscription(DiagnosticArray, '/diagnostics', lambda _: None, RELIABLE)
+    health: Any = session._health
+    wait_until(lambda: health._publisher.get_subscription_count() == 1, 'a subscriber')
+    statuses = Review.statuses
+
+    def transit(trigger: Callable[[], Any]) -> None:
+        thread = Thread(target=trigger)
+        thread.start()
+        thread.join()
+
+    def turns() -> tuple[int, ...]:
+        transit(monitor.trigger_deactivate)
+        return -1, -1
+
+    def interrupted(review: Review) -> list[StatusRecord]:
+        transit(monitor.trigger_deactivate)
+        return statuses(review)
+
+    monkeypatch.setattr(Review, 'statuses', interrupted)
+    session.report()
+    assert monitor._watch.failures == {}
+    monitor.trigger_activate()
+    life: Any = monitor._sign_of_life
+    life._turns = (turns,)
+    monitor._report()
+    assert not monitor._is_active
+    assert monitor._watch.failures == {}
+    monitor.destroy_node()
+
+
+def test_one_of_several_bundles_reports_what_has_failed(partner: Partner, tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ('one.yaml', 'two.yaml')]
+    for number, path in enumerate(paths):
+        path.write_text(BUNDLE.replace('R,', f'R{number},'), encoding='utf-8')
+    monitor = MonitorNode(context=partner.context, parameter_overrides=[
+        Parameter('spec', value=[str(path) for path in paths])])
+    reports: list[DiagnosticArray] = []
+    partner.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, RELIABLE)
+    for session in monitor._sessions:
+        health: Any = session._health
+        wait_until(lambda: health._publisher.get_subscription_count() == 1,  # noqa: B023
+                   'a subscriber')
+    monitor._watch.note('details', ValueError('oh'))
+    for session in monitor._sessions:
+        session.report()
+    wait_until(lambda: len(reports) == 2, 'reports')
+    names = [status.name for report in reports for status in report.status]
+    assert names.count('fret_monitor: threads') == 1
     monitor.destroy_node()
 
 
@@ -218,16 +275,14 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
                            (Review, 'lines'), (DuplicateNodes, '_check'),
                            (SignOfLife, 'beat')):
             patch.setattr(kind, name, fail)
-        patch.setattr(actions, 'monotonic', fail)
-        names = ('actions', 'black box', 'details', 'feed', 'log', 'node names',
-                 'sign of life')
+        names = ('black box', 'details', 'feed', 'log', 'node names', 'sign of life')
         wait_until(lambda: sorted(failed()) == [*names], 'what has failed')
         before = len(signs)
     assert {*failed().values()} == {'ValueError: oh'}
     assert {*failed().values()} == {'ValueError: oh'}  # a second later
     assert len(signs) == before
     log = capfd.readouterr().err
-    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 8
+    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 7
     client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
     wait_until(client.service_is_ready, 'the service')
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):

@@ -20,11 +20,12 @@ from pathlib import Path
 
 from bench import ros as bench
 from bench import soak
+from fret_monitor.native.ros_files import prefixes
 from native import engine
 import pytest
 
-if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in bench.prefixes()) or \
-        not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in bench.prefixes()):
+if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in prefixes()) or \
+        not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in prefixes()):
     pytest.skip('needs the headers of rcl, and the installed node', allow_module_level=True)
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime import Engine, GateCounts, Silence, State
+from fret_monitor.runtime import Engine, Evaluator, GateCounts, State
 from fret_monitor.runtime.gate import gate_counts
 
 
@@ -38,10 +38,25 @@ class Conditions:
 
 
 @dataclass(frozen=True)
+class Silence:
+    """
+    The silences of an input: times without a usable value, from its timeout on.
+
+    `count` so far; `lasted` is the time (ns) from the value before the present one until now, or
+    of the last one.
+    """
+
+    count: int
+    lasted: int
+    is_silent: bool
+
+
+@dataclass(frozen=True)
 class Seen:
     """The state of an engine, and how it has changed since the last look."""
 
     gate: GateCounts
+    are_violated: tuple[bool, ...]
     silences: tuple[Silence, ...]
     unpublished: int
     conditions: Conditions
@@ -66,10 +81,25 @@ def see(engine: Engine) -> Seen:
     silences = [seen.inputs[place].silence for place in range(counts[1])]
     return Seen(
         gate_counts(seen.gate),
-        tuple(Silence(item.count, item.lasted, bool(item.is_silent)) for item in silences),
+        tuple(bool(seen.requirements[place].is_violated) for place in range(counts[0])),
+        tuple(_silence(item) for item in silences),
         int(seen.unpublished), _conditions(bytes(ffi.buffer(seen.conditions, size)), counts[0]),
         tuple(_conditions(changes[size * place:][:size], counts[0])
               for place in range(seen.n_changes)), int(seen.missed))
+
+
+def is_stale(evaluator: Evaluator, index: int) -> bool:
+    """Return whether an input is stale."""
+    return bool(evaluator.library.fm_evaluator_is_stale(evaluator.pointer, index))
+
+
+def silence_of(evaluator: Evaluator, index: int) -> Silence:
+    """Return the silences of an input."""
+    return _silence(evaluator.library.fm_evaluator_silence(evaluator.pointer, index))
+
+
+def _silence(found: Any) -> Silence:
+    return Silence(found.count, found.lasted, bool(found.is_silent))
 
 
 def _conditions(found: bytes, requirements: int) -> Conditions:

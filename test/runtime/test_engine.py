@@ -24,10 +24,10 @@ from typing import Any
 from bundles import engine_of, write_bundle
 from fret_monitor import build
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime import Engine, Evaluator, NEVER, Receipt, Silence, TimeCounts
+from fret_monitor.runtime import Engine, Evaluator, NEVER, Receipt, TimeCounts
 from fret_monitor.runtime.reporting import Reporter, ReportTable
 import pytest
-from runtime.seen import see
+from runtime.seen import see, Silence
 
 SECOND = 10**9
 BUNDLE = """
@@ -70,8 +70,8 @@ def test_messages_are_steps_and_violations_are_queued_in_order(engine: Engine) -
     assert [(item.requirement, item.step, item.stamp) for item in engine.take(0)] == [
         (0, 0, 0), (0, 2, 2)]
     assert engine.take(0) == []
-    assert engine.value(0) == 3.0
-    assert engine.topic_counts(0).messages == 3
+    assert engine.evaluator.value(0) == 3.0
+    assert engine.evaluator.topic_counts(0).messages == 3
 
 
 def test_waiting_threads_wake_on_a_violation_and_at_the_end(engine: Engine) -> None:
@@ -88,7 +88,7 @@ def test_waiting_threads_wake_on_a_violation_and_at_the_end(engine: Engine) -> N
     assert not thread.is_alive()
     assert monotonic() - begin < 30
     assert engine.message(0, a_float(2.0), received=0) is Receipt.RECEIVED
-    assert engine.topic_counts(0).messages == 1  # messages after the end are ignored
+    assert engine.evaluator.topic_counts(0).messages == 1  # messages after the end are ignored
 
 
 def test_a_violation_does_not_wait_for_its_detail(engine: Engine) -> None:
@@ -191,7 +191,7 @@ def test_nothing_is_due_before_the_time_has_begun(engine: Engine) -> None:
     engine.message(0, a_float(0.5), received=10 * SECOND)
     engine.message(0, a_float(0.5), received=20 * SECOND)
     assert engine.deadline == NEVER
-    assert engine.take(0) == [] and engine.time_counts() == TimeCounts(0, 0, 0, 0)
+    assert engine.take(0) == [] and engine.evaluator.time_counts() == TimeCounts(0, 0, 0, 0)
 
 
 def test_waiting_for_a_violation_takes_a_timeout_at_its_instant(engine: Engine) -> None:
@@ -201,7 +201,7 @@ def test_waiting_for_a_violation_takes_a_timeout_at_its_instant(engine: Engine) 
     assert len(engine.take(30_000)) == 2
     assert 1.0 <= monotonic() - begin + 0.01 < 10.0
     engine.advance(0)  # ignored: the time is that of a clock
-    assert see(engine).silences[0].is_silent and engine.time_counts().restarts == 0
+    assert see(engine).silences[0].is_silent and engine.evaluator.time_counts().restarts == 0
 
 
 @pytest.mark.parametrize('is_reset', [False, True])
@@ -305,7 +305,7 @@ def test_a_message_received_by_two_subscriptions_is_one_step(engine: Engine) -> 
     assert deliver(0, is_retired=True) is Receipt.RECEIVED
     engine.end_handover(0)
     assert deliver(3) is Receipt.RECEIVED
-    assert engine.topic_counts(0).messages == 6
+    assert engine.evaluator.topic_counts(0).messages == 6
 
 
 def test_a_sender_whose_clock_is_set_back_sends_no_history(engine: Engine) -> None:
@@ -324,7 +324,8 @@ def test_the_last_unusable_message_is_kept_and_returned_once(engine: Engine) -> 
     assert engine.evidence(1) == odd
     assert engine.evidence(1) is None
     assert engine.message(1, b'\0', received=0) is Receipt.UNDECODABLE
-    assert (engine.input_counts(1).unusable, engine.topic_counts(1).undecodable) == (2, 1)
+    counted = engine.evaluator
+    assert (counted.input_counts(1).unusable, counted.topic_counts(1).undecodable) == (2, 1)
 
 
 def test_many_violations_are_kept(engine: Engine) -> None:
@@ -344,6 +345,6 @@ def test_violations_beyond_the_capacity_of_a_queue_are_counted(tmp_path: Path) -
     engine = Engine(Evaluator(build.build(bundle).monitor))
     for number in range(1026):
         engine.message(0, a_float(1e6), received=number)
-    engine.count_unpublished(5)
+    engine.library.fm_engine_count_unpublished(engine.pointer, 5)
     assert see(engine).unpublished == 2 * 1024 + 5
     assert sum(map(len, iter(lambda: engine.take(0), []))) == 1 << 20

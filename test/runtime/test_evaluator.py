@@ -27,12 +27,13 @@ from fret_monitor.model.policies import Policy, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import build_library, evaluator_library, LibraryError, load
 from fret_monitor.runtime import (
-    Evaluator, InputCounts, NEVER, RequirementCounts, Silence, TimeCounts, TopicCounts, Violation,
+    Evaluator, InputCounts, NEVER, RequirementCounts, TimeCounts, TopicCounts, Violation,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 from native import toys
 import pytest
+from runtime.seen import is_stale, Silence, silence_of
 
 FLAG, LEVEL = 0, 1
 LAMP, COOL = 0, 1
@@ -234,13 +235,13 @@ def test_requirements_on_a_silent_input_are_violated_until_its_next_message() ->
     assert evaluator.deadline == SECOND + 5
     assert evaluator.advance(10 * SECOND) == [
         Violation(LAMP, 0, SECOND + 5), Violation(COOL, 0, SECOND + 5)]
-    assert evaluator.advance(20 * SECOND) == [] and evaluator.is_stale(FLAG)
-    assert evaluator.silence(FLAG) == Silence(1, 20 * SECOND - 5, True)
-    assert not evaluator.is_stale(LEVEL) and evaluator.deadline == NEVER
+    assert evaluator.advance(20 * SECOND) == [] and is_stale(evaluator, FLAG)
+    assert silence_of(evaluator, FLAG) == Silence(1, 20 * SECOND - 5, True)
+    assert not is_stale(evaluator, LEVEL) and evaluator.deadline == NEVER
     assert evaluator.step(7) == [Violation(LAMP, 0, 7)], 'COOL reports its onset'
     assert evaluator.requirement_counts(LAMP) == RequirementCounts(1, 2, 2, False, False, True)
     evaluator.store(FLAG, True, now=21 * SECOND)
-    assert evaluator.silence(FLAG) == Silence(1, 21 * SECOND - 5, False)
+    assert silence_of(evaluator, FLAG) == Silence(1, 21 * SECOND - 5, False)
     assert evaluator.message(FLAG, 8) == [] and evaluator.verdicts == [True, True]
 
 
@@ -250,7 +251,7 @@ def test_a_value_without_a_time_is_received_at_the_time_of_the_evaluator() -> No
     assert evaluator.advance(100 * SECOND + 5) == []
     evaluator.store(FLAG, True)
     assert evaluator.deadline == 101 * SECOND + 5
-    assert evaluator.advance(101 * SECOND + 4) == [] and not evaluator.is_stale(FLAG)
+    assert evaluator.advance(101 * SECOND + 4) == [] and not is_stale(evaluator, FLAG)
     evaluator.store(FLAG, True, 0)
     assert evaluator.advance(101 * SECOND + 4) != [], 'received at 0'
 

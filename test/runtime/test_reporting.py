@@ -19,16 +19,20 @@ What is reported of violations, in words: details, and at most a line a second o
 Both nodes and the logger say what csrc/reporting decides here.
 """
 
+from itertools import pairwise
 from pathlib import Path
+import re
 import struct
 
 from fret_monitor import build
 from fret_monitor.model.policies import Severity
-from fret_monitor.native import evaluator_library, load_evaluator
+from fret_monitor.native import evaluator_library, load_evaluator, Monitor
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import (
     LogLine, read_detail, Reporter, ReportTable, StatusRecord, ViolationLines, ViolationLog,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 import pytest
 
 TWO = """
@@ -43,10 +47,14 @@ requirements:
 """
 
 
-def engine_of(folder: Path, text: str) -> Engine:
+def monitor_of(folder: Path, text: str) -> Monitor:
     bundle = folder / 'bundle.yaml'
     bundle.write_text(text, encoding='utf-8')
-    return Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
+    return build.build(bundle).monitor
+
+
+def engine_of(folder: Path, text: str) -> Engine:
+    return Engine(Evaluator(monitor_of(folder, text), reports_recoveries=True))
 
 
 def a_float(value: float) -> bytes:
@@ -60,10 +68,10 @@ def an_int(value: int) -> bytes:
 class Log:
     """The log of an engine with two requirements; each message is a violation, or its end."""
 
-    def __init__(self, folder: Path) -> None:
-        self.engine = engine_of(folder, TWO)
+    def __init__(self, monitor: Monitor, most_details_per_s: int = 1000) -> None:
+        self.engine = Engine(Evaluator(monitor, reports_recoveries=True))
         self._log = ViolationLog(Reporter(self.engine, ReportTable(self.engine.monitor.manifest)))
-        self.engine.want_details(True, 1000)
+        self.engine.want_details(True, most_details_per_s)
         self.lines: list[str] = []
 
     def happens(self, now: float, index: int = 0, *, is_over: bool = False,
@@ -80,11 +88,18 @@ class Log:
         assert detail is not None
         self._keep(self._log.add(detail, int(now * 1e9)))
 
+    def details_come(self, now: float) -> None:
+        while (detail := self.engine.take_detail(0)) is not None:
+            self._keep(self._log.add(detail, int(now * 1e9)))
+
+    def review(self, now: float) -> None:
+        self._keep(self._log.review(int(now * 1e9)))
+
     def end(self) -> None:
         self._keep(self._log.end())
 
     def taken(self, now: float) -> list[str]:
-        self._keep(self._log.review(int(now * 1e9)))
+        self.review(now)
         taken, self.lines = self.lines, []
         return taken
 
@@ -92,9 +107,14 @@ class Log:
         self.lines += [f'{line.level.name}: {line.text}' for line in lines]
 
 
+@pytest.fixture(scope='module')
+def two(tmp_path_factory: pytest.TempPathFactory) -> Monitor:
+    return monitor_of(tmp_path_factory.mktemp('two'), TWO)
+
+
 @pytest.fixture
-def log(tmp_path: Path) -> Log:
-    return Log(tmp_path)
+def log(two: Monitor) -> Log:
+    return Log(two)
 
 
 def test_a_violation_and_its_end_are_logged_at_once_if_nothing_was_logged_just_before(
@@ -162,17 +182,76 @@ def test_violations_without_details_are_counted_and_their_end_is_logged(log: Log
     assert log.taken(20.0) == []
 
 
-def test_a_violation_that_was_counted_before_its_detail_came_is_logged_after_an_end(
-        log: Log) -> None:
+def test_a_violation_whose_detail_is_on_its_way_is_logged_once(log: Log) -> None:
     log.happens(10.0)
     log.happens(10.1, is_over=True)
     log.engine.message(0, a_float(2.0), 10_200_000_000)  # its detail is on its way
-    assert log.taken(11.0)[1:] == ['ERROR: R violated once more, without details: x < 1',
-                                   'INFO: R satisfied again at 10.100: x < 1 [step 1: x = 0.0]']
+    assert log.taken(11.0)[1:] == ['INFO: R satisfied again at 10.100: x < 1 [step 1: x = 0.0]']
     log.detail_comes(11.1)
     assert log.taken(12.0) == ['ERROR: R violated at 10.200: x < 1 [step 2: x = 2.0]']
     log.happens(13.5, is_over=True)
     assert log.taken(13.5) == ['INFO: R satisfied again at 13.500: x < 1 [step 3: x = 0.0]']
+
+
+def test_an_end_without_a_detail_does_not_have_the_time_of_an_earlier_one(log: Log) -> None:
+    log.happens(10.0)
+    log.happens(10.1, is_over=True)
+    log.happens(10.2, has_detail=False)
+    log.happens(10.3, is_over=True, has_detail=False)
+    assert log.taken(11.0)[1:] == ['ERROR: R violated once more, without details: x < 1',
+                                   'INFO: R satisfied again: x < 1']
+
+
+def test_the_end_of_a_violation_by_a_reset_is_logged_however_late(log: Log) -> None:
+    log.happens(10.0)
+    assert log.taken(15.0)[1:] == []
+    log.engine.reset()
+    assert log.taken(15.1) == ['INFO: R satisfied again: x < 1']
+    assert log.taken(20.0) == []
+
+
+Event = tuple[str, int]
+
+
+@given(st.lists(st.tuples(st.sampled_from(['false', 'false', 'true', 'take', 'review', 'drop',
+                                           'reset']), st.integers(0, 700)), max_size=60),
+       st.sampled_from([1, 3, 1000]))
+def test_each_violation_is_in_one_line_whatever_becomes_of_its_detail(
+        two: Monitor, events: list[Event], most: int) -> None:
+    log = Log(two, most)
+    now, violations, is_violated = 10_000, 0, False
+    for what, later in [*events, ('take', 0)]:
+        now += later
+        if what in ('false', 'true'):
+            log.engine.message(0, a_float(2.0 if what == 'false' else 0.0), now * 10**6)
+            violations += what == 'false'
+            is_violated = what == 'false'
+        elif what == 'take':
+            log.details_come(now / 1000)
+        elif what == 'review':
+            log.review(now / 1000)
+        elif what == 'drop':
+            log.engine.want_details(False)
+            log.engine.want_details(True, most)
+        else:
+            log.engine.reset()
+            is_violated = False
+    log.end()
+    assert sum(map(number_of, log.lines)) == violations
+    ends = ['satisfied' in line for line in log.lines]
+    assert not any(ends[:1]) and (True, True) not in pairwise(ends)
+    assert (not ends or ends[-1]) is not is_violated
+    times = [float(line.split(' at ')[1].split(':')[0]) for line in log.lines if ' at ' in line]
+    assert times == sorted(times)
+
+
+def number_of(line: str) -> int:
+    """Return for how many violations a line stands."""
+    more = re.search(r'\((\d+) more violations? since the last line\)', line)
+    unseen = re.search(r'violated (\d+ times|once) more', line)
+    if unseen is not None:
+        return 1 if unseen[1] == 'once' else int(unseen[1].split()[0])
+    return ('violated at' in line) + (0 if more is None else int(more[1]))
 
 
 def test_a_requirement_of_which_no_detail_came_is_logged_too(log: Log) -> None:

@@ -329,11 +329,12 @@ def test_a_requirement_that_rests_on_initial_values_is_missing_its_messages(
 def test_violations_that_were_not_published_are_logged_once_and_counted(
     reviewed: Reviewed,
 ) -> None:
+    engine = reviewed.engine
     assert 'violations of bundle' not in reviewed.summaries()
-    reviewed.engine.count_unpublished(3)
+    engine.library.fm_engine_count_unpublished(engine.pointer, 3)
     assert reviewed.lines() == ['ERROR violations could not be published: 3 so far; /diagnostics '
                                 'counts them']
-    reviewed.engine.count_unpublished(2)
+    engine.library.fm_engine_count_unpublished(engine.pointer, 2)
     status = reviewed.statuses()['violations of bundle']
     assert (status.level, status.message, status.values) == (
         ERROR, '2 not published since the last report', (('not published', '5'),))

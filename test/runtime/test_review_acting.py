@@ -19,6 +19,7 @@ import struct
 from time import time_ns
 from typing import Any
 
+from bundles import ARMED
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import KeptCounts
 from fret_monitor.runtime.reporting import ActionCounts, BlackBoxCounts, GateFacts, TopicFacts
@@ -99,12 +100,21 @@ def test_changes_that_come_too_fast_are_counted_and_the_state_is_logged(acting: 
     assert found[-4:] == ["lock 'stop' has changed 10 times more since",
                           "gate 'drive' has changed 10 times more since",
                           "lock 'stop' is free", "gate 'drive' is open"]
+    for number in range(11):
+        acting.sense(0.5 if number % 2 == 0 else 5.0, 1.35 + number / 1000)
+    assert "lock 'stop' has changed 1 time more since" in acting.logged()
+    acting.sense(5.0, 1.39)
+    acting.logged()
     for number in range(101):
         acting.sense(0.5 if number % 2 == 0 else 5.0, 1.4 + number / 1000)
     found = acting.logged()
     assert found[-3:] == ['37 more changes of what locks and gates depend on came too fast to be '
                           'logged', "lock 'stop' is locked: violated: X",
                           "gate 'drive' is closed: violated: X"]
+    for number in range(65):
+        acting.sense(5.0 if number % 2 == 0 else 0.5, 1.6 + number / 1000)
+    assert '1 more change of what locks and gates depend on came too fast to be logged' \
+        in acting.logged()
     assert acting.logged() == []
 
 
@@ -253,14 +263,7 @@ def test_threads_that_failed_have_a_status(acting: Acting) -> None:
     assert status.values == (('feed', 'ValueError: x'), ('log', 'OSError: y'))
 
 
-SERVICE = """
-format: 1
-evaluation: {policy: every_message}
-inputs:
-  data: {topic: enable/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
-  safe: {topic: safe, type: std_msgs/msg/Bool}
-requirements:
-  - {id: ARMED, ptltl: "data -> safe"}
+SERVICE = ARMED + """
 gates:
   drive: {service: enable, to: enable_raw, type: std_srvs/srv/SetBool, keep: [ARMED],
           otherwise: {respond: {success: false}}}

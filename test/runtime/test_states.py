@@ -200,7 +200,7 @@ class Gated:
     def state(self, requirement: int = 0) -> tuple[State, int]:
         """Return the state of a requirement, and how often a violation of it has begun."""
         _, found = self.engine.states(0, 0.0)
-        is_violated = self.engine.requirement_counts(requirement).is_violated
+        is_violated = see(self.engine).are_violated[requirement]
         assert is_violated == (found[requirement].state is VIOLATED)
         return found[requirement].state, found[requirement].occurrences
 

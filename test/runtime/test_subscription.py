@@ -57,6 +57,7 @@ class Topic:
         self.state = SubscriptionState(library(), '/x', TYPE, fixed)
         self.offers: list[Offer] = []
         self.now = 1000.0
+        self.seen: list[Offer] = []  # at the last review
         self.matched = 0
         self.lost = 0
         self.problem: str | None = None
@@ -69,7 +70,9 @@ class Topic:
         """Review after a time; with `offers`, these are the publishers from now on."""
         self.now += seconds
         self.offers = list(offers) or self.offers
-        now = round(self.now * 1e9)
+        is_settled = self.state.is_settled(self.lost) and self.seen == self.offers
+        self.seen = [*self.offers]
+        n_lines, now = len(self.log), round(self.now * 1e9)
         found = self.state.decide(self.offers, self.matched, now)
         del self.replaced[:found.n_ended]
         self.repeats = 0 if found.ends_handover else self.repeats
@@ -81,6 +84,9 @@ class Topic:
         problem = None if found.request is None else self.problem
         self.log += [f'{line.level.name} {line.text}'
                      for line in self.state.conclude(problem, self.lost, now)]
+        if is_settled:
+            assert (found.n_ended, found.ends_handover, found.request) == (0, False, None)
+            assert len(self.log) == n_lines
         return found
 
     def review_for(self, seconds: float) -> int:
@@ -291,6 +297,21 @@ def test_losses_are_logged_at_most_every_ten_seconds() -> None:
     assert topic.lines()[0].startswith('WARN 4 messages were lost on /x since')
     topic.review(seconds=20)
     assert topic.lines() == []
+
+
+def test_a_topic_is_settled_when_time_alone_changes_nothing() -> None:
+    topic = Topic()
+    topic.review()
+    assert topic.state.is_settled(0)
+    assert not topic.state.is_settled(1), 'a loss is logged'
+    topic.review(offer(1))
+    assert not topic.state.is_settled(0), 'the old subscription is still to be closed'
+    topic.review_for(4.0)
+    assert topic.state.is_settled(0)
+    topic.review(offer(1), offer(2, message_type=OTHER, node=UNNAMED))
+    assert not topic.state.is_settled(0), 'the publisher will be logged'
+    topic.review(seconds=2.1)
+    assert topic.state.is_settled(0)
 
 
 def test_levels_are_those_of_the_log() -> None:

@@ -107,4 +107,4 @@ def test_a_message_after_which_nothing_passes_any_more_is_found(
     assert warning.help.startswith('what is withheld never happens, so that nothing passes')
     path.write_text(text.replace('KEPT', 'LATE'), encoding='utf-8')
     [warning] = doubtful_gates(read(path).specification)
-    assert warning.help == 'until that changes nothing passes, and no substitute satisfies it'
+    assert warning.help == 'until that changes, nothing passes, and no substitute satisfies it'

@@ -33,7 +33,8 @@ c_source = pytest.importorskip('fret_monitor.proving.c_source')
 SPECIFICATIONS = {
     'windows': windows_apart(), 'parts': many_of_a_group(), 'remainders': remainders(),
     **{f'random {seed}': random_specification(seed) for seed in (2, 6, 7, 10, 11)}}
-LIBRARY = {'memset', 'fmodf', *LIBRARY_CALLS, 'fm_offset'}  # the last stands for offsetof
+LIBRARY = {'memset', 'fmodf', '__builtin_clzll', *LIBRARY_CALLS,
+           'fm_offset'}  # stands for offsetof
 
 
 def functions_of(specification: Specification) -> dict[str, Any]:

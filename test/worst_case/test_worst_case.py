@@ -34,8 +34,8 @@ from differential.test_clean_c import every_window
 from fret_monitor.build import read
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Constant, FTP, Historically, Once, postorder, Since, Triggered,
-    Unary, UnaryOperator, Variable, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, Constant, Formula, FTP, Historically, Once, postorder, Since,
+    Slope, TimeOver, Triggered, Unary, UnaryOperator, Variable, Window, Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.policies import Policy
@@ -55,6 +55,7 @@ from strategies import (
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
+X = Variable('x_float64', ValueType.FLOAT64)
 STEPS = 120
 SLACK = 4  # a bound must be no more than this factor above the measurement
 BUNDLES = [*sorted((ROOT / 'config').glob('*.yaml')),
@@ -87,6 +88,10 @@ def at_ticks(specification: Specification) -> Specification:
         replace(signal, max_rate=rate) for signal in specification.signals))
 
 
+def less_than_one(number: Formula) -> Formula:
+    return Binary(BinaryOperator.LT, number, Constant(1.0, ValueType.FLOAT64))
+
+
 def windows_at_ticks() -> Specification:
     """Return a requirement for each operator and form of window, in one group at ticks."""
     windows = [Window(0, 7), Window(0, 300), Window(5, None), Window(300, None), Window(3, 8),
@@ -94,8 +99,10 @@ def windows_at_ticks() -> Specification:
     terms = [term for window in windows for term in (
         Once(window, P), Historically(window, P), Since(window, P, Q), Triggered(window, P, Q))]
     properties = [property_of(f'W-{number}', item)
-                  for number, item in enumerate([*terms, Yesterday(P), FTP, Once(ALWAYS, P)])]
-    return at_ticks(specification_of(properties, (P, Q)))
+                  for number, item in enumerate([*terms, Yesterday(P), FTP, Once(ALWAYS, P),
+                                                 TimeOver(200, 100, P),
+                                                 less_than_one(Slope(X, P))])]
+    return at_ticks(specification_of(properties, (P, Q, X)))
 
 
 def many_of_a_group() -> Specification:
@@ -254,7 +261,11 @@ def test_the_bounds_of_windows_do_not_change_the_cost_of_a_step() -> None:
 
 
 def test_every_kind_of_equation_has_exactly_one_cost() -> None:
+    deep: Formula = P
+    for _ in range(9):  # more bits than are a byte each
+        deep = Yesterday(deep)
     specifications = [windows_apart(), windows_at_ticks(), remainders(),
+                      specification_of([property_of('R-1', deep)], (P,)),
                       *map(random_specification, range(60)), many_of_a_group()]
     found = {kind for item in specifications for kind in kinds(layouts_of(item))}
     assert found == COSTS.keys() | LIBRARY_COSTS.keys()

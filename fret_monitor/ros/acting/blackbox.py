@@ -25,7 +25,7 @@ from itertools import count
 import os
 from pathlib import Path
 from tempfile import TemporaryFile
-from threading import Event, Thread
+from threading import Event
 from time import monotonic_ns, time
 
 from fret_monitor.model.manifest import Manifest
@@ -33,7 +33,7 @@ from fret_monitor.model.mcap import McapWriter
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.node_time import as_time
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
-from fret_monitor.ros.watch import ErrorKeeper
+from fret_monitor.ros.watch import WatchedThread
 from fret_monitor.runtime import Engine, KeptCounts, KeptMessage, MessageRing, Occurrences
 from fret_monitor.runtime.reporting import BlackBoxCounts
 
@@ -78,8 +78,7 @@ class BlackBox:
         self._pending: _Pending | None = None
         self._written = self._failed = 0
         self._is_over = Event()
-        self._kept = ErrorKeeper()
-        self._thread: Thread | None = None
+        self._thread: WatchedThread | None = None
         prepare_folder(settings.folder)
 
     def keep_messages(self, engine: Engine) -> None:
@@ -102,8 +101,7 @@ class BlackBox:
     def start(self) -> None:
         """Start the thread."""
         self._is_over.clear()
-        self._kept = ErrorKeeper()
-        self._thread = Thread(target=self._run, name='blackbox', daemon=True)
+        self._thread = WatchedThread('blackbox', self._run)
         native_lifetimes.keep(self)
         self._thread.start()
 
@@ -117,7 +115,7 @@ class BlackBox:
     @property
     def failure(self) -> Exception | None:
         """The error that ended the thread, if any; no file is written after it."""
-        return self._kept.error
+        return None if self._thread is None else self._thread.failure
 
     def counts(self) -> BlackBoxCounts:
         """Return what was written so far."""
@@ -125,11 +123,12 @@ class BlackBox:
         return BlackBoxCounts(self._written, self._failed, messages)
 
     def _run(self) -> None:
-        with self._kept:
+        try:
             self._loop()
-        if self._pending is not None:
-            self._pending.discard()
-            self._pending = None
+        finally:
+            if self._pending is not None:
+                self._pending.discard()
+                self._pending = None
 
     def _loop(self) -> None:
         is_over = False

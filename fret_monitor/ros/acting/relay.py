@@ -32,9 +32,7 @@ from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.intake.rcl_endpoint import UNNAMED
-from fret_monitor.ros.intake.rcl_publisher import RclPublisher
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription, UNNAMED
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.subscription import DEFAULT_DEPTH
@@ -202,6 +200,11 @@ class Relay:
         self.others = tuple(sorted(
             f'another {name}' if name == own else name for name in names))
 
+    @property
+    def knows_others(self) -> bool:
+        """Whether each other publisher has been reported, or has the name of its node."""
+        return self._unnamed_looks == 0 or self._unnamed_looks > _UNNAMED_LOOKS
+
     def _others(self, found: Sequence[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
         """Return the publishers that are not the gate's; they may have the name of its node."""
         others = [item for item in found if bytes(item.endpoint_gid) not in self._gids]
@@ -285,6 +288,11 @@ class RelayedTopic(EngineTopic):
         if publishers:
             self._relay.follow(is_durable=any(
                 _is_durable(item.qos_profile) for item in publishers))
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether no publisher is being replaced, and the node of each other one is known."""
+        return not self._relay.is_changing and self._relay.knows_others
 
 
 class RelayReceiver:

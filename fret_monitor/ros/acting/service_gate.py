@@ -26,14 +26,19 @@ from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.ros.intake.fields import message_class
+from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.runtime import Engine, Judgement
+from fret_monitor.runtime.start_lines import unanswered
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
 from service_msgs.msg import ServiceEventInfo
+
+_LOGGED_S = 10.0  # between two log lines about requests that no server answers
 
 
 class ServiceGate:
@@ -50,6 +55,7 @@ class ServiceGate:
         self._kind: Any = message_class(gate.interface)
         self._refusal: Any = deserialize_message(gate.substitute, self._kind.Response)
         self._name = gate.name
+        self._throttle = Throttle(_LOGGED_S)
         self._timeout = gate.timeout / 1e9
         self._pending: dict[Future, float] = {}  # each with the end of its time
         # Others may call while a request waits for the server.
@@ -91,9 +97,9 @@ class ServiceGate:
 
     def _unanswered(self) -> Any:
         self.unanswered += 1
-        self._node.get_logger().error(
-            f"gate '{self._name}': no server of {self.target} answers; the request is refused",
-            throttle_duration_sec=10.0)
+        if self._throttle.passes():
+            log_lines(self._node.get_logger(), [
+                unanswered(self._engine.library, self._name, self.target)])
         return self._refusal
 
     @property

@@ -15,8 +15,8 @@
 """
 The subscriptions of a node: made, replaced and closed as C decides (`runtime.subscription`).
 
-One thread looks for the publishers periodically. It takes messages only for nodes without an
-engine (`raw_topic`): for the others C does.
+One thread looks for the publishers when the graph has changed. It takes messages only for nodes
+without an engine (`raw_topic`): for the others C does.
 
 The subscriptions are used by no executor.
 """
@@ -24,18 +24,21 @@ The subscriptions are used by no executor.
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from threading import Event, Thread
+from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Any, Protocol
 
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.graph_wait import GraphWait
+from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.settings.qos import profile_of
-from fret_monitor.ros.watch import ErrorKeeper
+from fret_monitor.ros.watch import WatchedThread
 from fret_monitor.runtime.reporting import TopicFacts
-from fret_monitor.runtime.subscription import Offer, Request, SubscriptionState
+from fret_monitor.runtime.subscription import (
+    LOOK_AGAIN_S, LOOK_DELAY_S, LOOK_PERIOD_S, LOOKS_AT_ONCE, Offer, Request, SubscriptionState,
+)
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -59,7 +62,11 @@ class Topic(Protocol):
         """Start taking the messages of a subscription."""
 
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Follow its publishers, which are of its type; called periodically."""
+        """Follow its publishers, which are of its type."""
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the next review can wait until the graph changes."""
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
@@ -75,18 +82,19 @@ class Topic(Protocol):
 class Taker(Protocol):
     """Takes messages in the feed's thread."""
 
+    @property
+    def handles(self) -> Sequence[Any]:
+        """The handles of the subscriptions that are waited for."""
+
     def take(self) -> None:
-        """Wait for messages, less than a period of the reviews, and deliver them."""
+        """Deliver the messages that wait."""
 
     def end(self) -> None:
-        """Deliver no more, and end a wait."""
-
-    def close(self) -> None:
-        """Release what `take` has used; its thread has ended."""
+        """Deliver no more."""
 
 
-_REVIEW_PERIOD = 0.25  # s between two checks of the publishers
-_REVIEWED_AT_ONCE = 50  # topics per check, 50 us each: at most 1 % of a processor
+_SETTLED_S = 1.0  # between two questions whether topics are settled
+_LONGEST_WAIT_S = 0.5  # so that `turns` grows
 
 
 class Feed:
@@ -103,10 +111,11 @@ class Feed:
         self._topics: list[_Subscribed] = []
         self._added: deque[_Subscribed] = deque()  # since the start, until the next review
         self._removed: deque[str] = deque()
-        self._next_reviewed = 0
+        self._due: dict[_Subscribed, None] = {}  # to be reviewed, in this order
+        self._next_look = self._next_question = self._next_round = 0.0
+        self._graph = GraphWait(node)
         self._closing = Event()
-        self._thread = Thread(target=self._run, name='feed', daemon=True)
-        self._kept = ErrorKeeper()
+        self._thread = WatchedThread('feed', self._loop)
         self.turns = 0
         """How often the thread has looked for work: several times a second unless it hangs."""
 
@@ -126,10 +135,12 @@ class Feed:
         with one_type(self._node, 'subscribe to', name, message_type):
             (self._added if self._thread.is_alive() else self._topics).append(
                 _Subscribed(self._node, library, name, message_type, message_class, topic, fixed))
+        self._graph.wake()
 
     def unsubscribe(self, name: str) -> None:
         """End the subscription to a topic, at the next review; for nodes without an engine."""
         self._removed.append(name)
+        self._graph.wake()
 
     def start(self) -> None:
         """Start delivering."""
@@ -146,6 +157,7 @@ class Feed:
         terminates the process.
         """
         self._closing.set()
+        self._graph.wake()
         if self._taker is not None:
             self._taker.end()
         if self._thread.is_alive():
@@ -155,8 +167,7 @@ class Feed:
         """Stop delivering, and destroy the subscriptions; nothing is delivered afterwards."""
         self._closing.set()
         with ExitStack() as last:  # all of them run, even if one is interrupted
-            if self._taker is not None:
-                last.callback(self._taker.close)
+            last.callback(self._graph.close)
             last.callback(self._topics.clear)
             last.callback(self._added.clear)
             for topic in {*self._topics, *self._added}:
@@ -171,44 +182,58 @@ class Feed:
     @property
     def failure(self) -> Exception | None:
         """The error that ended the thread, if any; nothing is delivered after it."""
-        return self._kept.error
-
-    def _run(self) -> None:
-        with self._kept:
-            self._loop()
+        return self._thread.failure
 
     def _loop(self) -> None:
-        next_review = monotonic()
+        self._due = dict.fromkeys(self._topics)
         while not self._closing.is_set():
             self.turns += 1
-            if monotonic() >= next_review:
-                self._review()
-                next_review = monotonic() + _REVIEW_PERIOD
-            if self._taker is None:
-                self._closing.wait(_REVIEW_PERIOD)
-            else:
+            self._review()
+            self._wait()
+            if self._taker is not None:
                 self._taker.take()
+
+    def _wait(self) -> None:
+        until = self._next_look - monotonic() if self._due else _LONGEST_WAIT_S
+        handles = () if self._taker is None else self._taker.handles
+        if self._graph.wait(max(0.0, until), handles):
+            if not self._due:
+                self._next_look = max(self._next_look, monotonic() + LOOK_DELAY_S)
+            self._due |= dict.fromkeys(self._topics)
 
     def _add_and_remove(self) -> None:
         while self._added:
             topic = self._added[0]
             self._topics.append(topic)
+            self._due[topic] = None
             self._added.popleft()
             topic.open()
         while self._removed:
             name = self._removed.popleft()
             for topic in [item for item in self._topics if item.name == name]:
                 self._topics.remove(topic)
+                self._due.pop(topic, None)
                 topic.close()
 
     def _review(self) -> None:
         self._add_and_remove()
-        begin = self._next_reviewed
-        for topic in self._topics[begin:begin + _REVIEWED_AT_ONCE]:
+        now = monotonic()
+        if now >= self._next_question:
+            self._next_question = now + _SETTLED_S
+            is_round = now >= self._next_round
+            self._due |= dict.fromkeys(
+                topic for topic in self._topics if is_round or not topic.is_settled)
+            self._next_round = now + LOOK_AGAIN_S if is_round else self._next_round
+        if self._due and now >= self._next_look:
+            self._next_look = now + LOOK_PERIOD_S
+            self._review_due()
+
+    def _review_due(self) -> None:
+        for topic in [*self._due][:LOOKS_AT_ONCE]:
+            del self._due[topic]
             topic.review()
-        self._next_reviewed = begin + _REVIEWED_AT_ONCE
-        if self._next_reviewed >= len(self._topics):
-            self._next_reviewed = 0
+            if not topic.is_settled:
+                self._due[topic] = None
 
 
 class _Subscribed:
@@ -258,6 +283,11 @@ class _Subscribed:
         log_lines(self._node.get_logger(),
                   self._state.conclude(problem, self.topic.lost, monotonic_ns()))
         self.publishers = self._state.publishers
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the next review can wait until the graph changes."""
+        return self.topic.is_settled and self._state.is_settled(self.topic.lost)
 
     def _try_to_replace(self, request: Request) -> str | None:
         """Replace the subscription; return the problem if that fails: the one before stays."""

@@ -31,11 +31,11 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.feed import Receiver
 from fret_monitor.ros.intake.in_place import InPlaceTypes
-from fret_monitor.ros.intake.rcl_publisher import RclPublisher
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavailable
 from fret_monitor.runtime.engine import Engine
 
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -57,7 +57,7 @@ class Middleware:
         rmw = loaded_library(
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
-        self._rmw = rmw
+        self._rmw, self._rcl = rmw, rcl
         self.functions: Any = ffi.new('struct fm_middleware *')
         self._in_place: InPlaceTypes | None = None
         wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
@@ -79,6 +79,29 @@ class Middleware:
         options: Any = ffi.new('struct fm_relay_options *')
         return find_symbol(
             self._rmw, 'rmw_publish_serialized_message', ffi.typeof(options.publish))
+
+    def service_functions(self) -> Any:
+        """Return a `struct fm_service_functions *`, to call services; raises `Unavailable`."""
+        found: Any = ffi.new('struct fm_service_functions *')
+        for field, name in (('is_available', 'rmw_service_server_is_available'),
+                            ('send', 'rmw_send_request'), ('take', 'rmw_take_response'),
+                            ('deserialize', 'rmw_deserialize')):
+            kind = ffi.typeof(getattr(found, field))
+            setattr(found, field, find_symbol(self._rmw, name, kind))
+        found.forget_error = self.functions.forget_error
+        return found
+
+    def node(self, node: Node) -> Any:
+        """Return the rmw handle of a node; the caller holds its rclpy handle."""
+        return self._handle_of('rcl_node_get_rmw_handle', node)
+
+    def client(self, item: RclClient) -> Any:
+        """Return the rmw handle of a client; the caller holds its rclpy handle."""
+        return self._handle_of('rcl_client_get_rmw_handle', item)
+
+    def _handle_of(self, function: str, item: Node | RclClient) -> Any:
+        found = find_symbol(self._rcl, function, 'void * (*)(void *)')
+        return _not_null(found(ffi.cast('void *', item.handle.pointer)))
 
     def read_in_place(self, library: Any) -> None:
         """
@@ -218,6 +241,11 @@ class EngineTopic:
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Do nothing: each message names its publisher, and goes no further."""
 
+    @property
+    def is_settled(self) -> bool:
+        """Nothing is reviewed."""
+        return True
+
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
         self._engine.begin_handover(self._topic, has_history=has_history)
@@ -240,7 +268,7 @@ class Lock:
     `period` is the time between two messages, in nanoseconds.
     """
 
-    publisher: Publisher
+    publisher: RclPublisher
     requirements: tuple[int, ...]
     period: int
 
@@ -253,7 +281,7 @@ class Announcer:
     """
 
     def __init__(self, engine: Engine, middleware: Middleware,
-                 publishers: Sequence[Publisher], locks: Sequence[Lock] = ()) -> None:
+                 publishers: Sequence[RclPublisher], locks: Sequence[Lock] = ()) -> None:
         """
         Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
 
@@ -272,8 +300,9 @@ class Announcer:
         self._held = ExitStack()
         with ExitStack() as undo:
             undo.callback(self.join)  # also if a signal interrupts what follows
-            for item in (*publishers, *(lock.publisher for lock in locks)):
-                self._held.enter_context(item.handle)
+            for handle in (*(item.handle for item in publishers),
+                           *(lock.publisher.handle for lock in locks)):
+                self._held.enter_context(handle)
             found = [middleware.publisher(item) for item in publishers]
             self._indices = [ffi.new('uint32_t[]', lock.requirements) for lock in locks]
             settings = ffi.new('struct fm_lock[]', [

@@ -21,9 +21,7 @@ With others, messages are copied before they are read; verdicts are the same.
 
 import ctypes
 from dataclasses import dataclass
-import os
 from pathlib import Path
-import re
 from typing import Any
 
 from fret_monitor.native.binding import ffi
@@ -32,17 +30,14 @@ from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavail
 from rclpy.type_support import check_for_type_support
 from rclpy.utilities import get_rmw_implementation_identifier
 
-KNOWN = {'rmw_fastrtps_cpp': '8.4', 'rosidl_typesupport_fastrtps_c': '3.6', 'fastcdr': '2.2'}
-"""The versions (ROS 2 Jazzy) with which reading in place was tested, without their last part."""
-
 # FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion) of Fast CDR
 _MAKE_BUFFER = '_ZN8eprosima7fastcdr10FastBufferC1EPcm'
 _MAKE_CDR = '_ZN8eprosima7fastcdr3CdrC1ERNS0_10FastBufferENS1_10EndiannessENS0_10CdrVersionE'
 _MAPS = Path('/proc/self/maps')
 
-_capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
-_capsule_pointer.restype = ctypes.c_void_p
-_capsule_pointer.argtypes = (ctypes.py_object, ctypes.c_char_p)
+capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
+capsule_pointer.restype = ctypes.c_void_p
+capsule_pointer.argtypes = (ctypes.py_object, ctypes.c_char_p)
 _new_capsule = ctypes.pythonapi.PyCapsule_New
 _new_capsule.restype = ctypes.py_object
 _new_capsule.argtypes = (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
@@ -75,7 +70,10 @@ class InPlaceTypes:
         name = get_rmw_implementation_identifier()
         if name != 'rmw_fastrtps_cpp':
             raise Unavailable(f'{name} is not rmw_fastrtps_cpp')
-        refuse_unknown_versions(loaded_versions())
+        why = ffi.new('char[]', 256)
+        if not library.fm_in_place_is_known(_loaded(), why, len(why)):
+            reason: Any = ffi.string(why)
+            raise Unavailable(reason.decode(errors='replace'))
         cdr = loaded_library('libfastcdr.so.2')
         make_buffer = find_symbol(cdr, _MAKE_BUFFER, 'void (*)(void *, char *, size_t)')
         make_cdr = find_symbol(cdr, _MAKE_CDR, 'void (*)(void *, void *, int, int)')
@@ -107,7 +105,7 @@ class InPlaceTypes:
     def _make_class(self, message_class: Any) -> _InPlaceClass:
         check_for_type_support(message_class)
         capsule = type(message_class)._TYPE_SUPPORT
-        original = ffi.cast('struct fm_type_support *', _capsule_pointer(capsule, None))
+        original = ffi.cast('struct fm_type_support *', capsule_pointer(capsule, None))
         support = ffi.new('struct fm_in_place_type *')
         if not self._make_type(original, support):
             raise Unavailable(f'{message_class.__name__} has no type support for Fast DDS')
@@ -117,36 +115,9 @@ class InPlaceTypes:
             metaclass(message_class.__name__, (), {'__slots__': []}), support)
 
 
-def loaded_versions() -> dict[str, str]:
-    """Return the versions of the loaded libraries in `KNOWN`, as far as they can be found."""
+def _loaded() -> bytes:
+    """Return what `/proc/self/maps` says is loaded."""
     try:
-        loaded = {line.split(maxsplit=5)[5].strip()
-                  for line in _MAPS.read_text(encoding='utf-8').splitlines() if '.so' in line}
+        return _MAPS.read_bytes()
     except OSError:
-        return {}
-    found = {}
-    for path in loaded:
-        name = os.path.basename(path).partition('.so')[0].removeprefix('lib')
-        version = _version(name, Path(path)) if name in KNOWN else None
-        if version is not None:
-            found[name] = version
-    return found
-
-
-def _version(name: str, file: Path) -> str | None:
-    """Return the version of a loaded library, from its package.xml or else from its file names."""
-    try:
-        package = (file.parents[1] / 'share' / name / 'package.xml').read_text(encoding='utf-8')
-    except OSError:
-        numbered = [item.name.partition('.so.')[2] for item in file.parent.glob(f'lib{name}.so.*')]
-        return max(numbered, key=len, default=None)
-    match = re.search(r'<version>\s*([\d.]+)\s*</version>', package)
-    return None if match is None else match[1]
-
-
-def refuse_unknown_versions(versions: dict[str, str]) -> None:
-    """Raise `Unavailable` unless all versions are known ones."""
-    for name, known in KNOWN.items():
-        version = versions.get(name, 'unknown')
-        if not f'{version}.'.startswith(f'{known}.'):
-            raise Unavailable(f'it is known to work with {name} {known}, not with {version}')
+        return b''

@@ -30,15 +30,12 @@ from typing import Any, NamedTuple
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import Middleware
-from fret_monitor.ros.intake.rcl_subscription import RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.settings.parameters import Refusal
 
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-_WAIT_NS = 200_000_000  # a wait without a timeout could outlast a shutdown
 _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
 
 # Takes a serialized message, its reception time and its sender's time (ns), in the feed's thread.
@@ -65,13 +62,10 @@ class Record(NamedTuple):
 class RawIntake:
     """Takes the messages of raw topics, in the feed's thread."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self) -> None:
         """Take nothing yet."""
-        self._node = node
         self.library: Any = None
         self._receivers: list[_RawReceiver] = []
-        self._guard = _rclpy.GuardCondition(node.context.handle)
-        self._wait_set: Any = None  # None: to be made for the present receivers
         self._ended = Event()
 
     def prepare(self, library: Any) -> None:
@@ -92,16 +86,18 @@ class RawIntake:
     def add(self, receiver: '_RawReceiver') -> None:
         """Take from a receiver, too."""
         self._receivers.append(receiver)
-        self._wait_set = None
 
     def remove(self, receiver: '_RawReceiver') -> None:
         """Take no more from a receiver."""
         self._receivers.remove(receiver)
-        self._wait_set = None
+
+    @property
+    def handles(self) -> list[Any]:
+        """The handles of the subscriptions that messages are taken from."""
+        return [receiver.handle for receiver in self._receivers]
 
     def take(self) -> None:
-        """Wait for messages, at most 0.2 s, and deliver those that wait, oldest first."""
-        self._wait()
+        """Deliver the messages that wait, oldest first."""
         batches = [[(record, item) for record in item.waiting()] for item in self._receivers]
         for record, receiver in merge(*batches, key=lambda taken: taken[0].received):
             self.deliver(receiver.topic, record)
@@ -111,26 +107,9 @@ class RawIntake:
         if not self._ended.is_set():
             topic.deliver(record)
 
-    def _wait(self) -> None:
-        if self._wait_set is None:
-            self._wait_set = _rclpy.WaitSet(
-                len(self._receivers), 1, 0, 0, 0, 0, self._node.context.handle)
-        # rcl removes from the set what is not ready, so everything is added again.
-        self._wait_set.clear_entities()
-        for receiver in self._receivers:
-            self._wait_set.add_subscription(receiver.handle)
-        self._wait_set.add_guard_condition(self._guard)
-        self._wait_set.wait(_WAIT_NS)
-
     def end(self) -> None:
-        """Deliver no more, and end a wait."""
-        if not self._ended.is_set():
-            self._ended.set()
-            self._guard.trigger_guard_condition()
-
-    def close(self) -> None:
-        """Release what waits need."""
-        self._guard.destroy_when_not_in_use()
+        """Deliver no more."""
+        self._ended.set()
 
 
 class RawTopic:
@@ -159,6 +138,11 @@ class RawTopic:
 
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Do nothing: each message names its publisher, and goes no further."""
+
+    @property
+    def is_settled(self) -> bool:
+        """Nothing is reviewed."""
+        return True
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""

@@ -12,13 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What publishers and subscriptions have in common that are made below the node's functions."""
+"""
+Publishers, subscriptions and clients of a node that the node does not list: C uses them.
+
+They are made with the node's handle, so no executor serves them.
+"""
 
 from typing import Any
 
+from fret_monitor.ros.intake.in_place import capsule_pointer
+from fret_monitor.ros.settings.endpoint_types import one_type
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.type_support import check_is_valid_msg_type
+from rclpy.qos import qos_profile_services_default, QoSProfile
+from rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
 
 
 UNNAMED = '_NODE_NAME_UNKNOWN_'
@@ -60,6 +68,74 @@ class RclEndpoint:
         """The full name of the topic."""
         with self.handle:
             return str(self.handle.get_topic_name())
+
+    def close(self) -> None:
+        """Destroy it as soon as its handle is no longer held."""
+        self.handle.destroy_when_not_in_use()
+
+
+class RclPublisher(RclEndpoint):
+    """
+    A publisher of a node; its owner closes it.
+
+    It has no events, so that threads other than the executor's may make and destroy it.
+    """
+
+    def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
+        """Advertise the topic; raises as `RclEndpoint`."""
+        super().__init__(_rclpy.Publisher, node, msg_type, topic, qos_profile)
+
+    @property
+    def subscriptions(self) -> int:
+        """How many subscriptions have matched."""
+        with self.handle:
+            return int(self.handle.get_subscription_count())
+
+
+class RclSubscription(RclEndpoint):
+    """
+    A subscription of a node; its owner takes the messages and closes it.
+
+    An executor takes the messages of every subscription that the node lists, and rclpy's
+    `EventsExecutor` replaces the callback that C has set on it.
+    """
+
+    def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
+        """Subscribe; raises as `RclEndpoint`."""
+        super().__init__(_rclpy.Subscription, node, msg_type, topic, qos_profile)
+
+
+class RclClient:
+    """A client of a node; its owner closes it. Hold `handle` (`with`) while C uses it."""
+
+    def __init__(self, node: Node, kind: Any, name: str) -> None:
+        """
+        Make a client of a service of the type `kind`.
+
+        Raises
+        ------
+        InvalidTopicNameException
+            if the name of the service is not valid.
+        Refusal
+            if the process uses the service otherwise.
+        """
+        check_is_valid_srv_type(kind)  # imports its type support
+        interface = f'{kind.__module__.partition(".")[0]}/srv/{kind.__name__}'
+        with one_type(node, 'call', name, interface, is_service=True):
+            try:
+                with node.handle:
+                    self.handle: Any = _rclpy.Client(
+                        node.handle, kind, name, qos_profile_services_default.get_c_qos_profile())
+            except ValueError:
+                node._validate_topic_or_service_name(name, is_service=True)
+                raise
+        self.support: int = capsule_pointer(type(kind)._TYPE_SUPPORT, None)
+
+    @property
+    def name(self) -> str:
+        """The full name of the service."""
+        with self.handle:
+            return str(self.handle.service_name)
 
     def close(self) -> None:
         """Destroy it as soon as its handle is no longer held."""

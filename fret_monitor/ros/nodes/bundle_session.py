@@ -34,20 +34,21 @@ from fret_monitor.ros.intake.fields import message_class, MessageTypeError
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.symbols import Unavailable
+from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.detail_publisher import DetailPublisher
 from fret_monitor.ros.reports.details import Details
 from fret_monitor.ros.reports.handlers import Handlers
-from fret_monitor.ros.reports.health import CountsBefore, Health, PERIOD
+from fret_monitor.ros.reports.health import CountsBefore, Health
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
-from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
-from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH
+from fret_monitor.ros.settings.parameters import (
+    BlackBoxSettings, DEFAULT_HANDLER_DEPTH, Refusal,
+)
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
-from fret_monitor.runtime.reporting import Reporter, ReportTable, TopicFacts
+from fret_monitor.runtime.reporting import LogLine, Reporter, ReportTable, TopicFacts
 
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -58,11 +59,11 @@ class BundleSession:
     Monitors one bundle on a given node, from each `start` to the next `stop`.
 
     While it is stopped it keeps an engine and the publishers, but steps and publishes nothing.
-    `close` releases everything. The node's executor runs the timers; messages need no executor.
+    `close` releases everything. The node calls `report`; messages need no executor.
     """
 
     def __init__(self, node: Node, opened: Opened, watch: Watch, *, hot_path: str = 'auto',
-                 log_violations: bool = True, name: str = '',
+                 log_violations: bool = True, name: str = '', reports_failures: bool = True,
                  handler_depth: int = DEFAULT_HANDLER_DEPTH,
                  blackbox: BlackBoxSettings | None = None) -> None:
         """
@@ -70,8 +71,8 @@ class BundleSession:
 
         `hot_path` decides whether the middleware's callbacks take the messages (auto, on, off);
         `log_violations` whether the node logs the violations; `name` is the bundle's name in
-        diagnostics, empty if the node has only one bundle; `blackbox` is where the last messages
-        are written, if anywhere.
+        diagnostics, empty if the node has only one bundle; `reports_failures`: its diagnostics
+        have what `watch` knows; `blackbox` is where the last messages are written, if anywhere.
 
         Raises
         ------
@@ -84,6 +85,7 @@ class BundleSession:
         self._hot_path = hot_path
         self._logs_violations = log_violations
         self._name = name
+        self._reports_failures = reports_failures
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
@@ -93,6 +95,8 @@ class BundleSession:
         self._health: Health | None = None
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
+        self._table = ReportTable(
+            self.manifest, name, policy=opened.policy, period=opened.period)
         self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
         self._engine = self._new_engine()
         with ExitStack() as undo:
@@ -109,6 +113,11 @@ class BundleSession:
     def manifest(self) -> Manifest:
         """The manifest of the bundle."""
         return self.opened.monitor.manifest
+
+    @property
+    def library(self) -> Any:
+        """The functions of csrc."""
+        return self._engine.library
 
     @property
     def _has_relay(self) -> bool:
@@ -132,7 +141,8 @@ class BundleSession:
         self._details = Details(self._node, depth)
         self._advertised.callback(self._details.close)
         try:
-            self._actions = Actions(self._node, self.manifest)
+            self._actions = Actions(
+                self._node, self.manifest, self._table, self._engine.library)
         except MessageTypeError as error:
             raise Refusal(str(error)) from None
         self._advertised.callback(self._actions.close)
@@ -154,19 +164,18 @@ class BundleSession:
                 self._connect()
             except InvalidTopicNameException as error:
                 raise Refusal(f'cannot subscribe: {error}') from None
-            self._start_timers(before)
+            self._start_reports(before)
             undo.pop_all()
 
-    def _start_timers(self, before: CountsBefore) -> None:
-        self._running.callback(self._forget_timers)
+    def _start_reports(self, before: CountsBefore) -> None:
         self._health = Health(
-            self._node, self._reporter, blackbox=self._blackbox, gate=self._gate,
-            actions=self._actions, watch=self._watch, before=before)
+            self._node, self.reporter, blackbox=self._blackbox, gate=self._gate,
+            actions=self._actions, before=before,
+            watch=self._watch if self._reports_failures else None)
         self._running.callback(self._health.close)
-        self._running.callback(self._node.destroy_timer, self._node.create_timer(
-            PERIOD, self._report_health, clock=Clock(clock_type=ClockType.STEADY_TIME)))
+        self._running.callback(self._forget_reports)
 
-    def _forget_timers(self) -> None:
+    def _forget_reports(self) -> None:
         self._health = None
 
     def stop(self) -> None:
@@ -190,8 +199,8 @@ class BundleSession:
         turns = [0 if thread is None else thread.turns for thread in threads]
         return (*turns, *([] if self._actions.turns is None else [self._actions.turns]))
 
-    def describe_actions(self) -> str:
-        """Return the locks and actions for the log at the start; '' if there are none."""
+    def describe_actions(self) -> list[LogLine]:
+        """Return the line about locks and actions at the start; none if there are none."""
         return self._actions.describe()
 
     def reset(self) -> int:
@@ -225,7 +234,6 @@ class BundleSession:
 
     def _connect_through(self, middleware: Middleware) -> None:
         engine = self._engine
-        feed = Feed(self._node)
         time = NodeTime(self._node, engine, middleware.clock_now)
         self._running.callback(time.close)
         if self._blackbox is not None:
@@ -234,13 +242,14 @@ class BundleSession:
         self._actions.prepare(engine)
         announcer = Announcer(engine, middleware, self._handlers.publishers, self._actions.locks)
         self._running.callback(announcer.join)
-        self._running.callback(self._actions.stop)
-        self._actions.start(engine)
-        self._reporter = self._new_reporter(engine)
-        details = DetailPublisher(self._reporter, self._details,
+        self._running.callback(self._stop_actions)
+        self._actions.start(engine, middleware)
+        self.reporter = self._new_reporter(engine)
+        details = DetailPublisher(self.reporter, self._details,
                                   self._node.get_logger() if self._logs_violations else None)
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
+        feed = Feed(self._node)
         self._running.callback(feed.close)
         for index, topic in enumerate(self.manifest.subscribed):
             if index < len(self.manifest.topics) and (gate is None or not gate.takes(index)):
@@ -253,6 +262,9 @@ class BundleSession:
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(f'messages are taken {self._way}', once=True)
         self._announcer, self._detail_publisher = announcer, details
+
+    def _stop_actions(self) -> None:
+        log_lines(self._node.get_logger(), self._actions.stop())
 
     def _open_gate(self, engine: Engine, middleware: Middleware) -> RunningGate | None:
         settings = self.manifest.gate
@@ -274,11 +286,8 @@ class BundleSession:
                 self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
 
     def _new_reporter(self, engine: Engine) -> Reporter:
-        opened = self.opened
         return Reporter(
-            engine, ReportTable(
-                self.manifest, self._name, policy=opened.policy, period=opened.period),
-            self._node.get_fully_qualified_name(),
+            engine, self._table, self._node.get_fully_qualified_name(),
             [self._node.resolve_topic_name(item.name) for item in self.manifest.topics])
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
@@ -302,16 +311,18 @@ class BundleSession:
             found.insert(gate.topic, TopicFacts(1))  # requests come from this node
         return found[:len(self.manifest.topics)]
 
-    def _report_health(self) -> None:
+    def report(self) -> None:
+        """Log what is new, and publish the state; to be called every `health.PERIOD`."""
         health = self._health
         if health is None:  # stopped meanwhile
             return
         threads = {'feed': self._feed, 'details': self._detail_publisher,
-                   'actions': self._actions, 'black box': self._blackbox}
+                   'black box': self._blackbox}
         for name, thread in threads.items():
             self._watch.note(self._part(name), None if thread is None else thread.failure)
-        self._watch.run(self._part('log'), lambda: health.review(self._publishers()))
-        self._watch.run(self._part('diagnostics'), health.publish)
+        for name, act in (('log', lambda: health.review(self._publishers())),
+                          ('diagnostics', health.publish)):
+            self._watch.run(self._part(name), act, lambda: self._health is not health)
 
     def _part(self, name: str) -> str:
         return f'{name} of {self._name}' if self._name else name

@@ -23,7 +23,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from threading import Condition, Thread
+from threading import Condition
 from time import monotonic
 from typing import Any
 
@@ -41,14 +41,13 @@ from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.discovery import Announced, News
 from fret_monitor.ros.reports.messages import status_record
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
+from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.opened import load_reporting, open_manifests
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
-from fret_monitor.ros.settings.parameters import (
-    LOGGER_PARAMETERS, Parameters, read_settings, Refusal,
-)
+from fret_monitor.ros.settings.parameters import LOGGER_PARAMETERS, read_settings, Refusal
 from fret_monitor.ros.settings.qos import violation_request
 from fret_monitor.ros.signals import uninterrupted
-from fret_monitor.ros.watch import ErrorKeeper, Watch
+from fret_monitor.ros.watch import Watch, WatchedThread
 from fret_monitor.runtime.reporting import read_detail, ReceivedDetail, ViolationLines
 
 from rclpy.clock import Clock, ClockType
@@ -90,7 +89,7 @@ class LoggerNode(ClockNode):
             if the parameters, the bundle or the library are not usable. Nothing is left.
         """
         super().__init__(node_name, **options)
-        self._intake = RawIntake(self)
+        self._intake = RawIntake()
         self._feed = Feed(self, self._intake)
         self._pairing = Pairing()
         self._changed = Condition()  # guards the pairing, the lines, and what is unknown
@@ -102,8 +101,7 @@ class LoggerNode(ClockNode):
         self._requirements: Sequence[ManifestRequirement] = ()
         self._announced = Announced(self)
         self._monitors: set[str] = set()  # that announce requirements of the bundle, or did
-        self._thread = Thread(target=self._report_all, name='reports', daemon=True)
-        self._kept = ErrorKeeper()
+        self._thread = WatchedThread('reports', self._report_all)
         self._watch = Watch(self, 'what has not failed goes on')
         with ExitStack() as undo:
             undo.callback(self.destroy_node)
@@ -112,7 +110,7 @@ class LoggerNode(ClockNode):
 
     def _check(self) -> None:
         """Follow monitors that were configured; raise the error that ended a thread, if any."""
-        for failure in (self._feed.failure, self._kept.error):
+        for failure in (self._feed.failure, self._thread.failure):
             if failure is not None:
                 raise failure
         self._watch.run('monitors', self._follow_news)
@@ -143,6 +141,7 @@ class LoggerNode(ClockNode):
             self._settings = read_settings(parameters.values())
             manifests = open_manifests(self._settings)
             self._library = load_reporting(self._settings)
+            self.csrc = self._library
             self._intake.prepare(self._library)
             parameters.show_constants(manifests)  # they are read-only, so they stay as they are
         self._overrides = Overrides.of(self)
@@ -278,10 +277,6 @@ class LoggerNode(ClockNode):
 
     def _report_all(self) -> None:
         """Log violations once `Pairing` releases them, until the node is destroyed."""
-        with self._kept:
-            self._report_until_over()
-
-    def _report_until_over(self) -> None:
         while True:
             with self._changed:
                 now = float('inf') if self._is_over else monotonic()

@@ -20,22 +20,27 @@ import traceback
 from typing import Any
 
 from fret_monitor.ros.intake.node_time import ClockNode
+from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.nodes.bundle_session import BundleSession
 from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
-from fret_monitor.ros.reports.start_lines import announcement, count
+from fret_monitor.ros.reports.health import PERIOD
+from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.endpoint_types import refuse_two_types
-from fret_monitor.ros.settings.opened import open_monitors, Opened
+from fret_monitor.ros.settings.opened import load_reporting, open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
-    Described, MONITOR_PARAMETERS, Parameters, read_settings, Refusal, Settings,
+    Described, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
 )
 from fret_monitor.ros.settings.shared_names import refuse_shared_names
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, Watch
+from fret_monitor.runtime.start_lines import restarted, watching
 
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 
@@ -65,6 +70,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._sessions: list[BundleSession] = []
         self._declared_overrides: DeclaredOverrides | None = None
         self._sign_of_life: SignOfLife | None = None
+        self._reports: Timer | None = None
         self._is_active = False
         self._is_starting = False
         self._failure: Exception | None = None
@@ -148,7 +154,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             settings = read_settings(self._declared.values())
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
-            refuse_shared_names(self, manifests)
+            refuse_shared_names(self, manifests, load_reporting(settings))
             refuse_two_types(self, manifests, self._names(opened))
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
@@ -156,9 +162,11 @@ class MonitorNode(ClockNode, LifecycleNode):
             for item, name in zip(opened, self._names(opened)):
                 self._sessions.append(BundleSession(
                     self, item, self._watch, hot_path=settings.hot_path, name=name,
+                    reports_failures=not self._sessions,
                     handler_depth=settings.handler_depth,
                     log_violations=settings.log_violations, blackbox=settings.blackbox))
             undo.pop_all()
+        self.csrc = self._sessions[0].library
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             self.resolve_topic_name(topic.name)
@@ -185,31 +193,42 @@ class MonitorNode(ClockNode, LifecycleNode):
             self._is_active = True
             self._sign_of_life = SignOfLife(
                 self, [session.turns for session in self._sessions], self._watch)
+            self._reports = self.create_timer(
+                PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
             undo.pop_all()
         for session in self._sessions:
-            if line := session.describe_actions():
-                self.get_logger().info(line)
-        for line in announcement([session.opened for session in self._sessions]):
-            self.get_logger().info(line)
+            log_lines(self.get_logger(), session.describe_actions())
+        log_lines(self.get_logger(), watching(
+            [session.reporter for session in self._sessions],
+            [session.opened.origin for session in self._sessions]))
         topics = {self.resolve_topic_name(topic.name): dict(topic.qos)
                   for session in self._sessions for topic in session.manifest.subscribed}
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(
             self, self._watch, topics)
 
+    def _report(self) -> None:
+        """Report of all bundles, and show that the node lives: in one timer, since each costs."""
+        for session in self._sessions:
+            session.report()
+        if (life := self._sign_of_life) is not None:
+            self._watch.run('sign of life', life.beat, lambda: self._sign_of_life is not life)
+
     def _deactivate(self) -> None:
-        self._end_sign_of_life()
-        self._is_active = False
+        self._end_reports()
         for session in self._sessions:
             session.stop()
 
-    def _end_sign_of_life(self) -> None:
-        if self._sign_of_life is not None:
-            self._sign_of_life.close()
-            self._sign_of_life = None
+    def _end_reports(self) -> None:
+        self._is_active = False
+        if self._reports is not None:
+            self.destroy_timer(self._reports)
+            self._reports = None
+        life, self._sign_of_life = self._sign_of_life, None
+        if life is not None:
+            life.close()
 
     def _release(self) -> None:
-        self._end_sign_of_life()
-        self._is_active = False
+        self._end_reports()
         if self._declared_overrides is not None:
             self._declared_overrides.close()
             self._declared_overrides = None
@@ -233,9 +252,9 @@ class MonitorNode(ClockNode, LifecycleNode):
         if not self._is_active:
             response.message = 'nothing to restart: the node is not active'
             return response
-        groups = sum(session.reset() for session in self._sessions)
-        response.message = f'restarted {count(groups, "step group")}; input values kept'
-        self.get_logger().info(response.message)
+        line = restarted(self.csrc, sum(session.reset() for session in self._sessions))
+        response.message = line.text
+        log_lines(self.get_logger(), [line])
         return response
 
 

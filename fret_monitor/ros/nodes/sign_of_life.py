@@ -15,18 +15,19 @@
 """
 The sign of life of a monitor: `~/alive`, once a second while all of its threads go round.
 
-The executor publishes it, and only if the threads of every bundle have looked for work since the
-last sign, and nothing has failed (`watch`). The liveliness of the publisher is asserted by nothing
-else, so that a subscriber learns of a monitor that hangs as of one that has ended.
+The node's timer calls `beat`, which publishes it, and only if the threads of every bundle have
+looked for work since the last sign, and nothing has failed (`watch`). The liveliness of the
+publisher is asserted by nothing else, so that a subscriber learns of a monitor that hangs as of
+one that has ended.
 """
 
 from collections.abc import Callable, Sequence
 from time import monotonic
 
 from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
 
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import LivelinessPolicy, QoSProfile, ReliabilityPolicy
@@ -54,14 +55,15 @@ class SignOfLife:
         self._publisher = node.create_publisher(Header, '~/alive', QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE,
             liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-            liveliness_lease_duration=Duration(seconds=_LEASE_S)))
-        self._timer = node.create_timer(
-            _PERIOD_S, lambda: watch.run('sign of life', self.beat),
-            clock=Clock(clock_type=ClockType.STEADY_TIME))
+            liveliness_lease_duration=Duration(seconds=_LEASE_S)), event_callbacks=NO_EVENTS)
         self._publish()
 
     def beat(self, now: float | None = None) -> None:
-        """Publish the sign if all threads have looked for work since the last sign."""
+        """
+        Publish the sign if all threads have looked for work since the last sign.
+
+        To be called once a second.
+        """
         if self._watch.failures:
             return
         now = monotonic() if now is None else now
@@ -76,8 +78,8 @@ class SignOfLife:
         """
         Log that a thread hangs, unless it may have had no time to turn.
 
-        The timer fires early after it was late. And if the whole process was stopped, the timer
-        may fire before the threads turn, so they get a second from then on.
+        A timer fires early after it was late. And if the whole process was stopped, it may fire
+        before the threads turn, so they get a second from then on.
         """
         if now - self._published < _PERIOD_S:
             return
@@ -93,6 +95,4 @@ class SignOfLife:
 
     def close(self) -> None:
         """Withdraw the topic."""
-        self._turns = ()  # rclpy may keep the timer, and with it this object, for a while
-        self._node.destroy_timer(self._timer)
         self._node.destroy_publisher(self._publisher)

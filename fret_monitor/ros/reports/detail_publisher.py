@@ -15,13 +15,13 @@
 """The thread that publishes and logs details; `hot_path.Announcer` announces violations."""
 
 from collections.abc import Iterable
-from threading import Event, Thread
+from threading import Event
 from typing import Any
 
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.details import Details
-from fret_monitor.ros.watch import ErrorKeeper
+from fret_monitor.ros.watch import WatchedThread
 from fret_monitor.runtime import MOST_DETAILS_PER_S
 from fret_monitor.runtime.reporting import LOGGED_PER_S, LogLine, Reporter, ViolationLog
 
@@ -43,10 +43,9 @@ class DetailPublisher:
         self._logger = logger
         self._log = None if logger is None else ViolationLog(reporter)
         self._is_over = Event()
-        self._kept = ErrorKeeper()
         self.turns = 0
         """How often the thread has looked for work: several times a second unless it hangs."""
-        self._thread = Thread(target=self._run, name='details', daemon=True)
+        self._thread = WatchedThread('details', self._loop)
         native_lifetimes.keep(self)
         self._thread.start()
 
@@ -61,11 +60,7 @@ class DetailPublisher:
     @property
     def failure(self) -> Exception | None:
         """The error that ended the thread, if any; no detail is published or logged after it."""
-        return self._kept.error
-
-    def _run(self) -> None:
-        with self._kept:
-            self._loop()
+        return self._thread.failure
 
     def _loop(self) -> None:
         while not self._is_over.is_set():

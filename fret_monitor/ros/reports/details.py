@@ -22,18 +22,16 @@ violations are logged. The handler's message does not wait for them.
 
 from threading import Event
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.names import DETAILS_TOPIC
-from fret_monitor.model.policies import Severity
 from fret_monitor.ros.intake.node_time import as_time
 from fret_monitor.ros.reports.messages import status_message
-from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH, violation_profile
+from fret_monitor.ros.settings.parameters import DEFAULT_HANDLER_DEPTH
+from fret_monitor.ros.settings.qos import violation_profile
 from fret_monitor.runtime.reporting import StatusRecord
 
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-
-LEVELS = {Severity.ERROR: DiagnosticStatus.ERROR, Severity.WARN: DiagnosticStatus.WARN}
 
 
 class Details:

@@ -12,10 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics that announce violations, one for each requirement (docs/ros_interface.md)."""
+"""
+The topics that announce violations, one for each requirement (docs/ros_interface.md).
+
+rclpy would add two event handlers to each publisher, which its executor visits whenever it wakes.
+"""
 
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH, violation_profile
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
+from fret_monitor.ros.settings.parameters import DEFAULT_HANDLER_DEPTH
+from fret_monitor.ros.settings.qos import violation_profile
 
 from rclpy.node import Node
 from std_msgs.msg import Empty
@@ -27,12 +33,11 @@ class Handlers:
     def __init__(self, node: Node, manifest: Manifest, depth: int = DEFAULT_HANDLER_DEPTH) -> None:
         """Advertise the topics of all requirements, each with a queue of `depth` messages."""
         profile = violation_profile(depth)
-        self._node = node
         self.publishers = [
-            node.create_publisher(Empty, requirement.topic, profile)
+            RclPublisher(node, Empty, requirement.topic, profile)
             for requirement in manifest.requirements]
 
     def close(self) -> None:
         """Withdraw the topics."""
         for publisher in self.publishers:
-            self._node.destroy_publisher(publisher)
+            publisher.close()

@@ -29,6 +29,7 @@ from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.acting.gate import RunningGate
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.messages import status_message
+from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime.reporting import (
     ActionCounts, BlackBoxCounts, Reporter, Review, TopicFacts,
@@ -60,7 +61,8 @@ class Health:
         """
         self._node = node
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._publisher = node.create_publisher(
+            DiagnosticArray, '/diagnostics', 10, event_callbacks=NO_EVENTS)
         self._review = Review(reporter, actions=before.actions, blackbox=before.blackbox)
         self._blackbox = blackbox
         self._gate = gate
@@ -71,6 +73,7 @@ class Health:
         """Log what is new; `topics` are the publishers of each topic, in order."""
         if self._gate is not None:
             self._gate.review()
+        lines = [] if self._actions is None else self._actions.lines()
         self._review.look(
             topics,
             waits_for_clock=self._clock.ros_time_is_active
@@ -79,7 +82,7 @@ class Health:
             gate=None if self._gate is None else self._gate.facts(),
             blackbox=None if self._blackbox is None else self._blackbox.counts(),
             failures=None if self._watch is None else self._watch.failures)
-        log_lines(self._node.get_logger(), self._review.lines())
+        log_lines(self._node.get_logger(), [*lines, *self._review.lines()])
 
     def publish(self) -> None:
         """Publish the state at the last review."""

@@ -19,16 +19,15 @@ Those that are given are declared at the start; the others when the bundles are 
 values of the bundles, so that `ros2 param` shows all.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
-from fret_monitor.model.diagnostics import Source, Text
 from fret_monitor.model.names import is_integer, number_fault
+from fret_monitor.ros.settings.parameters import CONSTANTS
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-PREFIX = 'constants.'
 _LARGEST = 2 ** 63
 
 
@@ -41,7 +40,7 @@ class ConstantParameters:
         self._descriptor = ParameterDescriptor(
             description=description, read_only=read_only, dynamic_typing=True)
         self._of_bundles: dict[str, Any] = {}
-        self._declared = [name for name in node._parameter_overrides if name.startswith(PREFIX)]
+        self._declared = [name for name in node._parameter_overrides if name.startswith(CONSTANTS)]
         for name in self._declared:
             node.declare_parameter(name, 0, self._descriptor)
 
@@ -68,27 +67,12 @@ class ConstantParameters:
         self._of_bundles = {}
         values: dict[str, list[Any]] = {}
         for name, text in constants:
-            values.setdefault(PREFIX + name, []).append(_value(text))
+            values.setdefault(CONSTANTS + name, []).append(_value(text))
         for parameter, found in values.items():
             if parameter not in self._declared and all(value == found[0] for value in found):
                 self._of_bundles[parameter] = found[0]
                 self._node.declare_parameter(parameter, found[0], self._descriptor)
                 self._declared.append(parameter)
-
-
-def constant_texts(given: Mapping[str, Any], problems: list[str]) -> dict[str, Text]:
-    """Return the constants among parameters, by name, each with its parameter as the source."""
-    found = {}
-    for parameter in (name for name in given if name.startswith(PREFIX)):
-        value = given[parameter]
-        if not isinstance(value, bool | int | float | str):
-            problems.append(f"parameter '{parameter}' is {value!r}, and has to be a number, true "
-                            'or false')
-        else:
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-            found[parameter.removeprefix(PREFIX)] = Text.whole(
-                Source(f'parameter {parameter}', text))
-    return found
 
 
 def _value(text: str) -> bool | int | float | str:

@@ -25,8 +25,7 @@ from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.policies import QOS_CHOICES
-from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.ros.settings.qos import LARGEST_DEPTH
+from fret_monitor.ros.settings.parameters import LARGEST_DEPTH, Refusal
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime.subscription import DEFAULT_DEPTH
 

@@ -13,13 +13,12 @@
 # limitations under the License.
 
 """
-The ROS parameters of the nodes: declared, described, checked.
+The ROS parameters of the nodes: described, checked, and what they mean. Without rclpy.
 
 All problems are reported together, each with what to write instead.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import zip_longest
@@ -28,16 +27,12 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.model.bundle_files import find_bundle
-from fret_monitor.model.diagnostics import CompileError, did_you_mean, Text
-from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.policies import Policy
-from fret_monitor.ros.settings.constants import constant_texts, ConstantParameters
-from fret_monitor.ros.settings.qos import DEFAULT_HANDLER_DEPTH, LARGEST_DEPTH
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.logging import LoggingSeverity
-from rclpy.node import Node
-from rclpy.parameter import Parameter
+LARGEST_DEPTH = 2**31 - 1
+DEFAULT_HANDLER_DEPTH = 1000
+CONSTANTS = 'constants.'
 
 
 @dataclass(frozen=True)
@@ -51,8 +46,8 @@ class Described:
 
 _SPEC = ("the bundle: a path, package://PKG/PATH, or the name of a file in this package's config "
          'folder; or a list of them')
-_LIBRARY = ('the folder of a compiled bundle, instead of the bundle, or with it to be sure that '
-            'it is of that; a list for several')
+_LIBRARY = ('the folder of a compiled bundle, instead of `spec`; if both are given, it must have '
+            'been compiled from that bundle; a list for several')
 _LOG_LEVEL = Described('', 'the least severity that this node logs: debug, info, warn, error or '
                            "fatal; empty for the process's")
 
@@ -83,15 +78,18 @@ MONITOR_PARAMETERS = {
                                     'removed; read by `configure`'),
     'blackbox_disk_bytes': Described(1 << 30, 'bytes of these files together, at most; read by '
                                               '`configure`'),
+    'native': Described(False, 'whether the process becomes a node in C that is built for the '
+                               'bundle once; read at the start', read_only=True),
     'autostart': Described(True, 'whether the node configures and activates itself at its start',
                            read_only=True),
     'log_level': _LOG_LEVEL,
 }
-_CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
+CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
 GATE_PARAMETERS = {
     'gates': Described('', 'the gates of the bundles to run, a name or a list; empty for all; '
                            'read by `configure`'),
-    **{name: item for name, item in MONITOR_PARAMETERS.items() if name not in ('period', 'rate')},
+    **{name: item for name, item in MONITOR_PARAMETERS.items()
+       if name not in ('period', 'rate', 'native')},
 }
 LOGGER_PARAMETERS = {
     'spec': Described('', _SPEC, read_only=True),
@@ -109,10 +107,10 @@ LOGGER_PARAMETERS = {
 _LEAST_BYTES = 4096  # of a black box
 _LEAST_DISK_BYTES = 1 << 20
 _HOT_PATHS = ('auto', 'on', 'off')
-_LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
+LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 # Parameters of rclpy and of both nodes: one parameter file may be given to both.
-_KNOWN = {'use_sim_time', 'start_type_description_service',
-          *MONITOR_PARAMETERS, *GATE_PARAMETERS, *LOGGER_PARAMETERS}
+KNOWN = {'use_sim_time', 'start_type_description_service',
+         *MONITOR_PARAMETERS, *GATE_PARAMETERS, *LOGGER_PARAMETERS}
 
 
 class Refusal(Exception):
@@ -170,105 +168,6 @@ class Settings:
     gates: tuple[str, ...] = ()
 
 
-class Parameters:
-    """The declared parameters of a node."""
-
-    def __init__(self, node: Node, table: Mapping[str, Described],
-                 why_fixed: Callable[[], str] = str) -> None:
-        """
-        Declare the parameters of `table`.
-
-        `why_fixed` returns why the parameters that `configure` reads cannot change now, or an
-        empty string if they can.
-
-        Raises
-        ------
-        Refusal
-            if the value of `log_level` or `autostart` cannot be used.
-        """
-        self._node = node
-        self._table = table
-        self._why_fixed = why_fixed
-        for name, item in table.items():
-            node.declare_parameter(name, item.default, ParameterDescriptor(
-                description=item.description, read_only=item.read_only, dynamic_typing=True))
-        self._constants = ConstantParameters(
-            node, _CONSTANT, read_only=table['spec'].read_only)
-        self._ignored = self._find_ignored()
-        self._names_of_constants: set[str] = set()
-        if problems := _found(_level, self.values()) + _found(_autostart, self.values()):
-            raise Refusal(*problems)
-        self._set_level()
-        node.add_on_set_parameters_callback(self._check)
-        node.add_post_set_parameters_callback(lambda _: self._set_level())
-
-    def values(self) -> dict[str, Any]:
-        """Return the values of all parameters in the table."""
-        values = {name: self._node.get_parameter(name).value for name in self._table}
-        return values | self._constants.overrides()
-
-    def show_constants(self, manifests: Iterable[Manifest]) -> None:
-        """
-        Declare a parameter for each constant of the bundles, with the value in use.
-
-        A constant that has several values is left out unless it was given.
-        """
-        pairs = [pair for item in manifests for pair in item.constants]
-        self._constants.show(pairs)
-        self._names_of_constants = {name for name, _ in pairs}
-
-    @contextmanager
-    def warning_of_ignored(self) -> Iterator[None]:
-        """
-        Warn, once, about the ignored parameters at the end of the block, also of one that fails.
-
-        The block opens the bundles and calls `show_constants`: an ignored parameter may have the
-        name of one of their constants.
-        """
-        try:
-            yield
-        finally:
-            while self._ignored:
-                name = self._ignored.pop(0)
-                self._node.get_logger().warning(f"ignored parameter '{name}': {self._hint(name)}")
-
-    def _find_ignored(self) -> list[str]:
-        """
-        Return the given parameters that this node does not have; `Overrides` reads its own.
-
-        They are no error: a file with the wildcard `/**` also has parameters of other nodes.
-        """
-        return [name for name in self._node._parameter_overrides
-                if not name.startswith('qos_overrides.') and not self._constants.has(name)
-                and name not in _KNOWN and not self._node.has_parameter(name)]
-
-    def _hint(self, name: str) -> str:
-        constant = name.rpartition('.')[2]
-        if constant in self._names_of_constants:
-            return f"did you mean 'constants.{constant}'?"
-        return did_you_mean(name, self._table) or \
-            f'this node has {", ".join(self._table)}, constants.NAME'
-
-    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse values that cannot be used, and changes that are not possible now."""
-        overrides = [item.name for item in parameters if item.name.startswith('qos_overrides.')
-                     and self._node.has_parameter(item.name)]
-        if overrides:
-            return SetParametersResult(successful=False, reason=(
-                f"{', '.join(overrides)}: read at the start of the process only"))
-        new = {item.name: item.value for item in parameters if item.name in self._table
-               or self._constants.has(item.name)}
-        problems = _found(_settings, self.values() | new) + _found(_level, new)
-        fixed = [name for name in new if name != 'log_level']
-        reason = self._why_fixed()
-        if fixed and reason:
-            problems = [f"{', '.join(fixed)}: {reason}"]
-        return SetParametersResult(successful=not problems, reason='; '.join(problems))
-
-    def _set_level(self) -> None:
-        self._node.get_logger().set_level(_level(self.values(), []))
-
-
 def read_settings(given: Mapping[str, Any]) -> Settings:
     """
     Return the settings that the values of parameters give.
@@ -279,7 +178,7 @@ def read_settings(given: Mapping[str, Any]) -> Settings:
         if a value cannot be used, or no bundle is given.
     """
     problems: list[str] = []
-    settings = _settings(given, problems)
+    settings = check_settings(given, problems)
     if not settings.origins and not problems:
         problems.append('nothing to monitor: name a bundle with -p spec:=FILE, '
                         'or a compiled one with -p library:=FOLDER')
@@ -288,36 +187,29 @@ def read_settings(given: Mapping[str, Any]) -> Settings:
     return settings
 
 
-def _found(read: Callable[[Mapping[str, Any], list[str]], object],
-           given: Mapping[str, Any]) -> list[str]:
+def problems_of(read: Callable[[Mapping[str, Any], list[str]], object],
+                given: Mapping[str, Any]) -> list[str]:
     """Return the problems that `read` finds."""
     problems: list[str] = []
     read(given, problems)
     return problems
 
 
-def _level(given: Mapping[str, Any], problems: list[str]) -> LoggingSeverity:
-    word = _word(given, 'log_level', _LEVELS, problems)
-    return LoggingSeverity[word.upper()] if word else LoggingSeverity.UNSET
-
-
-def _autostart(given: Mapping[str, Any], problems: list[str]) -> None:
-    _truth(given, 'autostart', problems)
-
-
-def _truth(given: Mapping[str, Any], name: str, problems: list[str]) -> bool:
+def read_truth(given: Mapping[str, Any], name: str, problems: list[str]) -> bool:
+    """Return a truth value; true if it is not given."""
     value = given.get(name, True)
     if not isinstance(value, bool):
         problems.append(f"parameter '{name}' is {value!r}, and has to be true or false")
     return bool(value)
 
 
-def _settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
+def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
+    """Return the settings, and add what cannot be used to `problems`."""
     return Settings(
         _origins(given, problems), _policy(given, problems), _period(given, problems),
-        _word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
-        _depth(given, problems), _truth(given, 'log_violations', problems),
-        constant_texts(given, problems), _blackbox(given, problems),
+        read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
+        _depth(given, problems), read_truth(given, 'log_violations', problems),
+        _constant_texts(given, problems), _blackbox(given, problems),
         tuple(_texts(given, 'gates', problems)))
 
 
@@ -339,6 +231,21 @@ def _specs(texts: Sequence[str], problems: list[str]) -> list[Path]:
         except CompileError as error:
             problems.append(str(error).removeprefix('error: '))
     return specs
+
+
+def _constant_texts(given: Mapping[str, Any], problems: list[str]) -> dict[str, Text]:
+    """Return the constants among parameters, by name, each with its parameter as the source."""
+    found = {}
+    for parameter in (name for name in given if name.startswith(CONSTANTS)):
+        value = given[parameter]
+        if not isinstance(value, bool | int | float | str):
+            problems.append(f"parameter '{parameter}' is {value!r}, and has to be a number, true "
+                            'or false')
+        else:
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            found[parameter.removeprefix(CONSTANTS)] = Text.whole(
+                Source(f'parameter {parameter}', text))
+    return found
 
 
 def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str]:
@@ -392,12 +299,13 @@ def _depth(given: Mapping[str, Any], problems: list[str]) -> int:
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:
-    word = _word(given, 'policy', [policy.value for policy in Policy], problems)
+    word = read_word(given, 'policy', [policy.value for policy in Policy], problems)
     return Policy(word) if word else None
 
 
-def _word(given: Mapping[str, Any], name: str, words: Sequence[str],
-          problems: list[str]) -> str:
+def read_word(given: Mapping[str, Any], name: str, words: Sequence[str],
+              problems: list[str]) -> str:
+    """Return a word among some, or an empty text if there is none or it is another."""
     value = given.get(name) or ''
     # In YAML, and so in `-p hot_path:=off`, `on` and `off` are booleans.
     if isinstance(given.get(name), bool) and 'off' in words:

@@ -16,11 +16,13 @@
 
 from fret_monitor.runtime.subscription import Request
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-LARGEST_DEPTH = 2**31 - 1
-DEFAULT_HANDLER_DEPTH = 1000
 """Violations that a slow listener of one handler may be behind before it loses some."""
+
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+"""Of a publisher: rclpy's executor visits each event handler whenever it wakes."""
 
 
 def violation_profile(depth: int) -> QoSProfile:

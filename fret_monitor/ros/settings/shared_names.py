@@ -15,7 +15,7 @@
 """Names of topics and services that only one part of a node may use, after remapping."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate
@@ -23,11 +23,11 @@ from fret_monitor.model.names import DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVI
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.settings.endpoint_types import OWN_TOPICS
 from fret_monitor.ros.settings.parameters import Refusal
+from fret_monitor.runtime.shared_names import find_shared, own_service, Use
 
 from rclpy.node import Node
 
 
-_NODE = 'the node itself'
 _MONITORED, _ANNOUNCED, _OWN = range(3)  # topics of inputs; of violations; others of the node
 
 
@@ -80,13 +80,13 @@ def _is_conflict(one: _Topic, other: _Topic) -> bool:
     return one.name != other.name and not is_shared
 
 
-def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
+def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any) -> None:
     """
     Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
 
     Compares names after remapping, of everything that the node runs; a gate on a service must be
     its only server, too, and no action may call `OWN_SERVICES` of this node. What the node
-    itself publishes is compared by `refuse_merged_topics`.
+    itself publishes is compared by `refuse_merged_topics`. `library` has the functions of csrc.
 
     Raises
     ------
@@ -101,18 +101,12 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest]) -> None:
                           'different ones')
     used = [*_own_names(node, manifests),
             *(item for manifest in manifests for item in _used_names(node, manifest))]
-    owners: dict[tuple[str, str], _Use] = {}
-    for use in sorted(used, key=lambda item: not item.is_alone):
-        owner = owners.setdefault((use.verb, use.name), use)
-        if owner is not use and owner.is_alone and not owner.what == use.what == _NODE:
-            first, second = (f"{item.what} of '{item.origin}'" if owner.what == use.what
-                             else item.what for item in (owner, use))
-            raise Refusal(f'{first} and {second} both {use.verb} {use.name}; '
-                          'write different names, or remap them')
-    _refuse_own_services(node, manifests)
+    if lines := find_shared(library, used):
+        raise Refusal(lines[0].text)
+    _refuse_own_services(node, manifests, library)
 
 
-def _refuse_own_services(node: Node, manifests: Sequence[Manifest]) -> None:
+def _refuse_own_services(node: Node, manifests: Sequence[Manifest], library: Any) -> None:
     own = [node.resolve_service_name(name) for name in OWN_SERVICES]
     suffixes = {ActionKind.CALL: '', ActionKind.TRANSITION: '/change_state'}
     for action in (item for manifest in manifests for item in manifest.actions):
@@ -120,39 +114,27 @@ def _refuse_own_services(node: Node, manifests: Sequence[Manifest]) -> None:
             continue
         full = node.resolve_service_name(action.target + suffixes[action.kind])
         if full in own:
-            raise Refusal(f"the action '{action.name}' calls {full}, a service of this node: a "
-                          'violation would end its own monitoring or begin it anew; choose a '
-                          'service of another node')
+            raise Refusal(own_service(library, action.name, full).text)
 
 
-class _Use(NamedTuple):
-    """What publishes on a topic or offers a service; `is_alone`: it must be the only one."""
-
-    what: str
-    origin: str
-    verb: str
-    name: str
-    is_alone: bool
-
-
-def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[_Use]:
+def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
     """Yield what the node itself publishes; an action may publish on `/diagnostics` too."""
     handlers = [item.topic for manifest in manifests for item in manifest.requirements]
     for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
-        yield _Use(_NODE, '', 'publish on', node.resolve_topic_name(topic),
-                   topic != DIAGNOSTICS_TOPIC)
+        yield Use('', '', '', 'publish on', node.resolve_topic_name(topic),
+                  topic != DIAGNOSTICS_TOPIC)
 
 
-def _used_names(node: Node, manifest: Manifest) -> Iterator[_Use]:
+def _used_names(node: Node, manifest: Manifest) -> Iterator[Use]:
     if (gate := manifest.gate) is not None:
         source, target = ends_of(node, gate)
-        yield _Use(f"the gate '{gate.name}'", manifest.name,
-                   *(('offer', source) if gate.is_service else ('publish on', target)), True)
+        yield Use('gate', gate.name, manifest.name,
+                  *(('offer', source) if gate.is_service else ('publish on', target)), True)
     for action in manifest.actions:
         if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
             is_lock = action.kind is ActionKind.LOCK
-            yield _Use(f"the {'lock' if is_lock else 'action'} '{action.name}'", manifest.name,
-                       'publish on', node.resolve_topic_name(action.target), is_lock)
+            yield Use('lock' if is_lock else 'action', action.name, manifest.name,
+                      'publish on', node.resolve_topic_name(action.target), is_lock)
 
 
 def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:

@@ -12,10 +12,12 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// serve.h: answers the requests of a service.
+/// endpoints.h: services and publishers of the node; answers the requests of a service.
+///
+/// The main thread only.
 
-#ifndef SERVE_H_
-#define SERVE_H_
+#ifndef ENDPOINTS_H_
+#define ENDPOINTS_H_
 
 #include "log.h"
 
@@ -50,7 +52,19 @@ bool fm_service_open(
   struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
   const char * name, const rmw_qos_profile_t * profile);
 
-/// End a service; does nothing to a zeroed one.
-void fm_service_close(struct fm_node * node, rcl_service_t * service);
+/// Make a publisher. Returns false, with the error logged, and nothing to close.
+bool fm_publisher_open(
+  const struct fm_node * node, rcl_publisher_t * publisher,
+  const rosidl_message_type_support_t * type, const char * topic,
+  const rmw_qos_profile_t * profile);
 
-#endif  // SERVE_H_
+/// The same for a topic of the bundle: reliable, volatile, with a queue of `depth` messages.
+bool fm_advertise(
+  const struct fm_node * node, rcl_publisher_t * publisher,
+  const rosidl_message_type_support_t * type, const char * topic, uint32_t depth);
+
+/// End a service, or a publisher; does nothing to a zeroed one.
+void fm_service_close(struct fm_node * node, rcl_service_t * service);
+void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher);
+
+#endif  // ENDPOINTS_H_

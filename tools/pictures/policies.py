@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # Copyright 2026 The fret_monitor authors
 #
 # Licensed under the Apache License, Version 2.0 (the "License");
@@ -12,28 +11,20 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""
-Draw docs/pictures/policies.svg from real runs: one recording, judged under each of the policies.
-
-    .venv/bin/python tools/draw_pictures.py
-
-The bundle is the first one of docs/time.md. `fret-monitor bag` judges the recording under each
-policy. It needs rosbags. The same version draws the same bytes.
-"""
+"""One recording, judged under each of the policies: the first bundle of docs/time.md."""
 
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 import csv
 from io import StringIO
 from pathlib import Path
-import re
 import tempfile
-from xml.sax.saxutils import escape
 
 from fret_monitor.cli.main import main as fret_monitor
 
-ROOT = Path(__file__).resolve().parent.parent
-PICTURE = ROOT / 'docs' / 'pictures' / 'policies.svg'
+from tools.pictures.pages import block
+from tools.pictures.sheet import bar, document, dot, seconds, text
+
 START_S = 1_700_000_000
 MESSAGES = (
     ('request', 0.0, 0), ('battery', 0.2, 0.9), ('open', 0.4, 0), ('request', 2.0, 1),
@@ -45,14 +36,7 @@ POLICIES = {
     'every_message': 'every_message', 'relevant_message': 'relevant_message',
     'all_inputs': 'all_inputs', 'periodic': 'periodic, period: 1.5', 'timed': 'timed',
 }
-LEFT, SECOND, ROW, END_S = 150, 70, 26, 8.0
-SHEET = """
-text { font: 13px sans-serif; fill: #222 } .faint { fill: #777 } .line { stroke: #bbb }
-.good { fill: #8cc6a0 } .bad { fill: #d9534f } .unknown { fill: #ddd } .message { fill: #35c }
-@media (prefers-color-scheme: dark) {
-text { fill: #ddd } .faint { fill: #999 } .line { stroke: #555 }
-.good { fill: #2f6b45 } .bad { fill: #c9443f } .unknown { fill: #444 } .message { fill: #8ab4ff } }
-"""
+LEFT, SECOND, ROW, END_S = 150, 70, 26, 8
 
 
 def record(folder: Path) -> Path:
@@ -73,13 +57,10 @@ def record(folder: Path) -> Path:
 
 def judged(folder: Path, recording: Path, policy: str) -> list[tuple[float, str]]:
     """Return the times at which the verdict of OPENS changes under a policy, and the verdicts."""
-    page = (ROOT / 'docs' / 'time.md').read_text(encoding='utf-8')
-    found = re.search(r'^```yaml\n# door\.yaml\n(.*?)^```', page, re.MULTILINE | re.DOTALL)
-    assert found is not None
-    text = found[1].replace('policy: timed', f'policy: {policy}')
     bundle, changes = folder / 'door.yaml', folder / 'changes.csv'
-    bundle.write_text(text.replace('requirements:', 'report: occurrence\nrequirements:'),
-                      encoding='utf-8')
+    bundle.write_text(block('docs/time.md', 'door.yaml').replace(
+        'policy: timed', f'policy: {policy}').replace(
+        'requirements:', 'report: occurrence\nrequirements:'), encoding='utf-8')
     with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
         fret_monitor(['bag', str(bundle), str(recording), '--csv', str(changes),
                       '--until', 'end+1'])
@@ -92,53 +73,36 @@ def drawn() -> str:
     with tempfile.TemporaryDirectory() as name:
         recording = record(Path(name))
         rows = {policy: judged(Path(name), recording, keys) for policy, keys in POLICIES.items()}
-    height = ROW * (len(TYPES) + len(POLICIES) + 2) + 10
-    return '\n'.join((
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_x(END_S) + 120} {height}" '
-        'role="img"><title>One requirement on the same messages under each policy</title>'
-        f'<style>{SHEET}</style>', *_axis(height), *_messages(),
-        *(line for number, (policy, changes) in enumerate(rows.items())
-          for line in _lane(ROW * (len(TYPES) + 1 + number) + 10, policy, changes)),
-        '</svg>', ''))
+    bottom = ROW * (len(TYPES) + len(POLICIES) + 1) + 10
+    return document(
+        int(_x(END_S)) + 120, bottom + ROW,
+        'One requirement on the same messages under each policy',
+        (*seconds(_x, END_S, 6, bottom), *_messages(),
+         *(line for number, (policy, changes) in enumerate(rows.items())
+           for line in _lane(ROW * (len(TYPES) + 1 + number) + 10, policy, changes))))
 
 
-def _x(time: float) -> int:
+def _x(time: float) -> float:
     return LEFT + round(SECOND * time)
-
-
-def _text(x: int, y: int, text: str, kind: str = '') -> str:
-    return f'<text x="{x}" y="{y}" class="{kind}">{escape(text)}</text>'
-
-
-def _axis(height: int) -> Iterator[str]:
-    for second in range(int(END_S) + 1):
-        yield (f'<line class="line" x1="{_x(second)}" x2="{_x(second)}" y1="6" '
-               f'y2="{height - ROW}"/>')
-        yield _text(_x(second) - 4, height - 10, f'{second} s' if second else '0', 'faint')
 
 
 def _messages() -> Iterator[str]:
     for row, topic in enumerate(TYPES):
         y = ROW * row + 24
-        yield _text(8, y, topic)
+        yield text(8, y, topic)
         for name, time, value in MESSAGES:
             if name == topic:
-                yield f'<circle class="message" cx="{_x(time)}" cy="{y - 5}" r="4"/>'
+                yield dot('message', _x(time), y - 5)
                 if topic != 'battery':
-                    yield _text(_x(time) + 7, y, 'true' if value else 'false', 'faint')
+                    yield text(_x(time) + 7, y, 'true' if value else 'false', 'faint')
 
 
 def _lane(y: int, policy: str, changes: list[tuple[float, str]]) -> Iterator[str]:
-    yield _text(8, y + 15, policy)
+    yield text(8, y + 15, policy)
     ends = [time for time, _ in changes[1:]] + [END_S]
     for (time, verdict), end in zip(changes, ends, strict=True):
         kind = {'1': 'good', '0': 'bad', '': 'unknown'}[verdict]
-        yield (f'<rect class="{kind}" x="{_x(time)}" y="{y}" '
-               f'width="{max(_x(end) - _x(time), 2)}" height="{ROW - 8}"/>')
+        yield bar(kind, _x(time), y, _x(end) - _x(time), ROW - 8)
     first = next((time for time, verdict in changes if verdict == '0'), None)
-    yield _text(_x(END_S) + 10, y + 15,
-                'not violated' if first is None else f'violated at {first:g} s', 'faint')
-
-
-if __name__ == '__main__':
-    PICTURE.write_text(drawn(), encoding='utf-8')
+    yield text(_x(END_S) + 10, y + 15,
+               'not violated' if first is None else f'violated at {first:g} s', 'faint')

@@ -1,0 +1,87 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// endpoints.c: see endpoints.h for the contract.
+
+#include "endpoints.h"
+
+#include <rcl/error_handling.h>
+#include <rcl/service.h>
+#include <rmw/qos_profiles.h>
+
+bool fm_service_open(
+  struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
+  const char * name, const rmw_qos_profile_t * profile)
+{
+  rcl_service_options_t options = rcl_service_get_default_options();
+  options.qos = *profile;
+  *service = rcl_get_zero_initialized_service();
+  if (rcl_service_init(service, &node->node, type, name, &options) == RCL_RET_OK) {
+    return true;
+  }
+  fm_log(node, FM_ERROR, "cannot offer the service %s: %s", name, rcl_get_error_string().str);
+  rcl_reset_error();
+  return false;
+}
+
+void fm_service_close(struct fm_node * node, rcl_service_t * service)
+{
+  if (service->impl != NULL && rcl_service_fini(service, &node->node) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+}
+
+static bool make_publisher(
+  const struct fm_node * node, rcl_publisher_t * publisher,
+  const rosidl_message_type_support_t * type, const char * topic,
+  const rmw_qos_profile_t * profile)
+{
+  rcl_publisher_options_t options = rcl_publisher_get_default_options();
+  options.qos = *profile;
+  *publisher = rcl_get_zero_initialized_publisher();
+  return rcl_publisher_init(publisher, &node->node, type, topic, &options) == RCL_RET_OK;
+}
+
+bool fm_publisher_open(
+  const struct fm_node * node, rcl_publisher_t * publisher,
+  const rosidl_message_type_support_t * type, const char * topic,
+  const rmw_qos_profile_t * profile)
+{
+  const bool is_made = make_publisher(node, publisher, type, topic, profile);
+  if (!is_made) {
+    fm_log(node, FM_ERROR, "cannot advertise %s: %s", topic, rcl_get_error_string().str);
+    rcl_reset_error();
+  }
+  return is_made;
+}
+
+bool fm_advertise(
+  const struct fm_node * node, rcl_publisher_t * publisher,
+  const rosidl_message_type_support_t * type, const char * topic, uint32_t depth)
+{
+  rmw_qos_profile_t profile = rmw_qos_profile_default;  // reliable, volatile
+  profile.depth = depth;
+  const bool is_made = make_publisher(node, publisher, type, topic, &profile);
+  if (!is_made) {
+    fm_log_failure(node, "cannot subscribe or advertise");
+  }
+  return is_made;
+}
+
+void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher)
+{
+  if (publisher->impl != NULL && rcl_publisher_fini(publisher, &node->node) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+}

@@ -1,0 +1,279 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// node_actions.c: see node_actions.h for the contract.
+
+#include "node_actions.h"
+
+#include <lifecycle_msgs/srv/change_state.h>
+#include <lifecycle_msgs/srv/get_state.h>
+#include <rcl/client.h>
+#include <rcl/error_handling.h>
+#include <std_msgs/msg/bool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "endpoints.h"
+#include "mapped_topic.h"
+#include "rmw_functions.h"
+
+#define DEPTH 10u  // messages that wait to be sent
+
+// ---- publishers and clients --------------------------------------------------------------------
+
+static bool make_locks(struct fm_node_actions * actions)
+{
+  const struct fm_report_table * table = &actions->table->report;
+  for (uint32_t k = 0; k < table->n_locks; ++k) {
+    actions->lock_names[k] = fm_resolved_name(actions->node, table->locks[k].topic);
+    if (actions->lock_names[k] == NULL || !fm_advertise(
+        actions->node, &actions->locks[k], ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool),
+        table->locks[k].topic, DEPTH))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool make_client(
+  struct fm_node_actions * actions, uint32_t action, uint32_t place,
+  const rosidl_service_type_support_t * type, const char * name)
+{
+  const rcl_client_options_t options = rcl_client_get_default_options();
+  rcl_client_t * client = &actions->clients[2u * action + place];
+  *client = rcl_get_zero_initialized_client();
+  if (rcl_client_init(client, &actions->node->node, type, name, &options) != RCL_RET_OK) {
+    fm_log_failure(actions->node, "cannot subscribe or advertise");
+    return false;
+  }
+  actions->ends[action].services[place] = (struct fm_service_client) {
+    rcl_node_get_rmw_handle(&actions->node->node), rcl_client_get_rmw_handle(client),
+    (const void *)type, rcl_client_get_service_name(client)};
+  return true;
+}
+
+static bool make_transition(struct fm_node_actions * actions, uint32_t k)
+{
+  const struct fm_action * action = &actions->table->report.actions[k];
+  struct fm_text get = {NULL, 0, 0};
+  struct fm_text change = {NULL, 0, 0};
+  fm_text_add(&get, "%s/get_state", action->target);
+  fm_text_add(&change, "%s/change_state", action->target);
+  actions->names[k] = fm_copy_of(action->target);
+  const bool is_good = actions->names[k] != NULL && make_client(
+    actions, k, 0, ROSIDL_GET_SRV_TYPE_SUPPORT(lifecycle_msgs, srv, GetState),
+    fm_text_get(&get)) && make_client(
+    actions, k, 1, ROSIDL_GET_SRV_TYPE_SUPPORT(lifecycle_msgs, srv, ChangeState),
+    fm_text_get(&change));
+  fm_text_free(&get);
+  fm_text_free(&change);
+  return is_good;
+}
+
+static bool make_call(struct fm_node_actions * actions, uint32_t k)
+{
+  const struct fm_action * action = &actions->table->report.actions[k];
+  if (!make_client(actions, k, 0, actions->table->action_types[k].service(), action->target)) {
+    return false;
+  }
+  actions->names[k] = fm_copy_of(actions->ends[k].services[0].name);
+  return actions->names[k] != NULL;
+}
+
+static bool make_publisher(struct fm_node_actions * actions, uint32_t k)
+{
+  const struct fm_action * action = &actions->table->report.actions[k];
+  actions->names[k] = fm_resolved_name(actions->node, action->target);
+  if (actions->names[k] == NULL || !fm_advertise(
+      actions->node, &actions->publishers[k], actions->table->action_types[k].message(),
+      action->target, DEPTH))
+  {
+    return false;
+  }
+  actions->ends[k].publisher = rcl_publisher_get_rmw_handle(&actions->publishers[k]);
+  return true;
+}
+
+static bool make_actions(struct fm_node_actions * actions)
+{
+  static bool (* const make[])(struct fm_node_actions *, uint32_t) = {
+    [FM_ACTION_PUBLISH] = make_publisher, [FM_ACTION_CALL] = make_call,
+    [FM_ACTION_TRANSITION] = make_transition};
+  for (uint32_t k = 0; k < actions->table->report.n_actions; ++k) {
+    if (!make[actions->table->report.actions[k].kind](actions, k)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool fm_node_actions_begin(
+  struct fm_node_actions * actions, struct fm_node * node, const struct fm_node_table * table)
+{
+  const size_t n_locks = table->report.n_locks + (size_t)1;
+  const size_t n = table->report.n_actions + (size_t)1;
+  memset(actions, 0, sizeof(*actions));
+  actions->node = node;
+  actions->table = table;
+  actions->locks = calloc(n_locks, sizeof(*actions->locks));
+  actions->lock_names = calloc(n_locks, sizeof(*actions->lock_names));
+  actions->publishers = calloc(n, sizeof(*actions->publishers));
+  actions->clients = calloc(2 * n, sizeof(*actions->clients));
+  actions->names = calloc(n, sizeof(*actions->names));
+  actions->ends = calloc(n, sizeof(*actions->ends));
+  actions->counts = calloc(n, sizeof(*actions->counts));
+  return actions->locks != NULL && actions->lock_names != NULL && actions->publishers != NULL &&
+         actions->clients != NULL && actions->names != NULL && actions->ends != NULL &&
+         actions->counts != NULL && make_locks(actions) && make_actions(actions);
+}
+
+static void end_action(struct fm_node_actions * actions, uint32_t k)
+{
+  fm_publisher_close(actions->node, &actions->publishers[k]);
+  for (uint32_t place = 2u * k; place < 2u * k + 2u; ++place) {
+    if (actions->clients[place].impl != NULL &&
+      rcl_client_fini(&actions->clients[place], &actions->node->node) != RCL_RET_OK)
+    {
+      rcl_reset_error();
+    }
+  }
+  free(actions->names[k]);
+}
+
+void fm_node_actions_end(struct fm_node_actions * actions)
+{
+  const uint32_t n = actions->counts == NULL ? 0 : actions->table->report.n_actions;
+  for (uint32_t k = 0; actions->counts != NULL && k < actions->table->report.n_locks; ++k) {
+    fm_publisher_close(actions->node, &actions->locks[k]);
+    free(actions->lock_names[k]);
+  }
+  for (uint32_t k = 0; k < n; ++k) {
+    end_action(actions, k);
+  }
+  free(actions->locks);
+  free(actions->lock_names);
+  free(actions->publishers);
+  free(actions->clients);
+  free(actions->names);
+  free(actions->ends);
+  free(actions->counts);
+  memset(actions, 0, sizeof(*actions));
+}
+
+// ---- names -------------------------------------------------------------------------------------
+
+uint32_t fm_node_actions_uses(const struct fm_node_actions * actions, struct fm_use * uses)
+{
+  const struct fm_report_table * table = &actions->table->report;
+  uint32_t n = 0;
+  for (uint32_t k = 0; k < table->n_locks; ++k) {
+    uses[n++] = (struct fm_use) {
+      "lock", table->locks[k].name, table->bundle, "publish on", actions->lock_names[k], true};
+  }
+  for (uint32_t k = 0; k < table->n_actions; ++k) {
+    if (table->actions[k].kind == FM_ACTION_PUBLISH) {
+      uses[n++] = (struct fm_use) {
+        "action", table->actions[k].name, table->bundle, "publish on", actions->names[k], false};
+    }
+  }
+  return n;
+}
+
+static bool is_own(const struct fm_node_actions * actions, const char * service)
+{
+  static const char * const own[] = {"~/reset", "~/change_state"};
+  bool is_found = false;
+  for (size_t k = 0; k < sizeof(own) / sizeof(own[0]); ++k) {
+    const rcl_node_t * node = &actions->node->node;
+    char * name = NULL;
+    if (rcl_node_resolve_name(node, own[k], actions->node->allocator, true, false, &name) !=
+      RCL_RET_OK)
+    {
+      rcl_reset_error();
+      continue;
+    }
+    is_found = is_found || strcmp(name, service) == 0;
+    actions->node->allocator.deallocate(name, actions->node->allocator.state);
+  }
+  return is_found;
+}
+
+bool fm_node_actions_call_own(const struct fm_node_actions * actions)
+{
+  const struct fm_report_table * table = &actions->table->report;
+  for (uint32_t k = 0; k < table->n_actions; ++k) {
+    const bool is_transition = table->actions[k].kind == FM_ACTION_TRANSITION;
+    const char * service = actions->ends[k].services[is_transition ? 1 : 0].name;
+    if (service != NULL && is_own(actions, service)) {
+      struct fm_lines lines = {NULL, 0, 0};
+      fm_add_own_service(&lines, table->actions[k].name, service);
+      fm_log_lines(actions->node, &lines);
+      fm_lines_free(&lines);
+      return true;
+    }
+  }
+  return false;
+}
+
+// ---- while the session is active ---------------------------------------------------------------
+
+void fm_node_actions_locks(const struct fm_node_actions * actions, struct fm_lock * locks)
+{
+  for (uint32_t k = 0; k < actions->table->report.n_locks; ++k) {
+    const struct fm_report_lock * lock = &actions->table->report.locks[k];
+    locks[k] = (struct fm_lock) {
+      rcl_publisher_get_rmw_handle(&actions->locks[k]), lock->requirements, lock->n_requirements,
+      lock->period};
+  }
+}
+
+bool fm_node_actions_start(struct fm_node_actions * actions, struct fm_engine * engine)
+{
+  const struct fm_actions_options options = {
+    .engine = engine, .table = &actions->table->report, .ends = actions->ends,
+    .services = fm_rmw_services, .publish = fm_rmw_publish_serialized,
+    .before = actions->counts};
+  return options.table->n_actions == 0 || fm_actions_start(&actions->thread, &options);
+}
+
+void fm_node_actions_look(struct fm_node_actions * actions)
+{
+  struct fm_lines lines = {NULL, 0, 0};
+  if (actions->thread != NULL) {
+    fm_actions_look(actions->thread, actions->counts, &lines);
+    fm_log_lines(actions->node, &lines);
+    fm_lines_free(&lines);
+  }
+}
+
+void fm_node_actions_stop(struct fm_node_actions * actions)
+{
+  if (actions->thread != NULL) {
+    fm_actions_end(actions->thread);
+    fm_node_actions_look(actions);
+    fm_actions_join(&actions->thread);
+  }
+}
+
+void fm_node_actions_describe(const struct fm_node_actions * actions)
+{
+  struct fm_lines lines = {NULL, 0, 0};
+  fm_describe_actions(
+    &lines, &actions->table->report, (const char * const *)actions->lock_names,
+    (const char * const *)actions->names);
+  fm_log_lines(actions->node, &lines);
+  fm_lines_free(&lines);
+}

@@ -1,0 +1,81 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// shared_names.c: see shared_names.h for the contract.
+
+#include "shared_names.h"
+
+#include <string.h>
+
+static void add_what(struct fm_text * text, const struct fm_use * use, bool names_bundle)
+{
+  if (use->kind[0] == '\0') {
+    fm_text_add(text, "the node itself");
+  } else {
+    fm_text_add(text, "the %s '%s'", use->kind, use->owner);
+  }
+  if (names_bundle) {
+    fm_text_add(text, " of '%s'", use->bundle);
+  }
+}
+
+static void add_shared(
+  struct fm_lines * lines, const struct fm_use * owner, const struct fm_use * use)
+{
+  const bool are_alike = strcmp(owner->kind, use->kind) == 0 &&
+    strcmp(owner->owner, use->owner) == 0;
+  struct fm_text first = {NULL, 0, 0};
+  struct fm_text second = {NULL, 0, 0};
+  add_what(&first, owner, are_alike);
+  add_what(&second, use, are_alike);
+  fm_lines_add(lines, FM_ERROR, "%s and %s both %s %s; write different names, or remap them",
+    fm_text_get(&first), fm_text_get(&second), use->verb, use->name);
+  fm_text_free(&first);
+  fm_text_free(&second);
+}
+
+// The first use of a name that must be alone; NULL: there is none.
+static const struct fm_use * owner_of(
+  const struct fm_use * uses, uint32_t n, const struct fm_use * use)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    if (uses[k].is_alone && strcmp(uses[k].verb, use->verb) == 0 &&
+      strcmp(uses[k].name, use->name) == 0)
+    {
+      return &uses[k];
+    }
+  }
+  return NULL;
+}
+
+bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n)
+{
+  for (uint32_t k = 0; k < 2u * n; ++k) {  // first those that must be alone
+    const struct fm_use * use = &uses[k % n];
+    const struct fm_use * owner = use->is_alone == (k < n) ? owner_of(uses, n, use) : NULL;
+    if (owner != NULL && owner != use && (owner->kind[0] != '\0' || use->kind[0] != '\0')) {
+      add_shared(lines, owner, use);
+      return true;
+    }
+  }
+  return false;
+}
+
+void fm_add_own_service(struct fm_lines * lines, const char * action, const char * service)
+{
+  fm_lines_add(lines, FM_ERROR,
+    "the action '%s' calls %s, a service of this node: a violation would end its own monitoring "
+    "or begin it anew; choose a service of another node", action, service);
+}

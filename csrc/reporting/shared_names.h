@@ -1,0 +1,44 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// shared_names.h: names that only one part of a node may use, after remapping.
+///
+/// Any thread. Lines have the level FM_ERROR.
+
+#ifndef SHARED_NAMES_H_
+#define SHARED_NAMES_H_
+
+#include "lines.h"
+
+/// What publishes on a topic, or offers a service.
+struct fm_use
+{
+  const char * kind;    // "gate", "lock" or "action"; "": the node itself
+  const char * owner;   // the name of that
+  const char * bundle;
+  const char * verb;    // "publish on" or "offer"
+  const char * name;    // the full name of the topic or service
+  bool is_alone;        // it must be the only one
+};
+
+/// Add the line about the first two uses of one name, one of which must be alone. Returns whether
+/// there are any. O(n * uses that must be alone).
+FM_EXPORT bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n);
+
+/// Add the line about an action that calls a service of its own node. O(1).
+FM_EXPORT void fm_add_own_service(
+  struct fm_lines * lines, const char * action, const char * service);
+
+#endif  // SHARED_NAMES_H_

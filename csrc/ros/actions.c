@@ -1,0 +1,256 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// actions.c: see actions.h for the contract.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "actions.h"
+
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "thread.h"
+
+#define MILLISECOND_NS 1000000
+#define WAIT_NS 500000000  // closing the engine wakes it at once
+
+struct fm_actions
+{
+  struct fm_actions_options options;
+  struct fm_schedule * schedule;
+  struct fm_action_call * calls;         // of each action; zeroed if it publishes
+  struct fm_requirement_state * states;
+  pthread_mutex_t mutex;                 // guards the next two
+  struct fm_action_facts * counts;
+  struct fm_lines lines;
+  int64_t * next_lines;                  // when a line of an action that publishes may be next
+  pthread_t thread;
+  uint64_t turns;                        // atomic
+  bool is_running;
+};
+
+// ---- one action --------------------------------------------------------------------------------
+
+static void count_result(
+  struct fm_actions * actions, uint32_t number, bool is_good, bool is_logged, uint32_t tries,
+  const char * why)
+{
+  pthread_mutex_lock(&actions->mutex);
+  actions->counts[number].sent += is_good ? 1u : 0u;
+  actions->counts[number].failed += is_good ? 0u : 1u;
+  if (!is_good && is_logged) {
+    fm_add_failure(&actions->lines, &actions->options.table->actions[number], tries, why);
+  }
+  pthread_mutex_unlock(&actions->mutex);
+}
+
+static bool publish_copy(const struct fm_actions * actions, uint32_t number)
+{
+  const struct fm_action * action = &actions->options.table->actions[number];
+  struct fm_serialized message;
+  memset(&message, 0, sizeof(message));
+  message.buffer = malloc(action->payload_size + 1u);
+  message.length = message.capacity = action->payload_size;
+  bool is_good = message.buffer != NULL;
+  if (is_good) {
+    memcpy(message.buffer, action->payload, action->payload_size);
+    fm_engine_write_time(
+      actions->options.engine, message.buffer, message.length, action->stamp_at);
+    is_good =
+      actions->options.publish(actions->options.ends[number].publisher, &message, NULL) == 0;
+  }
+  if (!is_good) {
+    actions->options.services.forget_error();
+  }
+  free(message.buffer);
+  return is_good;
+}
+
+static void publish(struct fm_actions * actions, uint32_t number, int64_t now)
+{
+  const bool is_good = publish_copy(actions, number);
+  const bool is_logged = !is_good && now >= actions->next_lines[number];
+  struct fm_text why = {NULL, 0, 0};
+  actions->next_lines[number] = is_logged ? now + FM_SECOND : actions->next_lines[number];
+  fm_add_not_sent(&why, NULL);
+  count_result(actions, number, is_good, is_logged, 1, fm_text_get(&why));
+  fm_text_free(&why);
+}
+
+static void call(struct fm_actions * actions, uint32_t number, int64_t now)
+{
+  struct fm_action_call * one = &actions->calls[number];
+  struct fm_text why = {NULL, 0, 0};
+  if (fm_schedule_begins_call(actions->schedule, number)) {
+    fm_action_call_begin(one, now);
+  }
+  const enum fm_action_result result = fm_action_call_run(one, now, &why);
+  if (result != FM_ACTION_GOES_ON) {
+    fm_schedule_end_call(actions->schedule, number);
+    count_result(
+      actions, number, result == FM_ACTION_SUCCEEDED, true, one->tried + 1u, fm_text_get(&why));
+  }
+  fm_text_free(&why);
+}
+
+// ---- the thread --------------------------------------------------------------------------------
+
+static uint32_t time_left(const struct fm_actions * actions)
+{
+  const int64_t now = fm_steady_time();
+  int64_t due = fm_schedule_due(actions->schedule);
+  due = due < now + WAIT_NS ? due : now + WAIT_NS;
+  for (uint32_t k = 0; k < actions->options.table->n_actions; ++k) {
+    const int64_t other = fm_action_call_due(&actions->calls[k], now);
+    due = other < due ? other : due;
+  }
+  return due <= now ? 0 : (uint32_t)((due - now + MILLISECOND_NS - 1) / MILLISECOND_NS);
+}
+
+static void follow(struct fm_actions * actions, int64_t now)
+{
+  pthread_mutex_lock(&actions->mutex);  // it counts
+  fm_schedule_follow(actions->schedule, actions->states, now);
+  pthread_mutex_unlock(&actions->mutex);
+}
+
+static void * run(void * argument)
+{
+  struct fm_actions * actions = argument;
+  const struct fm_actions_options * options = &actions->options;
+  uint64_t seen = 0;
+  while (!fm_engine_is_closed(options->engine)) {
+    __atomic_fetch_add(&actions->turns, 1u, __ATOMIC_RELAXED);
+    seen = fm_engine_states(options->engine, seen, time_left(actions), actions->states);
+    const int64_t now = fm_steady_time();
+    follow(actions, now);
+    for (uint32_t k = 0; k < options->table->n_actions; ++k) {
+      if (options->ends[k].publisher == NULL) {
+        call(actions, k, now);
+      } else if (fm_schedule_publishes(actions->schedule, k, now)) {
+        publish(actions, k, now);
+      }
+    }
+  }
+  return NULL;
+}
+
+// ---- its life ----------------------------------------------------------------------------------
+
+static void free_actions(struct fm_actions * actions)
+{
+  for (uint32_t k = 0; actions->calls != NULL && k < actions->options.table->n_actions; ++k) {
+    fm_action_call_free(&actions->calls[k]);
+  }
+  fm_schedule_destroy(actions->schedule);
+  pthread_mutex_destroy(&actions->mutex);
+  fm_lines_free(&actions->lines);
+  free(actions->calls);
+  free(actions->states);
+  free(actions->counts);
+  free(actions->next_lines);
+  free(actions);
+}
+
+static bool make_memory(struct fm_actions * actions)
+{
+  const struct fm_report_table * table = actions->options.table;
+  const size_t n = table->n_actions + (size_t)1;
+  actions->calls = calloc(n, sizeof(*actions->calls));
+  actions->states = calloc(table->n_requirements + (size_t)1, sizeof(*actions->states));
+  actions->counts = calloc(n, sizeof(*actions->counts));
+  actions->next_lines = calloc(n, sizeof(*actions->next_lines));
+  if (actions->calls == NULL || actions->states == NULL || actions->counts == NULL ||
+    actions->next_lines == NULL)
+  {
+    return false;
+  }
+  if (actions->options.before != NULL) {
+    memcpy(
+      actions->counts, actions->options.before, table->n_actions * sizeof(*actions->counts));
+  }
+  actions->schedule = fm_schedule_create(
+    table->actions, table->n_actions, table->follows, table->n_requirements, actions->counts);
+  return actions->schedule != NULL;
+}
+
+static bool make_calls(struct fm_actions * actions)
+{
+  const struct fm_actions_options * options = &actions->options;
+  for (uint32_t k = 0; k < options->table->n_actions; ++k) {
+    if (options->ends[k].publisher == NULL && !fm_action_call_make(
+        &actions->calls[k], &options->services, &options->table->actions[k], &options->ends[k]))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool fm_actions_start(struct fm_actions ** started, const struct fm_actions_options * options)
+{
+  struct fm_actions * actions = calloc(1, sizeof(*actions));
+  if (actions == NULL || pthread_mutex_init(&actions->mutex, NULL) != 0) {
+    free(actions);
+    return false;
+  }
+  actions->options = *options;
+  if (!make_memory(actions) || !make_calls(actions) ||
+    !fm_start_thread(&actions->thread, run, actions))
+  {
+    free_actions(actions);
+    return false;
+  }
+  actions->is_running = true;
+  *started = actions;
+  return true;
+}
+
+uint64_t fm_actions_turns(const struct fm_actions * actions)
+{
+  return __atomic_load_n(&actions->turns, __ATOMIC_RELAXED);
+}
+
+void fm_actions_look(
+  struct fm_actions * actions, struct fm_action_facts * counts, struct fm_lines * lines)
+{
+  pthread_mutex_lock(&actions->mutex);
+  memcpy(counts, actions->counts, actions->options.table->n_actions * sizeof(*counts));
+  for (uint32_t k = 0; k < actions->lines.n; ++k) {
+    fm_lines_add(lines, (enum fm_level)actions->lines.lines[k].level, "%s",
+      actions->lines.lines[k].text);
+  }
+  fm_lines_clear(&actions->lines);
+  pthread_mutex_unlock(&actions->mutex);
+}
+
+void fm_actions_end(struct fm_actions * actions)
+{
+  if (actions->is_running) {
+    pthread_join(actions->thread, NULL);
+    actions->is_running = false;
+  }
+}
+
+void fm_actions_join(struct fm_actions ** actions)
+{
+  if (*actions != NULL) {
+    fm_actions_end(*actions);
+    free_actions(*actions);
+    *actions = NULL;
+  }
+}

@@ -1,0 +1,140 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The functions of numbers over time (docs/over_time.md): their names, arguments and formulas.
+
+A window [0,d] holds the steps from d ago to this one. Under the policy timed a sum, a mean and a
+count take each message of the window once; else they take each step.
+"""
+
+from collections.abc import Callable
+
+from fret_monitor.elaboration.application import Application, count_of, Function
+from fret_monitor.elaboration.terms import (
+    alike, cast, convert, expect_bool, expect_number, Lasting, promoted,
+)
+from fret_monitor.logic.formula import (
+    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Choice, Constant, Formula, FTP, Held, Over,
+    Previous, Since, Slope, TRUE, Unary, UnaryOperator,
+)
+from fret_monitor.logic.numbers import ExactNumber
+from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.values import ValueType
+
+
+def _past(call: Application) -> int:
+    """Return the length of a window."""
+    term = call.arguments[0]
+    length = count_of(call, term)
+    if length == 0:
+        refuse(f'{call.quoted} takes a window that is longer than 0', term.span, 'this is 0',
+               f'write {call.name}(1 s, ...)' if call.scale.is_timed else
+               f'write {call.name}(1, ...), for this step and the one before')
+    return length
+
+
+def _number(call: Application, kind: ValueType | None = None) -> Formula:
+    """Return the last argument, a number that an input gives, as one of a type."""
+    term = call.arguments[-1]
+    value = expect_number(term, call.quoted)
+    if isinstance(value, ExactNumber):
+        refuse(f'{call.quoted} takes a number that an input changes', term.span,
+               f'this is {value} at every step')
+    return cast(term, value, kind) if kind else promoted(value)
+
+
+def _messages(call: Application, formula: Formula) -> Formula:
+    """Return at which steps there is a value."""
+    if not call.scale.is_timed:
+        return TRUE
+    found = call.implied.messages(formula) if call.implied else None
+    if found is None:
+        refuse(f'{call.quoted} takes what the messages of an input say', call.arguments[-1].span,
+               'this reads no input')
+    return found
+
+
+def _extreme(aggregate: Aggregate) -> Callable[[Application], Formula]:
+    return lambda call: Over(aggregate, _past(call), _number(call), TRUE)
+
+
+def _sum(call: Application) -> Formula:
+    number = _number(call)
+    if number.type.is_float:
+        number = convert(number, ValueType.FLOAT64)
+    return Over(Aggregate.SUM, _past(call), number, _messages(call, number))
+
+
+def _mean(call: Application) -> Formula:
+    number = _number(call, ValueType.FLOAT64)
+    return Over(Aggregate.MEAN, _past(call), number, _messages(call, number))
+
+
+def _count(call: Application) -> Formula:
+    event = expect_bool(call.arguments[-1], call.quoted)
+    return Over(Aggregate.COUNT, _past(call), event, _messages(call, event))
+
+
+def _time(call: Application) -> Lasting:
+    if not call.scale.is_timed:
+        refuse(f'{call.quoted} needs the policy timed', call.place,
+               'here steps are counted, and have no length',
+               f'write countOver({call.arguments[0].value}, ...), which counts steps; or '
+               'evaluation: {policy: timed}')
+    return Lasting(_past(call), expect_bool(call.arguments[-1], call.quoted))
+
+
+def _change(call: Application) -> Formula:
+    number = _number(call)
+    return Binary(BinaryOperator.SUB, number, Ago(_past(call), number))
+
+
+def _derivative(call: Application) -> Formula:
+    number = _number(call, ValueType.FLOAT64)
+    if call.scale.is_timed:
+        return Slope(number, _messages(call, number))
+    if call.scale.policy is not Policy.PERIODIC:
+        refuse(f'{call.quoted} divides by a time', call.place,
+               f'with policy: {call.scale.policy.value} a step has no length',
+               'write evaluation: {policy: timed}; or changeOver(1, x), the change since the last '
+               'step')
+    zero = Constant(0.0, ValueType.FLOAT64)
+    change = Binary(BinaryOperator.SUB, number, Previous(zero, number))
+    period = Constant(float(call.scale.period or 1), ValueType.FLOAT64)
+    return Choice(FTP, zero, Binary(BinaryOperator.DIV, change, period))
+
+
+def _held(call: Application) -> Formula:
+    condition = expect_bool(call.arguments[0], call.quoted)
+    value, = alike(call.arguments[1:], call.quoted)
+    if value.type is not ValueType.BOOL:
+        return Held(condition, value)
+    taken = Binary(BinaryOperator.OR, condition, FTP)
+    return Since(ALWAYS, Unary(UnaryOperator.NOT, condition),
+                 Binary(BinaryOperator.AND, taken, value))
+
+
+OVER_TIME = {
+    'changeOver': Function(('d, x',), _change, counts_steps=True),
+    'countOver': Function(('d, p',), _count, counts_steps=True),
+    'derivative': Function(('x',), _derivative),
+    'heldAt': Function(('p, x',), _held),
+    'maxOver': Function(('d, x',), _extreme(Aggregate.GREATEST), counts_steps=True),
+    'meanOver': Function(('d, x',), _mean, counts_steps=True),
+    'minOver': Function(('d, x',), _extreme(Aggregate.LEAST), counts_steps=True),
+    'sumOver': Function(('d, x',), _sum, counts_steps=True),
+    'timeOver': Function(('d, p',), _time, counts_steps=True),
+}

@@ -1,0 +1,81 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The node of `export --to ros2` as a program in the cache, for `monitor` with `native:=true`.
+
+What is the same for every bundle is compiled once, to one object file.
+"""
+
+from pathlib import Path
+
+from fret_monitor.build import GeneratedMonitor
+from fret_monitor.export.content import csrc_files
+from fret_monitor.export.ros2 import (
+    hand_written_sources, NODE_NAME, NODE_PACKAGES, refuse_inputs_off_ros,
+)
+from fret_monitor.export.ros2_table import node_table, packages_of
+from fret_monitor.native.cache import build_library
+from fret_monitor.native.compiler import LIBRARIES, Linking
+from fret_monitor.native.errors import NativeError
+from fret_monitor.native.ros_files import (
+    has_headers, identity, linked, NODE_LIBRARIES, rmw_library, searched,
+)
+
+# The wheels' librcl names two variables of Python, which it never uses.
+_NO_PYTHON = """\
+#define VISIBLE __attribute__((visibility("default")))
+extern VISIBLE void * PyExc_RuntimeError;
+extern VISIBLE void * _Py_TrueStruct[8];
+VISIBLE void * PyExc_RuntimeError;
+VISIBLE void * _Py_TrueStruct[8];
+"""
+
+
+def node_program(generated: GeneratedMonitor, origin: str) -> Path:
+    """
+    Build the program of a bundle's node, or return it from the cache.
+
+    `origin` is where the bundle is from, for the log.
+
+    Raises
+    ------
+    CompileError
+        if an input that a requirement reads has no topic.
+    NativeError
+        if there are no headers of ROS or no C compiler, it fails, or the cache cannot be written.
+    """
+    refuse_inputs_off_ros(generated)
+    if not has_headers():
+        raise NativeError('the headers of rcl are not installed here')
+    headers = {name: text for name, text in csrc_files(*hand_written_sources()).items()
+               if name.endswith('.h')}
+    header, text = generated.module.header
+    files = {name: text for name, text in generated.module.files.items() if name.endswith('.c')}
+    packages = sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})
+    return build_library(
+        {**files, 'node_table.c': node_table(generated, NODE_NAME, origin)},
+        headers={**headers, header: text}, name='monitor', identity=identity(),
+        linking=Linking('{}', tuple(searched()), (str(_same_for_all()),), (
+            *linked([*NODE_LIBRARIES, rmw_library()], packages), *LIBRARIES)))
+
+
+def _same_for_all() -> Path:
+    files = csrc_files(*hand_written_sources())
+    return build_library(
+        {**{name: text for name, text in files.items() if name.endswith('.c')},
+         'no_python.c': _NO_PYTHON},
+        headers={name: text for name, text in files.items() if name.endswith('.h')},
+        name='node', identity=identity(),
+        linking=Linking('{}.rel', tuple(searched()), ('-r', '-nostdlib'), ()))

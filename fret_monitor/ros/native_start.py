@@ -1,0 +1,102 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+`monitor` with `native:=true`: the process becomes the node in C, built once for the bundle.
+
+This comes before rclpy is imported. What the node in C cannot do is done by the node in Python,
+with a line in the log that says why.
+"""
+
+from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
+import signal
+from typing import Any, TYPE_CHECKING
+
+from fret_monitor.ros.signals import SIGNALS
+
+if TYPE_CHECKING:
+    from fret_monitor.ros.settings.parameters import Settings
+
+NODE_NAME = 'fret_monitor'
+
+
+def become_native(arguments: Sequence[str]) -> str:
+    """
+    Replace this process by the node in C if the arguments ask for that; `arguments` are sys.argv.
+
+    Returns why it cannot be done; an empty text if it is not wanted, or if the node in Python has
+    errors of the user to report.
+    """
+    if not any('native' in item or item == '--params-file' for item in arguments):
+        return ''
+    from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
+    try:
+        given = given_parameters(arguments[1:], NODE_NAME)
+    except NotUnderstood:
+        return ''
+    return _become(arguments, given) if given.get('native') is True else ''
+
+
+def _become(arguments: Sequence[str], given: Mapping[str, Any]) -> str:
+    from fret_monitor.model.diagnostics import CompileError
+    from fret_monitor.native.errors import NativeError
+    from fret_monitor.ros.settings.parameters import read_settings, Refusal
+    try:
+        settings = read_settings(given)
+        if reason := _missing(settings):
+            return reason
+        program = _program(settings)
+    except (Refusal, CompileError):
+        return ''
+    except NativeError as error:
+        return str(error)
+    # A signal waits until the node in C handles signals: before that, it would kill the process.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        os.execv(program, [arguments[0], *arguments[1:]])
+    except OSError as error:
+        return f'{program} cannot be run: {error.strerror or error}'
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _missing(settings: 'Settings') -> str:
+    """Return which feature the node in C lacks; an empty text if it has all that is wanted."""
+    if len(settings.origins) > 1:
+        return 'it runs one bundle only'
+    if settings.origins[0].library is not None:
+        return 'it is built from the bundle, not from a folder of `compile`: give spec alone'
+    if settings.blackbox is not None:
+        return 'it has no black box'
+    if settings.hot_path != 'auto':
+        return f'it has no hot_path:={settings.hot_path}'
+    return ''
+
+
+def _program(settings: 'Settings') -> Path:
+    from fret_monitor.model.parts import UNGATED
+    from fret_monitor.native.ros_files import identity
+    from fret_monitor.start import start_program
+    spec = settings.origins[0].spec
+    assert spec is not None
+
+    def make(generated: Any) -> Path:
+        from fret_monitor.export.program import node_program
+        return node_program(generated, f'{spec}, native')
+
+    return start_program(
+        spec, make, identity(), policy=settings.policy, period=settings.period,
+        constants=settings.constants, part=UNGATED)

@@ -1,0 +1,140 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ROS parameters of a node, as rclpy declares them."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.ros.settings.constants import ConstantParameters
+from fret_monitor.ros.settings.parameters import (
+    check_settings, CONSTANT, Described, KNOWN, LEVELS, problems_of, read_truth, read_word,
+    Refusal,
+)
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+
+class Parameters:
+    """The declared parameters of a node."""
+
+    def __init__(self, node: Node, table: Mapping[str, Described],
+                 why_fixed: Callable[[], str] = str) -> None:
+        """
+        Declare the parameters of `table`.
+
+        `why_fixed` returns why the parameters that `configure` reads cannot change now, or an
+        empty string if they can.
+
+        Raises
+        ------
+        Refusal
+            if the value of `log_level` or `autostart` cannot be used.
+        """
+        self._node = node
+        self._table = table
+        self._why_fixed = why_fixed
+        for name, item in table.items():
+            node.declare_parameter(name, item.default, ParameterDescriptor(
+                description=item.description, read_only=item.read_only, dynamic_typing=True))
+        self._constants = ConstantParameters(
+            node, CONSTANT, read_only=table['spec'].read_only)
+        self._ignored = self._find_ignored()
+        self._names_of_constants: set[str] = set()
+        if problems := problems_of(_level, self.values()) + problems_of(_autostart, self.values()):
+            raise Refusal(*problems)
+        self._set_level()
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(lambda _: self._set_level())
+
+    def values(self) -> dict[str, Any]:
+        """Return the values of all parameters in the table."""
+        values = {name: self._node.get_parameter(name).value for name in self._table}
+        return values | self._constants.overrides()
+
+    def show_constants(self, manifests: Iterable[Manifest]) -> None:
+        """
+        Declare a parameter for each constant of the bundles, with the value in use.
+
+        A constant that has several values is left out unless it was given.
+        """
+        pairs = [pair for item in manifests for pair in item.constants]
+        self._constants.show(pairs)
+        self._names_of_constants = {name for name, _ in pairs}
+
+    @contextmanager
+    def warning_of_ignored(self) -> Iterator[None]:
+        """
+        Warn, once, about the ignored parameters at the end of the block, also of one that fails.
+
+        The block opens the bundles and calls `show_constants`: an ignored parameter may have the
+        name of one of their constants.
+        """
+        try:
+            yield
+        finally:
+            while self._ignored:
+                name = self._ignored.pop(0)
+                self._node.get_logger().warning(f"ignored parameter '{name}': {self._hint(name)}")
+
+    def _find_ignored(self) -> list[str]:
+        """
+        Return the given parameters that this node does not have; `Overrides` reads its own.
+
+        They are no error: a file with the wildcard `/**` also has parameters of other nodes.
+        """
+        return [name for name in self._node._parameter_overrides
+                if not name.startswith('qos_overrides.') and not self._constants.has(name)
+                and name not in KNOWN and not self._node.has_parameter(name)]
+
+    def _hint(self, name: str) -> str:
+        constant = name.rpartition('.')[2]
+        if constant in self._names_of_constants:
+            return f"did you mean 'constants.{constant}'?"
+        return did_you_mean(name, self._table) or \
+            f'this node has {", ".join(self._table)}, constants.NAME'
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse values that cannot be used, and changes that are not possible now."""
+        overrides = [item.name for item in parameters if item.name.startswith('qos_overrides.')
+                     and self._node.has_parameter(item.name)]
+        if overrides:
+            return SetParametersResult(successful=False, reason=(
+                f"{', '.join(overrides)}: read at the start of the process only"))
+        new = {item.name: item.value for item in parameters if item.name in self._table
+               or self._constants.has(item.name)}
+        problems = problems_of(check_settings, self.values() | new) + problems_of(_level, new)
+        fixed = [name for name in new if name != 'log_level']
+        reason = self._why_fixed()
+        if fixed and reason:
+            problems = [f"{', '.join(fixed)}: {reason}"]
+        return SetParametersResult(successful=not problems, reason='; '.join(problems))
+
+    def _set_level(self) -> None:
+        self._node.get_logger().set_level(_level(self.values(), []))
+
+
+def _level(given: Mapping[str, Any], problems: list[str]) -> LoggingSeverity:
+    word = read_word(given, 'log_level', LEVELS, problems)
+    return LoggingSeverity[word.upper()] if word else LoggingSeverity.UNSET
+
+
+def _autostart(given: Mapping[str, Any], problems: list[str]) -> None:
+    read_truth(given, 'autostart', problems)

@@ -1,0 +1,55 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A wrapper of `csrc/reporting/shared_names.h`: names that only one part of a node may use."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.runtime.reporting import Lines, LogLine
+
+
+class Use(NamedTuple):
+    """
+    What publishes on a topic, or offers a service; `is_alone`: it must be the only one.
+
+    `kind` is `gate`, `lock` or `action`, and `owner` its name; both are empty for the node itself.
+    """
+
+    kind: str
+    owner: str
+    bundle: str
+    verb: str
+    name: str
+    is_alone: bool
+
+
+def find_shared(library: Any, uses: Sequence[Use]) -> list[LogLine]:
+    """Return the line about the first two uses of one name, if one of them must be alone."""
+    lines = Lines(library)
+    texts = [[ffi.new('char[]', text.encode(errors='replace')) for text in use[:-1]]
+             for use in uses]
+    found = ffi.new('struct fm_use[]', [
+        (*kept, use.is_alone) for kept, use in zip(texts, uses)])
+    library.fm_find_shared(lines.pointer, found, len(uses))
+    return lines.take()
+
+
+def own_service(library: Any, action: str, service: str) -> LogLine:
+    """Return the line about an action that calls a service of its own node."""
+    lines = Lines(library)
+    library.fm_add_own_service(lines.pointer, action.encode(), service.encode())
+    line, = lines.take()
+    return line

@@ -1,0 +1,190 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+
+/// Actions: when they start and publish, and a thread whose publisher fails.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "actions.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "check.h"
+#include "fakes.h"
+
+#define SECOND INT64_C(1000000000)
+
+enum { RATE, LATE, END, CALL, ACTIONS };
+
+static const uint8_t payload[] = {0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+static const uint32_t on_violation[] = {RATE, LATE, CALL};
+static const uint32_t on_end[] = {END};
+static const struct fm_follows follows[] = {{on_violation, 3, on_end, 1}};
+static const struct fm_action actions[] = {
+  {.kind = FM_ACTION_PUBLISH, .name = "rate", .payload = payload, .payload_size = sizeof(payload),
+    .stamp_at = 4, .period = SECOND / 10},
+  {.kind = FM_ACTION_PUBLISH, .name = "late", .stamp_at = -1, .after = SECOND},
+  {.kind = FM_ACTION_PUBLISH, .name = "end", .stamp_at = -1, .after = 2 * SECOND},
+  {.kind = FM_ACTION_CALL, .name = "call", .stamp_at = -1, .cooldown = 5 * SECOND}};
+
+static void look(
+  struct fm_schedule * schedule, uint64_t occurrences, enum fm_state state, int64_t now)
+{
+  const struct fm_requirement_state found = {occurrences, (uint8_t)state};
+  fm_schedule_follow(schedule, &found, now);
+}
+
+static void test_schedule(void)
+{
+  struct fm_action_facts counts[ACTIONS];
+  memset(counts, 0, sizeof(counts));
+  counts[RATE].started = 7;  // of before
+  struct fm_schedule * schedule = fm_schedule_create(actions, ACTIONS, follows, 1, counts);
+  CHECK(fm_schedule_due(schedule) == FM_NEVER);
+  look(schedule, 1, FM_VIOLATED, 10 * SECOND);
+  CHECK(counts[RATE].started == 8 && counts[CALL].started == 1);
+  CHECK(fm_schedule_due(schedule) == 10 * SECOND);
+  CHECK(fm_schedule_publishes(schedule, RATE, 10 * SECOND));
+  CHECK(!fm_schedule_publishes(schedule, RATE, 10 * SECOND));
+  CHECK(fm_schedule_due(schedule) == 10 * SECOND + SECOND / 10);
+  CHECK(fm_schedule_publishes(schedule, RATE, 10 * SECOND + SECOND / 10));
+  CHECK(fm_schedule_begins_call(schedule, CALL));
+  CHECK(!fm_schedule_begins_call(schedule, CALL));
+
+  // It is over before the delay: the delayed action does not start, and the messages end.
+  look(schedule, 1, FM_HOLDS, 10 * SECOND + SECOND / 2);
+  CHECK(!fm_schedule_publishes(schedule, RATE, 10 * SECOND + SECOND / 2));
+  look(schedule, 1, FM_HOLDS, 12 * SECOND);
+  CHECK(counts[LATE].started == 0 && counts[END].started == 0);
+  CHECK(fm_schedule_due(schedule) == 12 * SECOND + SECOND / 2);
+  look(schedule, 1, FM_HOLDS, 12 * SECOND + SECOND / 2);
+  CHECK(counts[END].started == 1 && fm_schedule_publishes(schedule, END, 13 * SECOND));
+
+  // A violation that began and ended between two looks: one message, and what follows its end. A
+  // start that is skipped since a call runs begins no cooldown.
+  look(schedule, 2, FM_HOLDS, 14 * SECOND);
+  CHECK(fm_schedule_publishes(schedule, RATE, 14 * SECOND));
+  CHECK(!fm_schedule_publishes(schedule, RATE, 15 * SECOND));
+  CHECK(counts[CALL].skipped == 1);
+  fm_schedule_end_call(schedule, CALL);
+  look(schedule, 3, FM_HOLDS, 15 * SECOND);
+  CHECK(counts[CALL].started == 2 && fm_schedule_begins_call(schedule, CALL));
+  fm_schedule_end_call(schedule, CALL);
+  look(schedule, 4, FM_HOLDS, 20 * SECOND - 1);
+  CHECK(counts[CALL].skipped == 2 && counts[LATE].started == 0);
+  look(schedule, 5, FM_HOLDS, 20 * SECOND);
+  CHECK(counts[CALL].started == 3);
+  fm_schedule_destroy(schedule);
+}
+
+// ---- the thread --------------------------------------------------------------------------------
+
+static void reset(void * state) {(void)state;}
+
+static void step(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  verdicts[0] = *(const int32_t *)inputs < 1;
+}
+
+static const struct fm_input inputs[] = {{"x", 0, FM_INT32}};
+static const uint32_t first[] = {0};
+static const struct fm_group groups[] = {{first, 1, first, 1, reset, step, NULL}};
+static const struct fm_requirement requirements[] = {{"X", 0}};
+static const struct fm_monitor monitor = {
+  FM_ABI, 1, 1, 1, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
+
+static bool read(const uint8_t * message, size_t size, struct fm_field * out)
+{
+  out[0].value.i = message[0];
+  out[0].outcome = FM_FIELD_READ;
+  return size == 1;
+}
+
+static const struct fm_reader reader = {read, 1, NULL};
+static const struct fm_readers readers = {FM_ABI, 1, &reader};
+
+static bool has_stamp = true;
+static struct clock simulated = {77 * SECOND + 5, false};
+
+static int fail(const void * publisher, const struct fm_serialized * message, void * allocation)
+{
+  (void)publisher;
+  (void)allocation;
+  has_stamp = has_stamp && message->buffer[4] == 77 && message->buffer[8] == 5;
+  return 1;
+}
+
+static void test_thread(void)
+{
+  const struct fm_topic topic = {first, 1};
+  const uint8_t report = FM_OCCURRENCE;
+  const struct fm_evaluator_options evaluator = {
+    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, NULL, NULL, 0, 0, NULL, true, NULL};
+  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
+  const struct fm_engine_options options = {
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};
+  struct fm_engine * engine = fm_engine_create(&options);
+  fm_engine_follow_states(engine);
+  fm_engine_follow_clock(engine, read_clock, &simulated, false);
+  fm_engine_begin(engine);
+  const struct fm_follows one = {on_violation, 1, NULL, 0};
+  struct fm_report_table table;
+  memset(&table, 0, sizeof(table));
+  table.actions = actions;
+  table.follows = &one;
+  table.n_actions = table.n_requirements = 1;
+  int publisher = 0;
+  const struct fm_action_ends ends = {.publisher = &publisher};
+  const struct fm_action_facts before = {3, 2, 1, 0};
+  const struct fm_actions_options settings = {
+    .engine = engine, .table = &table, .ends = &ends, .services = {.forget_error = forget_error},
+    .publish = fail, .before = &before};
+  struct fm_actions * thread = NULL;
+  CHECK(fm_actions_start(&thread, &settings));
+  const uint8_t gid[FM_GID_BYTES] = {1};
+  const struct fm_origin origin = {0, 0, 1, gid, false};
+  const uint8_t bad = 1;
+  CHECK(fm_engine_message(engine, 0, &bad, 1, &origin) == FM_RECEIVED);
+  struct fm_action_facts counts = before;
+  struct fm_lines lines = {NULL, 0, 0};
+  for (int k = 0; k < 10000 && counts.failed < 5; ++k) {
+    const struct timespec pause = {0, 1000000};
+    nanosleep(&pause, NULL);
+    fm_actions_look(thread, &counts, &lines);
+  }
+  CHECK(counts.started == 4 && counts.failed >= 5 && counts.sent == 2);
+  CHECK(lines.n == 1);  // at most one a second
+  CHECK(lines.n == 0 || strcmp(lines.lines[0].text,
+    "the action 'rate' failed: the middleware does not publish its message") == 0);
+  CHECK(fm_actions_turns(thread) > 1);
+  fm_engine_close(engine);
+  fm_actions_end(thread);
+  fm_actions_join(&thread);
+  fm_actions_join(&thread);
+  CHECK(thread == NULL && has_stamp);
+  fm_lines_free(&lines);
+  fm_engine_destroy(engine);
+  free(memory);
+}
+
+int main(void)
+{
+  test_schedule();
+  test_thread();
+  return failures == 0 ? 0 : 1;
+}

@@ -1,0 +1,228 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`monitor` with `native:=true`: the process becomes the node in C, or says why it does not."""
+
+from collections.abc import Callable, Iterator, Sequence
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from typing import Any
+
+from bundles import write_bundle
+from fret_monitor.native import cache, ros_files
+from fret_monitor.ros.native_start import become_native
+from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+import pytest
+from ros.harness import NodeProcess, Partner, PATIENCE, RELIABLE, START, started, wait_until
+from std_msgs.msg import Empty, Float32
+import yaml
+
+BUNDLE = """
+format: 1
+constants: {limit: 0.5}
+inputs:
+  value: {topic: x, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R1, ptltl: value < limit}
+"""
+NATIVE = ('-p', 'native:=true')
+
+
+def program_of(spec: Path, *more: str) -> str:
+    """Return what the process would become; build it first, however long that takes."""
+    found: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, 'execv', lambda program, arguments: found.append(str(program)))
+        assert not become_native(
+            ['monitor', '--ros-args', '-p', f'spec:={spec}', *NATIVE, *more])
+    program, = found
+    return program
+
+
+@pytest.fixture(scope='module')
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = write_bundle(tmp_path_factory.mktemp('native'), BUNDLE)
+    program_of(path)
+    return path
+
+
+def of_launch(folder: Path, spec: Path) -> Sequence[str]:
+    """Return arguments as launch gives them: the parameters are in a file."""
+    file = folder / 'parameters.yaml'
+    file.write_text(f'/**:\n  ros__parameters:\n    spec: {spec}\n    native: true\n'
+                    '    autostart: true\n', encoding='utf-8')
+    return ('-r', '__ns:=/robot', '-r', 'x:=/speed', '--params-file', str(file))
+
+
+def of_line(folder: Path, spec: Path) -> Sequence[str]:
+    return ('-p', f'spec:={spec}', *NATIVE, '-r', '__ns:=/robot', '-r', 'x:=/speed')
+
+
+def is_native(node: NodeProcess, spec: Path) -> bool:
+    return os.readlink(f'/proc/{node.process.pid}/exe') == program_of(spec)
+
+
+@pytest.mark.parametrize(('arguments', 'number'), [
+    (of_line, signal.SIGINT), (of_launch, signal.SIGTERM)])
+def test_the_process_becomes_the_node_in_c_with_its_names_and_ends_well(
+    bundle: Path, tmp_path: Path, partner: Partner,
+    arguments: Callable[[Path, Path], Sequence[str]], number: signal.Signals,
+) -> None:
+    announced: list[Empty] = []
+    partner.node.create_subscription(
+        Empty, '/robot/copilot/handlerpropR1', announced.append, RELIABLE)
+    speed = partner.publisher(Float32, '/speed')
+    with started('monitor', *arguments(tmp_path, bundle)) as node:
+        assert is_native(node, bundle)
+        assert f'({bundle}, native)' in node.output and 'ignored' not in node.output
+        partner.wait_for_listener(speed)
+        wait_until(lambda: partner.node.count_publishers('/robot/copilot/handlerpropR1') == 1,
+                   'the handler')
+        speed.publish(Float32(data=1.0))
+        wait_until(lambda: bool(announced), 'the violation')
+        node.wait_for('R1 violated')
+        assert node.end(number) == 0
+        assert 'Traceback' not in node.output
+
+
+@pytest.mark.parametrize('number', ['SIGINT', 'SIGTERM'])
+def test_a_signal_before_the_node_in_c_handles_signals_ends_it_well(
+    bundle: Path, domain: int, number: str,
+) -> None:
+    program_of(bundle)
+    start = START.format('monitor').replace('import sys; ', f"""
+import os, signal, sys
+become = os.execv
+def execv(*arguments):
+    os.kill(os.getpid(), signal.{number})
+    become(*arguments)
+os.execv = execv
+""")
+    done = subprocess.run(
+        [sys.executable, '-c', start, '--ros-args', '-p', f'spec:={bundle}', *NATIVE],
+        capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert done.returncode == 0 and f'({bundle}, native)' in done.stderr
+
+
+def test_it_is_a_lifecycle_node_that_ends_at_once_when_it_is_killed(
+    bundle: Path, partner: Partner,
+) -> None:
+    node = NodeProcess('monitor', '-p', f'spec:={bundle}', *NATIVE, '-p', 'autostart:=false')
+    try:
+        node.wait_for('waiting to be configured and activated')
+        assert is_native(node, bundle)
+        client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
+        wait_until(client.service_is_ready, 'the service')
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+            wait_until(answer.done, 'a transition')
+            assert answer.result().success
+        node.wait_for('watching')
+        assert node.end(signal.SIGKILL) == -signal.SIGKILL
+    finally:
+        node.kill()
+
+
+def test_another_value_of_a_constant_is_another_program_and_a_change_of_the_bundle_too(
+    bundle: Path, tmp_path: Path,
+) -> None:
+    first = program_of(bundle)
+    modified = Path(first).stat().st_mtime_ns
+    assert program_of(bundle, '-p', 'constants.limit:=0.25') != first
+    assert program_of(bundle) == first and Path(first).stat().st_mtime_ns == modified
+    assert program_of(write_bundle(tmp_path, BUNDLE.replace('R1', 'R2'))) != first
+
+
+def test_a_node_that_cannot_be_native_runs_in_python_and_says_why(
+    bundle: Path, tmp_path: Path,
+) -> None:
+    with started('monitor', '-p', f'spec:={bundle}', *NATIVE,
+                 '-p', f'blackbox:={tmp_path}') as node:
+        node.wait_for('native is not possible, the node runs in Python: it has no black box')
+        assert not is_native(node, bundle)
+
+
+@pytest.fixture
+def no_exec(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+    def fail(*_: Any) -> None:
+        raise AssertionError('it becomes native')
+
+    monkeypatch.setattr(os, 'execv', fail)
+    yield monkeypatch
+
+
+def reason_of(*arguments: str) -> str:
+    return become_native(['monitor', '--ros-args', *NATIVE, *arguments])
+
+
+def test_reasons_not_to_be_native(bundle: Path, no_exec: pytest.MonkeyPatch) -> None:
+    spec = f'spec:={bundle}'
+    assert reason_of('-p', f'spec:=["{bundle}", "{bundle}"]') == 'it runs one bundle only'
+    assert 'not from a folder' in reason_of('-p', 'library:=/nowhere')
+    assert reason_of('-p', spec, '-p', 'hot_path:=off') == 'it has no hot_path:=off'
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('CC', '/nowhere/cc')
+        assert '/nowhere/cc' in reason_of('-p', spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_HOME', '/dev/null/home')  # root may write to any folder
+        assert '/dev/null/home/fret_monitor cannot be written' in reason_of('-p', spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros_files, 'prefixes', lambda: [Path('/nowhere')])
+        patch.setattr(cache, 'is_kept', lambda library: False)
+        assert reason_of('-p', spec) == 'the headers of rcl are not installed here'
+
+
+def test_mistakes_of_the_user_are_left_to_the_node_in_python(
+    bundle: Path, tmp_path: Path, no_exec: pytest.MonkeyPatch,
+) -> None:
+    broken = write_bundle(tmp_path, BUNDLE.replace('value < limit', 'value <'))
+    for arguments in ((), ('-p', 'spec:=/nowhere.yaml'), ('-p', f'spec:={broken}'),
+                      ('-p', f'spec:={bundle}', '-p', 'policy:=none'), ('-p', 'spec'),
+                      ('-p', 'spec:={')):
+        assert reason_of(*arguments) == ''
+    assert become_native(['monitor', '--ros-args', '-p', f'spec:={bundle}']) == ''
+    assert become_native(['monitor', '--help', '--ros-args', *NATIVE]) == ''
+
+
+@pytest.mark.parametrize('text', [
+    'robot.yaml', '/a/b-c.yaml', './x', '../x', '~/x', 'package://p/x.yaml', 'true', 'false',
+    'True', 'on', 'No', 'null', '~', 'nan', 'inf', 'e5', '1', '0.5', '1e3', '[a, b]', '"1"'])
+def test_a_word_means_what_it_means_in_yaml(text: str) -> None:
+    assert given_parameters(['--ros-args', '-p', f'a:={text}'], 'n') == {'a': yaml.safe_load(text)}
+
+
+def test_parameters_are_read_from_arguments_as_rcl_does(tmp_path: Path) -> None:
+    file = tmp_path / 'p.yaml'
+    file.write_text("""\
+/**: {ros__parameters: {a: 1, b: 1, constants: {c: 2.5}}}
+/robot/*: {ros__parameters: {b: 2}}
+robot:
+  other: {ros__parameters: {b: 3}}
+  fret_monitor: {ros__parameters: {d: [x, y]}}
+/elsewhere/fret_monitor: {ros__parameters: {b: 4}}
+""", encoding='utf-8')
+    given = ['--ros-args', '-r', '__ns:=/robot', '--params-file', str(file), '--log-level', 'info',
+             '-p', 'a:=on', '--param', 'fret_monitor:e:="1"', '-p', 'other:b:=7', '--']
+    assert given_parameters(given, 'fret_monitor') == {
+        'a': True, 'b': 2, 'constants.c': 2.5, 'd': ['x', 'y'], 'e': '1'}
+    assert given_parameters(['--ros-args', '-r', '__node:=n', '-p', 'n:x:=1'], 'm') == {'x': 1}
+    for wrong in (['-p', 'a:=1'], ['--ros-args', '-p', 'a'], ['--ros-args', '--', 'x'],
+                  ['--ros-args', '--params-file', '/nowhere']):
+        with pytest.raises(NotUnderstood):
+            given_parameters(wrong, 'fret_monitor')
