@@ -18,8 +18,10 @@ Mutants of csrc, ros, program and elaboration, judged by the tests of their room
     python -m bench.mutation [ROOM...] [--share PERCENT] [--only TEXT]
 
 Each mutant is put into a copy of the repository, where the tests of its file run until one fails.
-A test with ROS 2 that fails is run on the unchanged copy too, and counts only if it passes there;
-the others are those of `make test`. The programs of test/csrc run first, without pytest.
+A test with ROS 2 that fails, and whatever takes too long, counts only if it does so a second time
+and passes in the unchanged copy, there in a fraction of the time: the machine may be busy. Tests
+that take too long together leave the mutant without a result. The programs of test/csrc run
+first, without pytest.
 
 Results are kept in `.mutation/`: a run that was stopped goes on, and a mutant whose file and tests
 have not changed since is not judged again; the summary is `bench/judged_mutants.md`. The status
@@ -57,7 +59,8 @@ ROOT = Path(__file__).resolve().parent.parent
 GOAL = 0.9
 _TEST_S = 100  # for one test; mutants that loop for ever are noticed
 _PROGRAM_S = 40
-_MUTANT_S = 900.0
+_MUTANT_S = 1800.0
+_SLOWER = 10  # times as long as without the mutant: what takes longer counts as endless
 _MEMORY_BYTES = 8 << 30
 _LIKELY = 12  # tests that noticed other mutants of the room, and run first
 # About text alone, or as long as all the others and the same but for the preemption.
@@ -303,42 +306,59 @@ class Copy:
 
 
 class _FirstFailure:
-    """A plugin of pytest that writes the test that failed to a file."""
+    """A plugin of pytest that writes the test that failed, or took too long, to a file."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
 
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        self._file.write_text(nodeid, encoding='utf-8')  # while it runs, and if it never ends
+
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
-            self._file.write_text(report.nodeid, encoding='utf-8')
+            how = '\ntoo long' if 'Timeout (>' in report.longreprtext else '\nfailed'
+            self._file.write_text(report.nodeid + how, encoding='utf-8')
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:
-            self._file.write_text(report.nodeid, encoding='utf-8')
+            self._file.write_text(f'{report.nodeid}\nfailed', encoding='utf-8')
 
 
-def run_tests(copy: Copy, tests: Sequence[str]) -> str | None:
-    """Run tests in the copy; return the first that fails or how they ended, None if all pass."""
+@dataclass(frozen=True)
+class Failure:
+    """What noticed a mutant: a test, or a program with its argument."""
+
+    by: str
+    is_too_long: bool
+    """Whether it did not fail, but was ended: perhaps because the machine was busy."""
+
+
+def run_tests(copy: Copy, tests: Sequence[str], test_s: float = _TEST_S) -> Failure | None:
+    """Run tests in the copy; return the first that fails or takes too long, None if all pass."""
     with tempfile.TemporaryDirectory(prefix='judged-') as name:
-        failed = Path(name) / 'failed'
+        current = Path(name) / 'current'
         child = os.fork()
         if child == 0:
             try:
-                os._exit(_run_here(copy, tests, failed, Path(name)))
+                os._exit(_run_here(copy, tests, current, Path(name), test_s))
             except BaseException:  # noqa: B902  # it must not go on as the parent does
                 traceback.print_exc()
             os._exit(_BROKEN)
-        status = _wait(child)
+        status = _wait(child, current, 2 * test_s)
         if status in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
             return None
         if status in (pytest.ExitCode.INTERNAL_ERROR, pytest.ExitCode.USAGE_ERROR, _BROKEN):
             raise RuntimeError((Path(name) / 'output').read_text(encoding='utf-8'))
-        if failed.is_file():
-            return failed.read_text(encoding='utf-8')
-        return 'the time was over' if status is None else f'status {status}'
+        test, _, how = _text_of(current).partition('\n')
+        return Failure(test or f'status {status}', status is None or how == 'too long')
 
 
-def _run_here(copy: Copy, tests: Sequence[str], failed: Path, folder: Path) -> int:
+def _text_of(file: Path) -> str:
+    return file.read_text(encoding='utf-8') if file.is_file() else ''
+
+
+def _run_here(copy: Copy, tests: Sequence[str], current: Path, folder: Path,
+              test_s: float) -> int:
     """Run pytest in this process, a child, as if it had been started in the copy."""
     os.setsid()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -362,20 +382,25 @@ def _run_here(copy: Copy, tests: Sequence[str], failed: Path, folder: Path) -> i
     try:
         return int(pytest.main(
             ['-x', '-q', '-p', 'no:cacheprovider',
-             f'--timeout={_TEST_S}', f'--basetemp={folder / "pytest"}',
+             f'--timeout={test_s}', f'--basetemp={folder / "pytest"}',
              '-k', ' and '.join(f'not {name}' for name in _LEFT_OUT),
              '-W', 'ignore::pytest.PytestAssertRewriteWarning', *tests],
-            plugins=[_FirstFailure(failed)]))
+            plugins=[_FirstFailure(current)]))
     finally:
         sys.stdout.flush()
 
 
-def _wait(child: int) -> int | None:
-    """Wait for a child and end all that it has started; None if it took too long."""
+def _wait(child: int, current: Path, test_s: float) -> int | None:
+    """
+    Wait for a child and end all that it has started.
+
+    None if it took too long, or the file `current` stayed as it was for `test_s` seconds: then a
+    test waits in C, where the timeout of pytest does not end it.
+    """
     end = time.monotonic() + _MUTANT_S
     status = None
     try:
-        while status is None and time.monotonic() < end:
+        while status is None and time.monotonic() < end and _age_s(current) < test_s:
             ended, result = os.waitpid(child, os.WNOHANG)
             if ended:
                 status = os.waitstatus_to_exitcode(result)
@@ -387,6 +412,10 @@ def _wait(child: int) -> int | None:
         if status is None:
             os.waitpid(child, 0)
     return status
+
+
+def _age_s(file: Path) -> float:
+    return time.time() - file.stat().st_mtime if file.is_file() else 0.0
 
 
 class Programs:
@@ -407,7 +436,9 @@ class Programs:
                           for name, source in sources.items()}
         self._linked: dict[str, bytes] = {}
         failing = self._first_failing([*self._engine.values()])
-        self._linked = {name: (folder / name).read_bytes() for name in _PROGRAMS}
+        for name in _PROGRAMS:
+            self._linked[name] = (folder / name).read_bytes()
+            shutil.copy2(folder / name, folder / f'unchanged_{name}')
         if failing is not None:
             raise RuntimeError(f'{failing} fails without a mutant')
 
@@ -439,12 +470,19 @@ class Programs:
 
     def _fails(self, program: Path, argument: str) -> bool:
         """Return whether it hangs, or fails twice: some have threads and clocks."""
-        try:
-            return all(subprocess.run([program, *argument.split()], check=False,
-                                      timeout=_PROGRAM_S, capture_output=True).returncode != 0
-                       for _ in range(2))
-        except subprocess.TimeoutExpired:
-            return True
+        status = _status(program, argument)
+        if status is None:
+            return self._hangs(program, argument)
+        return status != 0 and _status(program, argument) != 0
+
+    def _hangs(self, program: Path, argument: str) -> bool:
+        """Return whether it takes too long again, and much longer than without a mutant."""
+        unchanged = self._folder / f'unchanged_{program.name}'
+        before = time.monotonic()
+        if not unchanged.exists() or _status(unchanged, argument) != 0:
+            return False
+        taken_s = time.monotonic() - before
+        return _status(program, argument, max(_PROGRAM_S, _SLOWER * taken_s)) is None
 
     def _object(self, source: Path, name: str = '') -> Path:
         made = self._folder / f'{name or source.stem}.o'
@@ -454,58 +492,78 @@ class Programs:
         return made
 
 
+def _status(program: Path, argument: str, limit_s: float = _PROGRAM_S) -> int | None:
+    """Return the status with which a program ends, None if it takes longer than the limit."""
+    with suppress(subprocess.TimeoutExpired):
+        return subprocess.run([program, *argument.split()], check=False, timeout=limit_s,
+                              capture_output=True).returncode
+    return None
+
+
 class Judge:
-    """Judges mutants in a copy; knows which tests pass there."""
+    """Judges mutants in a copy; knows which tests fail there without one."""
 
     def __init__(self, copy: Copy, programs: Programs) -> None:
         self._copy = copy
         self._programs = programs
-        self._passing: set[str] = set()
         self._failing: list[str] = []
 
     def judged(self, mutant: SourceMutant, tests: tuple[str, ...], version: str,
                likely: Sequence[str] = ()) -> Result:
         """Return the result for a mutant; `likely` are tests that have noticed others."""
         before = time.monotonic()
-        with self._copy.changed(mutant):
-            answer, by = (self._first_answer(mutant) or self._likely_answer(likely)
-                          or self._answer(tests))
-        while answer == 'noticed' and by.startswith('test/ros/') and not self._passes(by):
-            with self._copy.changed(mutant):
-                answer, by = self._answer(tests)
+        answer, by = (self._first_answer(mutant) or self._likely_answer(mutant, likely)
+                      or self._answer(mutant, tests))
         return Result(mutant.key, answer, by, round(time.monotonic() - before, 1), version)
 
-    def _likely_answer(self, tests: Sequence[str]) -> tuple[str, str] | None:
-        left = [test for test in tests if test not in self._failing]
-        if not left:
-            return None
-        try:
-            failed = run_tests(self._copy, left)
-        except RuntimeError:  # one has another name by now
-            return None
-        return None if failed is None else ('noticed', failed)
-
     def _first_answer(self, mutant: SourceMutant) -> tuple[str, str] | None:
-        if not self._compiles(mutant):
-            return 'invalid', ''
-        program = self._programs.failing(self._copy.root / mutant.path)
+        with self._copy.changed(mutant):
+            if not self._compiles(mutant):
+                return 'invalid', ''
+            program = self._programs.failing(self._copy.root / mutant.path)
         return None if program is None else ('noticed', program)
 
-    def _answer(self, tests: tuple[str, ...]) -> tuple[str, str]:
-        left_out = [f'--deselect={test}' for test in self._failing]
-        failed = run_tests(self._copy, [*left_out, *tests])
-        return ('missed', '') if failed is None else ('noticed', failed)
+    def _likely_answer(self, mutant: SourceMutant,
+                       tests: Sequence[str]) -> tuple[str, str] | None:
+        with suppress(RuntimeError):  # one has another name by now
+            answer = self._answer(mutant, tests)
+            return answer if answer[0] == 'noticed' else None
+        return None
 
-    def _passes(self, test: str) -> bool:
-        """Return whether a test passes without a mutant; leave it out from now on if not."""
-        if test not in self._passing:
-            failed = run_tests(self._copy, [test])
-            if failed is None:
-                self._passing.add(test)
-            else:
-                print(f'  left out, it fails without a mutant: {test}', flush=True)
-                self._failing.append(test)
-        return test in self._passing
+    def _answer(self, mutant: SourceMutant, tests: Sequence[str]) -> tuple[str, str]:
+        end = time.monotonic() + _MUTANT_S
+        left_out: list[str] = []
+        while failure := self._failure(mutant, tests, left_out):
+            if self._is_confirmed(mutant, failure):
+                return 'noticed', failure.by
+            if time.monotonic() > end:
+                return 'open', 'the time was over'
+            left_out.append(failure.by)
+        return 'missed', ''
+
+    def _failure(self, mutant: SourceMutant, tests: Sequence[str],
+                 left_out: Sequence[str]) -> Failure | None:
+        out = {*left_out, *self._failing}
+        left = [test for test in tests if test not in out]
+        if not left:
+            return None
+        with self._copy.changed(mutant):
+            return run_tests(self._copy, [*(f'--deselect={test}' for test in out), *left])
+
+    def _is_confirmed(self, mutant: SourceMutant, failure: Failure) -> bool:
+        """Return whether a failure was the mutant's: not the machine's, and not the test's."""
+        if '::' not in failure.by or not (failure.is_too_long
+                                          or failure.by.startswith('test/ros/')):
+            return not failure.is_too_long
+        before = time.monotonic()
+        if run_tests(self._copy, [failure.by]) is not None:
+            print(f'  left out, it fails without a mutant: {failure.by}', flush=True)
+            self._failing.append(failure.by)
+            return False
+        taken_s = time.monotonic() - before
+        with self._copy.changed(mutant):
+            again = run_tests(self._copy, [failure.by], max(_TEST_S, _SLOWER * taken_s))
+        return again is not None
 
     def _compiles(self, mutant: SourceMutant) -> bool:
         if not mutant.path.endswith('.c'):
@@ -564,7 +622,7 @@ def judge_room(name: str, judge: Judge, share: int, only: str) -> bool:
     """Judge the mutants of a room and print what was missed; return whether enough was noticed."""
     room = ROOMS[name]
     known, same = kept_results(), equivalent()
-    counts = {'noticed': 0, 'missed': 0, 'invalid': 0, 'equivalent': 0}
+    counts = dict.fromkeys(('noticed', 'missed', 'invalid', 'equivalent', 'open'), 0)
     missed = []
     for mutant in mutants_of(room, -(-room.mutants * share // 100)):
         if mutant.key in same:
@@ -575,7 +633,7 @@ def judge_room(name: str, judge: Judge, share: int, only: str) -> bool:
         tests = room.tests_of(mutant.path)
         version = _version(mutant.path, tests)
         result = known.get(mutant.key)
-        if result is None or result.version != version:
+        if result is None or result.version != version or result.answer == 'open':
             result = judge.judged(mutant, tests, version, _likely(known, mutant, tests))
             known[mutant.key] = result
             keep(result)
@@ -586,7 +644,8 @@ def judge_room(name: str, judge: Judge, share: int, only: str) -> bool:
             missed.append(mutant)
     judged = counts['noticed'] + counts['missed']
     print(f'{name}: {judged} mutants, {counts["noticed"]} noticed, {counts["missed"]} missed; '
-          f'{counts["equivalent"]} mean the same, {counts["invalid"]} do not compile')
+          f'{counts["equivalent"]} mean the same, {counts["invalid"]} do not compile, '
+          f'{counts["open"]} took too long')
     for mutant in missed:
         print(f'  missed: {mutant.path}:{mutant.line}\n    {mutant.key}', flush=True)
     return counts['noticed'] >= GOAL * judged
