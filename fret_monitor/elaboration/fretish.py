@@ -40,6 +40,7 @@ from fret_monitor.elaboration.elaborator import Elaborator
 from fret_monitor.elaboration.scope import Scope
 from fret_monitor.elaboration.terms import Broken, expect_bool, joined_bounds, TypedTerm
 from fret_monitor.language.expression import Expression, Name
+from fret_monitor.language.fretish_words import WORDS
 from fret_monitor.language.sentence import (
     ConditionKind, ScopeKind, ScopePhrase, Sentence, TimingKind,
 )
@@ -141,7 +142,8 @@ class _Formalisation:
         if not isinstance(mode, Name) or scope.find(mode.text) or mode.text not in scope.owners:
             return False
         owner = scope.owners[mode.text][0]
-        compared = f'{_SCOPE_WORDS[phrase.kind]} {owner} = {mode.text}'
+        name = f'"{owner}"' if owner.lower() in WORDS else owner
+        compared = f'{_SCOPE_WORDS[phrase.kind]} {name} = {mode.text}'
         self._problems.error(
             f"'{mode.text}' is a value of '{owner}', not a mode", mode.span,
             'expected true or false',

@@ -226,12 +226,17 @@ class _Style:
             case Slope():
                 return _call('derivative', _Part(node.argument))
             case TimeOver():
-                least = short_seconds(node.least) if self._is_timed else str(node.least)
-                return [*self._over('timeOver', node.past, node.argument), f' >= {least}']
+                return [*self._over('timeOver', node.past, node.argument), self._least(node.least)]
             case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
                 return ['FTP'] if node is FTP else self._temporal(node)
             case _:
                 assert_never(node)
+
+    def _least(self, least: int) -> str:
+        """Return the comparison that fits: `> 10` of a nanosecond more than ten seconds."""
+        if not self._is_timed:
+            return f' >= {least}'
+        return min(f' >= {short_seconds(least)}', f' > {short_seconds(least - 1)}', key=len)
 
     def _over(self, function: str, past: int, argument: Formula) -> _Pieces:
         past_text = time_text(past) if self._is_timed else str(past)

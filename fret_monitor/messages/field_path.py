@@ -62,6 +62,8 @@ _OPEN_INDEX = re.compile(r'(.*\[[0-9]+)[^].[]*')
 _KEY_BEFORE = re.compile(r"""([A-Za-z_]\w*)[ \t]*:[ \t]+["']?\s*(?:\w+\s*\(\s*)?$""")
 _NAME_INSIDE = re.compile(r"""\s*(["']?)(?P<name>[A-Za-z_][\w./ -]*)\1\s*""")
 _NUMBERS_INSIDE = re.compile(r'\s*(-?[0-9]+)\s*(?:,|\.\.+|;|-)\s*(-?[0-9]+)\s*')
+_ANGLES_INSIDE = re.compile(
+    r'\s*(-?[0-9.]+?)\s*(deg|rad)?\s*(?:,|\.\.+|;|:|-|to)\s*(-?[0-9.]+)\s*(deg|rad)\s*')
 _CALL = re.compile(r'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*(?P<path>.*?)\s*\)\s*')
 
 _USUAL_KEYS = ('name', 'child_frame_id', 'frame_id')
@@ -387,12 +389,14 @@ def _refuse_part(layout: MessageLayout, match: re.Match[str], path_text: Text,
     """Refuse brackets that cannot be read; help with the part that was meant."""
     before, inside = path_text.value[:match.start('part')], match['inside']
     name, numbers = _NAME_INSIDE.fullmatch(inside), _NUMBERS_INSIDE.fullmatch(inside)
-    keys = _keys_at(layout, before)
+    angles, keys = _ANGLES_INSIDE.fullmatch(inside), _keys_at(layout, before)
     meant = '0'
     if name is not None and keys:
         meant = f'{[*_usual_keys(keys), *keys][0]} = {name_as_written(name["name"].strip())}'
     elif numbers is not None:
         meant = f'{numbers[1]}:{numbers[2]}'
+    elif angles is not None:
+        meant = f'{angles[1]} {angles[2] or angles[4]} : {angles[3]} {angles[4]}'
     path = _with_inside(match, path_text, meant)
     functions = [function] if function or numbers is None else _OF_NUMBERS[1:]
     refuse(f'{shown(path_text.value)} is not a field path',

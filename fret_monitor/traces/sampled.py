@@ -23,9 +23,10 @@ found on it have to be confirmed in real time (`explain/in_time.py`).
 from collections.abc import Iterable
 from dataclasses import replace
 from math import gcd
+from typing import assert_never
 
 from fret_monitor.logic.formula import (
-    Formula, Historically, Once, postorder, rebuilt, Since, Triggered, Window,
+    Ago, Formula, Historically, Once, Over, postorder, rebuilt, Since, TimeOver, Triggered, Window,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.times import NANOSECONDS
@@ -40,9 +41,7 @@ def grid_of(item: Property) -> int:
 
     `[<10 s]` ends one tick before 10 s, and counts as 10 s.
     """
-    bounds = {_round(end) for node in postorder(item.roots)
-              if isinstance(node, Once | Historically | Since | Triggered)
-              for end in (node.window.low, node.window.high) if end}
+    bounds = {_round(end) for node in postorder(item.roots) for end in _ends(node)}
     bounds.discard(0)
     if not bounds:
         return NANOSECONDS['s']
@@ -73,8 +72,35 @@ def sampled_formulas(roots: Iterable[Formula], grid: int) -> dict[Formula, Formu
             changed = type(changed)(_window(changed.window, grid), changed.argument)
         elif isinstance(changed, Since | Triggered):
             changed = type(changed)(_window(changed.window, grid), changed.left, changed.right)
+        elif isinstance(changed, Over | Ago | TimeOver):
+            changed = _narrowed(changed, grid)
         found[node] = changed
     return found
+
+
+def _ends(node: Formula) -> tuple[int, ...]:
+    match node:
+        case Once() | Historically() | Since() | Triggered():
+            return tuple(end for end in (node.window.low, node.window.high) if end)
+        case Over() | Ago():
+            return (node.past,)
+        case TimeOver():
+            return node.past, node.least
+        case _:
+            return ()
+
+
+def _narrowed(node: Over | Ago | TimeOver, grid: int) -> Over | Ago | TimeOver:
+    past = max(1, node.past // grid)
+    match node:
+        case Over():
+            return Over(node.aggregate, past, node.argument, node.at)
+        case Ago():
+            return Ago(past, node.argument)
+        case TimeOver():
+            return TimeOver(past, min(past, -(-node.least // grid)), node.argument)
+        case _:
+            assert_never(node)
 
 
 def _window(window: Window, grid: int) -> Window:
