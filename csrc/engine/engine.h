@@ -51,7 +51,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 22u
+#define FM_ENGINE_ABI 23u
 
 struct fm_engine;
 
@@ -192,8 +192,11 @@ FM_EXPORT uint32_t fm_engine_judge(
 FM_EXPORT bool fm_engine_replace(
   struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at, int64_t * due);
 
-/// Write the present ROS time into a serialized message, at an offset (-1: nowhere): that of the
-/// clock of fm_engine_follow_clock, 0 if it has none, else system time. O(1).
+/// The present ROS time: that of the clock of fm_engine_follow_clock, 0 if it has none, else
+/// system time. O(1).
+FM_INTERNAL int64_t fm_engine_ros_time(struct fm_engine * engine);
+
+/// Write the present ROS time into a serialized message, at an offset (-1: nowhere). O(1).
 FM_INTERNAL void fm_engine_write_time(
   struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at);
 

@@ -185,8 +185,7 @@ static void write_stamp(uint8_t * message, size_t size, int64_t stamp_at, int64_
   }
 }
 
-void fm_engine_write_time(
-  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at)
+int64_t fm_engine_ros_time(struct fm_engine * engine)
 {
   int64_t now = 0;
   fm_engine_lock(engine);
@@ -196,7 +195,13 @@ void fm_engine_write_time(
     now = 0;
   }
   fm_engine_unlock(engine);
-  write_stamp(message, size, stamp_at, now);
+  return now;
+}
+
+void fm_engine_write_time(
+  struct fm_engine * engine, uint8_t * message, size_t size, int64_t stamp_at)
+{
+  write_stamp(message, size, stamp_at, fm_engine_ros_time(engine));
 }
 
 static bool replace_locked(

@@ -38,12 +38,24 @@ enum { OTHER_SERVICES = 2, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES
 
 // ---- transitions -------------------------------------------------------------------------------
 
+static struct fm_blackbox_settings blackbox_of(const struct fm_parameters * given)
+{
+  const double seconds = fm_parameter_real(given, "blackbox_seconds");
+  return (struct fm_blackbox_settings) {
+    fm_parameter_find(given, "blackbox")->value.string_value.data,
+    seconds > 0 ? seconds : FM_BLACKBOX_SECONDS,
+    (uint64_t)fm_parameter_whole(given, "blackbox_bytes"),
+    (uint64_t)fm_parameter_whole(given, "blackbox_files"),
+    (uint64_t)fm_parameter_whole(given, "blackbox_disk_bytes")};
+}
+
 static bool configure(void * context)
 {
   struct fm_monitor_node * monitor = context;
+  const struct fm_parameters * given = &monitor->parameters;
   const struct fm_settings settings = {
-    (uint32_t)fm_parameter_whole(&monitor->parameters, "handler_depth"),
-    fm_parameter_is_true(&monitor->parameters, "log_violations"), monitor->parameters.fixed};
+    (uint32_t)fm_parameter_whole(given, "handler_depth"),
+    fm_parameter_is_true(given, "log_violations"), given->fixed, blackbox_of(given)};
   monitor->parameters.is_configured = fm_session_configure(
     &monitor->session, monitor->table, &monitor->node, &monitor->clock, &settings);
   for (uint32_t k = 0; monitor->parameters.is_configured && k < monitor->table->n_warnings; ++k) {

@@ -24,10 +24,19 @@
 #include "endpoints.h"
 #include "status_messages.h"
 
+static struct fm_blackbox_facts blackbox_facts(const struct fm_session * session)
+{
+  const struct fm_blackbox_facts none = {0, 0, 0, 0, 0};
+  return session->blackbox.writer == NULL ? none :
+         fm_blackbox_writer_facts(session->blackbox.writer);
+}
+
 bool fm_health_begin(struct fm_health * health, struct fm_session * session)
 {
+  const struct fm_blackbox_facts written = blackbox_facts(session);
   const struct fm_facts facts = {
-    .now = fm_steady_now(), .actions = session->actions.counts};
+    .now = fm_steady_now(), .actions = session->actions.counts,
+    .blackbox = session->blackbox.writer == NULL ? NULL : &written};
   memset(health, 0, sizeof(*health));
   health->session = session;
   health->review = fm_review_create(&session->reporter, &facts);
@@ -52,13 +61,16 @@ void fm_health_end(struct fm_health * health)
 
 static void look(struct fm_health * health)
 {
-  const struct fm_node_clock * clock = health->session->clock;
+  const struct fm_session * session = health->session;
+  const struct fm_node_clock * clock = session->clock;
+  const struct fm_blackbox_facts written = blackbox_facts(session);
   const struct fm_facts facts = {
     .now = fm_steady_now(), .topics = health->topics,
-    .actions = health->session->actions.counts,
+    .actions = session->actions.counts,
+    .blackbox = session->blackbox.writer == NULL ? NULL : &written,
     .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
-  for (uint32_t k = 0; k < health->session->n_topics; ++k) {
-    health->topics[k] = fm_subscription_publishers(health->session->topics[k].state);
+  for (uint32_t k = 0; k < session->n_topics; ++k) {
+    health->topics[k] = fm_subscription_publishers(session->topics[k].state);
   }
   (void)fm_review_look(health->review, &facts);
 }
@@ -67,6 +79,7 @@ void fm_health_review(struct fm_health * health)
 {
   size_t listeners = 0;
   fm_node_actions_look(&health->session->actions);
+  fm_node_blackbox_look(&health->session->blackbox);
   look(health);
   fm_review_log(health->review, &health->lines);
   fm_log_lines(health->session->node, &health->lines);

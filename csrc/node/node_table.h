@@ -28,6 +28,7 @@
 #include "subscription.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
+#define FM_HANDLER "copilot/handlerprop"  // what the topics of violations begin with
 
 /// The function that returns the type support of a message type, for the table: it is declared
 /// here, so that the table includes no header of a message.
@@ -55,6 +56,7 @@ struct fm_node_topic
   const char * type;  // package/msg/Name
   const rosidl_message_type_support_t * (* support)(void);
   struct fm_fixed_qos qos;
+  const char * const * definition;  // of the message and of all within it, in pieces; then NULL
 };
 
 struct fm_node_table
@@ -68,6 +70,7 @@ struct fm_node_table
   const struct fm_monitor * (* monitor)(void);
   const struct fm_readers * (* readers)(void);  // NULL: no topics
   const struct fm_node_topic * topics;
+  const char * const * end_definition;  // as of a topic, of std_msgs/msg/Header
   const struct fm_action_type * action_types;  // of each action, without locks
   const char * const * handlers;  // topics, relative; a requirement
   const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`

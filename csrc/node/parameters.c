@@ -248,6 +248,47 @@ static bool check_count(
   return is_good;
 }
 
+// The parameters of the black box that are numbers.
+static const struct {const char * name; const char * unit; int64_t least;} sizes[] = {
+  {"blackbox_bytes", "bytes", 4096}, {"blackbox_files", "files", 1},
+  {"blackbox_disk_bytes", "bytes", 1 << 20}};
+enum { N_SIZES = sizeof(sizes) / sizeof(sizes[0]) };
+
+static bool check_size(
+  size_t k, const fm_parameter_value * value, struct fm_text * reason)
+{
+  struct fm_text wanted = {NULL, 0, 0};
+  const bool is_good = value->type == FM_WHOLE && value->integer_value >= sizes[k].least &&
+    value->integer_value < INT64_C(1) << 62;
+  if (!is_good) {
+    fm_text_add(&wanted, "a number of %s, at least %" PRId64 ": -p %s:=%" PRId64, sizes[k].unit,
+      sizes[k].least, sizes[k].name, sizes[k].least);
+    refuse_value(sizes[k].name, value, fm_text_get(&wanted), reason);
+    fm_text_free(&wanted);
+  }
+  return is_good;
+}
+
+static bool check_seconds(
+  const char * name, const fm_parameter_value * value, struct fm_text * reason)
+{
+  const bool is_good = (value->type == FM_WHOLE && value->integer_value >= 0) ||
+    (value->type == FM_REAL && value->double_value >= 0 && value->double_value < 1e9);
+  if (!is_good) {
+    refuse_value(name, value, "a number above 0 (seconds, say 10.0)", reason);
+  }
+  return is_good;
+}
+
+static bool check_folder(
+  const char * name, const fm_parameter_value * value, struct fm_text * reason)
+{
+  if (value->type != FM_WORD) {
+    refuse_value(name, value, "the path of a folder", reason);
+  }
+  return value->type == FM_WORD;
+}
+
 static bool check_level(
   const char * name, const fm_parameter_value * value, struct fm_text * reason)
 {
@@ -267,6 +308,17 @@ static bool check(
   }
   if (strcmp(name, "log_level") == 0) {
     return check_level(name, value, reason);
+  }
+  if (strcmp(name, "blackbox") == 0) {
+    return check_folder(name, value, reason);
+  }
+  if (strcmp(name, "blackbox_seconds") == 0) {
+    return check_seconds(name, value, reason);
+  }
+  for (size_t k = 0; k < N_SIZES; ++k) {
+    if (strcmp(name, sizes[k].name) == 0) {
+      return check_size(k, value, reason);
+    }
   }
   if (value->type != FM_TRUTH) {
     refuse_value(name, value, "true or false", reason);
@@ -565,6 +617,16 @@ void fm_parameters_begin(
       "loses some; read by `configure`", FM_UNCONFIGURED, WHOLE(1000)},
     {"log_violations", "whether the node logs violations and their ends; false if the logger "
       "does; read by `configure`", FM_UNCONFIGURED, TRUTH(true)},
+    {"blackbox", "a folder to which the last messages of all topics are written at each "
+      "violation; empty for none; read by `configure`", FM_UNCONFIGURED, WORD("")},
+    {"blackbox_seconds", "seconds of messages before a violation that a file has; read by "
+      "`configure`", FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS)},
+    {"blackbox_bytes", "memory for the last messages, in bytes, for each bundle; read by "
+      "`configure`", FM_UNCONFIGURED, WHOLE(64 << 20)},
+    {"blackbox_files", "files of black boxes in the folder, at most: the oldest are removed; "
+      "read by `configure`", FM_UNCONFIGURED, WHOLE(20)},
+    {"blackbox_disk_bytes", "bytes of these files together, at most; read by `configure`",
+      FM_UNCONFIGURED, WHOLE(1 << 30)},
     {"start_type_description_service", "whether the node offers ~/get_type_description",
       FM_AT_START, TRUTH(true)},
     {"autostart", "whether the node configures and activates itself at its start", FM_AT_START,
@@ -634,7 +696,8 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     } else {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': this node has use_sim_time, log_level, handler_depth, "
-        "log_violations, autostart, start_type_description_service, " CONSTANTS "NAME", name);
+        "log_violations, autostart, blackbox, blackbox_seconds, blackbox_bytes, blackbox_files, "
+        "blackbox_disk_bytes, start_type_description_service, " CONSTANTS "NAME", name);
     }
   }
 }
@@ -668,6 +731,12 @@ bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * 
 int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char * name)
 {
   return fm_parameter_find(parameters, name)->value.integer_value;
+}
+
+double fm_parameter_real(const struct fm_parameters * parameters, const char * name)
+{
+  const fm_parameter_value * value = &fm_parameter_find(parameters, name)->value;
+  return value->type == FM_WHOLE ? (double)value->integer_value : value->double_value;
 }
 
 void fm_parameter_set(

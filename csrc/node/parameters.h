@@ -38,6 +38,8 @@ enum fm_parameter_type
   FM_WORD = rcl_interfaces__msg__ParameterType__PARAMETER_STRING
 };
 
+#define FM_BLACKBOX_SECONDS 10.0  // if the parameter is 0
+
 typedef rcl_interfaces__msg__ParameterValue fm_parameter_value;
 
 /// When a parameter may be set.
@@ -87,6 +89,7 @@ struct fm_parameter * fm_parameter_find(
 /// The value of a declared parameter.
 bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * name);
 int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char * name);
+double fm_parameter_real(const struct fm_parameters * parameters, const char * name);
 
 /// Why a parameter cannot be set to a value now; adds nothing to `reason` if it can.
 void fm_parameter_refuse(

@@ -183,7 +183,9 @@ bool fm_session_configure(
   session->clock = clock;
   session->settings = *settings;
   session->is_configured = true;
-  if (!refuse_merged(session) || !advertise_all(session) || !refuse_shared(session)) {
+  if (!fm_node_blackbox_begin(&session->blackbox, node, table, &settings->blackbox) ||
+    !refuse_merged(session) || !advertise_all(session) || !refuse_shared(session))
+  {
     fm_session_release(session);
     return false;
   }
@@ -201,6 +203,7 @@ void fm_session_release(struct fm_session * session)
   session->n_handlers = 0;
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
+  fm_node_blackbox_end(&session->blackbox);
   session->is_configured = false;
 }
 
@@ -307,7 +310,8 @@ static bool start_threads(struct fm_session * session)
   if (session->table->report.n_actions > 0) {
     fm_engine_follow_states(session->engine);
   }
-  if (session->detail_thread == NULL || !start_announcer(session) ||
+  if (!fm_node_blackbox_start(&session->blackbox, session->engine) ||
+    session->detail_thread == NULL || !start_announcer(session) ||
     !fm_node_actions_start(&session->actions, session->engine))
   {
     fm_log(session->node, FM_ERROR, "no thread can be started");
@@ -379,6 +383,7 @@ void fm_session_deactivate(struct fm_session * session)
   session->detail_thread = NULL;
   fm_node_actions_stop(&session->actions);
   fm_announcer_join(&session->announcer);
+  fm_node_blackbox_stop(&session->blackbox);
   if (session->engine != NULL && is_over) {
     fm_engine_destroy(session->engine);
     free(session->memory);

@@ -23,6 +23,7 @@
 #include "detail_thread.h"
 #include "mapped_topic.h"
 #include "node_actions.h"
+#include "node_blackbox.h"
 #include "node_clock.h"
 
 /// What `configure` has read from the parameters.
@@ -31,6 +32,7 @@ struct fm_settings
   uint32_t handler_depth;             // messages
   bool logs_violations;
   const struct fm_fixed_qos * fixed;  // a topic: the bundle's, or of `qos_overrides`
+  struct fm_blackbox_settings blackbox;
 };
 
 /// Zeroed: no session. The functions below make and end what it holds.
@@ -44,6 +46,7 @@ struct fm_session
   uint32_t n_handlers;
   rcl_publisher_t details;
   struct fm_node_actions actions;
+  struct fm_node_blackbox blackbox;
   void * memory;                      // of the evaluator
   struct fm_engine * engine;
   struct fm_reporter reporter;

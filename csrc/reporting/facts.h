@@ -19,6 +19,7 @@
 #ifndef FACTS_H_
 #define FACTS_H_
 
+#include "blackbox_writer.h"
 #include "reporter.h"
 #include "subscription.h"
 
@@ -28,15 +29,6 @@ struct fm_gate_facts
   const char * others;  // who is where only the gate should be; "": nobody
   const char * place;   // the full name of the topic or service that is meant
   uint64_t unsent;      // messages that could not be published, requests that were not answered
-};
-
-struct fm_blackbox_facts
-{
-  uint64_t written;     // files
-  uint64_t failed;      // files
-  uint64_t kept;        // messages, as these
-  uint64_t left_out;
-  uint64_t early;       // overwritten before their time
 };
 
 /// A thread or timer of the node that failed.

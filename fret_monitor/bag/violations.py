@@ -25,10 +25,10 @@ from pathlib import Path
 from fret_monitor.bag.check import absolute
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.mcap import McapWriter
 from fret_monitor.model.output import open_output
 from fret_monitor.model.times import seconds
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.mcap import McapWriter
 from fret_monitor.runtime.reporting import StatusRecord
 from rosbags.typesys import get_typestore, Stores
 

@@ -25,6 +25,7 @@ from fret_monitor.codegen.c import string_literal
 from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
+from fret_monitor.messages.installed import definition_or_none
 from fret_monitor.model.manifest import (
     followed, Manifest, ManifestAction, ManifestInput, ManifestRequirement, ManifestTopic,
 )
@@ -32,6 +33,9 @@ from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.policies import (
     ActionKind, fixed_qos, Policy, Report, Severity, Stale, Stamp,
 )
+
+
+_END_TYPE = 'std_msgs/msg/Header'  # of the message at the end of a file of the black box
 
 
 def node_table(generated: GeneratedMonitor, node_name: str, origin: str = '') -> str:
@@ -116,15 +120,26 @@ def _topics(manifest: Manifest) -> Iterator[str]:
         f'{{fed_{index}, {len(item.inputs)}u}}' for index, item in enumerate(manifest.topics)))
     yield from _array('struct fm_report_topic', 'named_topics', (
         f'{{{_text(item.name)}, {_text(item.message_type)}}}' for item in manifest.topics))
-    yield from _array('struct fm_node_topic', 'topics', map(_topic, manifest.topics))
+    types = sorted({item.message_type for item in manifest.topics} - {_END_TYPE})
+    names = {_END_TYPE: 'end_definition',
+             **{kind: f'definition_{number}' for number, kind in enumerate(types)}}
+    for kind, name in names.items():
+        yield from _array('char * const', name, _pieces(definition_or_none(kind)))
+    yield from _array('struct fm_node_topic', 'topics', (
+        _topic(item, names[item.message_type]) for item in manifest.topics))
 
 
-def _topic(item: ManifestTopic) -> str:
+def _pieces(definition: str) -> list[str]:
+    """Return the lines of a definition, since a string literal of C must not be long."""
+    return [*map(_text, definition.splitlines(keepends=True)), 'NULL']
+
+
+def _topic(item: ManifestTopic, definition: str) -> str:
     *choices, depth = fixed_qos(dict(item.qos))
     return ', '.join((
         f'{{{_text(item.name)}', _text(item.message_type),
         f'FM_TYPE_SUPPORT({_arguments(item.message_type)})',
-        f'{{{", ".join(choices)}, {depth}u}}}}'))
+        f'{{{", ".join(choices)}, {depth}u}}', f'{definition}}}'))
 
 
 def _requirements(manifest: Manifest) -> Iterator[str]:
@@ -229,8 +244,9 @@ def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> 
         'judged_by_gates': _text(judged_by_gates(manifest.kept, FOLDER_OF_EACH)),
         'monitor': manifest.symbol,
         'readers': manifest.readers or 'NULL',
-        **{name: name for name in ('topics', 'action_types', 'handlers', 'reports', 'sources',
-                                   'timeouts', 'violates', 'startups')},
+        **{name: name for name in (
+            'topics', 'end_definition', 'action_types', 'handlers', 'reports', 'sources',
+            'timeouts', 'violates', 'startups')},
     }
     yield 'const struct fm_node_table fm_node_table = {'
     yield '  .report = {'

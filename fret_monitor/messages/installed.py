@@ -184,6 +184,14 @@ def complete_definition(layout: MessageLayout) -> str:
         f'MSG: {item.name.replace("/msg/", "/")}\n{_definition(item)}' for item in others)])
 
 
+def definition_or_none(message_type: str) -> str:
+    """Return the definition of an installed message; empty if only its Python is installed."""
+    try:
+        return complete_definition(find_message(message_type))
+    except CompileError:
+        return ''
+
+
 def _definition(layout: MessageLayout) -> str:
     """Return the text of a message; of one that is in no file, its fields."""
     text = layout.text or '\n'.join(f'{item.type} {item.name}' for item in layout.fields)

@@ -79,8 +79,6 @@ def _missing(settings: 'Settings') -> str:
         return 'it runs one bundle only'
     if settings.origins[0].library is not None:
         return 'it is built from the bundle, not from a folder of `compile`: give spec alone'
-    if settings.blackbox is not None:
-        return 'it has no black box'
     if settings.hot_path != 'auto':
         return f'it has no hot_path:={settings.hot_path}'
     return ''

@@ -21,7 +21,6 @@ from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, TimeCounts, TopicCounts, Violation,
 )
 from fret_monitor.runtime.gate import GateCounts, Judgement, MessageGate
-from fret_monitor.runtime.message_ring import KeptCounts, KeptMessage, MessageRing, Occurrences
 
 __all__ = [
     'Engine',
@@ -30,12 +29,8 @@ __all__ = [
     'GateCounts',
     'InputCounts',
     'Judgement',
-    'KeptCounts',
-    'KeptMessage',
     'MOST_DETAILS_PER_S',
-    'MessageRing',
     'NEVER',
-    'Occurrences',
     'OrderCounts',
     'Receipt',
     'RequirementCounts',

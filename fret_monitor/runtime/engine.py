@@ -34,7 +34,6 @@ from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator, Violation, violation
 from fret_monitor.runtime.gate import Judgement, MessageGate
-from fret_monitor.runtime.message_ring import MessageRing
 
 MOST_DETAILS_PER_S = 100
 """Details of a requirement in a second for subscribers; the others are counted."""
@@ -149,7 +148,6 @@ class Engine:
         self._frames: list[Any] = []
         if manifest.transforms:
             self._follow_transforms(manifest)
-        self._ring: MessageRing | None = None  # outlives the engine
         self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
         self._detail = ffi.new('char[]', self._library.fm_detail_bytes(self._monitor.pointer))
@@ -216,11 +214,6 @@ class Engine:
         return int(changes), [
             RequirementState(int(found[k].occurrences), State(found[k].state))
             for k in range(count)]
-
-    def keep_messages(self, ring: MessageRing) -> None:
-        """Keep each message, and note when violations begin; call it before any is delivered."""
-        self._ring = ring
-        self._library.fm_engine_keep_messages(self.pointer, ring.pointer)
 
     def guard(self, gate: MessageGate) -> None:
         """Let a gate of the evaluator judge; call it before any message is delivered."""

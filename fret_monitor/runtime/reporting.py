@@ -30,15 +30,12 @@ from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, St
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.engine import Engine
-from fret_monitor.runtime.message_ring import KeptCounts
 
 OF_ALL_DETAILS: int = ffi.integer_const('FM_OF_ALL_DETAILS')
 """Values that all details begin with; the last of them names the silent inputs."""
 
 LOGGED_PER_S: int = ffi.integer_const('FM_LOGGED_PER_S')
 """Details of a requirement in a second while only the log reads them."""
-
-_NO_MESSAGES = KeptCounts()
 
 
 class LogLevel(IntEnum):
@@ -279,11 +276,18 @@ class GateFacts:
 
 @dataclass(frozen=True)
 class BlackBoxCounts:
-    """Files written, and those that could not be; what became of the messages."""
+    """
+    Files written, and those that could not be; what became of the messages.
+
+    Messages are kept, left out since they are larger than the memory, or overwritten before they
+    were old enough.
+    """
 
     written: int = 0
     failed: int = 0
-    messages: KeptCounts = _NO_MESSAGES
+    kept: int = 0
+    left_out: int = 0
+    early: int = 0
 
 
 class Review:
@@ -500,8 +504,7 @@ def action_counts(facts: Any) -> list[ActionCounts]:
 
 def _blackbox_facts(counts: BlackBoxCounts | None) -> Any:
     return ffi.NULL if counts is None else ffi.new('struct fm_blackbox_facts *', (
-        counts.written, counts.failed, counts.messages.kept, counts.messages.left_out,
-        counts.messages.early))
+        counts.written, counts.failed, counts.kept, counts.left_out, counts.early))
 
 
 def _text_of(detail: ReceivedDetail | None) -> Any:

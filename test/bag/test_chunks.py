@@ -24,7 +24,7 @@ from bag.recordings import FLOAT, START, TYPES, write
 from fret_monitor.bag import chunks
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Anchor, Moment
-from fret_monitor.model.mcap import McapWriter
+from fret_monitor.runtime.mcap import McapWriter
 import pytest
 from rosbags.rosbag2 import CompressionMode
 from rosbags.rosbag2.storage_mcap import McapReader

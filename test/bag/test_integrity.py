@@ -26,7 +26,7 @@ from bag.recordings import FLOAT, START, TYPES, write
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.results import json_line, table
 from fret_monitor.cli.main import main
-from fret_monitor.model.mcap import McapWriter
+from fret_monitor.runtime.mcap import McapWriter
 from fuzz.damage import attempt, subjects
 import pytest
 from rosbags.rosbag1 import Writer as Writer1

@@ -26,10 +26,10 @@ from fret_monitor.native.cache import CSRC_ROOMS
 ORDER = {
     'evaluator': ('instance', 'tables', 'due', 'steps', 'deadlines', 'evaluator', 'gate',
                   'states'),
-    'engine': ('thread', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox',
-               'engine_clock', 'engine_findings', 'engine_message', 'engine_due', 'engine_backlog',
-               'engine_delivery', 'engine_transforms', 'engine_gate', 'engine', 'schedule',
-               'snapshot', 'records'),
+    'engine': ('thread', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox', 'mcap',
+               'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message', 'engine_due',
+               'engine_backlog', 'engine_delivery', 'engine_transforms', 'engine_gate', 'engine',
+               'blackbox_writer', 'schedule', 'snapshot', 'records'),
 }
 _FUNCTION = re.compile(
     r'^(?!typedef|#)[A-Za-z_][\w *]*?\b(\w+)\([^;{}]*\)\s*\{', re.MULTILINE)

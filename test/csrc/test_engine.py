@@ -26,6 +26,7 @@ import fret_monitor
 from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 import pytest
+from rosbags.rosbag2 import Reader
 from strategies import EXAMPLES, thorough
 
 HERE = Path(__file__).parent
@@ -151,6 +152,26 @@ def test_threads(sanitized: Sanitized, name: str) -> None:
     for _ in range(max(1, EXAMPLES // 50)):
         done = run(program)
         assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_files_of_the_black_box(sanitized: Sanitized, tmp_path: Path) -> None:
+    done = run(sanitized.program('blackbox_files'), tmp_path)
+    assert (done.returncode, done.stdout) == (0, '')
+
+    def messages(name: str) -> dict[str, int]:
+        found = {}
+        for path in sorted((tmp_path / name).iterdir()):
+            with Reader(path) as reader:
+                found[path.name] = {item.topic: item.msgcount for item in reader.connections}['/x']
+        return found
+
+    assert messages('longest') == {
+        'blackbox_a_robot_node_R_1.mcap': 2, 'blackbox_b_robot_node_R_1.mcap': 2}
+    assert messages('names') == {f'blackbox_name_robot_node_R_1{suffix}.mcap': 0
+                                 for suffix in ('', '_2', '_3')}
+    assert messages('full') == {}
+    assert len(messages('writer')) >= 1
+    assert all(number > 0 for number in messages('writer').values())
 
 
 def test_messages_and_deadlines_under_the_policy_timed(sanitized: Sanitized) -> None:

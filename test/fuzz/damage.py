@@ -25,7 +25,7 @@ import time
 from bag.recordings import FLOAT, Message, START, TYPES, write
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.model.diagnostics import CompileError
-from fret_monitor.model.mcap import McapWriter
+from fret_monitor.runtime.mcap import McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_typestore, Stores

@@ -15,13 +15,13 @@
 """The black box: a file at each violation, which `bag` reads; limits; folders that fail."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-import errno
 import json
 from pathlib import Path
 import shutil
 import struct
-from time import monotonic_ns, sleep, time_ns
+from time import sleep, time_ns
 from typing import Any
 
 from bundles import write_bundle
@@ -29,13 +29,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.cli.main import main
-from fret_monitor.model.mcap import McapWriter
 from fret_monitor.ros import Refusal
 from fret_monitor.ros.acting import blackbox
-from fret_monitor.ros.acting.blackbox import _Pending, BlackBox
+from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, read_settings
-from fret_monitor.runtime import Engine, Evaluator, KeptMessage, Occurrences
+from fret_monitor.runtime import Engine, Evaluator
 import pytest
+from ros.exported import exported_bundle, ExportedNode
 from ros.harness import NodeProcess, Partner, started, wait_until
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import Temperature
@@ -56,32 +56,11 @@ MESSAGE = b'\0\1\0\0'
 class FakeNode:
     """What a black box wants of a node."""
 
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
     def resolve_topic_name(self, name: str) -> str:
         return f'/robot/{name}'
 
     def get_fully_qualified_name(self) -> str:
         return '/robot/fret_monitor'
-
-    def get_logger(self) -> 'FakeNode':
-        return self
-
-    def get_clock(self) -> 'FakeNode':
-        return self
-
-    def now(self) -> 'FakeNode':
-        return self
-
-    @property
-    def nanoseconds(self) -> int:
-        return time_ns()
-
-    def info(self, line: str) -> None:
-        self.lines.append(line)
-
-    error = info
 
 
 class Workbench:
@@ -91,13 +70,16 @@ class Workbench:
         bundle = write_bundle(folder, BUNDLE)
         self.spec = bundle
         self.folder = folder / 'box'
-        self.node = FakeNode()
         self.engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
-        node: Any = self.node
+        node: Any = FakeNode()
         wanted = replace(BlackBoxSettings(self.folder), **settings)
-        self.box = BlackBox(node, self.engine.monitor.manifest, wanted)
-        self.box.keep_messages(self.engine)
-        self.box.start()
+        self.box = BlackBox(
+            node, self.engine.monitor.manifest, wanted, self.engine.library)
+        self.engine.follow_steady()
+        self.box.start(self.engine)
+
+    def lines(self) -> list[str]:
+        return [line.text for line in self.box.lines()]
 
     def violate(self) -> None:
         self.send(0.1)
@@ -127,7 +109,7 @@ class Workbench:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """End files soon."""
     monkeypatch.setattr(blackbox, '_AFTER_NS', 300_000_000)
-    monkeypatch.setattr(blackbox, '_POLL_S', 0.02)
+    monkeypatch.setattr(blackbox, '_POLL_NS', 20_000_000)
 
 
 @pytest.fixture
@@ -153,7 +135,8 @@ def test_a_file_has_what_was_before_and_after_and_later_violations_join_it(
     bench.send(0.4)  # too late
     [path] = bench.files()
     assert path.name.endswith('Z_robot_fret_monitor_R_1.mcap')
-    assert bench.node.lines == [f'the last messages are in {path}']
+    assert bench.lines() == [f'the last messages are in {path}']
+    assert bench.lines() == []
     with Reader(path) as reader:
         assert {item.topic: item.msgcount for item in reader.connections} == {
             '/robot/x': 5, '/robot/deep/heat': 0, '/robot/~/blackbox_end': 1}
@@ -236,52 +219,6 @@ def test_a_file_has_messages_of_one_run_of_the_clock(quick: None, tmp_path: Path
     bench.box.end()
 
 
-class FakeRing:
-    """A ring with messages and occurrences that a test gives."""
-
-    def __init__(self) -> None:
-        self.messages: list[KeptMessage] = []
-        self.found: Occurrences | None = None
-
-    def take_occurrences(self) -> Occurrences | None:
-        found, self.found = self.found, None
-        return found
-
-    def read(self, place: int) -> Iterator[tuple[int, KeptMessage]]:
-        yield from list(enumerate(self.messages, 1))[place:]
-
-    def violate(self, steady: int) -> None:
-        self.messages.append(KeptMessage(0, steady, time_ns(), 0, MESSAGE + bytes(4)))
-        self.found = Occurrences(1, steady, steady, 0)
-
-
-def test_a_violation_right_after_the_longest_time_of_a_file_is_in_the_next(
-        tmp_path: Path) -> None:
-    bench = Workbench(tmp_path)
-    bench.box.end()
-    fake, begin = FakeRing(), monotonic_ns()
-    ring: Any = fake
-    for seconds in (0.0, 59.9, 60.1):  # between two calls, as far as the files can know
-        fake.violate(begin + int(seconds * 1e9))
-        bench.box._look(ring, is_over=False)
-    bench.box._look(ring, is_over=True)
-    assert [len(bench.times(path)) for path in bench.files()] == [2, 2]
-
-
-def test_nodes_that_share_a_folder_never_use_one_name(tmp_path: Path) -> None:
-    settings = BlackBoxSettings(tmp_path)
-    made = [_Pending(settings, 'name', Occurrences(1, 0, 0, 0), {'requirement': 'R'})
-            for _ in range(3)]
-    for pending in made[:2]:  # at the same time
-        pending.open([('/end', 'std_msgs/msg/Header', '')])
-    for pending in made[:2]:
-        pending.finish()
-    made[2].open([])
-    made[2].finish()
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        'blackbox_name.mcap', 'blackbox_name_2.mcap', 'blackbox_name_3.mcap']
-
-
 DUE = BUNDLE.replace('every_message', 'timed').replace(
     'ptltl: "x < 0.5"', 'fretish: "when x > 0.5 the tank shall within 0.2 seconds satisfy x < 0"')
 
@@ -296,23 +233,15 @@ def test_a_deadline_after_the_last_message_is_not_open_in_a_file(bench: Workbenc
     assert [item.occurrences for item in result.findings] == [1]
 
 
-@pytest.mark.parametrize('failure', ['folder', 'disk'])
-def test_what_cannot_be_written_is_logged_once_and_counted(
-        bench: Workbench, failure: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch:
-        if failure == 'folder':
-            shutil.rmtree(bench.folder)
-        else:
-            def fail(self: McapWriter) -> None:
-                raise OSError(errno.ENOSPC, 'No space left on device')
-            patch.setattr(McapWriter, 'end', fail)
-        for number in (1, 2):
-            bench.violate()
-            bench.wait(failed=number)
-        assert len(bench.node.lines) == 1
-        assert f'cannot write to {bench.folder}' in bench.node.lines[0]
-        bench.folder.mkdir(exist_ok=True)
-        assert list(bench.folder.iterdir()) == []
+def test_what_cannot_be_written_is_logged_once_and_counted(bench: Workbench) -> None:
+    shutil.rmtree(bench.folder)
+    for number in (1, 2):
+        bench.violate()
+        bench.wait(failed=number)
+    assert bench.lines() == [
+        f'the black box cannot write to {bench.folder}: No such file or directory; '
+        '/diagnostics counts the files that are missing']
+    bench.folder.mkdir()
     bench.violate()
     bench.wait(written=1)
 
@@ -329,9 +258,26 @@ def test_values_that_cannot_be_used_are_refused(given: dict[str, object], words:
         read_settings({'spec': 'quadrotor.yaml', **given})
 
 
-@pytest.mark.parametrize('hot_path', ['on', 'off'])
+@contextmanager
+def monitoring(spec: Path, how: str, *arguments: str) -> Iterator[NodeProcess]:
+    """Run the node on rclpy, with a value of hot_path, or the one on rcl."""
+    if how != 'native':
+        with started('monitor', '-p', f'spec:={spec}', '-p', f'hot_path:={how}',
+                     *arguments) as node:
+            yield node
+        return
+    node = ExportedNode(exported_bundle(spec), *arguments)
+    try:
+        node.wait_for('watching')
+        yield node
+        assert node.end() == 0, node.output
+    finally:
+        node.kill()
+
+
+@pytest.mark.parametrize('how', ['on', 'off', 'native'])
 def test_a_monitor_writes_a_file_that_bag_judges_alike(
-        partner: Partner, tmp_path: Path, hot_path: str, capsys: pytest.CaptureFixture[str],
+        partner: Partner, tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
     spec, folder = tmp_path / 'bundle.yaml', tmp_path / 'flight' / 'box'
     spec.write_text(BUNDLE, encoding='utf-8')
@@ -343,9 +289,8 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
                 seen[status.message] = json.dumps({item.key: item.value for item in status.values})
 
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', keep, 10)
-    arguments = ('-p', f'spec:={spec}', '-p', f'hot_path:={hot_path}', '-p',
-                 f'blackbox:={folder}', '-p', 'blackbox_bytes:=4096', '-r', 'x:=y')
-    with started('monitor', *arguments) as node:
+    arguments = ('-p', f'blackbox:={folder}', '-p', 'blackbox_bytes:=4096', '-r', 'x:=y')
+    with monitoring(spec, how, *arguments) as node:
         publisher = partner.publisher(Float32, 'y')
         other = partner.publisher(Temperature, 'deep/heat')
         partner.wait_for_listener(publisher, other)
@@ -377,10 +322,29 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
     assert found['requirements']['R-1']['occurrences'] == 3
 
 
+@pytest.mark.parametrize('is_native', [False, True])
 def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
-        tmp_path: Path, domain: int) -> None:
+        tmp_path: Path, domain: int, is_native: bool) -> None:
     spec = write_bundle(tmp_path, BUNDLE)
-    node = NodeProcess('monitor', '-p', f'spec:={spec}', '-p', f'blackbox:={spec}/box')
+    box = ('-p', f'blackbox:={spec}/box')
+    node = ExportedNode(exported_bundle(spec), *box) if is_native \
+        else NodeProcess('monitor', '-p', f'spec:={spec}', *box)
     assert node.status() == 1
-    assert f"error: parameter 'blackbox': cannot write to the folder '{spec}/box'" in node.output
+    assert f"parameter 'blackbox': cannot write to the folder '{spec}/box': Not a directory" \
+        in node.output
+    node.kill()
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ('blackbox:=3', "parameter 'blackbox' is 3, and has to be the path of a folder"),
+    ('blackbox_seconds:=-1.0', "parameter 'blackbox_seconds' is -1.0, and has to be a number "
+                               'above 0 (seconds, say 10.0)'),
+    ('blackbox_disk_bytes:=100000', 'bytes, at least 1048576: -p blackbox_disk_bytes:=1048576'),
+])
+def test_the_node_in_c_refuses_values_that_cannot_be_used(
+        tmp_path: Path, domain: int, given: str, words: str) -> None:
+    folder = () if given.startswith('blackbox:') else ('-p', f'blackbox:={tmp_path}/box')
+    node = ExportedNode(exported_bundle(write_bundle(tmp_path, BUNDLE)), '-p', given, *folder)
+    assert node.status() == 1
+    assert words in node.output
     node.kill()

@@ -33,7 +33,7 @@ from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.raw_topic import RawIntake, RawTopic
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
-from fret_monitor.runtime import Engine, Evaluator, MessageRing
+from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -41,6 +41,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from ros.harness import BEST_EFFORT, LATCHED, Partner, RELIABLE, wait_until
+from runtime.message_ring import MessageRing
 from std_msgs.msg import Float32, Int32
 
 LATCHED_BEST_EFFORT = QoSProfile(
@@ -68,7 +69,7 @@ class Listener:
         self.feed = Feed(self.node)
         self._engine = Engine(Evaluator(monitor(), reports_recoveries=True))
         self._ring = MessageRing(self._engine.library, 1 << 20, 60)
-        self._engine.keep_messages(self._ring)
+        self._ring.keep_messages_of(self._engine)
         self._engine.follow_steady()
         self._engine.begin()
         self._thread = Thread(target=self._take)

@@ -150,11 +150,10 @@ def test_another_value_of_a_constant_is_another_program_and_a_change_of_the_bund
 
 
 def test_a_node_that_cannot_be_native_runs_in_python_and_says_why(
-    bundle: Path, tmp_path: Path,
+    bundle: Path, domain: int,
 ) -> None:
-    with started('monitor', '-p', f'spec:={bundle}', *NATIVE,
-                 '-p', f'blackbox:={tmp_path}') as node:
-        node.wait_for('native is not possible, the node runs in Python: it has no black box')
+    with started('monitor', '-p', f'spec:={bundle}', *NATIVE, '-p', 'hot_path:=on') as node:
+        node.wait_for('native is not possible, the node runs in Python: it has no hot_path:=on')
         assert not is_native(node, bundle)
 
 

@@ -24,7 +24,7 @@ from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.node_time import as_time, NodeTime
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.throttle import Throttle
-from fret_monitor.runtime import Engine, Evaluator, MessageRing
+from fret_monitor.runtime import Engine, Evaluator
 import rclpy
 from rclpy.clock import ClockType
 from rclpy.context import Context
@@ -34,6 +34,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros.harness import Partner, RELIABLE, wait_until
 from rosgraph_msgs.msg import Clock
+from runtime.message_ring import MessageRing
 from std_msgs.msg import Float32
 
 SECOND = 10**9
@@ -133,7 +134,7 @@ def test_a_message_that_waits_while_the_clock_goes_back_counts_by_its_time_of_be
     bundle.write_text(BUNDLE, encoding='utf-8')
     engine = Engine(Evaluator(build.build(bundle).monitor, reports_recoveries=True))
     ring = MessageRing(engine.library, 1 << 16, 10)
-    engine.keep_messages(ring)
+    ring.keep_messages_of(engine)
     node = Node('clocked', context=partner.context, parameter_overrides=[
         Parameter('use_sim_time', value=True)])
     middleware = Middleware(may_take=False)

@@ -20,15 +20,18 @@ on `/diagnostics` come at other moments in each node; so messages are sent betwe
 both, and the next ones are equal, with what has happened since the last report. What may differ:
 
 * the name of the node: each has a namespace of its own;
-* `rate` and `behind` in statuses, which depend on real time, and without `/clock` also for how
-  long nothing came, and the stamps of details and reports;
-* when ACK_probe is evaluated: messages on /probe show whether `/clock` has moved in both nodes;
+* `rate`, `behind` and `written` in statuses, which depend on real time, and without `/clock` also
+  for how long nothing came, and the stamps of details and reports;
+* when ACK_probe is evaluated, and so the times of /probe: its messages show whether `/clock` has
+  moved in both nodes;
 * which violations a line shows: there is one a second. Lines about the same violation are equal,
   and the number of violations in lines is;
 * the ten seconds of real time without a name: whether it is over, and how often it was;
 * the order of log lines from different threads;
 * when changes of the lock are logged, and so which reasons: both look once a second;
 * the name of a publisher's node, which is discovered later than the publisher;
+* which violations share a file of the black box, and so how many files there are: what they hold
+  together is equal;
 * the origin of the bundle in the line `watching`, and how messages are taken, which are facts of
   one node.
 """
@@ -54,6 +57,7 @@ from rclpy.qos import QoSProfile
 from ros.exported import exported_bundle, ExportedNode
 from ros.harness import BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, wait_until
 from ros.received import read_detail
+from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty, Int32
 from strategies import thorough
@@ -148,6 +152,7 @@ class Face:
     name: str
     process: NodeProcess
     is_simulated: bool
+    blackbox: Path
     details: list[DiagnosticStatus] = field(default_factory=list)
     violations: Counter[str] = field(default_factory=Counter)
     acknowledged: Counter[str] = field(default_factory=Counter)
@@ -193,7 +198,7 @@ class Face:
         message = re.sub(r'(; )?no message has had the names for 10 s: wrist', '', message)
         level = status.level if message else DiagnosticStatus.OK
         values = [(pair.key, pair.value) for pair in status.values
-                  if pair.key not in ('rate', 'behind')]
+                  if pair.key not in ('rate', 'behind', 'written')]
         item = status.name.partition('/')[2]
         return f'{item} {level!r} {status.hardware_id} {message or "received"} {values}'
 
@@ -215,11 +220,25 @@ class Face:
         _, *parts = _LOGGED.split(self.process.output)
         return [(level, text.rstrip('\n')) for level, text in zip(parts[::2], parts[1::2])]
 
+    def kept(self) -> set[tuple[object, ...]]:
+        """Return topics, types, definitions and messages of all files, without real times."""
+        found: set[tuple[object, ...]] = set()
+        for path in self.blackbox.iterdir():
+            with Reader(path) as reader:
+                for item in reader.connections:
+                    found.add((item.topic.replace(f'/{self.name}/', '/NODE/'), item.msgtype,
+                               item.msgdef.data))
+                found |= {(item.topic, time if self.is_simulated else None, data)
+                          for item, time, data in reader.messages()
+                          if item.topic != '/probe' and not item.topic.endswith('_end')}
+        return found
+
     def plain_lines(self) -> Counter[Line]:
         """Return the log without violations and their ends, and without what may differ."""
         found = [(level, self._plain(text)) for level, text in self.lines()
                  if _VERDICT.fullmatch(text) is None and _OF_LOCK.search(text) is None]
-        return Counter(item for item in found if 'no message has had' not in item[1])
+        return Counter(item for item in found if 'no message has had' not in item[1]
+                       and not item[1].startswith('the last messages'))
 
     def _plain(self, text: str) -> str:
         if text.startswith('watching'):
@@ -557,12 +576,16 @@ class Traffic:
 def both(path: Path, *, is_simulated: bool) -> Iterator[list[Face]]:
     """Start both nodes, each in a namespace of its own; neither is configured."""
     with ExitStack() as stack:
+        boxes = {name: path.parent / f'blackbox_{name}' for name in NODES}
         options = {name: ('-r', f'__ns:=/{name}', '-p', 'autostart:=false', '-p',
-                          f'use_sim_time:={is_simulated}'.lower()) for name in NODES}
+                          f'use_sim_time:={is_simulated}'.lower(), '-p',
+                          f'blackbox:={boxes[name]}', '-p', 'blackbox_files:=1000')
+                   for name in NODES}
         program = exported_bundle(path)
         faces = [Face('python', NodeProcess('monitor', '-p', f'spec:={path}', *options['python']),
-                      is_simulated),
-                 Face('native', ExportedNode(program, *options['native']), is_simulated)]
+                      is_simulated, boxes['python']),
+                 Face('native', ExportedNode(program, *options['native']), is_simulated,
+                      boxes['native'])]
         for face in faces:
             stack.callback(face.process.kill)
         try:
@@ -573,6 +596,14 @@ def both(path: Path, *, is_simulated: bool) -> Iterator[list[Face]]:
             raise
         for face in faces:
             assert face.process.end() == 0, face.process.output
+        compare_files(faces)
+
+
+def compare_files(faces: list[Face]) -> None:
+    """Compare the messages of the files of the black boxes, which are complete after the end."""
+    ours, theirs = map(Face.kept, faces)
+    assert len(ours) > 20
+    assert ours == theirs, f'only python: {ours - theirs}\nonly native: {theirs - ours}'
 
 
 SCENARIOS = {

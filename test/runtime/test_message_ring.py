@@ -23,8 +23,9 @@ from typing import Any
 
 from fret_monitor import build
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime import Engine, Evaluator, KeptCounts, KeptMessage, MessageRing, Receipt
+from fret_monitor.runtime import Engine, Evaluator, Receipt
 import pytest
+from runtime.message_ring import KeptCounts, KeptMessage, MessageRing
 
 BUNDLE = """
 format: 1
@@ -55,7 +56,7 @@ def engine(tmp_path: Path) -> Engine:
 
 def ring_for(engine: Engine, size: int, seconds: float = 10.0) -> MessageRing:
     ring = MessageRing(engine.library, size, seconds)
-    engine.keep_messages(ring)
+    ring.keep_messages_of(engine)
     return ring
 
 

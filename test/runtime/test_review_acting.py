@@ -21,7 +21,6 @@ from typing import Any
 
 from bundles import ARMED
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime import KeptCounts
 from fret_monitor.runtime.reporting import ActionCounts, BlackBoxCounts, GateFacts, TopicFacts
 import pytest
 from runtime.reviewed import ERROR, OK, Reviewed, SECOND, WARN
@@ -229,7 +228,7 @@ def test_the_status_of_a_black_box_has_what_went_wrong_since_the_last_report(
     name = f'black box of {acting.manifest.name}'
     assert name not in acting.statuses()
     assert status(BlackBoxCounts(1))[:2] == (OK, 'keeps the last messages')
-    found = BlackBoxCounts(1, 2, KeptCounts(30, 4, 5))
+    found = BlackBoxCounts(1, 2, 30, 4, 5)
     assert status(found) == (WARN, (
         'cannot write; messages are larger than `blackbox_bytes`; `blackbox_bytes` is too little '
         'for `blackbox_seconds`'), (

@@ -97,8 +97,9 @@ class BundleSession:
         self._classes = _message_classes(self.manifest)
         self._table = ReportTable(
             self.manifest, name, policy=opened.policy, period=opened.period)
-        self._blackbox = None if blackbox is None else BlackBox(node, self.manifest, blackbox)
         self._engine = self._new_engine()
+        self._blackbox = None if blackbox is None else BlackBox(
+            node, self.manifest, blackbox, self.library)
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
@@ -131,8 +132,6 @@ class BundleSession:
         engine = Engine(evaluator)
         if self.manifest.gate is not None:
             engine.guard(gate_of(evaluator, self.manifest.gate))
-        if self._blackbox is not None:
-            self._blackbox.keep_messages(engine)
         return engine
 
     def _advertise(self, depth: int) -> None:
@@ -237,8 +236,8 @@ class BundleSession:
         time = NodeTime(self._node, engine, middleware.clock_now)
         self._running.callback(time.close)
         if self._blackbox is not None:
-            self._running.callback(self._blackbox.end)
-            self._blackbox.start()
+            self._running.callback(self._stop_blackbox, self._blackbox)
+            self._blackbox.start(engine)
         self._actions.prepare(engine)
         announcer = Announcer(engine, middleware, self._handlers.publishers, self._actions.locks)
         self._running.callback(announcer.join)
@@ -265,6 +264,10 @@ class BundleSession:
 
     def _stop_actions(self) -> None:
         log_lines(self._node.get_logger(), self._actions.stop())
+
+    def _stop_blackbox(self, blackbox: BlackBox) -> None:
+        blackbox.end()
+        log_lines(self._node.get_logger(), blackbox.lines())
 
     def _open_gate(self, engine: Engine, middleware: Middleware) -> RunningGate | None:
         settings = self.manifest.gate
@@ -316,8 +319,7 @@ class BundleSession:
         health = self._health
         if health is None:  # stopped meanwhile
             return
-        threads = {'feed': self._feed, 'details': self._detail_publisher,
-                   'black box': self._blackbox}
+        threads = {'feed': self._feed, 'details': self._detail_publisher}
         for name, thread in threads.items():
             self._watch.note(self._part(name), None if thread is None else thread.failure)
         for name, act in (('log', lambda: health.review(self._publishers())),

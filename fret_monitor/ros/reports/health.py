@@ -73,7 +73,8 @@ class Health:
         """Log what is new; `topics` are the publishers of each topic, in order."""
         if self._gate is not None:
             self._gate.review()
-        lines = [] if self._actions is None else self._actions.lines()
+        lines = [*([] if self._actions is None else self._actions.lines()),
+                 *([] if self._blackbox is None else self._blackbox.lines())]
         self._review.look(
             topics,
             waits_for_clock=self._clock.ros_time_is_active

@@ -14,11 +14,10 @@
 
 """MCAP files that are written without a library of MCAP: `rosbags` reads them."""
 
-from io import BytesIO
 from pathlib import Path
 
 from bag.recordings import FLOAT, START, TYPES
-from fret_monitor.model.mcap import McapWriter
+from fret_monitor.runtime.mcap import McapWriter
 import pytest
 from rosbags.rosbag2 import Reader
 
@@ -55,11 +54,16 @@ def test_what_is_written_is_read_in_the_order_of_the_times(tmp_path: Path, size:
 
 def test_a_file_without_messages_is_one(tmp_path: Path) -> None:
     path = tmp_path / 'file.mcap'
-    buffer = BytesIO()
-    writer = McapWriter(buffer)
-    writer.add_channel('/a', FLOAT, '')
-    writer.end()
-    path.write_bytes(buffer.getvalue())
+    with path.open('wb') as file:
+        writer = McapWriter(file)
+        writer.add_channel('/a', FLOAT, '')
+        writer.end()
     with Reader(path) as reader:
         assert reader.message_count == 0
         assert [item.topic for item in reader.connections] == ['/a']
+
+
+def test_a_full_disk_is_an_error() -> None:
+    with Path('/dev/full').open('wb') as file, \
+            pytest.raises(OSError, match='No space left on device'):
+        McapWriter(file)

@@ -19,6 +19,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from fret_monitor.native.binding import ffi
+from fret_monitor.runtime import Engine
 
 _PIECE_BYTES = 1 << 16  # copied at once, while messages wait
 _HEADER_BYTES: int = ffi.sizeof('struct fm_kept')
@@ -76,6 +77,11 @@ class MessageRing:
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, library), size)
         self._begin: Any = ffi.new('uint64_t *')
         self._piece: Any = ffi.new('uint8_t[]', _PIECE_BYTES)
+
+    def keep_messages_of(self, engine: Engine) -> None:
+        """Keep each message, and note when violations begin; call it before any is delivered."""
+        self._engine = engine  # both live as long as each other
+        engine.library.fm_engine_keep_messages(engine.pointer, self.pointer)
 
     def take_occurrences(self) -> Occurrences | None:
         """Return the violations that began since the last call; None if there are none."""

@@ -1,0 +1,160 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// node_blackbox.c: see node_blackbox.h for the contract.
+
+#define _POSIX_C_SOURCE 200809L
+
+#include "node_blackbox.h"
+
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "mapped_topic.h"
+
+#define END_TOPIC "~/blackbox_end"
+#define END_TYPE "std_msgs/msg/Header"
+
+// Return the whole path of a folder, which the caller frees; NULL if there is none, with errno.
+static char * whole_path(const char * folder)
+{
+  const char * home = getenv("HOME");
+  const bool is_at_home = folder[0] == '~' && (folder[1] == '/' || folder[1] == '\0');
+  char here[PATH_MAX] = "";
+  struct fm_text path = {NULL, 0, 0};
+  if (is_at_home && home != NULL) {
+    fm_text_add(&path, "%s%s", home, folder + 1);
+  } else if (folder[0] != '/' && getcwd(here, sizeof(here)) == NULL) {
+    return NULL;
+  } else {
+    fm_text_add(&path, "%s%s%s", here, here[0] == '\0' ? "" : "/", folder);
+  }
+  while (path.length > 1 && path.bytes[path.length - 1] == '/') {
+    path.bytes[--path.length] = '\0';
+  }
+  return path.bytes;
+}
+
+static bool name_topics(struct fm_node_blackbox * box, const struct fm_node_table * table)
+{
+  const uint32_t n = table->report.n_topics + 1u;
+  box->topics = calloc(n, sizeof(*box->topics));
+  box->names = calloc(n, sizeof(*box->names));
+  for (; box->topics != NULL && box->names != NULL && box->n_names < n; ++box->n_names) {
+    const uint32_t k = box->n_names;
+    const bool is_end = k == n - 1u;
+    box->names[k] = fm_resolved_name(box->node, is_end ? END_TOPIC : table->topics[k].name);
+    if (box->names[k] == NULL) {
+      fm_log_failure(box->node, "cannot subscribe or advertise");
+      return false;
+    }
+    box->topics[k] = (struct fm_blackbox_topic) {
+      box->names[k], is_end ? END_TYPE : table->topics[k].type,
+      is_end ? table->end_definition : table->topics[k].definition};
+  }
+  return box->n_names == n;
+}
+
+static bool name_requirements(struct fm_node_blackbox * box, const struct fm_node_table * table)
+{
+  const uint32_t n = table->report.n_requirements;
+  box->requirements = calloc(n + 1u, sizeof(*box->requirements));
+  for (uint32_t k = 0; box->requirements != NULL && k < n; ++k) {
+    const char * name = strstr(table->handlers[k], FM_HANDLER);
+    box->requirements[k] = (struct fm_blackbox_requirement) {
+      table->report.requirements[k].id,
+      name == NULL ? table->handlers[k] : name + strlen(FM_HANDLER)};
+  }
+  return box->requirements != NULL;
+}
+
+static bool make_writer(struct fm_node_blackbox * box)
+{
+  struct fm_lines lines = {NULL, 0, 0};
+  const int error = fm_blackbox_writer_create(&box->writer, &box->options);
+  if (error != 0) {
+    fm_add_blackbox_refusal(&lines, &box->options, error);
+    fm_log_lines(box->node, &lines);
+    fm_lines_free(&lines);
+  }
+  return error == 0;
+}
+
+bool fm_node_blackbox_begin(
+  struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
+  const struct fm_blackbox_settings * settings)
+{
+  memset(box, 0, sizeof(*box));
+  box->node = node;
+  if (settings->folder[0] == '\0') {
+    return true;
+  }
+  box->folder = whole_path(settings->folder);
+  if (box->folder == NULL) {
+    fm_log(node, FM_ERROR, "parameter 'blackbox' is '%s', in a working directory that was "
+      "deleted: give the whole path", settings->folder);
+    return false;
+  }
+  if (!name_topics(box, table) || !name_requirements(box, table)) {
+    return false;
+  }
+  box->options = (struct fm_blackbox_options) {
+    .folder = box->folder, .lasts = (int64_t)(settings->seconds * 1e9),
+    .memory = settings->memory, .disk = settings->disk, .files = settings->files,
+    .after = FM_BLACKBOX_AFTER_NS, .poll = FM_BLACKBOX_POLL_NS,
+    .node = rcl_node_get_fully_qualified_name(&node->node), .bundle = table->report.bundle,
+    .topics = box->topics, .n_topics = table->report.n_topics,
+    .requirements = box->requirements};
+  return make_writer(box);
+}
+
+bool fm_node_blackbox_start(struct fm_node_blackbox * box, struct fm_engine * engine)
+{
+  return box->writer == NULL || fm_blackbox_writer_start(box->writer, engine);
+}
+
+void fm_node_blackbox_look(struct fm_node_blackbox * box)
+{
+  struct fm_lines lines = {NULL, 0, 0};
+  if (box->writer != NULL) {
+    fm_add_blackbox_lines(&lines, box->writer);
+    fm_log_lines(box->node, &lines);
+    fm_lines_free(&lines);
+  }
+}
+
+void fm_node_blackbox_stop(struct fm_node_blackbox * box)
+{
+  if (box->writer != NULL) {
+    fm_blackbox_writer_end(box->writer);
+    fm_node_blackbox_look(box);
+  }
+}
+
+void fm_node_blackbox_end(struct fm_node_blackbox * box)
+{
+  if (box->writer != NULL) {
+    fm_blackbox_writer_destroy(box->writer);
+  }
+  for (uint32_t k = 0; k < box->n_names; ++k) {
+    free(box->names[k]);
+  }
+  free(box->names);
+  free(box->topics);
+  free(box->requirements);
+  free(box->folder);
+  memset(box, 0, sizeof(*box));
+}
