@@ -71,7 +71,7 @@ _PROGRAMS: dict[str, tuple[str, ...]] = {
     'evaluator_scenarios': (), 'timed_scenarios': (), 'evaluator_edges': ('',),
     'evaluator_model': ('0 300', '1 300', '2 300'), 'engine_time': ('',), 'engine_timed': ('',),
     'backlog': ('',), 'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'),
-    'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',),
+    'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',), 'actions': ('',),
     'closing': ('before_take', 'after_take', 'before_is_closed', 'after_is_closed')}
 _WRAPPED = re.compile(r'__wrap_(\w+)\(')
 _SANITIZED = ('test/csrc', 'test/codegen', 'test/ros/test_node_parts', 'test/ros/test_exported')
@@ -114,6 +114,7 @@ ROOMS = {
     'csrc': Room('csrc', ('csrc/evaluator/*.c', 'csrc/engine/*.c', 'csrc/traces/*.c'), 110, {
         'gate.c': 'test/runtime/test_gate.py test/runtime/test_states.py '
                   f'test/traces/test_gated.py {_EVALUATOR}::test_scenario',
+        '*transforms.c': 'test/csrc/test_transforms.py test/bag/test_transforms.py test/runtime',
         'engine*.c': f'test/runtime {_THREADS} {_BACKLOG}',
         'states.c': 'test/runtime/test_states.py test/runtime',
         'handover.c': 'test/runtime ' + _ros('raw_topic feed'),
@@ -127,12 +128,16 @@ ROOMS = {
         'trials.c': 'test/traces',
         '*': 'test/runtime/test_evaluator.py test/runtime'}),
     'headers': Room('csrc', ('csrc/generated/*.h', 'csrc/evaluator/*.h', 'csrc/engine/*.h'), 15, {
+        'fret_windows.h': 'test/differential/test_over_time.py test/logic/test_over_time.py',
+        'fret_cdr.h': 'test/codegen/test_extractors.py test/codegen',
+        'fret_reductions.h': 'test/codegen/test_extractors.py test/codegen',
         'fret_cells.h': 'test/csrc/test_cells.py test/differential test/proving/test_cells.py',
         '*': f'test/codegen/test_extractors.py test/codegen test/runtime {_EVALUATOR}'}),
     'csrc/ros': Room('csrc/ros', ('csrc/ros/*.c',), 20, {
         'relay.c': _ros('gate'),
+        'action*.c': _ros('actions'),
         'announcer.c': _ros('actions monitor_node'),
-        'in_place.c': _ros('hot_path'),
+        'in_place*.c': _ros('hot_path'),
         '*': _ros('feed hot_path raw_topic monitor_node')}),
     'csrc/node': Room('csrc/node', ('csrc/reporting/*.c', 'csrc/node/*.c'), 30, {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('node_parts exported_node'),
@@ -143,6 +148,9 @@ ROOMS = {
         'time_log.c': 'test/runtime/test_review_time.py',
         'condition_log.c': 'test/runtime/test_review_acting.py',
         'start_lines.c': 'test/runtime/test_start_lines.py',
+        'statuses.c': f'{_REVIEW} ' + _ros('node_parts'),
+        'shared_names.c': _ros('several node_parts'),
+        'parameters.c': _ros('node_parts side_by_side exported_node'),
         'input_log.c': 'test/runtime/test_review.py',
         'health.c': f'{_REVIEW} test/runtime/test_review_time.py',
         'review.c': f'{_REVIEW} test/runtime/test_review_time.py',
@@ -170,6 +178,9 @@ ROOMS = {
         'symbols.py': _ros('several'),
         'native_lifetimes.py': _ros('interrupts shutdown'),
         'node_time.py': _ros('node_time time timed'),
+        'native_start.py': _ros('native_start'),
+        'graph_wait.py': _ros('feed missing monitor_node'),
+        'declared.py': _ros('parameters constants usage'),
         'next_report.py': _ros('node_time'),
         'overrides.py': _ros('overrides'),
         'parameters.py': _ros('parameters overrides usage'),
