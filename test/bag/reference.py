@@ -175,6 +175,8 @@ class _Alone:
             self._pass(time - 1)
             self._take(time, message)
         self._pass(end)
+        if self.policy is Policy.TIMED:
+            self._end_receptions(end + 1)  # of a message at the end: no further one comes
         return self._timed(end) if self.policy is Policy.TIMED else self._stepped()
 
     # What happens

@@ -15,80 +15,38 @@
 """
 All faces on one stream of messages, on a clock with ticks: three nodes, `bag` and the reference.
 
-Bounds and timeouts fall on the ticks. After each tick of `/clock` messages come while it stands,
-on several topics, and each is waited for: so all faces see the same messages at the same times.
+Bounds, windows and timeouts fall on the ticks. After each tick of `/clock` messages come while it
+stands, on several topics, and each is waited for: so all faces see the same messages at the same
+times. A bundle defines conditions and numbers over time by each other; values are NaN, too.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from bag.recordings import TYPES
-from bag.reference import findings, Message
+from bag.random_texts import (
+    bundle, Change, expected, INPUTS, lowered, random_value, recorded, TICK_NS, TOPICS, Words,
+)
+from bag.reference import Message
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
-from fret_monitor.bag import check
-from fret_monitor.logic.specification import Specification
 from fret_monitor.model.names import DETAILS_TOPIC
-from fret_monitor.model.policies import InputSource
-from fret_monitor.program.rewriting import without_queues
+from fret_monitor.model.policies import InputSource, Policy
 import pytest
 from ros.exported import exported_bundle, running
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
 from ros.received import read_detail
-from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Bool, Float32, Header
-from strategies import EXAMPLES
+from std_msgs.msg import Bool, Float32, Header, Int16
+from strategies import EXAMPLES, thorough
 
-TICK_NS = 100_000_000
-TOPICS: dict[str, Any] = {'probe': Bool, 'x': Float32, 'p': Bool, 'q': Bool}
+KINDS: dict[str, Any] = {'Bool': Bool, 'Float32': Float32, 'Int16': Int16}
 NODES = ('hot', 'cold', 'native')  # in callbacks, in a thread that they wake, without Python
 SIMULATED = ('-p', 'use_sim_time:=true')
-Change = tuple[str, int, bool]
-"""A requirement, a time, and whether its violation is over."""
-
-
-def condition(rng: Random) -> str:
-    return rng.choice(['p', 'q', '!p', 'x > 3.0', 'x <= 5.0', '(p | x > 6.0)', 'came_q'])
-
-
-def requirement(rng: Random) -> str:
-    """Return a requirement whose bounds are a few ticks."""
-    one, other = condition(rng), condition(rng)
-    low, high = sorted(rng.randrange(7) / 10 for _ in range(2))
-    window = rng.choice([f'[0, {high} s]', f'[{low} s, {high + 0.1} s]', f'[<= {high} s]',
-                         f'[>= {low} s]', f'[< {high + 0.1} s]'])
-    return rng.choice([
-        f'ptltl: "{one} -> O{window} ({other})"', f'ptltl: "H (H{window} ({one}) -> {other})"',
-        f'ptltl: "({one}) S{window} ({other})"', f'ptltl: "H ({one} & Y !({one}) -> {other})"',
-        f'fretish: "when {one} the robot shall within {high} seconds satisfy {other}"',
-        f'fretish: "if persisted({low or 0.1} seconds, {one}) the robot shall within {high} '
-        f'seconds satisfy {other}"',
-        f'fretish: "upon {one} the robot shall for {high} seconds satisfy {other}"',
-    ]).replace('0.0 s', '0 s')
-
-
-def bundle(rng: Random, number: int) -> str:
-    """Return a bundle of random requirements; ACK_* acknowledges each message."""
-    lines = ['format: 1', 'report: occurrence', 'evaluation: {policy: timed, unit: 0.1}',
-             'inputs:']
-    for topic, kind in TOPICS.items():
-        options = f'topic: /{topic}, type: std_msgs/msg/{kind.__name__}'
-        if topic in 'xp' and rng.randrange(2):
-            options += f', timeout: {rng.choice([0.3, 0.4])}, stale: violate'
-        names = (f'got_{topic}', *(['came_q'] if topic == 'q' else []))
-        lines += [f'  {topic}: {{{options}, max_rate: 1000}}', *(
-            f'  {name}: {{{options}, field: received(), max_rate: 1000}}' for name in names)]
-    lines += ['requirements:',
-              *(f'  - {{id: R{k}, {requirement(rng)}}}' for k in range(number)),
-              *(f'  - {{id: ACK_{topic}, ptltl: "!got_{topic}", report: every_step}}'
-                for topic in TOPICS)]
-    return '\n'.join([*lines, ''])
 
 
 @dataclass
@@ -135,7 +93,7 @@ class Stream:
         self.sent: list[tuple[str, float]] = []
         self.now = 100 * TICK_NS
         self._clock = partner.publisher(Clock, '/clock')
-        self._publishers = {topic: partner.publisher(kind, f'/{topic}')
+        self._publishers = {topic: partner.publisher(KINDS[kind], f'/{topic}')
                             for topic, kind in TOPICS.items()}
         for name, face in self.faces.items():
             details = partner.node.create_subscription(
@@ -173,7 +131,7 @@ class Stream:
 
     def send(self, topic: str, value: float) -> None:
         """Publish a message, and wait until all nodes have evaluated it."""
-        kind = TOPICS[topic]
+        kind = KINDS[TOPICS[topic]]
         self.sent.append((topic, value))
         self._publishers[topic].publish(kind(data=type(kind().data)(value)))
         wait_until(lambda: all(face.count == len(self.sent) for face in self.faces.values()),
@@ -187,7 +145,7 @@ class Stream:
             for topic, time in run.evaluated:
                 was, value = next(sent)
                 assert topic == was
-                kind = TOPICS[topic]
+                kind = KINDS[TOPICS[topic]]
                 stream.append(Message(f'/{topic}', time, kind(data=type(kind().data)(value))))
             yield stream, run.changes
 
@@ -216,80 +174,51 @@ def node(name: str, bundle: Path) -> AbstractContextManager[NodeProcess]:
     return started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}', *options)
 
 
-def play(rng: Random, stream: Stream, ticks: int) -> None:
-    """Publish random messages while the clock stands at one tick after the other."""
+def play(rng: Random, stream: Stream, ticks: int, every: int) -> None:
+    """Publish random messages while the clock stands at each tick; it goes back after `every`."""
     stream.begin()
     for tick in range(ticks):
-        if tick == 0 or tick % 20 >= 18:  # no input is silent when the clock goes back
-            for topic in 'xpq':
-                stream.send(topic, rng.randrange(8))
+        if tick == 0 or tick % every >= every - 2:  # no input is silent when the clock goes back
+            send_all(rng, stream)
         else:
             for _ in range(rng.choice([0, 1, 1, 2, 3])):
-                topic = rng.choice('xpq')
-                stream.send(topic, rng.randrange(8) if topic == 'x' else rng.randrange(2))
-        is_over = tick % 20 == 19 and tick < ticks - 1
+                topic = rng.choice(INPUTS)
+                stream.send(topic, random_value(rng, topic))
+        is_over = tick % every == every - 1 and tick < ticks - 1
         stream.move(-rng.randrange(1, 15) * TICK_NS if is_over else rng.choice(
             [TICK_NS, TICK_NS, TICK_NS // 2, TICK_NS // 2 + 1, TICK_NS - 1]))
         if is_over:
-            for topic in 'xpq':
-                stream.send(topic, rng.randrange(8))
+            send_all(rng, stream)
     for _ in range(20):
         stream.move(TICK_NS - 12345)
 
 
-def lowered(specification: Specification) -> Specification:
-    """Return the formulas whose falls are occurrences: a response is overdue until it comes."""
-    formulas = without_queues([item.formula for item in specification.properties])
-    return replace(specification, properties=tuple(
-        replace(item, formula=formulas[item.formula]) for item in specification.properties))
-
-
-def expected(specification: Specification, run: Sequence[Message],
-             carried: dict[str, Any]) -> list[Change]:
-    """Return the changes that the reference evaluators find in a run before its last message."""
-    return changes_of({item.id: one.spans for item, one in zip(
-        specification.properties, findings(specification, run, carried=carried), strict=True)},
-        run[-1].received)
-
-
-def recorded(bundle: Path, run: Sequence[Message], path: Path) -> list[Change]:
-    """Return the changes that `bag` finds in a recording of a run before its last message."""
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topics = {f'/{topic}': (writer.add_connection(
-            f'/{topic}', f'std_msgs/msg/{kind.__name__}', typestore=TYPES),
-            TYPES.types[f'std_msgs/msg/{kind.__name__}']) for topic, kind in TOPICS.items()}
-        for message in run:
-            connection, kind = topics[message.topic]
-            writer.write(connection, message.received, TYPES.serialize_cdr(
-                kind(data=message.content.data), connection.msgtype))
-    with check.opened(path) as (recording, find):
-        reading = check.read_bundle(bundle, check.Selection(), find)
-        result = check.run(check.compiled(reading).monitor, recording, check.Selection())
-    assert result.errors == ()
-    return changes_of({found.id: found.spans for found in result.findings}, run[-1].received)
-
-
-def changes_of(spans: Mapping[str, Iterable[tuple[int, int | None]]], end: int) -> list[Change]:
-    """Return the begins and ends of violations before a time."""
-    return sorted((name, time, is_over) for name, found in spans.items() if name[0] == 'R'
-                  for span in found for time, is_over in zip(span, (False, True))
-                  if time is not None and time < end)
+def send_all(rng: Random, stream: Stream) -> None:
+    """Publish a message of each topic."""
+    for topic in INPUTS:
+        stream.send(topic, rng.randrange(8))
 
 
 @pytest.mark.parametrize('seed', range(max(1, EXAMPLES // 50)))
+@pytest.mark.parametrize('policy', [
+    Policy.TIMED, Policy.ALL_INPUTS,
+    *(pytest.param(policy, marks=thorough) for policy in (
+        Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE))])
 def test_all_faces_find_the_same_on_a_clock_with_ticks(
-    partner: Partner, tmp_path: Path, seed: int,
+    partner: Partner, tmp_path: Path, policy: Policy, seed: int,
 ) -> None:
     rng = Random(seed)
     path = tmp_path / 'bundle.yaml'
-    path.write_text(bundle(rng, 16), encoding='utf-8')
+    path.write_text(bundle(Words(rng, policy), 24), encoding='utf-8')
     specification = lowered(build.read(path).specification)
+    runs = 3 if policy is Policy.TIMED else 1  # the others keep their past if the clock goes back
     with all_nodes(path) as nodes:
         stream = Stream(partner)
-        play(rng, stream, 60)
+        play(rng, stream, 20 * runs, 20)
         for process in nodes.values():
             process.wait_for('a message on /clock is ignored: its time is negative, -5.000 s')
-            process.wait_for('time went back')
+            if runs > 1:
+                process.wait_for('time went back')
     found = 0
     for name in NODES:
         carried: dict[str, Any] = {}
@@ -305,5 +234,5 @@ def test_all_faces_find_the_same_on_a_clock_with_ticks(
             carried |= {signal.name: False for signal in specification.signals
                         if signal.source is InputSource.RECEIVED}
             found += len(due)
-        assert number == 2
-    assert found > 100
+        assert number == runs - 1
+    assert found > 30 * runs
