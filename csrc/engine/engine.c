@@ -345,6 +345,17 @@ uint64_t fm_engine_lost(struct fm_engine * engine, uint32_t topic)
 
 // ---- answers -----------------------------------------------------------------------------------
 
+bool fm_engine_has_come(struct fm_engine * engine, uint32_t topic)
+{
+  bool has_come = false;
+  if (topic < engine->options.n_topics) {
+    fm_engine_lock(engine);
+    has_come = fm_evaluator_topic_counts(engine->options.evaluator, topic).messages > 0;
+    fm_engine_unlock(engine);
+  }
+  return has_come;
+}
+
 struct fm_order_counts fm_engine_order_counts(struct fm_engine * engine, uint32_t topic)
 {
   struct fm_order_counts counts = {0, 0, 0, 0};

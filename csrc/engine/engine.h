@@ -51,7 +51,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 23u
+#define FM_ENGINE_ABI 24u
 
 struct fm_engine;
 
@@ -143,11 +143,14 @@ FM_EXPORT bool fm_engine_follow_transforms(
   struct fm_engine * engine, const struct fm_transform_topic * transforms, uint32_t n, uint32_t tf,
   uint32_t tf_static);
 
-/// Whether a transform, as an index of these, has no value now; as fm_tree_missing, `from` and
-/// `to` (FM_MOST_FRAME_BYTES + 1 bytes each) are then the frames between which a link is missing.
-/// As fm_tree_look_up.
+/// Whether the transform of a topic has no value now; as fm_tree_missing, `from` and `to`
+/// (FM_MOST_FRAME_BYTES + 1 bytes each) are then the frames between which a link is missing. As
+/// fm_tree_look_up.
 FM_EXPORT bool fm_engine_missing_link(
-  struct fm_engine * engine, uint32_t transform, char * from, char * to);
+  struct fm_engine * engine, uint32_t topic, char * from, char * to);
+
+/// Whether a message of a topic has come. O(1).
+FM_EXPORT bool fm_engine_has_come(struct fm_engine * engine, uint32_t topic);
 
 /// As fm_tree_left_out.
 FM_EXPORT struct fm_tree_counts fm_engine_left_out(struct fm_engine * engine);

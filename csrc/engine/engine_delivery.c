@@ -120,28 +120,36 @@ static void deliver_fields_locked(
   }
 }
 
-uint32_t fm_engine_deliver_locked(
+bool fm_engine_accept_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
-  const struct fm_origin * origin)
+  const struct fm_origin * origin, uint32_t * receipt)
 {
   struct fm_engine_topic * cell = &engine->topics[topic];
+  *receipt = FM_RECEIVED;
   if (engine->is_closed) {
-    return FM_RECEIVED;
+    return false;
   }
   if (fm_arrivals_is_repeated(&cell->arrivals, origin)) {
-    return FM_REPEATED;
+    *receipt = FM_REPEATED;
+    return false;
   }
   fm_arrivals_note(&cell->arrivals, origin);
   fm_engine_note_behind_locked(engine, cell, origin->received);
   if (!reading->is_decoded) {
+    *receipt = FM_UNDECODABLE;
     fm_evaluator_undecodable(engine->options.evaluator, topic);
     fm_engine_keep_message_locked(
       engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin->sent);
-    return FM_UNDECODABLE;
   }
+  return reading->is_decoded;
+}
+
+void fm_engine_deliver_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin)
+{
   deliver_fields_locked(engine, topic, reading, origin);
   fm_engine_end_wait_if_earlier_locked(engine);
-  return FM_RECEIVED;
 }
 
 void fm_engine_drop_locked(struct fm_engine * engine, uint32_t topic, uint32_t n)

@@ -41,8 +41,9 @@ struct fm_reading
   bool is_decoded;
 };
 
-/// Whether fm_reading must have the bytes of a message that was decoded: messages are kept, or
-/// some field cannot be used. Any thread, without the lock. O(fields).
+/// Whether fm_reading must have the bytes of a message that was decoded: messages are kept, some
+/// field cannot be used, or the message has links between frames. Any thread, without the lock.
+/// O(fields).
 bool fm_engine_needs_bytes(
   const struct fm_engine * engine, uint32_t topic, const struct fm_field * fields);
 
@@ -54,7 +55,7 @@ bool fm_engine_read(
 
 /// As fm_engine_message, for a message that was read already. Call it with the lock held. `topic`
 /// must be in range.
-uint32_t fm_engine_deliver_locked(
+uint32_t fm_engine_receive_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 

@@ -46,10 +46,15 @@ static bool all_are_read(const struct fm_field * fields, uint32_t n)
   return true;
 }
 
+bool fm_engine_has_links(const struct fm_engine * engine, uint32_t topic)
+{
+  return engine->tree != NULL && (topic == engine->tf || topic == engine->tf_static);
+}
+
 bool fm_engine_needs_bytes(
   const struct fm_engine * engine, uint32_t topic, const struct fm_field * fields)
 {
-  return engine->blackbox != NULL ||
+  return engine->blackbox != NULL || fm_engine_has_links(engine, topic) ||
          !all_are_read(fields, engine->options.topics[topic].n_inputs);
 }
 

@@ -62,6 +62,7 @@ struct fm_engine_topic
   size_t evidence_size;
   struct fm_order_counts counts;
   int64_t behind;               // ns; see snapshot.h
+  uint64_t links;               // messages with links between frames, which are no steps
   bool has_sources;             // an input that is not a field
 };
 
@@ -69,6 +70,7 @@ struct fm_engine_topic
 struct fm_engine_transform
 {
   struct fm_transform_topic options;
+  struct fm_field * fields;     // of the message
   uint8_t * message;
   uint8_t * next;
   size_t size;
@@ -103,6 +105,7 @@ struct fm_engine
   uint32_t n_transforms;
   uint32_t tf;                    // the topics with the links
   uint32_t tf_static;
+  uint64_t tree_restarts;         // of the evaluator's time, when the tree was last emptied
   struct fm_gate * gate;          // NULL: none
   uint32_t gated;                 // its topic; n_topics: one that feeds no input
   void (* on_due)(void * argument);  // NULL: nobody waits for replacements
@@ -204,6 +207,9 @@ void fm_engine_look_for_hang_locked(struct fm_engine * engine);
 
 // ---- engine_message.c --------------------------------------------------------------------------
 
+/// Whether the messages of a topic have links between frames.
+bool fm_engine_has_links(const struct fm_engine * engine, uint32_t topic);
+
 /// Store the fields of a message in the inputs of the evaluator.
 void fm_engine_store_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t now);
@@ -278,6 +284,19 @@ void fm_engine_catch_up_if_free(struct fm_engine * engine);
 /// As fm_engine_catch_up, if something is due or was left, or that was long ago. The lock is
 /// released meanwhile. Returns whether messages are left.
 bool fm_engine_catch_up_if_due_locked(struct fm_engine * engine);
+
+// ---- engine_delivery.c -------------------------------------------------------------------------
+
+/// Count a message that was received. Returns whether it counts: not if it is repeated, or cannot
+/// be decoded, or the engine is closed; `receipt` is that of fm_engine_message.
+bool fm_engine_accept_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin, uint32_t * receipt);
+
+/// Let a message take effect that was accepted.
+void fm_engine_deliver_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin);
 
 // ---- engine_transforms.c -----------------------------------------------------------------------
 

@@ -58,6 +58,13 @@ static bool make_message(struct fm_engine_transform * made)
   return true;
 }
 
+static bool make_fields(const struct fm_engine * engine, struct fm_engine_transform * made)
+{
+  const uint32_t n = engine->options.topics[made->options.topic].n_inputs;
+  made->fields = calloc(n + (size_t)1, sizeof(*made->fields));
+  return made->fields != NULL;
+}
+
 bool fm_engine_follow_transforms(
   struct fm_engine * engine, const struct fm_transform_topic * transforms, uint32_t n, uint32_t tf,
   uint32_t tf_static)
@@ -72,7 +79,7 @@ bool fm_engine_follow_transforms(
     engine->transforms[k].options = transforms[k];
     engine->n_transforms = k + 1u;
     is_made = transforms[k].topic < engine->options.n_topics &&
-      make_message(&engine->transforms[k]);
+      make_fields(engine, &engine->transforms[k]) && make_message(&engine->transforms[k]);
   }
   return is_made;
 }
@@ -80,6 +87,7 @@ bool fm_engine_follow_transforms(
 void fm_engine_free_transforms(struct fm_engine * engine)
 {
   for (uint32_t k = 0; k < engine->n_transforms; ++k) {
+    free(engine->transforms[k].fields);
     free(engine->transforms[k].message);
     free(engine->transforms[k].next);
   }
@@ -104,23 +112,69 @@ static bool is_new(struct fm_tree * tree, struct fm_engine_transform * made)
   return memcmp(made->message, made->next, made->size) != 0;
 }
 
-static uint32_t deliver_links_locked(
-  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
+// The messages that a topic of a transform gets have no publisher: none of them is lost.
+static void deliver_transform_locked(
+  struct fm_engine * engine, struct fm_engine_transform * made, const struct fm_origin * origin)
+{
+  const struct fm_origin unnumbered = {origin->received, origin->sent, 0, NULL, false};
+  struct fm_reading reading = {made->fields, made->message, made->size, 0, false};
+  uint32_t receipt;
+  memcpy(made->message, made->next, made->size);
+  reading.is_decoded = fm_engine_read(
+    engine, made->options.topic, made->message, made->size, made->fields, &reading.stamp);
+  if (fm_engine_accept_locked(engine, made->options.topic, &reading, &unnumbered, &receipt)) {
+    fm_engine_deliver_locked(engine, made->options.topic, &reading, &unnumbered);
+  }
+}
+
+// Time that has gone back outdates the samples.
+static void note_restart_locked(struct fm_engine * engine)
+{
+  const uint64_t restarts = fm_evaluator_time_counts(engine->options.evaluator).restarts;
+  if (restarts != engine->tree_restarts) {
+    engine->tree_restarts = restarts;
+    fm_tree_forget(engine->tree);
+  }
+}
+
+static bool take_links_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin)
 {
-  if (!fm_tree_read(engine->tree, message, size, topic == engine->tf_static)) {
+  note_restart_locked(engine);
+  if (!fm_tree_read(
+      engine->tree, reading->message, reading->size, topic == engine->tf_static))
+  {
     fm_evaluator_undecodable(engine->options.evaluator, topic);
-    return FM_UNDECODABLE;
+    return false;
   }
   for (uint32_t k = 0; k < engine->n_transforms; ++k) {
-    struct fm_engine_transform * const made = &engine->transforms[k];
-    if (is_new(engine->tree, made)) {
-      struct fm_reading reading = {engine->fields, made->message, made->size, 0, false};
-      memcpy(made->message, made->next, made->size);
-      reading.is_decoded = fm_engine_read(
-        engine, made->options.topic, made->message, made->size, engine->fields, &reading.stamp);
-      (void)fm_engine_deliver_locked(engine, made->options.topic, &reading, origin);
+    if (is_new(engine->tree, &engine->transforms[k])) {
+      deliver_transform_locked(engine, &engine->transforms[k], origin);
     }
+  }
+  return true;
+}
+
+uint32_t fm_engine_receive_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin)
+{
+  uint32_t receipt;
+  if (!fm_engine_accept_locked(engine, topic, reading, origin, &receipt)) {
+    return receipt;
+  }
+  if (!fm_engine_has_links(engine, topic)) {
+    fm_engine_deliver_locked(engine, topic, reading, origin);
+    return FM_RECEIVED;
+  }
+  if (!take_links_locked(engine, topic, reading, origin)) {
+    return FM_UNDECODABLE;
+  }
+  if (engine->options.topics[topic].n_inputs > 0) {
+    fm_engine_deliver_locked(engine, topic, reading, origin);
+  } else {
+    engine->topics[topic].links += 1;
   }
   return FM_RECEIVED;
 }
@@ -129,16 +183,10 @@ uint32_t fm_engine_message_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin)
 {
-  if (engine->tree != NULL && (topic == engine->tf || topic == engine->tf_static)) {
-    const uint32_t receipt = deliver_links_locked(engine, topic, message, size, origin);
-    if (receipt == FM_UNDECODABLE || engine->options.topics[topic].n_inputs == 0) {
-      return receipt;
-    }
-  }
   struct fm_reading reading = {engine->fields, message, size, 0, false};
   reading.is_decoded =
     fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
-  return fm_engine_deliver_locked(engine, topic, &reading, origin);
+  return fm_engine_receive_locked(engine, topic, &reading, origin);
 }
 
 uint32_t fm_engine_message(
@@ -156,16 +204,26 @@ uint32_t fm_engine_message(
 
 // ---- answers -----------------------------------------------------------------------------------
 
-bool fm_engine_missing_link(struct fm_engine * engine, uint32_t transform, char * from, char * to)
+static bool is_missing_locked(
+  struct fm_engine * engine, const struct fm_transform_topic * transform, char * from, char * to)
+{
+  struct fm_looked_up found;
+  if (fm_tree_look_up(engine->tree, transform->from, transform->to, &found)) {
+    return false;
+  }
+  strcpy(from, fm_tree_missing(engine->tree, false));
+  strcpy(to, fm_tree_missing(engine->tree, true));
+  return true;
+}
+
+bool fm_engine_missing_link(struct fm_engine * engine, uint32_t topic, char * from, char * to)
 {
   bool is_missing = false;
   fm_engine_lock(engine);
-  if (transform < engine->n_transforms) {
-    const struct fm_transform_topic * const options = &engine->transforms[transform].options;
-    struct fm_looked_up found;
-    is_missing = !fm_tree_look_up(engine->tree, options->from, options->to, &found);
-    strcpy(from, is_missing ? fm_tree_missing(engine->tree, false) : "");
-    strcpy(to, is_missing ? fm_tree_missing(engine->tree, true) : "");
+  for (uint32_t k = 0; k < engine->n_transforms; ++k) {
+    if (engine->transforms[k].options.topic == topic) {
+      is_missing = is_missing_locked(engine, &engine->transforms[k].options, from, to);
+    }
   }
   fm_engine_unlock(engine);
   return is_missing;

@@ -51,6 +51,7 @@ static void copy_topics_locked(struct fm_engine * engine, struct fm_snapshot * o
     out->topics[t] = (struct fm_topic_snapshot) {
       fm_evaluator_topic_counts(engine->options.evaluator, t), topic->counts,
       fm_arrivals_lost(&topic->arrivals), topic->behind};
+    out->topics[t].counts.messages += topic->links;
     topic->behind = 0;
   }
 }
@@ -73,6 +74,7 @@ static void copy_conditions_locked(struct fm_engine * engine, struct fm_snapshot
 void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out)
 {
   const struct fm_gate_counts none = {.holds = true};
+  const struct fm_tree_counts no_links = {0, 0, 0};
   fm_engine_catch_up_if_free(engine);
   fm_engine_lock(engine);
   copy_conditions_locked(engine, out);
@@ -80,6 +82,7 @@ void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out)
   copy_inputs_locked(engine, out);
   copy_topics_locked(engine, out);
   out->time = fm_evaluator_time_counts(engine->options.evaluator);
+  out->links = engine->tree == NULL ? no_links : fm_tree_left_out(engine->tree);
   out->gate = engine->gate == NULL ? none : fm_gate_counts(engine->gate, fm_steady_time());
   out->unpublished = engine->outbox.unpublished;
   fm_engine_unlock(engine);

@@ -51,6 +51,7 @@ struct fm_snapshot
   uint32_t n_changes;
   uint64_t missed;        // changes after these that were not kept
   struct fm_time_counts time;
+  struct fm_tree_counts links; // between frames, that were left out
   struct fm_gate_counts gate;  // zeros without a gate
   uint64_t unpublished;   // violations: those dropped because the queue was full (2^20) or could
                           // not grow, and those counted with fm_engine_count_unpublished

@@ -377,6 +377,15 @@ bool fm_tree_read(struct fm_tree * tree, const uint8_t * message, size_t size, b
   return all.ok;
 }
 
+void fm_tree_forget(struct fm_tree * tree)
+{
+  for (uint32_t f = 0; f < tree->n; ++f) {
+    if (!tree->frames[f].is_static) {
+      tree->frames[f].first = tree->frames[f].end = 0u;
+    }
+  }
+}
+
 // ---- chains ------------------------------------------------------------------------------------
 
 // Move a chain to the parent at a time; false if its frame has no link then.

@@ -77,6 +77,9 @@ FM_EXPORT void fm_tree_destroy(struct fm_tree * tree);
 FM_EXPORT bool fm_tree_read(
   struct fm_tree * tree, const uint8_t * message, size_t size, bool is_static);
 
+/// Forget the samples of all moving links, as tf2 does when the time goes back. O(frames).
+FM_EXPORT void fm_tree_forget(struct fm_tree * tree);
+
 /// Look up the transform that takes points in the frame `to` to the frame `from`: the pose of `to`
 /// in `from`, as `tf2_echo from to` prints it. Returns false if there is none. O(frames + links of
 /// the chain * log samples).

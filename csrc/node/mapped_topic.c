@@ -37,6 +37,11 @@ char * fm_resolved_name(const struct fm_node * node, const char * name)
   return copy;
 }
 
+char * fm_topic_name(const struct fm_node * node, const struct fm_node_topic * about)
+{
+  return about->support == NULL ? fm_copy_of(about->name) : fm_resolved_name(node, about->name);
+}
+
 // ---- subscriptions -----------------------------------------------------------------------------
 
 static rmw_qos_profile_t profile_of(struct fm_request request)

@@ -55,6 +55,10 @@ struct fm_mapped_topic
 /// if it is not valid; the error of rcl is set.
 char * fm_resolved_name(const struct fm_node * node, const char * name);
 
+/// As fm_resolved_name, of a topic of the bundle; one to which the node does not subscribe has its
+/// own name.
+char * fm_topic_name(const struct fm_node * node, const struct fm_node_topic * about);
+
 /// Subscribe; no message is taken before fm_topic_start. `name`: the resolved one; it outlives the
 /// topic. Returns false, with the error logged.
 bool fm_topic_open(

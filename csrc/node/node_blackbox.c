@@ -56,7 +56,8 @@ static bool name_topics(struct fm_node_blackbox * box, const struct fm_node_tabl
   for (; box->topics != NULL && box->names != NULL && box->n_names < n; ++box->n_names) {
     const uint32_t k = box->n_names;
     const bool is_end = k == n - 1u;
-    box->names[k] = fm_resolved_name(box->node, is_end ? END_TOPIC : table->topics[k].name);
+    box->names[k] = is_end ? fm_resolved_name(box->node, END_TOPIC) :
+      fm_topic_name(box->node, &table->topics[k]);
     if (box->names[k] == NULL) {
       fm_log_failure(box->node, "cannot subscribe or advertise");
       return false;

@@ -61,6 +61,7 @@ void fm_health_end(struct fm_health * health)
 
 static void look(struct fm_health * health)
 {
+  const struct fm_publishers nobody = {0, "", ""};
   const struct fm_session * session = health->session;
   const struct fm_node_clock * clock = session->clock;
   const struct fm_blackbox_facts written = blackbox_facts(session);
@@ -70,7 +71,8 @@ static void look(struct fm_health * health)
     .blackbox = session->blackbox.writer == NULL ? NULL : &written,
     .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
   for (uint32_t k = 0; k < session->n_topics; ++k) {
-    health->topics[k] = fm_subscription_publishers(session->topics[k].state);
+    const struct fm_subscription * state = session->topics[k].state;
+    health->topics[k] = state == NULL ? nobody : fm_subscription_publishers(state);
   }
   (void)fm_review_look(health->review, &facts);
 }

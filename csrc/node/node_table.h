@@ -24,6 +24,7 @@
 #include <rosidl_runtime_c/message_type_support_struct.h>
 #include <rosidl_runtime_c/service_type_support_struct.h>
 
+#include "engine.h"
 #include "report_table.h"
 #include "subscription.h"
 
@@ -54,7 +55,7 @@ struct fm_node_topic
 {
   const char * name;  // as written in the bundle: to be resolved by the node
   const char * type;  // package/msg/Name
-  const rosidl_message_type_support_t * (* support)(void);
+  const rosidl_message_type_support_t * (* support)(void);  // NULL: the node does not subscribe
   struct fm_fixed_qos qos;
   const char * const * definition;  // of the message and of all within it, in pieces; then NULL
 };
@@ -71,6 +72,10 @@ struct fm_node_table
   const struct fm_readers * (* readers)(void);  // NULL: no topics
   const struct fm_node_topic * topics;
   const char * const * end_definition;  // as of a topic, of std_msgs/msg/Header
+  const struct fm_transform_topic * transforms;
+  uint32_t n_transforms;
+  uint32_t tf;         // the topics with the links between their frames
+  uint32_t tf_static;
   const struct fm_action_type * action_types;  // of each action, without locks
   const char * const * handlers;  // topics, relative; a requirement
   const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`

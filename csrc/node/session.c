@@ -29,7 +29,7 @@
 
 // ---- what is advertised ------------------------------------------------------------------------
 
-enum kind { MONITORED, ANNOUNCED, OWN };  // topics of inputs; of violations; others of the node
+enum kind { MONITORED, MADE, ANNOUNCED, OWN };  // of inputs; of violations; others of the node
 
 struct used
 {
@@ -52,7 +52,9 @@ static struct used topic_of(const struct fm_node_table * table, uint32_t k)
 {
   const uint32_t n = table->monitor()->n_requirements;
   if (k < table->report.n_topics) {
-    return (struct used) {table->topics[k].name, table->topics[k].type, MONITORED, NULL};
+    return (struct used) {
+      table->topics[k].name, table->topics[k].type,
+      table->topics[k].support == NULL ? MADE : MONITORED, NULL};
   }
   k -= table->report.n_topics;
   if (k < n) {
@@ -99,7 +101,8 @@ static bool refuse_merged(const struct fm_session * session)
   bool is_good = used != NULL;
   for (uint32_t k = 0; is_good && k < n; ++k) {
     used[k] = topic_of(table, k);
-    used[k].full = fm_resolved_name(session->node, used[k].name);
+    used[k].full = used[k].kind == MADE ? fm_copy_of(used[k].name) :
+      fm_resolved_name(session->node, used[k].name);
     if (used[k].full == NULL) {
       fm_log_failure(session->node, "cannot subscribe or advertise");
       is_good = false;
@@ -245,10 +248,13 @@ static bool make_engine(struct fm_session * session)
     .uses_header_stamps = table->report.uses_header_stamps, .reorder = table->report.reorder,
     .takes_recoveries = false};
   session->engine = options.evaluator == NULL ? NULL : fm_engine_create(&options);
-  if (session->engine == NULL) {
+  if (session->engine == NULL || (table->n_transforms > 0 && !fm_engine_follow_transforms(
+      session->engine, table->transforms, table->n_transforms, table->tf, table->tf_static)))
+  {
     fm_log(session->node, FM_ERROR, "the engine cannot be made: memory is short");
+    return false;
   }
-  return session->engine != NULL;
+  return true;
 }
 
 static bool begin_reporter(struct fm_session * session)
@@ -259,7 +265,7 @@ static bool begin_reporter(struct fm_session * session)
     return false;
   }
   for (uint32_t k = 0; k < table->n_topics; ++k) {
-    session->topic_names[k] = fm_resolved_name(session->node, table->topics[k].name);
+    session->topic_names[k] = fm_topic_name(session->node, &session->table->topics[k]);
     if (session->topic_names[k] == NULL) {
       fm_log_failure(session->node, "cannot subscribe");
       return false;
@@ -329,7 +335,7 @@ static bool subscribe_all(struct fm_session * session)
   }
   for (uint32_t k = 0; k < table->report.n_topics; ++k) {
     session->n_topics = k + 1u;
-    if (!fm_topic_open(
+    if (table->topics[k].support != NULL && !fm_topic_open(
         &session->topics[k], session->node, &table->topics[k], session->topic_names[k],
         &session->settings.fixed[k], k))
     {
@@ -337,7 +343,9 @@ static bool subscribe_all(struct fm_session * session)
     }
   }
   for (uint32_t k = 0; k < table->report.n_topics; ++k) {
-    if (!fm_topic_start(&session->topics[k], session->engine, fm_node_middleware())) {
+    if (table->topics[k].support != NULL &&
+      !fm_topic_start(&session->topics[k], session->engine, fm_node_middleware()))
+    {
       return false;
     }
   }
@@ -395,10 +403,15 @@ void fm_session_deactivate(struct fm_session * session)
 
 // ---- while it runs -----------------------------------------------------------------------------
 
+static bool is_subscribed(const struct fm_mapped_topic * topic)
+{
+  return topic->state != NULL;
+}
+
 static void note_all(struct fm_session * session)
 {
   for (uint32_t k = 0; k < session->n_topics; ++k) {
-    session->topics[k].is_due = true;
+    session->topics[k].is_due = is_subscribed(&session->topics[k]);
   }
 }
 
@@ -417,7 +430,7 @@ static void note_unsettled(struct fm_session * session, int64_t now)
 {
   for (uint32_t k = 0; k < session->n_topics; ++k) {
     struct fm_mapped_topic * topic = &session->topics[k];
-    topic->is_due = topic->is_due || !fm_topic_is_settled(topic);
+    topic->is_due = topic->is_due || (is_subscribed(topic) && !fm_topic_is_settled(topic));
   }
   if (now >= session->next_round) {
     session->next_round = now + FM_LOOK_AGAIN_NS;

@@ -20,6 +20,7 @@
 
 #include "reasons.h"
 #include "review_parts.h"
+#include "transform_lines.h"
 
 enum
 {
@@ -219,6 +220,16 @@ static void add_increase(
   }
 }
 
+static void add_broken(
+  const struct fm_review * review, uint32_t topic, struct troubles * troubles)
+{
+  struct fm_text link = {NULL, 0, 0};
+  if (fm_add_missing_link(&link, review->reporter, topic)) {
+    add_trouble(troubles, WARN, "%s", fm_text_get(&link));
+  }
+  fm_text_free(&link);
+}
+
 static struct troubles troubles_of(const struct fm_review * review, uint32_t topic)
 {
   const struct fm_publishers * facts = &review->facts.topics[topic];
@@ -242,8 +253,11 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
   if (now->behind > MOST_BEHIND) {
     add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
   }
-  if (facts->n == 0 && facts->other_types[0] == '\0') {
-    add_trouble(&found, WARN, "no publisher");
+  if (review->reporter->table->topics[topic].kind == FM_TRANSFORM) {
+    add_broken(review, topic, &found);
+  } else if (facts->n == 0 && facts->other_types[0] == '\0') {
+    // The other one of /tf and /tf_static may be enough; a transform says what it lacks.
+    add_trouble(&found, fed->n_inputs > 0 ? WARN : OK, "no publisher");
   }
   return found;
 }
@@ -280,17 +294,22 @@ static void add_topic(const struct report * report, uint32_t topic)
   struct fm_text name = {NULL, 0, 0};
   fm_text_add(&name, "%s%s%s", review->reporter->topics[topic],
     table->is_one_of_several ? " for " : "", table->is_one_of_several ? table->bundle : "");
+  const bool is_made = table->topics[topic].kind != FM_TOPIC;
   struct fm_status * status = add_status(
-    report, troubles.level, "topic ", fm_text_get(&name),
+    report, troubles.level, is_made ? "transform " : "topic ", fm_text_get(&name),
     troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
   add_count(status, "received", now->counts.messages);
   fm_status_value(status, "rate", "%.1f",
     (double)(now->counts.messages - review->before.topics[topic].counts.messages) /
     review->seconds);
-  add_count(status, "undecodable", now->counts.undecodable);
-  add_count(status, "lost", now->lost);
+  if (!is_made) {
+    add_count(status, "undecodable", now->counts.undecodable);
+    add_count(status, "lost", now->lost);
+  }
   fm_status_value(status, "behind", "%.3f", (double)now->behind / 1e9);
-  add_count(status, "publishers", review->facts.topics[topic].n);
+  if (!is_made) {
+    add_count(status, "publishers", review->facts.topics[topic].n);
+  }
   if (table->uses_header_stamps) {
     add_count(status, "late", now->order.late);
     add_count(status, "too early", now->order.overflows);
@@ -405,6 +424,32 @@ static void add_time(const struct report * report)
   add_count(status, "overflows", now->overflows);
 }
 
+static bool has_transforms(const struct fm_report_table * table)
+{
+  bool is_found = false;
+  for (uint32_t t = 0; t < table->n_topics; ++t) {
+    is_found = is_found || table->topics[t].kind == FM_TRANSFORM;
+  }
+  return is_found;
+}
+
+static void add_links(const struct report * report)
+{
+  const struct fm_tree_counts * before = &report->review->before.links;
+  const struct fm_tree_counts * now = &report->review->now.links;
+  struct troubles troubles = {{NULL, 0, 0}, OK};
+  add_increase(&troubles, before->loops, now->loops, "would close a loop");
+  add_increase(&troubles, before->unusable, now->unusable, "cannot be used");
+  add_increase(&troubles, before->old, now->old, "too old");
+  struct fm_status * status = add_status(
+    report, troubles.level, "links of ", report->review->reporter->table->bundle,
+    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "taken");
+  add_count(status, "loops", now->loops);
+  add_count(status, "unusable", now->unusable);
+  add_count(status, "old", now->old);
+  fm_text_free(&troubles.text);
+}
+
 static void add_periods(const struct report * report)
 {
   const struct fm_time_counts * before = &report->review->before.time;
@@ -462,6 +507,9 @@ void fm_review_report(const struct fm_review * review, struct fm_statuses * stat
   }
   for (uint32_t k = 0; k < table->n_topics; ++k) {
     add_topic(&report, k);
+  }
+  if (has_transforms(table)) {
+    add_links(&report);
   }
   add_gate(&report);
   for (uint32_t k = 0; review->facts.actions != NULL && k < table->n_actions; ++k) {

@@ -22,6 +22,7 @@
 #include "engine_locked.h"
 #include "reasons.h"
 #include "review_parts.h"
+#include "transform_lines.h"
 
 #define ABSENT_S 10   // without a name, until it is logged
 #define MOST_SHOWN 60u  // bytes of a string
@@ -56,6 +57,7 @@ static void log_begun(
   const struct fm_topic * fed = &table->topic_inputs[topic];
   struct fm_names inputs = {{NULL, 0, 0}, 0};
   struct fm_names readers = {{NULL, 0, 0}, 0};
+  struct fm_text link = {NULL, 0, 0};
   const struct fm_report_input * first = NULL;
   bool has_come = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
@@ -68,12 +70,16 @@ static void log_begun(
   if (first != NULL) {
     add_readers(table, is_chosen, &readers);
     const bool is_error = first->violates && readers.n > 0;
+    const bool is_broken = fm_add_missing_link(&link, review->reporter, topic);
     fm_lines_add(lines, is_error ? FM_ERROR : FM_WARN,
-      "%sno usable value on %s within the %s of %g s for %s%s%s%s", is_again ? "again " : "",
+      "%sno usable value on %s within the %s of %g s for %s%s%s%s%s%s%s", is_again ? "again " : "",
       review->reporter->topics[topic], has_come ? "timeout" : "startup",
-      has_come ? first->timeout : first->startup, fm_names_get(&inputs), is_error ? ": " : "",
-      is_error ? fm_names_get(&readers) : "", is_error ? " violated until one comes" : "");
+      has_come ? first->timeout : first->startup, fm_names_get(&inputs),
+      is_broken ? " (" : "", fm_text_get(&link), is_broken ? ")" : "",
+      is_error ? ": " : "", is_error ? fm_names_get(&readers) : "",
+      is_error ? " violated until one comes" : "");
   }
+  fm_text_free(&link);
   fm_text_free(&inputs.text);
   fm_text_free(&readers.text);
 }
@@ -339,6 +345,7 @@ static void add_awaited(
   const struct fm_topic * fed = &table->topic_inputs[topic];
   const struct fm_publishers * facts = &review->facts.topics[topic];
   struct fm_names inputs = {{NULL, 0, 0}, 0};
+  struct fm_text around = {NULL, 0, 0};
   struct fm_text reason = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_awaited[fed->inputs[k]]) {
@@ -347,15 +354,18 @@ static void add_awaited(
     }
   }
   if (inputs.n > 0) {
-    const bool has_others = facts->other_types[0] != '\0';
-    fm_text_add(&reason, "nothing %sreceived on %s (%u publisher%s%s%s) for %s",
+    if (!fm_add_missing_link(&around, review->reporter, topic)) {
+      const bool has_others = facts->other_types[0] != '\0';
+      fm_text_add(&around, "%u publisher%s%s%s", facts->n, facts->n == 1u ? "" : "s",
+        has_others ? " of " : "", has_others ? table->topics[topic].type : "");
+    }
+    fm_text_add(&reason, "nothing %sreceived on %s (%s) for %s",
       review->now.topics[topic].counts.messages > 0 ? "usable " : "",
-      review->reporter->topics[topic], facts->n, facts->n == 1u ? "" : "s",
-      has_others ? " of " : "", has_others ? table->topics[topic].type : "",
-      fm_names_get(&inputs));
+      review->reporter->topics[topic], fm_text_get(&around), fm_names_get(&inputs));
     fm_names_add(reasons, "; ", fm_text_get(&reason));
   }
   fm_text_free(&inputs.text);
+  fm_text_free(&around);
   fm_text_free(&reason);
 }
 

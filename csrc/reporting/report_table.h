@@ -46,10 +46,18 @@ struct fm_report_input
   double startup;     // s
 };
 
+/// What a topic is.
+enum fm_topic_kind
+{
+  FM_TOPIC = 0,      // of ROS, to which the node subscribes
+  FM_TRANSFORM = 1   // the engine makes its messages of links between frames
+};
+
 struct fm_report_topic
 {
-  const char * name;  // as written in the bundle
+  const char * name;  // as written in the bundle; of what is made: a text
   const char * type;  // package/msg/Name
+  uint32_t kind;      // enum fm_topic_kind
 };
 
 struct fm_report_requirement

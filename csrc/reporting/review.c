@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "review_parts.h"
+#include "transform_lines.h"
 
 #define MISSING_S 5  // until requirements that are not evaluated yet are logged
 
@@ -149,6 +150,8 @@ void fm_review_log(struct fm_review * review, struct fm_lines * lines)
   fm_review_gate(review, lines);
   fm_review_conditions(review, lines);
   fm_review_topics(review, lines);
+  fm_add_left_out(lines, &review->links_logged, &review->now.links);
+  review->links_logged = review->now.links;
   if (review->now.unpublished > 0 && !review->is_unpublished_logged) {
     review->is_unpublished_logged = true;
     fm_lines_add(lines, FM_ERROR,

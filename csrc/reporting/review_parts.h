@@ -75,6 +75,7 @@ struct fm_review
   bool * flags;                  // twice the inputs
   struct fm_time_log time;
   struct fm_gate_log gate;
+  struct fm_tree_counts links_logged;
   bool is_missing_logged;
   bool is_unpublished_logged;
 };

@@ -53,7 +53,8 @@ static void add_contents(struct fm_text * text, const struct fm_watched * watche
     requirements += table->n_requirements;
     inputs += table->n_inputs;
     for (uint32_t t = 0; t < table->n_topics; ++t) {
-      topics += is_repeated(watched, k, t, table->topics[t].name) ? 0u : 1u;
+      topics += table->topics[t].kind != FM_TOPIC ||
+        is_repeated(watched, k, t, table->topics[t].name) ? 0u : 1u;
     }
   }
   add_count(text, requirements, "requirement");

@@ -147,7 +147,7 @@ static void count_dropped_locked(struct fm_receiver * receiver)
 static void deliver_locked(struct fm_receiver * receiver)
 {
   const struct fm_origin origin = origin_of(receiver);
-  (void)fm_engine_deliver_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
+  (void)fm_engine_receive_locked(receiver->engine, receiver->topic, &receiver->reading, &origin);
 }
 
 // Take the `count` messages of a notification, at most MOST_AT_ONCE. Asking for one more each time

@@ -30,7 +30,7 @@ from typing import Protocol, TYPE_CHECKING
 
 from fret_monitor.bag.message_fit import MessageFit
 from fret_monitor.bag.moments import LAST_TIME, Moment
-from fret_monitor.bag.recording import Batch, DamagedRecording, Recording
+from fret_monitor.bag.recording import Batch, DamagedRecording, full_name, Recording
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
@@ -44,7 +44,7 @@ from fret_monitor.runtime.engine import Engine, MOST_QUEUED
 from fret_monitor.runtime.evaluator import (
     Evaluator, NEVER, RequirementCounts, Violation, violation as violation_of,
 )
-from fret_monitor.runtime.reporting import Reporter, ReportTable, StatusRecord
+from fret_monitor.runtime.reporting import LogLevel, Reporter, ReportTable, StatusRecord
 from fret_monitor.start import manifest_of, start
 
 if TYPE_CHECKING:  # a bundle in the cache needs no parser
@@ -272,9 +272,11 @@ class _Run:
         self._unread: set[int] = set()  # requirements that read one of these topics
         self._latest = -NEVER  # the time of the last message that was read
         self._names = [ROWS] if recording.is_trace else [
-            resolved(topic.name, selection) for topic in self._manifest.topics]
+            full_name(topic.name) if topic.made else resolved(topic.name, selection)
+            for topic in self._manifest.topics]
+        self._left_out = self._topics_left_out()
         self._recorded = {name: recording.recorded[name] for index, name in enumerate(self._names)
-                          if recording.is_trace or index not in self._manifest.made}
+                          if recording.is_trace or index not in self._left_out}
         self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [Findings(item.id) for item in self._manifest.requirements]
         self._fit = None if isinstance(recording, Trace) else MessageFit(
@@ -371,7 +373,7 @@ class _Run:
             refuse('no input of the bundle has a topic',
                    help='write the topic of each: x: {topic: level, type: std_msgs/msg/Float64}')
         for index, (name, topic) in enumerate(zip(self._names, self._manifest.topics)):
-            if index in self._manifest.made:
+            if index in self._left_out:
                 continue
             if name in seen:
                 other = self._manifest.topics[seen[name]].name
@@ -400,6 +402,21 @@ class _Run:
         if not any(self._recorded.values()) and not self._errors:
             self._errors.append('no row was recorded' if self._recording.is_trace else
                                 'no message was recorded on the topics of the bundle')
+
+    def _topics_left_out(self) -> set[int]:
+        """
+        Return the topics that are not read from the recording.
+
+        Messages that the monitor makes are in a black box only. Otherwise they are made anew, of
+        what was recorded.
+        """
+        if isinstance(self._recording, Trace):
+            return set()
+        topics, made = self._manifest.topics, self._manifest.made
+        is_made = all(topics[index].message_type in self._recording.types.get(
+            self._names[index], set()) for index in made)
+        return {index for index, topic in enumerate(topics) if made and not topic.inputs} \
+            if is_made else {*made}
 
     def _is_other_recorded(self, topic: ManifestTopic) -> bool:
         """Whether it is one of the topics of transforms, and another of them was recorded."""
@@ -574,19 +591,9 @@ class _Run:
                                 'says')
 
     def _complain_of_transforms(self) -> None:
-        for number, item in enumerate(self._manifest.transforms):
-            link = self._engine.missing_link(number)
-            if link is not None:
-                has_come = self._evaluator.topic_counts(item.topic).messages > 0
-                (self._warnings if has_come else self._errors).append(
-                    f'there is no transform from {item.source} to {item.target} at the end: '
-                    + broken(*link))
-        counts = self._engine.links_left_out
-        for count, what in ((counts.loops, 'would close a loop'),
-                            (counts.unusable, 'have no usable transform'),
-                            (counts.old, 'came more than 10 s after a newer one')):
-            if count:
-                self._warnings.append(f'{counted(count, "link")} of /tf left out: they {what}')
+        if self._left_out == self._manifest.made:
+            for line in self._reporter.transform_lines():
+                (self._warnings if line.level is LogLevel.WARN else self._errors).append(line.text)
 
     def _complain_of_input(self, number: int, topic: str) -> None:
         name = self._manifest.inputs[number].name
@@ -633,12 +640,6 @@ def _end(findings: Findings, stamp: int) -> None:
         findings.longest = max(findings.longest, stamp - since)
         if findings.spans[-1] == (since, None):
             findings.spans[-1] = (since, stamp)
-
-
-def broken(first: str, second: str) -> str:
-    """Return where a chain of frames is broken, as `Engine.missing_link` has it."""
-    return f'the samples of {first} do not reach the time of the other links' \
-        if first == second else f'no link between {first} and {second}'
 
 
 def resolved(topic: str, selection: Selection) -> str:

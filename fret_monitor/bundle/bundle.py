@@ -24,6 +24,7 @@ from fractions import Fraction
 
 from fret_monitor.bundle.yaml_tree import YamlMapping
 from fret_monitor.model.diagnostics import Source, Span, Text
+from fret_monitor.model.made import Made
 from fret_monitor.model.names import handler_name
 from fret_monitor.model.policies import (
     ActionKind, InputRole, Otherwise, Policy, Report, Severity, Stale, Stamp,
@@ -66,9 +67,8 @@ class InputEntry:
 
     `damaged` are the keys with refused values, and 'name' if its name was refused; `places` are
     the places of the keys in which inputs on one topic must agree. `block` is the key under
-    `topics` that it is written in, None for one under `inputs`. `transform` are the frames of
-    one under `transform`, from and to; `topic` and `type` are then those of the messages that the
-    engine makes of it.
+    `topics` that it is written in, None for one under `inputs`. `made` is what the monitor makes
+    messages of, as of a `transform`; `topic` and `type` are then those of these messages.
     """
 
     name: Text
@@ -86,7 +86,7 @@ class InputEntry:
     places: tuple[tuple[str, Span], ...] = ()
     block: Text | None = None
     role: InputRole | None = None
-    transform: tuple[str, str] | None = None
+    made: Made | None = None
 
     @property
     def owner(self) -> Text:

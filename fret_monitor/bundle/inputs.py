@@ -30,6 +30,7 @@ from fret_monitor.bundle.yaml_shape import (
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
+from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.names import (
     exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLAIN_TYPES, shown,
     topic_fault, type_fault,
@@ -76,8 +77,9 @@ def _transform(name: DeclaredName, shape: Shape, problems: Problems) -> InputEnt
             problems.error(f"an input with a 'transform' has no '{key}'", other.span,
                            'transforms come from /tf and /tf_static', 'remove it')
     frames = _frames(shape, problems)
-    topic, kind = (_at(text, place.text) for text in (' -> '.join(frames or ('', '')), STAMPED))
-    entry = InputEntry(name.text, topic=topic, type=kind, transform=frames or ('', ''),
+    made = Made(MadeKind.TRANSFORM, frames or ('', ''))
+    topic, kind = (_at(text, place.text) for text in (made.topic, STAMPED))
+    entry = InputEntry(name.text, topic=topic, type=kind, made=made,
                        damaged=frozenset(['qos'] if frames else ['qos', 'type']))
     entry = _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
     return entry if frames else replace(entry, type=None)

@@ -133,8 +133,7 @@ def _as_dict(item: _Checked) -> dict[str, object]:
         'unit': None if specification.unit is None else float(specification.unit),
         'state_bytes': manifest.state_bytes,
         'operations': sum(group.operations for group in manifest.groups),
-        'topics': [topic.name for index, topic in enumerate(manifest.topics)
-                   if index not in manifest.made],
+        'topics': [topic.name for topic in manifest.received],
         'inputs': [{'name': signal.name, 'type': signal.type.value, 'topic': signal.topic}
                    for signal in specification.signals],
         'requirements': list(map(_requirement_as_dict, _requirements(item.generated))),
@@ -182,7 +181,7 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     operations = sum(group.operations for group in manifest.groups)
     yield (f'{path}: {counted(len(manifest.requirements), "requirement")}, '
            f'{counted(len(manifest.inputs), "input")} on '
-           f'{counted(len(manifest.topics) - len(manifest.made), "topic")}, '
+           f'{counted(len(manifest.received), "topic")}, '
            f'{counted(manifest.state_bytes, "byte")} of state, '
            f'{counted(operations, "operation")} '
            f'{"an evaluation" if manifest.policy is Policy.TIMED else "a step"}')

@@ -22,10 +22,10 @@ from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.manifest import (
-    Manifest, ManifestGate, ManifestGroup, ManifestRequirement, ManifestTopic, ManifestTransform,
+    Manifest, ManifestGate, ManifestGroup, ManifestRequirement, ManifestTopic,
 )
 from fret_monitor.model.policies import Policy
-from fret_monitor.model.transforms import LINKS
+from fret_monitor.model.transforms import LINKS, QOS
 from fret_monitor.program.layout import GroupLayout, state_bytes
 from fret_monitor.program.monitor_program import MonitorProgram
 
@@ -76,7 +76,6 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         actions=actions,
         gate=_gate(specification.gate, topics) if specification.gate else None,
         kept=specification.kept,
-        transforms=_transforms(program.signals),
     )
 
 
@@ -89,15 +88,10 @@ def _gate(gate: Gate, topics: tuple[ManifestTopic, ...]) -> ManifestGate:
 
 def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
     return tuple(
-        ManifestTopic(name, signals[fed[0]].message_type or '', tuple(fed), signals[fed[0]].qos)
-        if fed else ManifestTopic(name, LINKS, (), ())
+        ManifestTopic(name, signals[fed[0]].message_type or '', tuple(fed), signals[fed[0]].qos,
+                      signals[fed[0]].made)
+        if fed else ManifestTopic(name, LINKS, (), QOS[name])
         for name, fed in topics_of(signals).items())
-
-
-def _transforms(signals: tuple[Signal, ...]) -> tuple[ManifestTransform, ...]:
-    frames = {signal.topic: signal.transform for signal in signals}
-    return tuple(ManifestTransform(*found, topic) for topic, name in enumerate(topics_of(signals))
-                 if (found := frames.get(name)))
 
 
 def _requirement(item: Property, group: int, signal_of: dict[str, int],

@@ -29,6 +29,7 @@ from fret_monitor.codegen.names import Names
 from fret_monitor.codegen.skippers import Skippers
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.layout import MessageLayout
+from fret_monitor.model.made import MadeKind
 from fret_monitor.model.manifest import SECONDS
 from fret_monitor.model.policies import InputSource, Stamp
 from fret_monitor.model.transforms import TOPICS
@@ -58,7 +59,7 @@ def topics_of(signals: Sequence[Signal]) -> dict[str, list[int]]:
     for index, signal in enumerate(signals):
         if signal.topic is not None and signal.message_type is not None:
             topics.setdefault(signal.topic, []).append(index)
-    if any(signal.transform for signal in signals):
+    if any(item.made and item.made.kind is MadeKind.TRANSFORM for item in signals):
         topics |= {name: topics.get(name, []) for name in TOPICS}
     return topics
 

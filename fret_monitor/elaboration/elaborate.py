@@ -149,7 +149,7 @@ class _Reading:
         signals = []
         for entry in bundle.inputs:
             signal, declaration = input_declaration(entry, find_message, self.problems)
-            if bundle.stamp is Stamp.HEADER and signal is not None and signal.transform:
+            if bundle.stamp is Stamp.HEADER and signal is not None and signal.made:
                 self.problems.error(
                     f"'{entry.name}' is a transform, which does not go with stamp: header",
                     entry.name.span, 'its links have stamps of their own',

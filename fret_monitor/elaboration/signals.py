@@ -139,7 +139,7 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         source=source,
         role=entry.role or InputRole.INPUT,
         place=entry.name.span,
-        transform=entry.transform,
+        made=entry.made,
     )
     return signal, vocabulary
 
@@ -176,7 +176,7 @@ def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
     layout = find_layout(name, entry.type, find_message)
     if entry.field is not None:
         _refuse_mathematics(entry.name.value, entry.field)
-    field = _transform_field(layout, entry) if entry.transform else \
+    field = _transform_field(layout, entry) if entry.made else \
         resolve_field(layout, entry.field, entry.type)
     check_reachable(layout, field, entry.type.span)
     return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout, field

@@ -37,7 +37,6 @@ from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource, Policy, Stale, Stamp
-from fret_monitor.model.transforms import ONLY_RECORDED
 from fret_monitor.model.values import ValueType
 
 MONITORS = 'monitors'
@@ -120,8 +119,9 @@ def check(generated: GeneratedMonitor, options: Options, messages: str,
             problems.error(
                 f"'{signal.name}' is a string, which {messages} do not have", signal.place,
                 help='send a number: give its `values` numbers, and a type such as uint8')
-        if signal.transform:
-            problems.error(f"'{signal.name}' is a transform", signal.place, help=ONLY_RECORDED)
+        if signal.made:
+            problems.error(f"'{signal.name}' is a {signal.made.kind.value}", signal.place,
+                           help=f'{messages} have none: name a topic')
         if specification.stamp is Stamp.HEADER and signal.topic is not None:
             problems.error(
                 f"'{signal.name}' has no header in {messages}", signal.place,

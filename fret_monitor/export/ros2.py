@@ -30,7 +30,6 @@ from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import HANDLER_TOPIC
-from fret_monitor.model.transforms import ONLY_RECORDED
 from fret_monitor.native.cache import csrc_directory, CSRC_ROOMS
 
 NODE_NAME = 'fret_monitor'
@@ -90,14 +89,10 @@ def hand_written_sources() -> list[str]:
 
 
 def refuse_inputs_off_ros(generated: GeneratedMonitor) -> None:
-    """Refuse inputs that a requirement reads without a topic, and transforms: `CompileError`."""
+    """Refuse inputs that a requirement reads without a topic: `CompileError`."""
     manifest = generated.manifest
     read = {index for group in manifest.groups for index in group.inputs}
     problems = []
-    for signal in generated.specification.signals:
-        if signal.transform:
-            problems.append(Diagnostic(f"'{signal.name}' is a transform", signal.place,
-                                       help=ONLY_RECORDED))
     for index in sorted(read):
         item, signal = manifest.inputs[index], generated.specification.signals[index]
         if item.topic is None or item.message_type is None:
@@ -110,7 +105,7 @@ def refuse_inputs_off_ros(generated: GeneratedMonitor) -> None:
 
 
 def _topics(manifest: Manifest) -> str:
-    names = ', '.join(f'`{item.name}` (`{item.message_type}`)' for item in manifest.topics)
+    names = ', '.join(f'`{item.name}` (`{item.message_type}`)' for item in manifest.received)
     return f'It subscribes to {names}.' if names else 'It subscribes to no topic.'
 
 

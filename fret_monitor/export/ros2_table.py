@@ -26,6 +26,7 @@ from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.messages.installed import definition_or_none
+from fret_monitor.model.made import MadeKind
 from fret_monitor.model.manifest import (
     followed, Manifest, ManifestAction, ManifestInput, ManifestRequirement, ManifestTopic,
 )
@@ -33,6 +34,7 @@ from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.policies import (
     ActionKind, fixed_qos, Policy, Report, Severity, Stale, Stamp,
 )
+from fret_monitor.model.transforms import TOPICS
 
 
 _END_TYPE = 'std_msgs/msg/Header'  # of the message at the end of a file of the black box
@@ -50,7 +52,7 @@ def node_table(generated: GeneratedMonitor, node_name: str, origin: str = '') ->
 
 def packages_of(manifest: Manifest) -> list[str]:
     """Return the ROS packages whose messages and services topics and actions have."""
-    types = [*(item.message_type for item in manifest.topics),
+    types = [*(item.message_type for item in manifest.received),
              *(item.interface for item in manifest.actions if item.interface)]
     return sorted({item.partition('/')[0] for item in types})
 
@@ -67,7 +69,7 @@ def _lines(generated: GeneratedMonitor, node_name: str, origin: str) -> Iterator
     yield ''
     acting = {kind: {item.interface for item in manifest.actions if item.kind is kind}
               for kind in ActionKind}
-    for name in sorted({*(topic.message_type for topic in manifest.topics),
+    for name in sorted({*(topic.message_type for topic in manifest.received),
                         *acting[ActionKind.PUBLISH]}):
         yield f'FM_DECLARE_TYPE_SUPPORT({_arguments(name)});'
     for name in sorted(acting[ActionKind.CALL]):
@@ -119,7 +121,8 @@ def _topics(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_topic', 'topic_inputs', (
         f'{{fed_{index}, {len(item.inputs)}u}}' for index, item in enumerate(manifest.topics)))
     yield from _array('struct fm_report_topic', 'named_topics', (
-        f'{{{_text(item.name)}, {_text(item.message_type)}}}' for item in manifest.topics))
+        f'{{{_text(item.name)}, {_text(item.message_type)}, {_kind(item)}}}'
+        for item in manifest.topics))
     types = sorted({item.message_type for item in manifest.topics} - {_END_TYPE})
     names = {_END_TYPE: 'end_definition',
              **{kind: f'definition_{number}' for number, kind in enumerate(types)}}
@@ -127,6 +130,13 @@ def _topics(manifest: Manifest) -> Iterator[str]:
         yield from _array('char * const', name, _pieces(definition_or_none(kind)))
     yield from _array('struct fm_node_topic', 'topics', (
         _topic(item, names[item.message_type]) for item in manifest.topics))
+    yield from _array('struct fm_transform_topic', 'transforms', (
+        f'{{{", ".join(map(_text, frames))}, {index}u}}'
+        for index, frames in manifest.made_of(MadeKind.TRANSFORM).items()))
+
+
+def _kind(item: ManifestTopic) -> str:
+    return f'FM_{item.made.kind.name}' if item.made else 'FM_TOPIC'
 
 
 def _pieces(definition: str) -> list[str]:
@@ -138,7 +148,7 @@ def _topic(item: ManifestTopic, definition: str) -> str:
     *choices, depth = fixed_qos(dict(item.qos))
     return ', '.join((
         f'{{{_text(item.name)}', _text(item.message_type),
-        f'FM_TYPE_SUPPORT({_arguments(item.message_type)})',
+        'NULL' if item.made else f'FM_TYPE_SUPPORT({_arguments(item.message_type)})',
         f'{{{", ".join(choices)}, {depth}u}}', f'{definition}}}'))
 
 
@@ -218,6 +228,8 @@ def _action_type(item: ManifestAction) -> str:
 
 def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> Iterator[str]:
     is_timed = manifest.policy is Policy.TIMED
+    transforms = manifest.made_of(MadeKind.TRANSFORM)
+    names = [topic.name for topic in manifest.topics]
     period = manifest.period if manifest.policy is Policy.PERIODIC else None
     report = {
         'bundle': _text(manifest.name),
@@ -244,6 +256,10 @@ def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> 
         'judged_by_gates': _text(judged_by_gates(manifest.kept, FOLDER_OF_EACH)),
         'monitor': manifest.symbol,
         'readers': manifest.readers or 'NULL',
+        'transforms': 'transforms',
+        'n_transforms': f'{len(transforms)}u',
+        **{field: f'{names.index(topic) if transforms else 0}u'
+           for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (
             'topics', 'end_definition', 'action_types', 'handlers', 'reports', 'sources',
             'timeouts', 'violates', 'startups')},

@@ -24,7 +24,6 @@ from collections.abc import Iterator
 from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
-from fret_monitor.model.transforms import ONLY_RECORDED
 
 
 def doubtful_topics(bundle: Bundle, specification: Specification) -> Iterator[Diagnostic]:
@@ -55,10 +54,6 @@ def _missing_topics(bundle: Bundle, specification: Specification) -> Iterator[Di
         return  # a bundle that is not for ROS
     read = {name for item in specification.properties for name in item.inputs}
     names = {entry.name.value: entry.name for entry in bundle.inputs}
-    first = next((signal.name for signal in specification.signals if signal.transform), None)
-    if first:
-        yield Diagnostic(f"'{first}' is a transform", names[first].span,
-                         'a monitor on ROS 2 refuses this bundle', ONLY_RECORDED, Level.WARNING)
     for signal in specification.signals:
         if signal.topic is None and signal.name in read:
             yield Diagnostic(

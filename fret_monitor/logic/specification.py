@@ -27,6 +27,7 @@ from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
+from fret_monitor.model.made import Made
 from fret_monitor.model.manifest import ManifestAction, ManifestGate
 from fret_monitor.model.paths import FieldPath
 from fret_monitor.model.policies import (
@@ -46,7 +47,7 @@ class Signal:
     `reduction` is as in `ManifestInput`. `max_rate` is the greatest number of messages a second.
     `layout` is that of the message; None if the specification was not made from a bundle, and
     messages cannot be decoded. `place` is that of the name in the bundle. `role` says who sets it.
-    `transform` are the frames of a transform, from and to; `topic` is then the name of the two.
+    `made` is what the monitor makes the messages of; `topic` is then its name.
     """
 
     name: str
@@ -66,7 +67,7 @@ class Signal:
     source: InputSource = InputSource.FIELD
     role: InputRole = field(default=InputRole.INPUT, repr=False)
     place: Span | None = field(default=None, repr=False, compare=False)
-    transform: tuple[str, str] | None = field(default=None, repr=False)
+    made: Made | None = field(default=None, repr=False)
 
     @property
     def is_string(self) -> bool:

@@ -28,6 +28,7 @@ import math
 import re
 from typing import NoReturn, TypeVar
 
+from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
 from fret_monitor.model.policies import (
@@ -35,7 +36,7 @@ from fret_monitor.model.policies import (
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 7
+FORMAT = 8
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -116,25 +117,17 @@ class ManifestInput:
 
 @dataclass(frozen=True)
 class ManifestTopic:
-    """A mapped topic: its type, the indices of its inputs, and the bundle's `qos` for it."""
+    """
+    A mapped topic: its type, the indices of its inputs, and the bundle's `qos` for it.
+
+    `made` is what the monitor makes its messages of; None: they are received.
+    """
 
     name: str
     message_type: str
     inputs: tuple[int, ...]
     qos: tuple[tuple[str, str | int], ...]
-
-
-@dataclass(frozen=True)
-class ManifestTransform:
-    """
-    A transform between two frames: the pose of `target` in `source`.
-
-    `topic` is the index of the topic whose messages the engine makes of it.
-    """
-
-    source: str
-    target: str
-    topic: int
+    made: Made | None = None
 
 
 @dataclass(frozen=True)
@@ -307,20 +300,29 @@ class Manifest:
     actions: tuple[ManifestAction, ...] = ()
     gate: ManifestGate | None = None
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    transforms: tuple[ManifestTransform, ...] = ()
 
     @property
     def made(self) -> frozenset[int]:
-        """The indices of the topics whose messages the engine makes: those of transforms."""
-        return frozenset(item.topic for item in self.transforms)
+        """The indices of the topics whose messages the monitor makes."""
+        return frozenset(index for index, topic in enumerate(self.topics) if topic.made)
+
+    @property
+    def received(self) -> tuple[ManifestTopic, ...]:
+        """The topics of ROS, whose messages are received."""
+        return tuple(topic for topic in self.topics if not topic.made)
+
+    def made_of(self, kind: MadeKind) -> dict[int, tuple[str, ...]]:
+        """Return the topics whose messages are made of a kind of thing, with its names."""
+        return {index: topic.made.names for index, topic in enumerate(self.topics)
+                if topic.made and topic.made.kind is kind}
 
     @property
     def subscribed(self) -> tuple[ManifestTopic, ...]:
-        """What a node subscribes to: `topics`, then the source of a gate if no input reads it."""
+        """What a node subscribes to: `received`, then the source of a gate that no input reads."""
         gate = self.gate
         if gate is None or gate.is_service or gate.topic is not None:
-            return self.topics
-        return (*self.topics, ManifestTopic(gate.source, gate.interface, (), ()))
+            return self.received
+        return (*self.received, ManifestTopic(gate.source, gate.interface, (), ()))
 
     def to_json(self) -> str:
         """Return the JSON text; equal manifests give equal texts."""
@@ -547,10 +549,6 @@ def _manifest(content: _Value) -> Manifest:
         gate=None if content['gate'].found is None else _gate(content['gate'], len(topics)),
         kept=tuple((name.text(), tuple(item.text() for item in ids.items()))
                    for name, ids in content['kept'].pairs()),
-        transforms=tuple(
-            ManifestTransform(item['source'].text(), item['target'].text(),
-                              item['topic'].index(len(topics)))
-            for item in content['transforms'].items()),
     )
 
 
@@ -579,7 +577,13 @@ def _topic(item: _Value, inputs: int) -> ManifestTopic:
         message_type=item['message_type'].text(),
         inputs=item['inputs'].indices(inputs),
         qos=tuple((key.text(), value.text_or_whole()) for key, value in item['qos'].pairs()),
+        made=None if item['made'].found is None else _made(item['made']),
     )
+
+
+def _made(item: _Value) -> Made:
+    return Made(item['kind'].choice(MadeKind),
+                tuple(name.text() for name in item['names'].items()))
 
 
 def _group(item: _Value, inputs: int, requirements: int) -> ManifestGroup:

@@ -22,8 +22,11 @@ engine of what comes on `TOPICS`.
 STAMPED = 'geometry_msgs/msg/TransformStamped'
 LINKS = 'tf2_msgs/msg/TFMessage'
 TOPICS = ('/tf', '/tf_static')
-
-ONLY_RECORDED = 'so far only `bag` and `simulate` read transforms'
+QOS: dict[str, tuple[tuple[str, str | int], ...]] = {
+    '/tf': (),
+    '/tf_static': (('reliability', 'reliable'), ('durability', 'transient_local')),
+}
+"""What is fixed of the quality of service of these topics, as in tf2."""
 
 DEFINITIONS = {LINKS: 'geometry_msgs/TransformStamped[] transforms\n'}
 """Definitions that are used where the package of a type is not installed."""

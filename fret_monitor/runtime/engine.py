@@ -20,12 +20,13 @@ interpreter lock while it holds the mutex. Independent of ROS.
 """
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from typing import Any
 
+from fret_monitor.model.made import MadeKind
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.transforms import TOPICS
@@ -89,20 +90,6 @@ class OrderCounts:
     most_ahead: int = 0
 
 
-@dataclass(frozen=True)
-class LinkCounts:
-    """
-    Links between frames that were left out.
-
-    `loops` would have closed one; `unusable` had no usable transform, or a frame too many; `old`
-    came more than 10 s after a newer one.
-    """
-
-    loops: int
-    unusable: int
-    old: int
-
-
 class Engine:
     """
     Evaluates messages, takes what is due, and queues violations and their details.
@@ -146,41 +133,21 @@ class Engine:
         # Holds the library too: a reference to its function would not keep it open.
         self.pointer: Any = ffi.gc(pointer, partial(_destroy, self._library))
         self._frames: list[Any] = []
-        if manifest.transforms:
-            self._follow_transforms(manifest)
+        if transforms := manifest.made_of(MadeKind.TRANSFORM):
+            self._follow_transforms(manifest, transforms)
         self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
         self._detail = ffi.new('char[]', self._library.fm_detail_bytes(self._monitor.pointer))
 
-    def _follow_transforms(self, manifest: Manifest) -> None:
-        self._frames = [(ffi.new('char[]', item.source.encode()),
-                         ffi.new('char[]', item.target.encode()), item.topic)
-                        for item in manifest.transforms]
+    def _follow_transforms(self, manifest: Manifest,
+                           transforms: Mapping[int, tuple[str, ...]]) -> None:
+        self._frames = [(*(ffi.new('char[]', name.encode()) for name in names), topic)
+                        for topic, names in transforms.items()]
         names = [topic.name for topic in manifest.topics]
         if not self._library.fm_engine_follow_transforms(
                 self.pointer, ffi.new('struct fm_transform_topic[]', self._frames),
                 len(self._frames), *map(names.index, TOPICS)):
             raise LibraryError('there is no memory for the transforms of its manifest')
-
-    def missing_link(self, transform: int) -> tuple[str, str] | None:
-        """
-        Return the frames between which a link is missing; None if there is a transform.
-
-        `transform` is an index in the manifest's transforms. If both are one frame, its samples do
-        not reach the latest common time of the chain.
-        """
-        names = [ffi.new('char[]', ffi.integer_const('FM_MOST_FRAME_BYTES') + 1) for _ in range(2)]
-        if not self._library.fm_engine_missing_link(self.pointer, transform, *names):
-            return None
-        first, second = (bytes(ffi.buffer(name)).partition(b'\0')[0].decode(errors='replace')
-                         for name in names)
-        return first, second
-
-    @property
-    def links_left_out(self) -> LinkCounts:
-        """Links between frames that were not taken."""
-        found = self._library.fm_engine_left_out(self.pointer)
-        return LinkCounts(found.loops, found.unusable, found.old)
 
     @property
     def library(self) -> Any:

@@ -25,7 +25,9 @@ from enum import IntEnum
 from time import monotonic_ns
 from typing import Any
 
-from fret_monitor.model.manifest import followed, Manifest, ManifestAction, ManifestInput
+from fret_monitor.model.manifest import (
+    followed, Manifest, ManifestAction, ManifestInput, ManifestTopic,
+)
 from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
@@ -97,7 +99,8 @@ class ReportTable:
             'inputs': self._array('struct fm_report_input[]', [
                 self._input(item) for item in inputs]),
             'topics': self._array('struct fm_report_topic[]', [
-                (self._text(item.name), self._text(item.message_type)) for item in topics]),
+                (self._text(item.name), self._text(item.message_type), _kind(item))
+                for item in topics]),
             'topic_inputs': self._array('struct fm_topic[]', [
                 (self._array('uint32_t[]', item.inputs), len(item.inputs)) for item in topics]),
             'requirements': self._array('struct fm_report_requirement[]', [{
@@ -204,6 +207,12 @@ class Reporter:
         self.pointer: Any = ffi.new('struct fm_reporter *', {
             'table': table.pointer, 'monitor': engine.monitor.pointer, 'engine': engine.pointer,
             'node': self._texts[0], 'topics': self._topics})
+
+    def transform_lines(self) -> list[LogLine]:
+        """Return what to say at the end of a recording of transforms, and links left out."""
+        found = Lines(self.library)
+        self.library.fm_add_transforms_at_end(found.pointer, self.pointer)
+        return found.take()
 
     def detail(self, detail: Any) -> StatusRecord:
         """Return the text of a detail (`Engine.take_detail`), as `copilot/violations` has it."""
@@ -531,6 +540,10 @@ def _union(kind: ValueType, value: float) -> dict[str, Any]:
     if kind.is_float:
         return {'f': float(value)}
     return {'i' if kind.is_signed or kind is ValueType.BOOL else 'u': int(value)}
+
+
+def _kind(topic: ManifestTopic) -> int:
+    return int(ffi.integer_const(f'FM_{topic.made.kind.name}' if topic.made else 'FM_TOPIC'))
 
 
 def _nanoseconds(seconds: float | None) -> int:

@@ -45,8 +45,8 @@ def obstacle(specification: Specification) -> str:
     """Return why the inputs of a bundle cannot be published one by one; '' if they can."""
     known: list[Signal] = []
     for signal in specification.signals:
-        if signal.transform:
-            return f"'{signal.name}' is a transform"
+        if signal.made:
+            return f"'{signal.name}' is a {signal.made.kind.value}"
         if signal.topic is None:
             return f"'{signal.name}' has no topic"
         if signal.source is not InputSource.FIELD or signal.reduction not in _SETTABLE or not all(

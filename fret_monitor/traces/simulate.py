@@ -105,7 +105,7 @@ def for_trace(monitor: Monitor) -> Monitor:
     manifest = monitor.manifest
     inputs = tuple(replace(item, timeout=None) for item in manifest.inputs)
     return replace(monitor, manifest=replace(
-        manifest, inputs=inputs, topics=(), transforms=(), period=None, stamp=Stamp.RECEIVED,
+        manifest, inputs=inputs, topics=(), period=None, stamp=Stamp.RECEIVED,
         reorder=0))
 
 

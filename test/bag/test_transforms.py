@@ -179,7 +179,7 @@ def test_a_chain_that_is_never_whole_is_an_error_with_its_missing_link(
     file, path = bundle(tmp_path), write(tmp_path / 'bag', records)
     result = checked(file, path)
     assert result.errors == (
-        'there is no transform from map to lidar at the end: no link between map and odom',)
+        'there is no transform map -> lidar at the end: no link between map and odom',)
     assert [item.verdict for item in result.findings] == [None] * 4
     assert main(['bag', str(file), str(path)]) != 0
     assert 'no link between map and odom' in capsys.readouterr().err
@@ -211,8 +211,8 @@ def test_links_that_are_left_out_are_a_warning(tmp_path: Path) -> None:
         LinkOf(START, 'lidar', 'map', HERE[:3], HERE), LinkOf(START, '', 'a', HERE[:3], HERE)])]
     result = checked(bundle(tmp_path), write(tmp_path / 'bag', records))
     assert result.errors == ()
-    assert result.warnings == ('1 link of /tf left out: they would close a loop',
-                               '1 link of /tf left out: they have no usable transform')
+    assert result.warnings == ('links of /tf left out: 1 would close a loop',
+                               'links of /tf left out: 1 cannot be used as transforms')
 
 
 def test_an_input_on_tf_itself_is_read_too(tmp_path: Path) -> None:

@@ -18,7 +18,8 @@ from pathlib import Path
 
 from fret_monitor.build import generate_monitor, read
 from fret_monitor.model.diagnostics import CompileError
-from fret_monitor.model.manifest import Manifest, ManifestTransform
+from fret_monitor.model.made import MadeKind
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 import pytest
@@ -54,7 +55,7 @@ def test_a_field_is_one_of_the_transform_or_of_its_stamp(
     assert [(topic.name, topic.message_type, topic.inputs) for topic in manifest.topics] == [
         ('map -> base', 'geometry_msgs/msg/TransformStamped', (0,)),
         ('/tf', 'tf2_msgs/msg/TFMessage', ()), ('/tf_static', 'tf2_msgs/msg/TFMessage', ())]
-    assert manifest.transforms == (ManifestTransform('map', 'base', 0),)
+    assert manifest.made_of(MadeKind.TRANSFORM) == {0: ('map', 'base')}
     assert Manifest.from_json(manifest.to_json()) == manifest
 
 
@@ -79,9 +80,3 @@ def test_stamps_of_headers_are_refused(tmp_path: Path) -> None:
                     'evaluation: {policy: timed, stamp: header}'))
     assert ":3:3: error: 'x' is a transform, which does not go with stamp: header" in str(
         refused.value)
-
-
-def test_that_a_node_refuses_it_is_a_warning(tmp_path: Path) -> None:
-    found = read(bundle(tmp_path, 'field: translation.x')).warnings
-    assert [(item.title, item.help) for item in found] == [
-        ("'x' is a transform", 'so far only `bag` and `simulate` read transforms')]

@@ -98,14 +98,6 @@ requirements:
     with pytest.raises(CompileError) as refused:
         ros2(monitor, Options())
     assert "node.yaml:4:3: error: 'x' has no ROS 2 topic to read" in str(refused.value)
-    with pytest.raises(CompileError, match=r"4:3: error: 'x' is a transform\n(.*\n)*.*only `bag`"):
-        ros2(generated(tmp_path, """
-format: 1
-inputs:
-  x: {transform: {from: map, to: base}, field: translation.x}
-requirements:
-  - {id: R, ptltl: "x < 1.0"}
-"""), Options())
     with pytest.raises(CompileError, match='without arguments'):
         ros2(monitor, Options(handler_arguments=HandlerArguments.VALUES))
 

@@ -19,9 +19,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.manifest import (
     Manifest, ManifestAction, ManifestError, ManifestGate, ManifestGroup, ManifestInput,
-    ManifestRequirement, ManifestTopic, ManifestTransform,
+    ManifestRequirement, ManifestTopic,
 )
 from fret_monitor.model.paths import LookUp, Sector, Slice
 from fret_monitor.model.policies import (
@@ -44,7 +45,8 @@ MANIFEST = Manifest(
             ManifestInput('heard', ValueType.BOOL, '/on', 'std_msgs/msg/Bool', (), (), None,
                           source=InputSource.RECEIVED)),
     topics=(ManifestTopic('/on', 'std_msgs/msg/Bool', (0, 3), ()),
-            ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')))),
+            ManifestTopic('/m', 'm/msg/M', (1,), (('depth', 5), ('reliability', 'reliable')),
+                          Made(MadeKind.TRANSFORM, ('map', 'base_link')))),
     groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
     requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
                                       Severity.WARN, 0, (0, 2), (1,), (0,)),),
@@ -58,8 +60,7 @@ MANIFEST = Manifest(
     gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
                       substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
                       open_after=2 * 10 ** 9, timeout=10 ** 9),
-    kept=(('other', ('R-2',)),),
-    transforms=(ManifestTransform('map', 'base_link', 1),))
+    kept=(('other', ('R-2',)),))
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -82,6 +83,7 @@ ALLOWED: dict[str, list[Any]] = {
     'inputs[1].values[0][1]': [-1, HUGE],
     'inputs[1].values[1][1]': [-1, HUGE],
     'inputs[2].values[0][1]': [-1, HUGE],
+    **{f'topics[{index}].made': [None] for index in (0, 1)},
     'topics[1].qos[0][1]': [-1, HUGE],
     'topics[1].qos[1][1]': [-1, HUGE],
     'inputs[0].path[0]': [HUGE],
@@ -100,7 +102,7 @@ ALLOWED: dict[str, list[Any]] = {
     **{f'actions[{index}].retries': [HUGE] for index in (0, 1)},
 }
 EMPTY = ('path', 'values', 'qos', 'sources', 'constants', 'on_violation', 'on_end',
-         'kept', 'kept[0][1]', 'transforms')  # lists that may be empty
+         'kept', 'kept[0][1]', 'names')  # lists that may be empty
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
@@ -136,7 +138,7 @@ def is_allowed(key: str, value: object) -> bool:
     if value == []:
         return key.endswith(EMPTY) or key in EMPTY_INDICES and key != 'requirements'
     if value is None:
-        return key.endswith(OPTIONAL) and not key.startswith(('topics', 'transforms')) \
+        return key.endswith(OPTIONAL) and not key.startswith('topics') \
             or None in ALLOWED.get(key, [])
     return any(type(item) is type(value) and repr(item)[:9] == repr(value)[:9]
                for item in ALLOWED.get(key, []) if isinstance(item, float)) \
@@ -171,7 +173,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 7: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 8: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),

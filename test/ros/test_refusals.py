@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+import sys
 
 import fret_monitor
 from fret_monitor import build
@@ -215,7 +216,9 @@ requirements:
         '    w:', '      topic: w', '      type: std_msgs/msg/Float64']
 
 
-def test_transforms_are_refused(context: Context, tmp_path: Path) -> None:
+def test_transforms_need_the_package_of_their_messages(
+        context: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
     bundle = write(tmp_path, """
 format: 1
 inputs:
@@ -225,7 +228,8 @@ requirements:
   - {id: R1, ptltl: x < 5.0 & old < 1.0}
 """)
     assert refusal(context, spec=str(bundle)) == (
-        'error: transforms (x, old): so far only `bag` and `simulate` read transforms')
+        "error: message type tf2_msgs/msg/TFMessage of the package 'tf2_msgs' is not installed "
+        'here: source the workspace that has it')
 
 
 def test_topics_remapped_to_one_name_are_refused(context: Context, tmp_path: Path) -> None:

@@ -60,8 +60,9 @@ class BlackBox:
         self._pointer: Any = ffi.gc(place[0], library.fm_blackbox_writer_destroy)
 
     def _options(self, node: Node, manifest: Manifest, settings: BlackBoxSettings) -> Any:
-        topics = [*((item.name, item.message_type) for item in manifest.topics),
-                  (_END_TOPIC, _END_TYPE)]
+        topics = [*((item.name if item.made else node.resolve_topic_name(item.name),
+                     item.message_type) for item in manifest.topics),
+                  (node.resolve_topic_name(_END_TOPIC), _END_TYPE)]
         return self._keep('struct fm_blackbox_options *', {
             'folder': self._text(str(settings.folder)), 'lasts': int(settings.seconds * 1e9),
             'memory': settings.memory_bytes, 'disk': settings.disk_bytes,
@@ -69,8 +70,8 @@ class BlackBox:
             'node': self._text(node.get_fully_qualified_name()),
             'bundle': self._text(manifest.name), 'n_topics': len(manifest.topics),
             'topics': self._keep('struct fm_blackbox_topic[]', [
-                (self._text(node.resolve_topic_name(name)), self._text(kind),
-                 self._definition(kind)) for name, kind in topics]),
+                (self._text(name), self._text(kind), self._definition(kind))
+                for name, kind in topics]),
             'requirements': self._keep('struct fm_blackbox_requirement[]', [
                 self._requirement(item) for item in manifest.requirements])})
 

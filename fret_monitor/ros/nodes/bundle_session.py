@@ -250,8 +250,10 @@ class BundleSession:
         gate = self._open_gate(engine, middleware)
         feed = Feed(self._node)
         self._running.callback(feed.close)
-        for index, topic in enumerate(self.manifest.subscribed):
-            if index < len(self.manifest.topics) and (gate is None or not gate.takes(index)):
+        indices = {topic.name: index for index, topic in enumerate(self.manifest.topics)}
+        for topic in self.manifest.subscribed:
+            index = indices.get(topic.name)
+            if index is not None and (gate is None or not gate.takes(index)):
                 self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
             elif gate is not None and gate.topic is not None:
                 self._subscribe(feed, topic, gate.topic)
@@ -291,7 +293,8 @@ class BundleSession:
     def _new_reporter(self, engine: Engine) -> Reporter:
         return Reporter(
             engine, self._table, self._node.get_fully_qualified_name(),
-            [self._node.resolve_topic_name(item.name) for item in self.manifest.topics])
+            [item.name if item.made else self._node.resolve_topic_name(item.name)
+             for item in self.manifest.topics])
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
         """Return the class for reading in place, or `message_class` if messages must be copied."""
@@ -309,9 +312,12 @@ class BundleSession:
         if self._feed is None:
             return ()
         found = self._feed.publishers()
+        others = dict.fromkeys(self.manifest.made, TopicFacts())
         gate = self.manifest.gate
         if gate is not None and gate.is_service and gate.topic is not None:
-            found.insert(gate.topic, TopicFacts(1))  # requests come from this node
+            others[gate.topic] = TopicFacts(1)  # requests come from this node
+        for index, facts in sorted(others.items(), key=lambda item: item[0]):
+            found.insert(index, facts)
         return found[:len(self.manifest.topics)]
 
     def report(self) -> None:
@@ -366,7 +372,8 @@ def _message_classes(manifest: Manifest) -> dict[str, Any]:
     classes: dict[str, Any] = {}
     problems: list[str] = []
     gated = {manifest.gate.interface} if manifest.gate is not None else set()
-    for message_type in sorted({topic.message_type for topic in manifest.topics} | gated):
+    received = {topic.message_type for topic in manifest.received}
+    for message_type in sorted(received | gated):
         try:
             classes[message_type] = message_class(message_type)
         except MessageTypeError as error:

@@ -78,7 +78,7 @@ def _uses(node: Node, manifest: Manifest) -> Iterator[tuple[str, str, str, bool]
         return (('service', node.resolve_service_name(name)) if is_service else
                 ('topic', node.resolve_topic_name(name))) + (interface, False)
 
-    for topic in manifest.topics:
+    for topic in manifest.received:
         yield 'topic', node.resolve_topic_name(topic.name), topic.message_type, True
     if (gate := manifest.gate) is not None:
         for name in (gate.source, gate.target):

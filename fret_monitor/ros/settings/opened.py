@@ -33,7 +33,6 @@ from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.names import exact, fret_name
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates, NodePart, UNGATED
 from fret_monitor.model.policies import Policy
-from fret_monitor.model.transforms import ONLY_RECORDED
 from fret_monitor.native import evaluator_library, load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.settings.parameters import Origin, Refusal, Settings
@@ -143,7 +142,6 @@ def load_reporting(settings: Settings) -> Any:
 
 def _refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> None:
     _refuse_unknown_constants(settings, manifests)
-    _refuse_transforms(manifests)
     _refuse_shared_handlers(settings.origins, manifests)
 
 
@@ -187,13 +185,6 @@ def _refuse_slips(origin: Origin) -> None:
         listed = ', '.join(part.strip() for part in parts)
         raise Refusal(f"there is no file '{spec}'; for several bundles: -p spec:=\"[{listed}]\"")
     refuse_missing(spec)
-
-
-def _refuse_transforms(manifests: Sequence[Manifest]) -> None:
-    names = [manifest.inputs[place].name for manifest in manifests
-             for item in manifest.transforms for place in manifest.topics[item.topic].inputs]
-    if names:
-        raise Refusal(f'transforms ({", ".join(names)}): {ONLY_RECORDED}')
 
 
 def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:

@@ -64,7 +64,7 @@ class _Topic(NamedTuple):
 
 
 def _topics(manifest: Manifest) -> Iterator[_Topic]:
-    for topic in manifest.topics:
+    for topic in manifest.received:
         yield _Topic(topic.name, topic.message_type, _MONITORED)
     for item in manifest.requirements:
         yield _Topic(item.topic, 'std_msgs/msg/Empty', _ANNOUNCED)
