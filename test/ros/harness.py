@@ -138,7 +138,7 @@ def started(name: str, *arguments: str, environment: dict[str, str] | None = Non
     node = NodeProcess(name, *arguments, environment=environment, folder=folder,
                        is_anew=is_anew)
     try:
-        node.wait_for(READY[name])
+        node.wait_for(READY[name], 4 * PATIENCE)  # it may have to compile
         yield node
         if node.process.poll() is None:
             assert node.end() == 0, node.output
