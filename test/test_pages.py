@@ -42,7 +42,7 @@ from fret_monitor.cli.main import _VERBS as VERBS
 from fret_monitor.elaboration.durations import MAX_BOUND
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.logic.specification import Specification
-from fret_monitor.native import cache, compiler
+from fret_monitor.native import cache, compiler, words as node_words
 from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
@@ -366,7 +366,8 @@ def literals(argument: str) -> list[str]:
 
 def texts_of_c(path: Path) -> set[str]:
     """Return the texts that a file of C logs, or says in /diagnostics."""
-    source = re.sub(r'//[^\n]*', '', path.read_text(encoding='utf-8'))
+    source = re.sub(r'FM_WORDS_(\w+)', lambda found: f'"{getattr(node_words, found[1])}"',
+                    re.sub(r'//[^\n]*', '', path.read_text(encoding='utf-8')))
     worded = WORDED | ({'fm_text_add': (1,)} if path.name in REASONS else {})
     found: set[str] = set()
     for call in re.finditer(r'\b(\w+)\(', source):
@@ -394,6 +395,10 @@ def text_of_node(node: ast.expr) -> str:
             return text
         case ast.JoinedStr(values=values):
             return ''.join(map(text_of_node, values))
+        case ast.Attribute(value=ast.Name(id='words'), attr=name):
+            return str(getattr(node_words, name))
+        case ast.BinOp(left=left, op=ast.Mod()):
+            return re.sub(r'%[.\d]*[a-z]', '…', text_of_node(left))
         case ast.BinOp(left=left, op=ast.Add(), right=right):
             return text_of_node(left) + text_of_node(right)
         case ast.IfExp(body=body):

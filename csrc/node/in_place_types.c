@@ -15,27 +15,16 @@
 
 /// in_place_types.c: see in_place_types.h for the contract.
 
-#define _POSIX_C_SOURCE 200809L
-
 #include "in_place_types.h"
 
-#include <dlfcn.h>
 #include <rmw/rmw.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "in_place.h"
 #include "in_place_versions.h"
 #include "rmw_functions.h"
 
-#define FAST_DDS "rmw_fastrtps_cpp"
-#define FAST_CDR "libfastcdr.so.2"
-// FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion) of Fast CDR
-#define MAKE_BUFFER "_ZN8eprosima7fastcdr10FastBufferC1EPcm"
-#define MAKE_CDR "_ZN8eprosima7fastcdr3CdrC1ERNS0_10FastBufferENS1_10EndiannessENS0_10CdrVersionE"
-
-enum { MAPS_BYTES = 1 << 20, WHY_BYTES = 256 };
+enum { WHY_BYTES = 256 };
 
 struct type
 {
@@ -51,51 +40,13 @@ static struct
   bool has_begun;
 } process;
 
-static bool are_versions_known(void)
-{
-  char * maps = calloc(1, MAPS_BYTES + 1);
-  FILE * file = maps == NULL ? NULL : fopen("/proc/self/maps", "r");
-  const size_t n = file == NULL ? 0 : fread(maps, 1, MAPS_BYTES, file);
-  if (file != NULL) {
-    (void)fclose(file);
-  }
-  const bool is_known = n > 0 && fm_in_place_is_known(maps, process.why, WHY_BYTES);
-  free(maps);
-  return is_known;
-}
-
-// A function of a library. POSIX lets a pointer to an object be copied to one to a function.
-static bool find(void * library, const char * name, void * function)
-{
-  void * found = library == NULL ? NULL : dlsym(library, name);
-  memcpy(function, &found, sizeof(found));
-  return found != NULL;
-}
-
-static bool find_members(void)
-{
-  void (* make_buffer)(void *, char *, size_t);
-  void (* make_cdr)(void *, void *, int, int);
-  void * library = dlopen(FAST_CDR, RTLD_LAZY);  // it is loaded; never closed
-  (void)snprintf(process.why, WHY_BYTES, "objects of Fast CDR are not as expected");
-  return find(library, MAKE_BUFFER, (void *)&make_buffer) &&
-         find(library, MAKE_CDR, (void *)&make_cdr) &&
-         fm_in_place_find(make_buffer, make_cdr, &process.middleware.in_place);
-}
-
 static void begin(void)
 {
-  if (process.has_begun) {
-    return;
-  }
-  process.has_begun = true;
-  process.middleware = fm_rmw_functions;
-  (void)snprintf(process.why, WHY_BYTES, "%s is not " FAST_DDS,
-    rmw_get_implementation_identifier());
-  if (strcmp(rmw_get_implementation_identifier(), FAST_DDS) == 0 && are_versions_known() &&
-    find_members())
-  {
-    process.why[0] = '\0';
+  if (!process.has_begun) {
+    process.has_begun = true;
+    process.middleware = fm_rmw_functions;
+    (void)fm_in_place_prepare(
+      rmw_get_implementation_identifier(), &process.middleware.in_place, process.why, WHY_BYTES);
   }
 }
 

@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "in_place_types.h"
+#include "words.h"
 
 char * fm_resolved_name(const struct fm_node * node, const char * name)
 {
@@ -120,8 +121,7 @@ bool fm_topic_open(
   topic->name = name;
   topic->in_place = fm_in_place_type_of(about->support());
   if (topic->in_place == NULL && fm_why_copied()[0] == '\0') {
-    fm_log(node, FM_INFO, "messages on %s are copied before they are read: %s has no type support "
-      "for Fast DDS", name, about->type);
+    fm_log(node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, about->type);
   }
   struct fm_text problem = {NULL, 0, 0};
   topic->state = fm_subscription_create(topic->name, about->type, fixed);

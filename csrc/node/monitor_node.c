@@ -29,6 +29,7 @@
 #include "endpoints.h"
 #include "in_place_types.h"
 #include "start_lines.h"
+#include "words.h"
 
 #define WAIT_NS (FM_SECOND / 5)  // a longer wait would outlast a signal
 #define REPORT_PERIOD_NS FM_SECOND
@@ -83,12 +84,11 @@ static void log_taking(struct fm_monitor_node * monitor, const char * middleware
   }
   monitor->has_logged_taking = true;
   if (fm_receiver_taking(middleware) == FM_WAKE) {
-    fm_log(node, FM_INFO, "messages are taken in C, in a thread of its own: the callbacks of %s "
-      "are not known to allow it", middleware);
+    fm_log(node, FM_INFO, FM_WORDS_WAKES FM_WORDS_UNKNOWN_CALLBACKS, middleware);
   } else {
     const char * why = fm_why_copied();
-    fm_log(node, FM_INFO, "messages are taken in C, inside %s%s%s", middleware,
-      why[0] == '\0' ? "" : ", and copied before they are read: ", why);
+    fm_log(node, FM_INFO, FM_WORDS_TAKES, middleware,
+      why[0] == '\0' ? "" : FM_WORDS_ALL_COPIED, why);
   }
 }
 
@@ -136,7 +136,7 @@ static void release(void * context)
 static bool note_failure(const struct fm_monitor_node * monitor, bool is_done)
 {
   if (!is_done && !monitor->is_starting) {
-    fm_log(&monitor->node, FM_ERROR, "nothing is monitored until the node is active again");
+    fm_log(&monitor->node, FM_ERROR, FM_WORDS_INACTIVE);
   }
   return is_done;
 }
@@ -157,7 +157,7 @@ static void answer_reset(
   struct fm_monitor_node * monitor, const std_srvs__srv__Trigger_Request * request,
   std_srvs__srv__Trigger_Response * response)
 {
-  const char * message = "nothing to restart: the node is not active";
+  const char * message = FM_WORDS_NO_RESTART;
   struct fm_lines lines = {NULL, 0, 0};
   (void)request;
   response->success = monitor->session.is_active;
@@ -315,7 +315,7 @@ static bool begin_services(struct fm_monitor_node * monitor)
 static bool start(struct fm_monitor_node * monitor)
 {
   if (!fm_parameter_is_true(&monitor->parameters, "autostart")) {
-    fm_log(&monitor->node, FM_INFO, "waiting to be configured and activated: autostart is false");
+    fm_log(&monitor->node, FM_INFO, FM_WORDS_WAITING);
     return true;
   }
   return fm_lifecycle_change(
@@ -492,9 +492,7 @@ static void look_for_namesake(struct fm_monitor_node * monitor)
   monitor->looks -= 1u;
   if (has_namesake(monitor)) {
     monitor->looks = 0;
-    fm_log(&monitor->node, FM_WARN,
-      "there is another node %s: both watch and announce; give one another name "
-      "(-r __node:=NAME) to tell them apart in /diagnostics, ~/reset and transitions",
+    fm_log(&monitor->node, FM_WARN, FM_WORDS_NAMESAKE,
       rcl_node_get_fully_qualified_name(&monitor->node.node));
   }
 }

@@ -28,6 +28,7 @@
 #include "endpoints.h"
 #include "mapped_topic.h"
 #include "rmw_functions.h"
+#include "words.h"
 
 #define DEPTH 10u  // messages that wait to be sent
 
@@ -218,10 +219,7 @@ bool fm_node_actions_call_own(const struct fm_node_actions * actions)
     const bool is_transition = table->actions[k].kind == FM_ACTION_TRANSITION;
     const char * service = actions->ends[k].services[is_transition ? 1 : 0].name;
     if (service != NULL && is_own(actions, service)) {
-      struct fm_lines lines = {NULL, 0, 0};
-      fm_add_own_service(&lines, table->actions[k].name, service);
-      fm_log_lines(actions->node, &lines);
-      fm_lines_free(&lines);
+      fm_log(actions->node, FM_ERROR, FM_WORDS_OWN_SERVICE, table->actions[k].name, service);
       return true;
     }
   }

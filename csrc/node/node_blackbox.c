@@ -74,10 +74,10 @@ static bool name_requirements(struct fm_node_blackbox * box, const struct fm_nod
   const uint32_t n = table->report.n_requirements;
   box->requirements = calloc(n + 1u, sizeof(*box->requirements));
   for (uint32_t k = 0; box->requirements != NULL && k < n; ++k) {
-    const char * name = strstr(table->handlers[k], FM_HANDLER);
+    const char * name = strstr(FM_HANDLER_TOPIC(table, k), FM_HANDLER);
     box->requirements[k] = (struct fm_blackbox_requirement) {
       table->report.requirements[k].id,
-      name == NULL ? table->handlers[k] : name + strlen(FM_HANDLER)};
+      name == NULL ? FM_HANDLER_TOPIC(table, k) : name + strlen(FM_HANDLER)};
   }
   return box->requirements != NULL;
 }

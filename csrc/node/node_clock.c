@@ -20,7 +20,7 @@
 #include <rmw/qos_profiles.h>
 #include <rosgraph_msgs/msg/clock.h>
 
-#include "start_lines.h"
+#include "words.h"
 
 enum { WARNING_S = 60 };  // between two log lines about negative times on /clock
 
@@ -62,10 +62,8 @@ static void warn_of_negative(
   struct fm_node_clock * clock, const rosgraph_msgs__msg__Clock * message)
 {
   if (fm_passes(&clock->next_warning, fm_steady_now(), WARNING_S * FM_SECOND)) {
-    struct fm_lines lines = {NULL, 0, 0};
-    fm_add_negative_time(&lines, message->clock.sec + message->clock.nanosec / 1e9);
-    fm_log_lines(clock->node, &lines);
-    fm_lines_free(&lines);
+    fm_log(clock->node, FM_WARN, FM_WORDS_NEGATIVE_TIME,
+      message->clock.sec + message->clock.nanosec / 1e9);
   }
 }
 

@@ -29,6 +29,10 @@
 #include "subscription.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
+
+/// The topic of the violations of a requirement, as written.
+#define FM_HANDLER_TOPIC(table, requirement) \
+  ((table)->report.used[(table)->report.n_topics + (requirement)].name)
 #define FM_HANDLER "copilot/handlerprop"  // what the topics of violations begin with
 
 /// The function that returns the type support of a message type, for the table: it is declared
@@ -77,7 +81,6 @@ struct fm_node_table
   uint32_t tf;         // the topics with the links between their frames
   uint32_t tf_static;
   const struct fm_action_type * action_types;  // of each action, without locks
-  const char * const * handlers;  // topics, relative; a requirement
   const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`
   const uint8_t * sources;
   const int64_t * timeouts;

@@ -27,6 +27,7 @@
 #include <strings.h>
 
 #include "mapped_topic.h"
+#include "words.h"
 
 #define OVERRIDES "qos_overrides."
 #define CONSTANTS "constants."
@@ -217,12 +218,12 @@ static bool is_among(const char * text, const char * const * words, size_t n)
   return false;
 }
 
-// Begin a line about a parameter, and add the rest of it, in the format of printf.
-FM_PRINTF(3, 4)
-static void refuse(struct fm_text * reason, const char * name, const char * format, ...)
+// Add a line about a parameter, in the format of printf.
+FM_PRINTF(2, 3)
+static void refuse(struct fm_text * reason, const char * format, ...)
 {
   va_list arguments;
-  fm_text_add(reason, "%sparameter '%s'", reason->length > 0 ? "\n" : "", name);
+  fm_text_add(reason, "%s", reason->length > 0 ? "\n" : "");
   va_start(arguments, format);
   fm_text_add_arguments(reason, format, arguments);
   va_end(arguments);
@@ -232,7 +233,7 @@ static void refuse_value(
   const char * name, const fm_parameter_value * value, const char * wanted,
   struct fm_text * reason)
 {
-  refuse(reason, name, " is ");
+  refuse(reason, "parameter '%s' is ", name);
   add_value(reason, value);
   fm_text_add(reason, ", and has to be %s", wanted);
 }
@@ -243,7 +244,7 @@ static bool check_count(
   const bool is_good =
     value->type == FM_WHOLE && value->integer_value >= 1 && value->integer_value <= INT32_MAX;
   if (!is_good) {
-    refuse_value(name, value, "a number of messages, at least 1", reason);
+    refuse_value(name, value, FM_WORDS_COUNT, reason);
   }
   return is_good;
 }
@@ -336,11 +337,9 @@ void fm_parameter_refuse(
   } else if (begins_with(name, CONSTANTS)) {
     fm_text_add(reason, "%s: compiled into this node", name);
   } else if (found->settable == FM_AT_START) {
-    fm_text_add(reason, "%s: read at the start of the process only", name);
+    fm_text_add(reason, FM_WORDS_READ_AT_START, name);
   } else if (found->settable == FM_UNCONFIGURED && parameters->is_configured) {
-    fm_text_add(reason,
-      "%s: read when the node is configured, since a step has to mean the same from the first to "
-      "the last; deactivate and clean up first", name);
+    fm_text_add(reason, FM_WORDS_READ_ONCE, name);
   } else {
     (void)check(name, value, reason);
   }
@@ -411,8 +410,7 @@ static void apply(
     }
   }
   if (strcmp(name, "depth") != 0) {
-    refuse(
-      problems, given->name, " is none: there are reliability, durability, history, depth");
+    refuse(problems, FM_WORDS_NO_POLICY, given->name);
   } else if (check_count(given->name, value, problems)) {
     fixed->depth = (uint32_t)value->integer_value;
   }
@@ -446,15 +444,12 @@ static void check_override(const struct fm_parameter * given, struct fm_text * p
   if (policy == NULL || strchr(policy + 1, '.') != NULL || *topic != '/' ||
     !(is_endpoint(endpoint + 1, "subscription") || is_endpoint(endpoint + 1, "publisher")))
   {
-    refuse(problems, given->name, " is none; write '" OVERRIDES "/TOPIC" SUBSCRIPTION "POLICY', "
-      "with the topic's full name");
+    refuse(problems, FM_WORDS_NO_OVERRIDE, given->name);
   } else if (begins_with(endpoint, ".subscription_")) {
-    refuse(problems, given->name,
-      " is none: subscriptions here have no id, write '" SUBSCRIPTION "'");
+    refuse(problems, FM_WORDS_NO_ENDPOINT, given->name);
   } else if (begins_with(endpoint, SUBSCRIPTION)) {
     if (is_among(policy + 1, timed, sizeof(timed) / sizeof(timed[0]))) {
-      refuse(problems, given->name, " cannot be given: it would keep out publishers that do not "
-        "offer it; use the `timeout` of the input in the bundle");
+      refuse(problems, FM_WORDS_OF_TIME, given->name);
     } else {
       apply(given, policy + 1, &unused, problems);
     }
@@ -506,8 +501,7 @@ static void refuse_publishers(
   fm_text_add(&prefix, OVERRIDES "%s.publisher", resolved == NULL ? "" : resolved);
   for (size_t k = 0; resolved != NULL && k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
-      refuse(problems, parameters->given[k].name, " cannot be given: violations are announced "
-        "reliable and volatile; their depth is -p handler_depth:=NUMBER");
+      refuse(problems, FM_WORDS_OF_VIOLATIONS, parameters->given[k].name);
     }
   }
   free(resolved);
@@ -517,7 +511,6 @@ static void refuse_publishers(
 static void read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
 {
   const struct fm_node_table * table = parameters->table;
-  const uint32_t n = table->monitor()->n_requirements;
   parameters->fixed = calloc(table->report.n_topics + 1u, sizeof(*parameters->fixed));
   for (size_t k = 0; k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, OVERRIDES)) {
@@ -534,9 +527,10 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
     }
     free(topic);
   }
-  refuse_publishers(parameters, FM_DETAILS_TOPIC, problems);
-  for (uint32_t k = 0; k < n; ++k) {
-    refuse_publishers(parameters, table->handlers[k], problems);
+  for (uint32_t k = 0; k < table->report.n_used; ++k) {
+    if (table->report.used[k].use == FM_ANNOUNCED) {
+      refuse_publishers(parameters, table->report.used[k].name, problems);
+    }
   }
 }
 
@@ -570,8 +564,8 @@ static void declare_constant(
   const struct fm_parameter * given =
     find(parameters->given, parameters->n_given, fm_text_get(&name));
   if (given != NULL && !are_equal(&given->value, &value)) {
-    refuse(problems, fm_text_get(&name), ": the constant is compiled into this node, as %s: "
-      "export the bundle with another value", constant->value);
+    refuse(problems, "parameter '%s': the constant is compiled into this node, as %s: export the "
+      "bundle with another value", fm_text_get(&name), constant->value);
   }
   put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
     "a constant of the bundle; compiled into this node", FM_AT_START, &value);
@@ -588,7 +582,7 @@ static void refuse_unknown_constants(
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     if (begins_with(name, CONSTANTS) && fm_parameter_find(parameters, name) == NULL) {
-      refuse(problems, name, ": the bundle has no such constant%s%s",
+      refuse(problems, "parameter '%s': the bundle has no such constant%s%s", name,
         names.length > 0 ? "; its constants are " : "", fm_text_get(&names));
     }
   }
@@ -611,26 +605,17 @@ void fm_parameters_begin(
 {
   const struct described described[] = {
     {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, TRUTH(false)},
-    {"log_level", "the least severity that this node logs: debug, info, warn, error or fatal; "
-      "empty for the process's", FM_ALWAYS, WORD("")},
-    {"handler_depth", "violations that a slow listener of one handler may be behind before it "
-      "loses some; read by `configure`", FM_UNCONFIGURED, WHOLE(1000)},
-    {"log_violations", "whether the node logs violations and their ends; false if the logger "
-      "does; read by `configure`", FM_UNCONFIGURED, TRUTH(true)},
-    {"blackbox", "a folder to which the last messages of all topics are written at each "
-      "violation; empty for none; read by `configure`", FM_UNCONFIGURED, WORD("")},
-    {"blackbox_seconds", "seconds of messages before a violation that a file has; read by "
-      "`configure`", FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS)},
-    {"blackbox_bytes", "memory for the last messages, in bytes, for each bundle; read by "
-      "`configure`", FM_UNCONFIGURED, WHOLE(64 << 20)},
-    {"blackbox_files", "files of black boxes in the folder, at most: the oldest are removed; "
-      "read by `configure`", FM_UNCONFIGURED, WHOLE(20)},
-    {"blackbox_disk_bytes", "bytes of these files together, at most; read by `configure`",
-      FM_UNCONFIGURED, WHOLE(1 << 30)},
+    {"log_level", FM_WORDS_LOG_LEVEL, FM_ALWAYS, WORD("")},
+    {"handler_depth", FM_WORDS_HANDLER_DEPTH, FM_UNCONFIGURED, WHOLE(1000)},
+    {"log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, TRUTH(true)},
+    {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, WORD("")},
+    {"blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS)},
+    {"blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, FM_UNCONFIGURED, WHOLE(64 << 20)},
+    {"blackbox_files", FM_WORDS_BLACKBOX_FILES, FM_UNCONFIGURED, WHOLE(20)},
+    {"blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, FM_UNCONFIGURED, WHOLE(1 << 30)},
     {"start_type_description_service", "whether the node offers ~/get_type_description",
       FM_AT_START, TRUTH(true)},
-    {"autostart", "whether the node configures and activates itself at its start", FM_AT_START,
-      TRUTH(true)}};
+    {"autostart", FM_WORDS_AUTOSTART, FM_AT_START, TRUTH(true)}};
   parameters->node = node;
   parameters->table = table;
   read_given(parameters);
@@ -657,15 +642,15 @@ static bool is_constant(const struct fm_parameters * parameters, const char * na
 
 static void warn_of_override(const struct fm_parameters * parameters, const char * name)
 {
-  const char * topic = name + strlen(OVERRIDES);
-  const char * endpoint = strchr(topic, '.');
+  char * topic = fm_copy_of(name + strlen(OVERRIDES));
+  char * endpoint = topic == NULL ? NULL : strchr(topic, '.');
   if (endpoint != NULL && begins_with(endpoint, SUBSCRIPTION)) {
-    fm_log(parameters->node, FM_WARN, "ignored parameter '%s': the topic %.*s is not subscribed to",
-      name, (int)(endpoint - topic), topic);
+    *endpoint = '\0';
+    fm_log(parameters->node, FM_WARN, FM_WORDS_NOT_SUBSCRIBED, name, topic);
   } else {
-    fm_log(parameters->node, FM_WARN,
-      "ignored parameter '%s': only subscriptions can be changed", name);
+    fm_log(parameters->node, FM_WARN, FM_WORDS_ONLY_SUBSCRIPTIONS, name);
   }
+  free(topic);
 }
 
 void fm_parameters_warn(const struct fm_parameters * parameters)

@@ -29,91 +29,40 @@
 
 // ---- what is advertised ------------------------------------------------------------------------
 
-enum kind { MONITORED, MADE, ANNOUNCED, OWN };  // of inputs; of violations; others of the node
-
-struct used
+static void free_names(char ** names, uint32_t n)
 {
-  const char * name;
-  const char * type;
-  enum kind kind;
-  char * full;  // after remapping
-};
-
-static const struct used own[] = {
-  {"/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", OWN, NULL},
-  {"~/alive", "std_msgs/msg/Header", OWN, NULL},
-  {"~/transition_event", "lifecycle_msgs/msg/TransitionEvent", OWN, NULL},
-  {"/parameter_events", "rcl_interfaces/msg/ParameterEvent", OWN, NULL},
-  {"/rosout", "rcl_interfaces/msg/Log", OWN, NULL},
-  {"/clock", "rosgraph_msgs/msg/Clock", OWN, NULL}};
-enum { N_OWN = sizeof(own) / sizeof(own[0]) };
-
-static struct used topic_of(const struct fm_node_table * table, uint32_t k)
-{
-  const uint32_t n = table->monitor()->n_requirements;
-  if (k < table->report.n_topics) {
-    return (struct used) {
-      table->topics[k].name, table->topics[k].type,
-      table->topics[k].support == NULL ? MADE : MONITORED, NULL};
+  for (uint32_t k = 0; names != NULL && k < n; ++k) {
+    free(names[k]);
   }
-  k -= table->report.n_topics;
-  if (k < n) {
-    return (struct used) {
-      table->handlers[k], "std_msgs/msg/Empty", ANNOUNCED, NULL};
-  }
-  return k > n ? own[k - n - 1u] : (struct used) {
-    FM_DETAILS_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", ANNOUNCED, NULL};
+  free(names);
 }
 
-// Inputs may be read from a topic of the node itself, with its type.
-static bool is_conflict(const struct used * one, const struct used * other)
+// The full names of the topics that the node uses; NULL, with the error logged, if one has none.
+static char ** resolve_used(const struct fm_session * session)
 {
-  const bool is_shared = (one->kind == OWN || other->kind == OWN) &&
-    one->kind != ANNOUNCED && other->kind != ANNOUNCED;
-  return strcmp(one->type, other->type) != 0 ||
-         (strcmp(one->name, other->name) != 0 && !is_shared);
-}
-
-// Refuse a topic that is one with an earlier one.
-static bool refuse_used(
-  const struct fm_session * session, const struct used * used, const struct used * topic)
-{
-  for (const struct used * other = used; other < topic; ++other) {
-    if (strcmp(topic->full, other->full) == 0 && is_conflict(other, topic)) {
-      fm_log(session->node, FM_ERROR, "'%s' and %s'%s' are both remapped to %s; %s", other->name,
-        topic->kind == OWN ? "the node's own " : "", topic->name, topic->full,
-        topic->kind == MONITORED ?
-        "if they are one topic, give the inputs that they feed one `topic:` in the bundle" :
-        "what the node announces needs a topic of its own");
-      return true;
+  const struct fm_report_table * table = &session->table->report;
+  char ** names = calloc(table->n_used, sizeof(*names));
+  for (uint32_t k = 0; names != NULL && k < table->n_used; ++k) {
+    names[k] = table->used[k].use == FM_MADE ? fm_copy_of(table->used[k].name) :
+      fm_resolved_name(session->node, table->used[k].name);
+    if (names[k] == NULL) {
+      fm_log_failure(session->node, "cannot subscribe or advertise");
+      free_names(names, k);
+      return NULL;
     }
   }
-  return false;
+  return names;
 }
 
-// Refuse two topics that are one after remapping: each message would cause two steps, or have two
-// meanings for those who receive it.
 static bool refuse_merged(const struct fm_session * session)
 {
-  const struct fm_node_table * table = session->table;
-  const uint32_t n = table->report.n_topics + table->monitor()->n_requirements + 1u + N_OWN;
-  struct used * used = calloc(n, sizeof(*used));
-  bool is_good = used != NULL;
-  for (uint32_t k = 0; is_good && k < n; ++k) {
-    used[k] = topic_of(table, k);
-    used[k].full = used[k].kind == MADE ? fm_copy_of(used[k].name) :
-      fm_resolved_name(session->node, used[k].name);
-    if (used[k].full == NULL) {
-      fm_log_failure(session->node, "cannot subscribe or advertise");
-      is_good = false;
-    } else {
-      is_good = !refuse_used(session, used, &used[k]);
-    }
-  }
-  for (uint32_t k = 0; used != NULL && k < n; ++k) {
-    free(used[k].full);
-  }
-  free(used);
+  struct fm_lines lines = {NULL, 0, 0};
+  char ** names = resolve_used(session);
+  const bool is_good = names != NULL && !fm_find_merged(
+    &lines, &session->table->report, (const char * const *)names);
+  fm_log_lines(session->node, &lines);
+  fm_lines_free(&lines);
+  free_names(names, session->table->report.n_used);
   return is_good;
 }
 
@@ -128,7 +77,7 @@ static bool advertise_all(struct fm_session * session)
     if (!fm_advertise(
         session->node, &session->handlers[session->n_handlers],
         ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty),
-        session->table->handlers[session->n_handlers], session->settings.handler_depth))
+        FM_HANDLER_TOPIC(session->table, session->n_handlers), session->settings.handler_depth))
     {
       return false;
     }
@@ -259,31 +208,17 @@ static bool make_engine(struct fm_session * session)
 
 static bool begin_reporter(struct fm_session * session)
 {
-  const struct fm_report_table * table = &session->table->report;
-  session->topic_names = calloc(table->n_topics + 1u, sizeof(*session->topic_names));
-  if (session->topic_names == NULL) {
-    return false;
-  }
-  for (uint32_t k = 0; k < table->n_topics; ++k) {
-    session->topic_names[k] = fm_topic_name(session->node, &session->table->topics[k]);
-    if (session->topic_names[k] == NULL) {
-      fm_log_failure(session->node, "cannot subscribe");
-      return false;
-    }
-  }
+  session->topic_names = resolve_used(session);  // first those of the inputs
   session->reporter = (struct fm_reporter) {
-    table, session->table->monitor(), session->engine,
+    &session->table->report, session->table->monitor(), session->engine,
     rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
     (const char * const *)session->topic_names};
-  return true;
+  return session->topic_names != NULL;
 }
 
 static void end_reporter(struct fm_session * session)
 {
-  for (uint32_t k = 0; session->topic_names != NULL && k < session->table->report.n_topics; ++k) {
-    free(session->topic_names[k]);
-  }
-  free(session->topic_names);
+  free_names(session->topic_names, session->table->report.n_used);
   session->topic_names = NULL;
 }
 

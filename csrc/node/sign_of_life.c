@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "endpoints.h"
+#include "words.h"
 
 #define LEASE_S 3u      // without a sign, until the middleware reports the publisher as not alive
 #define LOGGED_NS (60 * FM_SECOND)
@@ -78,8 +79,7 @@ static void suspect(struct fm_sign_of_life * sign)
   } else if (now - sign->suspected >= FM_SECOND &&
     fm_passes(&sign->next_line, now, LOGGED_NS))
   {
-    fm_log(sign->session->node, FM_ERROR,
-      "a thread of the monitor hangs: no sign of life on ~/alive");
+    fm_log(sign->session->node, FM_ERROR, FM_WORDS_HANGS);
   }
 }
 

@@ -73,6 +73,22 @@ struct fm_report_requirement
   bool shows_verdict;     // in /diagnostics: it reports occurrences
 };
 
+enum fm_topic_use
+{
+  FM_MONITORED = 0,  // inputs are read from it
+  FM_MADE = 1,       // the engine makes its messages: none of ROS
+  FM_ANNOUNCED = 2,  // violations are published on it
+  FM_OWN = 3         // the node uses it otherwise
+};
+
+/// A topic that a node uses, its name as written.
+struct fm_used_topic
+{
+  const char * name;
+  const char * type;  // package/msg/Name
+  uint32_t use;       // enum fm_topic_use
+};
+
 /// A constant of the bundle, with the value that was compiled in, as written.
 struct fm_constant
 {
@@ -110,11 +126,13 @@ struct fm_report_table
   const struct fm_follows * follows;   // of these, what follows each requirement
   const struct fm_report_input * inputs;
   const struct fm_report_topic * topics;
+  const struct fm_used_topic * used;  // topics, then a handler a requirement, then others
   const struct fm_topic * topic_inputs;  // a topic: the inputs that it feeds
   const struct fm_report_requirement * requirements;
   const struct fm_constant * constants;
   uint32_t n_inputs;
   uint32_t n_topics;
+  uint32_t n_used;
   uint32_t n_requirements;
   uint32_t n_constants;
   uint32_t n_locks;

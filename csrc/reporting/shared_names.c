@@ -73,9 +73,29 @@ bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_
   return false;
 }
 
-void fm_add_own_service(struct fm_lines * lines, const char * action, const char * service)
+static bool is_conflict(const struct fm_used_topic * one, const struct fm_used_topic * other)
 {
-  fm_lines_add(lines, FM_ERROR,
-    "the action '%s' calls %s, a service of this node: a violation would end its own monitoring "
-    "or begin it anew; choose a service of another node", action, service);
+  const bool is_shared = (one->use == FM_OWN || other->use == FM_OWN) &&
+    one->use != FM_ANNOUNCED && other->use != FM_ANNOUNCED;
+  return strcmp(one->type, other->type) != 0 ||
+         (strcmp(one->name, other->name) != 0 && !is_shared);
+}
+
+bool fm_find_merged(
+  struct fm_lines * lines, const struct fm_report_table * table, const char * const * names)
+{
+  for (uint32_t k = 0; k < table->n_used; ++k) {
+    const struct fm_used_topic * topic = &table->used[k];
+    for (uint32_t other = 0; other < k; ++other) {
+      if (strcmp(names[k], names[other]) == 0 && is_conflict(&table->used[other], topic)) {
+        fm_lines_add(lines, FM_ERROR, "'%s' and %s'%s' are both remapped to %s; %s",
+          table->used[other].name, topic->use == FM_OWN ? "the node's own " : "", topic->name,
+          names[k], topic->use == FM_MONITORED ?
+          "if they are one topic, give the inputs that they feed one `topic:` in the bundle" :
+          "what the node announces needs a topic of its own");
+        return true;
+      }
+    }
+  }
+  return false;
 }

@@ -21,6 +21,7 @@
 #define SHARED_NAMES_H_
 
 #include "lines.h"
+#include "report_table.h"
 
 /// What publishes on a topic, or offers a service.
 struct fm_use
@@ -37,8 +38,11 @@ struct fm_use
 /// there are any. O(n * uses that must be alone).
 FM_EXPORT bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n);
 
-/// Add the line about an action that calls a service of its own node. O(1).
-FM_EXPORT void fm_add_own_service(
-  struct fm_lines * lines, const char * action, const char * service);
+/// Add the line about the first topic of the table that is one with an earlier one: each message
+/// would cause two steps, or have two meanings for those who receive it. Inputs may be read from a
+/// topic of the node itself, with its type. `names`: the full names of `table->used`. Returns
+/// whether there is any. O(n_used * n_used).
+FM_EXPORT bool fm_find_merged(
+  struct fm_lines * lines, const struct fm_report_table * table, const char * const * names);
 
 #endif  // SHARED_NAMES_H_

@@ -121,12 +121,6 @@ void fm_add_restarted(struct fm_lines * lines, uint64_t groups)
     groups == 1u ? "" : "s");
 }
 
-void fm_add_negative_time(struct fm_lines * lines, double seconds)
-{
-  fm_lines_add(lines, FM_WARN, "a message on /clock is ignored: its time is negative, %.3f s",
-    seconds);
-}
-
 void fm_add_unanswered(struct fm_lines * lines, const char * gate, const char * service)
 {
   fm_lines_add(lines, FM_ERROR, "gate '%s': no server of %s answers; the request is refused", gate,

@@ -34,9 +34,6 @@ FM_EXPORT void fm_add_watching(
 /// Add the line of a reset of `groups` step groups. Any thread. O(1).
 FM_EXPORT void fm_add_restarted(struct fm_lines * lines, uint64_t groups);
 
-/// Add the line of a negative time on `/clock`. Any thread. O(1).
-FM_EXPORT void fm_add_negative_time(struct fm_lines * lines, double seconds);
-
 /// Add the line of a request to a gate that no server of `service` answers. Any thread. O(1).
 FM_EXPORT void fm_add_unanswered(
   struct fm_lines * lines, const char * gate, const char * service);

@@ -17,8 +17,8 @@
 /// A subscription is made with a type support that differs from the message's own in one function:
 /// instead of deserializing a message, Fast DDS calls fm_in_place_read with the Fast CDR object
 /// that holds the serialized bytes. This relies on private layouts of rmw_fastrtps_cpp and Fast
-/// CDR, so that it is used only with the versions that fret_monitor/ros/in_place.py lists. With
-/// other versions, messages are copied.
+/// CDR, so that it is used only with known versions (in_place_versions.c). With others, messages
+/// are copied.
 
 #ifndef IN_PLACE_H_
 #define IN_PLACE_H_

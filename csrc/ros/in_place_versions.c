@@ -20,10 +20,20 @@
 #include "in_place_versions.h"
 
 #include <dirent.h>
+#include <dlfcn.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
-enum { PATH_BYTES = 4096, VERSION_BYTES = 64, PACKAGE_BYTES = 8192 };
+#include "in_place.h"
+
+#define FAST_DDS "rmw_fastrtps_cpp"
+#define FAST_CDR "libfastcdr.so.2"
+// FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion) of Fast CDR
+#define MAKE_BUFFER "_ZN8eprosima7fastcdr10FastBufferC1EPcm"
+#define MAKE_CDR "_ZN8eprosima7fastcdr3CdrC1ERNS0_10FastBufferENS1_10EndiannessENS0_10CdrVersionE"
+
+enum { PATH_BYTES = 4096, VERSION_BYTES = 64, PACKAGE_BYTES = 8192, MAPS_BYTES = 1 << 20 };
 
 // A name in three parts. The result is cut off if it does not fit.
 static void join(char * out, size_t room, const char * a, const char * b, const char * c)
@@ -137,4 +147,50 @@ bool fm_in_place_is_known(const char * maps, char * why, size_t room)
     }
   }
   return true;
+}
+
+static bool are_versions_known(char * why, size_t room)
+{
+  char * maps = calloc(1, MAPS_BYTES + 1);
+  FILE * file = maps == NULL ? NULL : fopen("/proc/self/maps", "r");
+  if (file != NULL) {
+    maps[fread(maps, 1, MAPS_BYTES, file)] = '\0';
+    (void)fclose(file);
+  }
+  const bool is_known = fm_in_place_is_known(maps == NULL ? "" : maps, why, room);
+  free(maps);
+  return is_known;
+}
+
+// A function of a library. POSIX lets a pointer to an object be copied to one to a function.
+static bool find(void * library, const char * name, void * function)
+{
+  void * found = library == NULL ? NULL : dlsym(library, name);
+  memcpy(function, &found, sizeof(found));
+  return found != NULL;
+}
+
+static bool find_members(struct fm_in_place * found)
+{
+  void (* make_buffer)(void *, char *, size_t);
+  void (* make_cdr)(void *, void *, int, int);
+  void * library = dlopen(FAST_CDR, RTLD_LAZY);  // it is loaded; never closed
+  return find(library, MAKE_BUFFER, (void *)&make_buffer) &&
+         find(library, MAKE_CDR, (void *)&make_cdr) &&
+         fm_in_place_find(make_buffer, make_cdr, found);
+}
+
+bool fm_in_place_prepare(
+  const char * middleware, struct fm_in_place * found, char * why, size_t room)
+{
+  if (strcmp(middleware, FAST_DDS) != 0) {
+    (void)snprintf(why, room, "%s is not " FAST_DDS, middleware);
+    return false;
+  }
+  if (!are_versions_known(why, room)) {
+    return false;
+  }
+  const bool is_found = find_members(found);
+  (void)snprintf(why, room, "%s", is_found ? "" : "objects of Fast CDR are not as expected");
+  return is_found;
 }

@@ -13,13 +13,13 @@
 // limitations under the License.
 
 
-/// in_place_versions.h: whether the loaded libraries are of versions with which reading in place
-/// (in_place.h) was tried.
+/// in_place_versions.h: whether messages can be read in place (in_place.h) in this process: which
+/// middleware it has, and whether that was tried with the versions of its libraries.
 
 #ifndef IN_PLACE_VERSIONS_H_
 #define IN_PLACE_VERSIONS_H_
 
-#include "fret_monitor.h"
+#include "middleware.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -31,6 +31,12 @@ extern "C" {
 /// not matter. If not, writes why to `why`, at most `room` bytes. Reads files; any thread.
 /// O(characters).
 FM_EXPORT bool fm_in_place_is_known(const char * maps, char * why, size_t room);
+
+/// Whether messages can be read in place with a middleware, the loaded one (as rmw names it); if
+/// so, writes to `found` what that needs. If not, writes why to `why`, at most `room` bytes; else
+/// "". One thread at a time for one `found`. As fm_in_place_is_known otherwise.
+FM_EXPORT bool fm_in_place_prepare(
+  const char * middleware, struct fm_in_place * found, char * why, size_t room);
 
 #ifdef __cplusplus
 }

@@ -22,17 +22,14 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
-from fret_monitor.codegen.comments import comment
-from fret_monitor.codegen.inputs import origin
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.messages.installed import definition_or_none
 from fret_monitor.model.made import MadeKind
-from fret_monitor.model.manifest import (
-    followed, Manifest, ManifestAction, ManifestInput, ManifestRequirement, ManifestTopic,
-)
+from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestTopic
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
-from fret_monitor.model.policies import (
-    ActionKind, fixed_qos, Policy, Report, Severity, Stale, Stamp,
+from fret_monitor.model.policies import ActionKind, fixed_qos, Stale
+from fret_monitor.model.report_table import (
+    Elements, Enumerator, Members, report_table, Stored, Value,
 )
 from fret_monitor.model.transforms import TOPICS
 
@@ -79,23 +76,16 @@ def _lines(generated: GeneratedMonitor, node_name: str, origin: str) -> Iterator
     yield ''
     yield from _inputs(manifest)
     yield from _topics(manifest)
-    yield from _requirements(manifest)
-    yield from _constants(manifest)
-    yield from _actions(manifest)
+    yield from _array('uint8_t', 'reports', (
+        f'FM_{item.report.name}' for item in manifest.requirements))
+    yield from _array('struct fm_action_type', 'action_types', (
+        _action_type(item) for item in manifest.actions if item.kind is not ActionKind.LOCK))
     warnings = [item.render() for item in generated.warnings] if origin else []
     yield from _array('char * const', 'warnings', map(_text, warnings))
     yield from _table(manifest, node_name, origin, len(warnings))
 
 
 def _inputs(manifest: Manifest) -> Iterator[str]:
-    for index, item in enumerate(manifest.inputs):
-        if item.values:
-            yield from _array('struct fm_value_name', f'values_{index}', (
-                f'{{{_text(name)}, {union_value(item.value_type, number)}}}'
-                for name, number in item.stored_values))
-    yield from _array('struct fm_report_input', 'inputs', (
-        '\n  '.join([*comment(origin(item)), _input(index, item)])
-        for index, item in enumerate(manifest.inputs)))
     yield from _array('uint8_t', 'sources', (SOURCES[item.source] for item in manifest.inputs))
     yield from _array('int64_t', 'timeouts', (
         nanoseconds(item.timeout if item.is_timed_out else None) for item in manifest.inputs))
@@ -105,24 +95,7 @@ def _inputs(manifest: Manifest) -> Iterator[str]:
         nanoseconds(item.startup) for item in manifest.inputs))
 
 
-def _input(index: int, item: ManifestInput) -> str:
-    return ', '.join((
-        f'{{{_text(item.name)}', _text(item.field),
-        f'values_{index}' if item.values else 'NULL', f'{len(item.values)}u',
-        _truth(item.is_timed_out), _truth(item.stale is Stale.VIOLATE),
-        _truth(item.initial is not None),
-        union_value(item.value_type, item.initial or 0), f'{item.timeout or 0.0!r}',
-        f'{item.first_timeout!r}}}'))
-
-
 def _topics(manifest: Manifest) -> Iterator[str]:
-    for index, item in enumerate(manifest.topics):
-        yield from _array('uint32_t', f'fed_{index}', (f'{place}u' for place in item.inputs))
-    yield from _array('struct fm_topic', 'topic_inputs', (
-        f'{{fed_{index}, {len(item.inputs)}u}}' for index, item in enumerate(manifest.topics)))
-    yield from _array('struct fm_report_topic', 'named_topics', (
-        f'{{{_text(item.name)}, {_text(item.message_type)}, {_kind(item)}}}'
-        for item in manifest.topics))
     types = sorted({item.message_type for item in manifest.topics} - {_END_TYPE})
     names = {_END_TYPE: 'end_definition',
              **{kind: f'definition_{number}' for number, kind in enumerate(types)}}
@@ -133,10 +106,6 @@ def _topics(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_transform_topic', 'transforms', (
         f'{{{", ".join(map(_text, frames))}, {index}u}}'
         for index, frames in manifest.made_of(MadeKind.TRANSFORM).items()))
-
-
-def _kind(item: ManifestTopic) -> str:
-    return f'FM_{item.made.kind.name}' if item.made else 'FM_TOPIC'
 
 
 def _pieces(definition: str) -> list[str]:
@@ -152,72 +121,6 @@ def _topic(item: ManifestTopic, definition: str) -> str:
         f'{{{", ".join(choices)}, {depth}u}}', f'{definition}}}'))
 
 
-def _requirements(manifest: Manifest) -> Iterator[str]:
-    for index, item in enumerate(manifest.requirements):
-        yield from _array('uint32_t', f'read_{index}', (f'{place}u' for place in item.inputs))
-        if item.constants:
-            yield from _array('uint32_t', f'named_{index}', (f'{k}u' for k in item.constants))
-    yield from _array('struct fm_report_requirement', 'requirements', (
-        _requirement(index, item) for index, item in enumerate(manifest.requirements)))
-    yield from _array('char * const', 'handlers', (
-        _text(item.topic) for item in manifest.requirements))
-    yield from _array('uint8_t', 'reports', (
-        f'FM_{item.report.name}' for item in manifest.requirements))
-
-
-def _requirement(index: int, item: ManifestRequirement) -> str:
-    return ', '.join((
-        f'{{{_text(item.id)}', _text(item.shown),
-        _text(item.sentence), f'read_{index}', f'{len(item.inputs)}u',
-        f'named_{index}' if item.constants else 'NULL', f'{len(item.constants)}u',
-        _truth(item.severity is Severity.WARN),
-        f'{_truth(item.report is Report.OCCURRENCE)}}}'))
-
-
-def _constants(manifest: Manifest) -> Iterator[str]:
-    yield from _array('struct fm_constant', 'constants', (
-        f'{{{_text(name)}, {_text(value)}}}'
-        for name, value in manifest.constants))
-
-
-def _actions(manifest: Manifest) -> Iterator[str]:
-    locks = [(place, item) for place, item in enumerate(manifest.actions)
-             if item.kind is ActionKind.LOCK]
-    others = [item for item in manifest.actions if item.kind is not ActionKind.LOCK]
-    for place, _ in locks:
-        yield from _indices(f'locked_by_{place}', _users(manifest, place))
-    yield from _array('struct fm_report_lock', 'locks', (
-        f'{{{_text(item.name)}, {_text(item.target)}, INT64_C({item.period}), '
-        f'locked_by_{place}, {len(_users(manifest, place))}u}}' for place, item in locks))
-    for number, item in enumerate(others):
-        yield from _array('uint8_t', f'payload_{number}', (f'{byte}u' for byte in item.payload))
-    yield from _array('struct fm_action', 'actions', (
-        _action(number, item) for number, item in enumerate(others)))
-    yield from _array('struct fm_action_type', 'action_types', map(_action_type, others))
-    follows = followed(manifest)
-    for number, (violation, end) in enumerate(follows):
-        yield from _indices(f'on_violation_{number}', violation)
-        yield from _indices(f'on_end_{number}', end)
-    yield from _array('struct fm_follows', 'follows', (
-        f'{{on_violation_{number}, {len(violation)}u, on_end_{number}, {len(end)}u}}'
-        for number, (violation, end) in enumerate(follows)))
-
-
-def _users(manifest: Manifest, lock: int) -> list[int]:
-    return [number for number, item in enumerate(manifest.requirements)
-            if lock in item.on_violation]
-
-
-def _action(number: int, item: ManifestAction) -> str:
-    stamp_at = -1 if item.stamp_at is None else item.stamp_at
-    return ', '.join((
-        f'{{FM_ACTION_{item.kind.name}', _text(item.name), _text(item.target), _text(item.state),
-        f'payload_{number}', f'{len(item.payload)}u', *(
-            f'INT64_C({time})' for time in (
-                stamp_at, item.period, item.duration, item.timeout, item.after, item.cooldown)),
-        f'{item.retries}u}}'))
-
-
 def _action_type(item: ManifestAction) -> str:
     if item.kind is ActionKind.PUBLISH:
         return f'{{FM_TYPE_SUPPORT({_arguments(item.interface)}), NULL}}'
@@ -227,27 +130,12 @@ def _action_type(item: ManifestAction) -> str:
 
 
 def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> Iterator[str]:
-    is_timed = manifest.policy is Policy.TIMED
     transforms = manifest.made_of(MadeKind.TRANSFORM)
     names = [topic.name for topic in manifest.topics]
-    period = manifest.period if manifest.policy is Policy.PERIODIC else None
-    report = {
-        'bundle': _text(manifest.name),
-        'component': _text(manifest.component),
-        'gate': 'NULL',
-        'inputs': 'inputs',
-        'topics': 'named_topics',
-        **{name: name for name in (
-            'topic_inputs', 'requirements', 'constants', 'locks', 'actions', 'follows')},
-        **{f'n_{name}': f'{len(getattr(manifest, name))}u'
-           for name in ('inputs', 'topics', 'requirements', 'constants')},
-        'n_locks': f'{sum(item.kind is ActionKind.LOCK for item in manifest.actions)}u',
-        'n_actions': f'{sum(item.kind is not ActionKind.LOCK for item in manifest.actions)}u',
-        'policy': f'FM_{manifest.policy.name}',
-        'period': nanoseconds(period),
-        'uses_header_stamps': _truth(is_timed and manifest.stamp is Stamp.HEADER),
-        'reorder': f'INT64_C({manifest.reorder})',
-    }
+    report = {}
+    for name, value in report_table(manifest).members.items():
+        report[name], arrays = initializer(value, f'report_{name}')
+        yield from arrays
     fields = {
         'node_name': _text(node_name),
         'origin': _text(origin),
@@ -261,8 +149,8 @@ def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> 
         **{field: f'{names.index(topic) if transforms else 0}u'
            for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (
-            'topics', 'end_definition', 'action_types', 'handlers', 'reports', 'sources',
-            'timeouts', 'violates', 'startups')},
+            'topics', 'end_definition', 'action_types', 'reports', 'sources', 'timeouts',
+            'violates', 'startups')},
     }
     yield 'const struct fm_node_table fm_node_table = {'
     yield '  .report = {'
@@ -270,6 +158,45 @@ def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> 
     yield '  },'
     yield from (f'  .{name} = {value},' for name, value in fields.items())
     yield '};'
+
+
+def initializer(value: Value, name: str) -> tuple[str, list[str]]:
+    """Return the initializer of a value, and the lines of the arrays that it points to."""
+    lines: list[str] = []
+
+    def within(member: Value, of: str) -> str:
+        text, arrays = initializer(member, of)
+        lines.extend(arrays)
+        return text
+
+    match value:
+        case Members(members):
+            text = ', '.join(f'.{key} = {within(member, f"{name}_{key}")}'
+                             for key, member in members.items())
+            return f'{{{text}}}', lines
+        case Elements(items=()):
+            return 'NULL', lines
+        case Elements(element, items):
+            found = [within(item, f'{name}_{place}') for place, item in enumerate(items)]
+            return name, [*lines, *_array(element, name, found)]
+        case _:
+            return _plain(value), lines
+
+
+def _plain(value: bool | int | float | str | Enumerator | Stored | None) -> str:
+    match value:
+        case None:
+            return 'NULL'
+        case bool():
+            return 'true' if value else 'false'
+        case str():
+            return _text(value)
+        case Enumerator(name):
+            return name
+        case Stored(kind, number):
+            return union_value(kind, number)
+        case _:
+            return repr(value)
 
 
 def _array(kind: str, name: str, items: Iterable[str]) -> Iterator[str]:
@@ -281,10 +208,6 @@ def _array(kind: str, name: str, items: Iterable[str]) -> Iterator[str]:
     yield ''
 
 
-def _indices(name: str, items: Iterable[int]) -> Iterator[str]:
-    return _array('uint32_t', name, (f'{item}u' for item in items))
-
-
 def _arguments(kind: str) -> str:
     """Return the arguments of a macro that names a type, such as `std_msgs, msg, Bool`."""
     return ', '.join(kind.split('/'))
@@ -292,7 +215,3 @@ def _arguments(kind: str) -> str:
 
 def _text(text: str) -> str:
     return string_literal(text.encode(errors='replace'))
-
-
-def _truth(value: bool) -> str:
-    return 'true' if value else 'false'

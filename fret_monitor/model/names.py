@@ -32,7 +32,17 @@ HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
 DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
 DIAGNOSTICS_TOPIC = '/diagnostics'
-_OWN_TOPICS = (f'/{DETAILS_TOPIC}', DIAGNOSTICS_TOPIC, '~/alive')
+OWN_TOPICS = {
+    DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
+    '~/alive': 'std_msgs/msg/Header',
+    '~/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
+    '/parameter_events': 'rcl_interfaces/msg/ParameterEvent',
+    '/rosout': 'rcl_interfaces/msg/Log',
+    '/clock': 'rosgraph_msgs/msg/Clock',
+}
+"""The topics of a node itself, with their types, besides those of violations."""
+
+_PUBLISHED = (f'/{DETAILS_TOPIC}', DIAGNOSTICS_TOPIC, '~/alive')
 OWN_SERVICES = ('~/reset', '~/change_state')  # those that change what is monitored
 
 # As in formulas: FRET's names may have points and percent signs inside.
@@ -171,7 +181,7 @@ def absolute(name: str) -> str:
 def is_own_topic(topic: str) -> bool:
     """Return whether the node itself publishes on a topic, if it is in the root namespace."""
     full = absolute(topic)
-    return full in _OWN_TOPICS or full.startswith(f'/{HANDLER_TOPIC}{HANDLER_PREFIX}')
+    return full in _PUBLISHED or full.startswith(f'/{HANDLER_TOPIC}{HANDLER_PREFIX}')
 
 
 def handler_name(id: str) -> str:

@@ -15,12 +15,16 @@
 """
 Find the declarations for cffi in the headers of csrc, and generate `binding.py` from them.
 
+`words.py` has the words that both nodes say (`csrc/reporting/words.h`), so that no library has to
+be loaded for them.
+
 cffi needs a C parser to read declarations. Parsing would take most of the time of a start, and a
 robot may have neither the headers nor the parser. Run this after a header has changed:
 
     python3 -m fret_monitor.native.declarations
 """
 
+import ast
 from pathlib import Path
 import re
 import tempfile
@@ -50,6 +54,8 @@ _WANTED = re.compile(
     r'|^struct \w+;'
     r'|^typedef [^;]*;'
     r'|^FM_EXPORT [^;]*;', re.DOTALL | re.MULTILINE)
+
+_WORDS = re.compile(r'^#define FM_WORDS_(\w+)((?:\s+|\\\n|"(?:[^"\\]|\\.)*")+)$', re.MULTILINE)
 
 _HEAD = '''# flake8: noqa
 # ruff: noqa
@@ -82,13 +88,21 @@ def binding_text() -> str:
     return _HEAD + text.removeprefix('# auto-generated file\n')
 
 
-def write_binding() -> None:
-    """Write `binding.py`, with the licence of this file."""
+def words_text() -> str:
+    """Return the text of `words.py`, without its licence."""
+    found = _WORDS.findall(csrc_file('words.h').read_text(encoding='utf-8'))
+    return _HEAD.replace('cffi makes of the headers of csrc', 'csrc/reporting/words.h has') + \
+        ''.join(f'{name} = {ast.literal_eval(f"({text})")!r}\n'.replace('\\\n', '')
+                for name, text in found)
+
+
+def write_all() -> None:
+    """Write `binding.py` and `words.py`, with the licence of this file."""
     here = Path(__file__)
     licence = here.read_text(encoding='utf-8').partition('\n"""')[0]
-    here.with_name('binding.py').write_text(
-        f'{licence}\n{binding_text()}', encoding='utf-8')
+    for name, text in (('binding.py', binding_text()), ('words.py', words_text())):
+        here.with_name(name).write_text(f'{licence}\n{text}', encoding='utf-8')
 
 
 if __name__ == '__main__':
-    write_binding()
+    write_all()

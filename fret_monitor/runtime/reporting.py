@@ -25,10 +25,11 @@ from enum import IntEnum
 from time import monotonic_ns
 from typing import Any
 
-from fret_monitor.model.manifest import (
-    followed, Manifest, ManifestAction, ManifestInput, ManifestTopic,
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import Policy, Severity
+from fret_monitor.model.report_table import (
+    Elements, Enumerator, Members, report_table, Stored, used_topics, Value,
 )
-from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, Stale, Stamp
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.engine import Engine
@@ -82,108 +83,29 @@ class ReportTable:
         `policy` and `period`, in seconds, are those with which it runs, if not the manifest's.
         """
         self._kept: list[Any] = []  # memory of C that the table points to
-        inputs, topics, policy = manifest.inputs, manifest.topics, policy or manifest.policy
-        locks = [(place, item) for place, item in enumerate(manifest.actions)
-                 if item.kind is ActionKind.LOCK]
-        actions = [item for item in manifest.actions if item.kind is not ActionKind.LOCK]
-        self.pointer: Any = ffi.new('struct fm_report_table *', {
-            'bundle': self._text(bundle or manifest.name),
-            'component': self._text(manifest.component),
-            'gate': self._gate(manifest),
-            'locks': self._array('struct fm_report_lock[]', [
-                self._lock(manifest, place, item) for place, item in locks]),
-            'actions': self._array('struct fm_action[]', [
-                self._action(item) for item in actions]),
-            'follows': self._array('struct fm_follows[]', [
-                self._follows(*item) for item in followed(manifest)]),
-            'inputs': self._array('struct fm_report_input[]', [
-                self._input(item) for item in inputs]),
-            'topics': self._array('struct fm_report_topic[]', [
-                (self._text(item.name), self._text(item.message_type), _kind(item))
-                for item in topics]),
-            'topic_inputs': self._array('struct fm_topic[]', [
-                (self._array('uint32_t[]', item.inputs), len(item.inputs)) for item in topics]),
-            'requirements': self._array('struct fm_report_requirement[]', [{
-                'id': self._text(item.id), 'text': self._text(item.shown),
-                'sentence': self._text(item.sentence),
-                'inputs': self._array('uint32_t[]', item.inputs), 'n_inputs': len(item.inputs),
-                'constants': self._array('uint32_t[]', item.constants),
-                'n_constants': len(item.constants),
-                'is_warning': item.severity is Severity.WARN,
-                'shows_verdict': item.report is Report.OCCURRENCE,
-            } for item in manifest.requirements]),
-            'constants': self._array('struct fm_constant[]', [
-                (self._text(name), self._text(value)) for name, value in manifest.constants]),
-            'n_inputs': len(inputs), 'n_topics': len(topics),
-            'n_requirements': len(manifest.requirements),
-            'n_constants': len(manifest.constants),
-            'n_locks': len(locks),
-            'n_actions': len(actions),
-            'is_one_of_several': bundle != '',
-            'policy': ffi.integer_const(f'FM_{policy.name}'),
-            'period': _nanoseconds(
-                period or manifest.period if policy is Policy.PERIODIC else None),
-            'uses_header_stamps':
-                policy is Policy.TIMED and manifest.stamp is Stamp.HEADER,
-            'reorder': manifest.reorder,
-        })
+        self.used = [(name, use != 'FM_MADE') for name, _, use in used_topics(manifest)]
+        """The topics that a node uses, as written, and whether they are topics of ROS."""
+        table = report_table(manifest, bundle, policy=policy, period=period)
+        self.pointer: Any = ffi.new('struct fm_report_table *', self._made(table))
 
-    def _text(self, text: str) -> Any:
-        self._kept.append(_characters(text))
+    def _made(self, value: Value) -> Any:
+        """Return what cffi initializes a member with."""
+        match value:
+            case None:
+                return ffi.NULL
+            case Enumerator(name):
+                return ffi.integer_const(name)
+            case Stored(kind, number):
+                return _union(kind, number)
+            case Members(members):
+                return {name: self._made(member) for name, member in members.items()}
+            case Elements(element, items):
+                self._kept.append(ffi.new(f'{element}[]', [*map(self._made, items)]))
+            case str():
+                self._kept.append(_characters(value))
+            case _:
+                return value
         return self._kept[-1]
-
-    def _array(self, kind: str, items: Sequence[Any]) -> Any:
-        self._kept.append(ffi.new(kind, list(items)))
-        return self._kept[-1]
-
-    def _lock(self, manifest: Manifest, place: int, action: ManifestAction) -> dict[str, Any]:
-        users = [number for number, item in enumerate(manifest.requirements)
-                 if place in item.on_violation]
-        return {'name': self._text(action.name), 'topic': self._text(action.target),
-                'period': action.period, 'requirements': self._array('uint32_t[]', users),
-                'n_requirements': len(users)}
-
-    def _action(self, item: ManifestAction) -> dict[str, Any]:
-        return {
-            'kind': ffi.integer_const(f'FM_ACTION_{item.kind.name}'),
-            'name': self._text(item.name), 'target': self._text(item.target),
-            'state': self._text(item.state),
-            'payload': self._array('uint8_t[]', item.payload), 'payload_size': len(item.payload),
-            'stamp_at': -1 if item.stamp_at is None else item.stamp_at,
-            **{name: getattr(item, name) for name in (
-                'period', 'duration', 'timeout', 'after', 'cooldown', 'retries')}}
-
-    def _follows(self, violation: tuple[int, ...], end: tuple[int, ...]) -> dict[str, Any]:
-        return {'on_violation': self._array('uint32_t[]', violation),
-                'n_on_violation': len(violation),
-                'on_end': self._array('uint32_t[]', end), 'n_on_end': len(end)}
-
-    def _gate(self, manifest: Manifest) -> Any:
-        gate = manifest.gate
-        if gate is None:
-            return ffi.NULL
-        self._kept.append(ffi.new('struct fm_report_gate *', {
-            'name': self._text(gate.name),
-            'topic': len(manifest.topics) if gate.topic is None else gate.topic,
-            'open_after': gate.open_after, 'passes_silent': gate.is_open_when_stale,
-            'is_service': gate.is_service}))
-        return self._kept[-1]
-
-    def _input(self, item: ManifestInput) -> dict[str, Any]:
-        return {
-            'name': self._text(item.name),
-            'path': self._text(item.field),
-            'values': self._array('struct fm_value_name[]', [
-                (self._text(name), _union(item.value_type, number))
-                for name, number in item.stored_values]),
-            'n_values': len(item.values),
-            'is_timed_out': item.is_timed_out,
-            'violates': item.stale is Stale.VIOLATE,
-            'has_initial': item.initial is not None,
-            'initial': _union(item.value_type, item.initial or 0),
-            'timeout': item.timeout or 0.0,
-            'startup': item.first_timeout,
-        }
 
 
 class Reporter:
@@ -540,11 +462,3 @@ def _union(kind: ValueType, value: float) -> dict[str, Any]:
     if kind.is_float:
         return {'f': float(value)}
     return {'i' if kind.is_signed or kind is ValueType.BOOL else 'u': int(value)}
-
-
-def _kind(topic: ManifestTopic) -> int:
-    return int(ffi.integer_const(f'FM_{topic.made.kind.name}' if topic.made else 'FM_TOPIC'))
-
-
-def _nanoseconds(seconds: float | None) -> int:
-    return 0 if seconds is None else round(seconds * 1e9)

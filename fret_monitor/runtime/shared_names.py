@@ -14,11 +14,11 @@
 
 """A wrapper of `csrc/reporting/shared_names.h`: names that only one part of a node may use."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.reporting import Lines, LogLine
+from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
 
 
 class Use(NamedTuple):
@@ -47,9 +47,9 @@ def find_shared(library: Any, uses: Sequence[Use]) -> list[LogLine]:
     return lines.take()
 
 
-def own_service(library: Any, action: str, service: str) -> LogLine:
-    """Return the line about an action that calls a service of its own node."""
+def find_merged(library: Any, table: ReportTable, names: Iterable[str]) -> list[LogLine]:
+    """Return the line about the first two topics that are one; `names` are those of `used`."""
     lines = Lines(library)
-    library.fm_add_own_service(lines.pointer, action.encode(), service.encode())
-    line, = lines.take()
-    return line
+    texts = [ffi.new('char[]', name.encode(errors='replace')) for name in names]
+    library.fm_find_merged(lines.pointer, table.pointer, texts)
+    return lines.take()

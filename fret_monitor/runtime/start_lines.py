@@ -36,11 +36,6 @@ def restarted(library: Any, groups: int) -> LogLine:
     return _line(library, library.fm_add_restarted, groups)
 
 
-def negative_time(library: Any, seconds: float) -> LogLine:
-    """Return the line of a negative time on `/clock`."""
-    return _line(library, library.fm_add_negative_time, seconds)
-
-
 def unanswered(library: Any, gate: str, service: str) -> LogLine:
     """Return the line of a request to a gate that no server of `service` answers."""
     return _line(library, library.fm_add_unanswered, _characters(gate), _characters(service))

@@ -81,7 +81,7 @@ def test_the_same_bundle_gives_the_same_bytes_and_texts_of_it_are_literals(
     table = files['src/node_table.c']
     assert table.isascii() and '*/' not in re.sub(r'"[^"]*"', '""', table)
     assert 'FM_DECLARE_TYPE_SUPPORT(test_msgs, action, Fibonacci_FeedbackMessage);' in table
-    assert '{"MOST", {.u = UINT64_C(18446744073709551615)}}' in table
+    assert '{.name = "MOST", .value = {.u = UINT64_C(18446744073709551615)}}' in table
     assert '{FM_WEAKER, FM_FOLLOW, FM_FOLLOW, 3u}' in table
     assert 'copilot/handlerprop010__x_' in table
     assert 'INT64_C(250000000)' in table

@@ -66,6 +66,19 @@ def test_every_exported_function_is_declared() -> None:
         assert re.search(rf'[ *]{name}\(', declarations.declarations()), name
 
 
+def test_the_words_are_those_of_the_header_and_both_nodes_use_each() -> None:
+    kept = Path(declarations.__file__).with_name('words.py').read_text(encoding='utf-8')
+    assert kept.endswith(declarations.words_text()), declarations.__doc__
+    root = Path(declarations.__file__).parents[2]
+    of_c, of_python = (''.join(path.read_text(encoding='utf-8') for path in root.glob(pattern))
+                       for pattern in ('csrc/node/*.c', 'fret_monitor/ros/**/*.py'))
+    names = re.findall(r'FM_WORDS_\w+', csrc_file('words.h').read_text(encoding='utf-8'))
+    assert len(names) > 20
+    assert [name for name in names if name not in of_c] == []
+    assert [name for name in names
+            if f'words.{name.removeprefix("FM_WORDS_")}' not in of_python] == []
+
+
 def test_the_binding_is_what_cffi_generates_from_the_declarations() -> None:
     pytest.importorskip('cffi')
     kept = Path(declarations.__file__).with_name('binding.py').read_text(encoding='utf-8')

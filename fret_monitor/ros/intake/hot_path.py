@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import threading
 from typing import Any
 
+from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.feed import Receiver
@@ -161,7 +162,7 @@ def why_callbacks_wake(hot_path: str, library: Any) -> str | None:
     name = get_rmw_implementation_identifier()
     if hot_path != 'on' and \
             library.fm_receiver_taking(name.encode()) == ffi.integer_const('FM_WAKE'):
-        return f'the callbacks of {name} are not known to allow it'
+        return words.UNKNOWN_CALLBACKS % name
     return None
 
 

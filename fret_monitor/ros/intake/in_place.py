@@ -21,19 +21,14 @@ With others, messages are copied before they are read; verdicts are the same.
 
 import ctypes
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavailable
 
 from rclpy.type_support import check_for_type_support
 from rclpy.utilities import get_rmw_implementation_identifier
-
-# FastBuffer(char *, size_t) and Cdr(FastBuffer &, Endianness, CdrVersion) of Fast CDR
-_MAKE_BUFFER = '_ZN8eprosima7fastcdr10FastBufferC1EPcm'
-_MAKE_CDR = '_ZN8eprosima7fastcdr3CdrC1ERNS0_10FastBufferENS1_10EndiannessENS0_10CdrVersionE'
-_MAPS = Path('/proc/self/maps')
 
 capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
 capsule_pointer.restype = ctypes.c_void_p
@@ -68,18 +63,11 @@ class InPlaceTypes:
             if the middleware is not Fast DDS of a known version, or has another layout.
         """
         name = get_rmw_implementation_identifier()
-        if name != 'rmw_fastrtps_cpp':
-            raise Unavailable(f'{name} is not rmw_fastrtps_cpp')
         why = ffi.new('char[]', 256)
-        if not library.fm_in_place_is_known(_loaded(), why, len(why)):
+        if not library.fm_in_place_prepare(
+                name.encode(), ffi.addressof(functions, 'in_place'), why, len(why)):
             reason: Any = ffi.string(why)
             raise Unavailable(reason.decode(errors='replace'))
-        cdr = loaded_library('libfastcdr.so.2')
-        make_buffer = find_symbol(cdr, _MAKE_BUFFER, 'void (*)(void *, char *, size_t)')
-        make_cdr = find_symbol(cdr, _MAKE_CDR, 'void (*)(void *, void *, int, int)')
-        if not library.fm_in_place_find(
-                make_buffer, make_cdr, ffi.addressof(functions, 'in_place')):
-            raise Unavailable('objects of Fast CDR are not as expected')
         self._make_type = library.fm_in_place_make
         functions.take_message = find_symbol(
             loaded_library('librmw_implementation.so', f'lib{name}.so'), 'rmw_take_with_info',
@@ -108,16 +96,12 @@ class InPlaceTypes:
         original = ffi.cast('struct fm_type_support *', capsule_pointer(capsule, None))
         support = ffi.new('struct fm_in_place_type *')
         if not self._make_type(original, support):
-            raise Unavailable(f'{message_class.__name__} has no type support for Fast DDS')
+            raise Unavailable(words.NO_SUPPORT % _type_of(message_class))
         made = _new_capsule(int(ffi.cast('uintptr_t', support)), None, None)
         metaclass = type('InPlace', (type(message_class),), {'_TYPE_SUPPORT': made})
         return _InPlaceClass(
             metaclass(message_class.__name__, (), {'__slots__': []}), support)
 
 
-def _loaded() -> bytes:
-    """Return what `/proc/self/maps` says is loaded."""
-    try:
-        return _MAPS.read_bytes()
-    except OSError:
-        return b''
+def _type_of(message_class: Any) -> str:
+    return '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])

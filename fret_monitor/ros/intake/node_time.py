@@ -27,11 +27,10 @@ from threading import RLock
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.throttle import Throttle
-from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.runtime import Engine
-from fret_monitor.runtime.start_lines import negative_time
 
 import rclpy.clock
 from rclpy.clock import ClockType, JumpThreshold
@@ -53,9 +52,6 @@ _NEGATIVE_S = 60.0  # between two log lines about negative times on `/clock`
 class ClockNode(Node):
     """A node that ignores negative times on `/clock`; rclpy would end the process."""
 
-    csrc: Any = None
-    """The functions of csrc, which word lines; None: not loaded yet, and nothing is logged."""
-
     def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., Any],
                             *options: Any, **more: Any) -> Any:
         """Create a subscription; rclpy makes that of `/clock` here too."""
@@ -69,9 +65,9 @@ class ClockNode(Node):
         def take(message: Clock) -> None:
             if message.clock.sec >= 0:
                 callback(message)
-            elif self.csrc is not None and throttle.passes():
-                seconds = message.clock.sec + message.clock.nanosec / 1e9
-                log_lines(self.get_logger(), [negative_time(self.csrc, seconds)])
+            elif throttle.passes():
+                self.get_logger().warning(words.NEGATIVE_TIME % (
+                    message.clock.sec + message.clock.nanosec / 1e9))
 
         return take
 

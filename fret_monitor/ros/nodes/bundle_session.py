@@ -26,6 +26,7 @@ from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.native import words
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.acting.gate import gate_of, RunningGate
@@ -103,7 +104,7 @@ class BundleSession:
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
-                refuse_merged_topics(self._node, self.manifest)
+                refuse_merged_topics(self._node, self._table, self.library)
                 self._read_overrides()
                 self._advertise(handler_depth)
             except InvalidTopicNameException as error:  # from the namespace or a remapping
@@ -221,14 +222,14 @@ class BundleSession:
         """Return the middleware; on the hot path it reads in place if possible."""
         reason = why_callbacks_wake(self._hot_path, self._engine.library)
         if reason is not None:
-            self._way = f'in C, in a thread of its own: {reason}'
+            self._way = words.WAKES + reason
             return Middleware(may_take=False)
-        self._way = f'in C, inside {get_rmw_implementation_identifier()}'
-        middleware = Middleware()
+        middleware, copied = Middleware(), ('', '')
         try:
             middleware.read_in_place(self._engine.library)
         except Unavailable as found:
-            self._way += f', and copied before they are read: {found}'
+            copied = words.ALL_COPIED, str(found)
+        self._way = words.TAKES % (get_rmw_implementation_identifier(), *copied)
         return middleware
 
     def _connect_through(self, middleware: Middleware) -> None:
@@ -261,7 +262,7 @@ class BundleSession:
         self._feed, self._gate = feed, gate
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
-        self._node.get_logger().info(f'messages are taken {self._way}', once=True)
+        self._node.get_logger().info(self._way, once=True)
         self._announcer, self._detail_publisher = announcer, details
 
     def _stop_actions(self) -> None:
@@ -302,8 +303,7 @@ class BundleSession:
             return middleware.class_in_place(message_class)
         except Unavailable as reason:
             self._node.get_logger().info(
-                f'messages on {self._node.resolve_topic_name(topic)} are copied before they are '
-                f'read: {reason}')
+                f'{words.COPIED % self._node.resolve_topic_name(topic)}{reason}')
             return message_class
 
     # Reports.

@@ -14,6 +14,7 @@
 
 """A warning about another node of the same name: calls and remappings then affect both."""
 
+from fret_monitor.native import words
 from fret_monitor.ros.watch import Watch
 
 from rclpy.clock import Clock, ClockType
@@ -39,8 +40,6 @@ class DuplicateNodes:
         has_other = self._node.get_node_names_and_namespaces().count(own) > 1
         if has_other:
             self._node.get_logger().warning(
-                f'there is another node {self._node.get_fully_qualified_name()}: both watch and '
-                'announce; give one another name (-r __node:=NAME) to tell them apart in '
-                '/diagnostics, ~/reset and transitions')
+                words.NAMESAKE % self._node.get_fully_qualified_name())
         if has_other or self._left <= 0:
             self._timer.cancel()

@@ -141,7 +141,6 @@ class LoggerNode(ClockNode):
             self._settings = read_settings(parameters.values())
             manifests = open_manifests(self._settings)
             self._library = load_reporting(self._settings)
-            self.csrc = self._library
             self._intake.prepare(self._library)
             parameters.show_constants(manifests)  # they are read-only, so they stay as they are
         self._overrides = Overrides.of(self)

@@ -19,6 +19,7 @@ from contextlib import ExitStack
 import traceback
 from typing import Any
 
+from fret_monitor.native import words
 from fret_monitor.ros.intake.node_time import ClockNode
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.nodes.bundle_session import BundleSession
@@ -82,7 +83,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             undo.pop_all()
 
     def _begin(self) -> None:
-        self._declared = Parameters(self, self.PARAMETERS, self._why_fixed)
+        self._declared = Parameters(self, self.PARAMETERS, self._is_configured)
         self._duplicate_nodes = DuplicateNodes(self, self._watch)
         self.create_service(Trigger, '~/reset', self._reset)
         for service in self.services:
@@ -92,7 +93,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             self._start(self.trigger_configure)
             self._start(self.trigger_activate)
         else:
-            self.get_logger().info('waiting to be configured and activated: autostart is false')
+            self.get_logger().info(words.WAITING)
 
     def _start(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
         """Trigger a transition, and raise its error if it fails."""
@@ -145,8 +146,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         if not self._is_starting:
             reason = (str(attempt.error) if is_refusal
                       else ''.join(traceback.format_exception(attempt.error)))
-            self.get_logger().error(
-                f'{reason.rstrip()}\nnothing is monitored until the node is active again')
+            self.get_logger().error(f'{reason.rstrip()}\n{words.INACTIVE}')
         return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
 
     def _configure(self) -> None:
@@ -166,7 +166,6 @@ class MonitorNode(ClockNode, LifecycleNode):
                     handler_depth=settings.handler_depth,
                     log_violations=settings.log_violations, blackbox=settings.blackbox))
             undo.pop_all()
-        self.csrc = self._sessions[0].library
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             self.resolve_topic_name(topic.name)
@@ -236,9 +235,8 @@ class MonitorNode(ClockNode, LifecycleNode):
             self._sessions[-1].close()  # before pop: if interrupted, it can be repeated
             self._sessions.pop()
 
-    def _why_fixed(self) -> str:
-        return ('read when the node is configured, since a step has to mean the same from the '
-                'first to the last; deactivate and clean up first') if self._sessions else ''
+    def _is_configured(self) -> bool:
+        return bool(self._sessions)
 
     def destroy_node(self) -> None:
         """Close the sessions, then destroy the node."""
@@ -250,9 +248,10 @@ class MonitorNode(ClockNode, LifecycleNode):
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._is_active
         if not self._is_active:
-            response.message = 'nothing to restart: the node is not active'
+            response.message = words.NO_RESTART
             return response
-        line = restarted(self.csrc, sum(session.reset() for session in self._sessions))
+        line = restarted(self._sessions[0].library,
+                         sum(session.reset() for session in self._sessions))
         response.message = line.text
         log_lines(self.get_logger(), [line])
         return response

@@ -24,6 +24,7 @@ one that has ended.
 from collections.abc import Callable, Sequence
 from time import monotonic
 
+from fret_monitor.native import words
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
@@ -86,8 +87,7 @@ class SignOfLife:
         if self._suspected is None:
             self._suspected = now
         elif now - self._suspected >= _PERIOD_S and self._throttle.passes():
-            self._node.get_logger().error(
-                'a thread of the monitor hangs: no sign of life on ~/alive')
+            self._node.get_logger().error(words.HANGS)
 
     def _publish(self) -> None:
         self._publisher.publish(Header(

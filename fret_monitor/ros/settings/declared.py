@@ -20,6 +20,7 @@ from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.native import words
 from fret_monitor.ros.settings.constants import ConstantParameters
 from fret_monitor.ros.settings.parameters import (
     check_settings, CONSTANT, Described, KNOWN, LEVELS, problems_of, read_truth, read_word,
@@ -36,12 +37,11 @@ class Parameters:
     """The declared parameters of a node."""
 
     def __init__(self, node: Node, table: Mapping[str, Described],
-                 why_fixed: Callable[[], str] = str) -> None:
+                 is_configured: Callable[[], bool] = bool) -> None:
         """
         Declare the parameters of `table`.
 
-        `why_fixed` returns why the parameters that `configure` reads cannot change now, or an
-        empty string if they can.
+        While `is_configured` returns true, those that `configure` reads cannot change.
 
         Raises
         ------
@@ -50,7 +50,7 @@ class Parameters:
         """
         self._node = node
         self._table = table
-        self._why_fixed = why_fixed
+        self._is_configured = is_configured
         for name, item in table.items():
             node.declare_parameter(name, item.default, ParameterDescriptor(
                 description=item.description, read_only=item.read_only, dynamic_typing=True))
@@ -116,15 +116,14 @@ class Parameters:
         overrides = [item.name for item in parameters if item.name.startswith('qos_overrides.')
                      and self._node.has_parameter(item.name)]
         if overrides:
-            return SetParametersResult(successful=False, reason=(
-                f"{', '.join(overrides)}: read at the start of the process only"))
+            return SetParametersResult(
+                successful=False, reason=words.READ_AT_START % ', '.join(overrides))
         new = {item.name: item.value for item in parameters if item.name in self._table
                or self._constants.has(item.name)}
         problems = problems_of(check_settings, self.values() | new) + problems_of(_level, new)
         fixed = [name for name in new if name != 'log_level']
-        reason = self._why_fixed()
-        if fixed and reason:
-            problems = [f"{', '.join(fixed)}: {reason}"]
+        if fixed and self._is_configured():
+            problems = [words.READ_ONCE % ', '.join(fixed)]
         return SetParametersResult(successful=not problems, reason='; '.join(problems))
 
     def _set_level(self) -> None:

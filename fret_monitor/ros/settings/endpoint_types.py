@@ -18,23 +18,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.names import DIAGNOSTICS_TOPIC
+from fret_monitor.model.names import OWN_TOPICS
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.settings.parameters import Refusal
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
-
-
-OWN_TOPICS = {
-    DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
-    '~/alive': 'std_msgs/msg/Header',
-    '~/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
-    '/parameter_events': 'rcl_interfaces/msg/ParameterEvent',
-    '/rosout': 'rcl_interfaces/msg/Log',
-    '/clock': 'rosgraph_msgs/msg/Clock',
-}
-"""The topics of a node itself, with their types, besides those of violations."""
 
 _NODE = -1  # in place of the number of a bundle
 

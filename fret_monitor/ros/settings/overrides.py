@@ -25,6 +25,7 @@ from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
 from fret_monitor.model.policies import QOS_CHOICES
+from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import LARGEST_DEPTH, Refusal
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime.subscription import DEFAULT_DEPTH
@@ -102,19 +103,16 @@ class Overrides:
         names = [item.name for item in self._all
                  if item.endpoint == 'publisher' and item.topic in topics]
         if names:
-            raise Refusal(*(f"parameter '{name}' cannot be given: violations are announced "
-                            'reliable and volatile; their depth is -p handler_depth:=NUMBER'
-                            for name in names))
+            raise Refusal(*(words.OF_VIOLATIONS % name for name in names))
 
     def unused(self, subscribed: Collection[str]) -> Iterator[str]:
         """Yield a warning for each override that no subscription uses."""
         for item in self._all:
             if item.endpoint != 'subscription':
-                yield f"ignored parameter '{item.name}': only subscriptions can be changed"
+                yield words.ONLY_SUBSCRIPTIONS % item.name
             elif item.topic not in subscribed:
                 hint = did_you_mean(item.topic, subscribed)
-                yield (f"ignored parameter '{item.name}': the topic {item.topic} is not "
-                       f'subscribed to{f"; {hint}" if hint else ""}')
+                yield words.NOT_SUBSCRIBED % (item.name, item.topic) + (hint and f'; {hint}')
 
 
 class DeclaredOverrides:
@@ -168,8 +166,7 @@ def _read(given: Mapping[str, object], problems: list[str]) -> Iterator[_Overrid
             continue
         if len(rest) != 2 or not topic.startswith('/') \
                 or rest[0].partition('_')[0] not in ('subscription', 'publisher'):
-            problems.append(f"parameter '{name}' is none; write "
-                            f"'{_PREFIX}/TOPIC.subscription.POLICY', with the topic's full name")
+            problems.append(words.NO_OVERRIDE % name)
         else:
             yield _Override(name, topic, rest[0], rest[1], value)
 
@@ -177,18 +174,17 @@ def _read(given: Mapping[str, object], problems: list[str]) -> Iterator[_Overrid
 def _problems(item: _Override) -> Iterator[str]:
     where = f"parameter '{item.name}'"
     if item.endpoint != 'subscription':
-        yield f"{where} is none: subscriptions here have no id, write '.subscription.'"
+        yield words.NO_ENDPOINT % item.name
     elif item.policy in _TIMED:
-        yield (f'{where} cannot be given: it would keep out publishers that do not offer it; '
-               'use the `timeout` of the input in the bundle')
+        yield words.OF_TIME % item.name
     elif item.policy not in _POLICIES:
-        yield f'{where} is none: there are {", ".join(_POLICIES)}'
+        yield words.NO_POLICY % item.name
     elif item.policy == 'depth':
         if not isinstance(item.value, int) or isinstance(item.value, bool) \
                 or not 0 < item.value <= LARGEST_DEPTH:
-            yield f'{where} is {item.value!r}, and has to be a number of messages, at least 1'
+            yield f'{where} is {item.value!r}, and has to be {words.COUNT}'
     else:
-        words = [*QOS_CHOICES[item.policy]]
-        words += [] if item.policy == 'history' else [_AVAILABLE]
-        if str(item.value).lower() not in words:
-            yield f'{where} is {item.value!r}, and has to be one of {", ".join(words)}'
+        choices = [*QOS_CHOICES[item.policy]]
+        choices += [] if item.policy == 'history' else [_AVAILABLE]
+        if str(item.value).lower() not in choices:
+            yield f'{where} is {item.value!r}, and has to be one of {", ".join(choices)}'

@@ -29,6 +29,7 @@ from typing import Any
 from fret_monitor.model.bundle_files import find_bundle
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.policies import Policy
+from fret_monitor.native import words
 
 LARGEST_DEPTH = 2**31 - 1
 DEFAULT_HANDLER_DEPTH = 1000
@@ -48,8 +49,7 @@ _SPEC = ("the bundle: a path, package://PKG/PATH, or the name of a file in this 
          'folder; or a list of them')
 _LIBRARY = ('the folder of a compiled bundle, instead of `spec`; if both are given, it must have '
             'been compiled from that bundle; a list for several')
-_LOG_LEVEL = Described('', 'the least severity that this node logs: debug, info, warn, error or '
-                           "fatal; empty for the process's")
+_LOG_LEVEL = Described('', words.LOG_LEVEL)
 
 MONITOR_PARAMETERS = {
     'spec': Described('', f'{_SPEC}; read by `configure`'),
@@ -63,25 +63,16 @@ MONITOR_PARAMETERS = {
     'hot_path': Described('auto', "whether the middleware's callbacks take the messages: auto "
                                   '(where this is known to work), on, off (they wake a thread '
                                   'that does); read by `configure`'),
-    'handler_depth': Described(
-        DEFAULT_HANDLER_DEPTH, 'violations that a slow listener of one handler may be behind '
-                               'before it loses some; read by `configure`'),
-    'log_violations': Described(True, 'whether the node logs violations and their ends; false if '
-                                      'the logger does; read by `configure`'),
-    'blackbox': Described('', 'a folder to which the last messages of all topics are written at '
-                              'each violation; empty: none are kept; read by `configure`'),
-    'blackbox_seconds': Described(10.0, 'seconds of messages before a violation that a file has; '
-                                        'read by `configure`'),
-    'blackbox_bytes': Described(64 << 20, 'memory for the last messages, in bytes, for each '
-                                          'bundle; read by `configure`'),
-    'blackbox_files': Described(20, 'files of black boxes in the folder, at most: the oldest are '
-                                    'removed; read by `configure`'),
-    'blackbox_disk_bytes': Described(1 << 30, 'bytes of these files together, at most; read by '
-                                              '`configure`'),
+    'handler_depth': Described(DEFAULT_HANDLER_DEPTH, words.HANDLER_DEPTH),
+    'log_violations': Described(True, words.LOG_VIOLATIONS),
+    'blackbox': Described('', words.BLACKBOX),
+    'blackbox_seconds': Described(10.0, words.BLACKBOX_SECONDS),
+    'blackbox_bytes': Described(64 << 20, words.BLACKBOX_BYTES),
+    'blackbox_files': Described(20, words.BLACKBOX_FILES),
+    'blackbox_disk_bytes': Described(1 << 30, words.BLACKBOX_DISK_BYTES),
     'native': Described(False, 'whether the process becomes a node in C that is built for the '
                                'bundle once; read at the start', read_only=True),
-    'autostart': Described(True, 'whether the node configures and activates itself at its start',
-                           read_only=True),
+    'autostart': Described(True, words.AUTOSTART, read_only=True),
     'log_level': _LOG_LEVEL,
 }
 CONSTANT = "a constant of a bundle, with a value in place of the bundle's; read by `configure`"
@@ -292,8 +283,7 @@ def _count(given: Mapping[str, Any], name: str, unit: str, least: int,
 def _depth(given: Mapping[str, Any], problems: list[str]) -> int:
     value = given.get('handler_depth', DEFAULT_HANDLER_DEPTH)
     if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= LARGEST_DEPTH:
-        problems.append(f"parameter 'handler_depth' is {value!r}, and has to be a number of "
-                        'messages, at least 1')
+        problems.append(f"parameter 'handler_depth' is {value!r}, and has to be {words.COUNT}")
         return DEFAULT_HANDLER_DEPTH
     return value
 

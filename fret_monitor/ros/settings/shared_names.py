@@ -15,69 +15,34 @@
 """Names of topics and services that only one part of a node may use, after remapping."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate
 from fret_monitor.model.names import DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVICES
 from fret_monitor.model.policies import ActionKind
-from fret_monitor.ros.settings.endpoint_types import OWN_TOPICS
+from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.runtime.shared_names import find_shared, own_service, Use
+from fret_monitor.runtime.reporting import ReportTable
+from fret_monitor.runtime.shared_names import find_merged, find_shared, Use
 
 from rclpy.node import Node
 
 
-_MONITORED, _ANNOUNCED, _OWN = range(3)  # topics of inputs; of violations; others of the node
-
-
-def refuse_merged_topics(node: Node, manifest: Manifest) -> None:
+def refuse_merged_topics(node: Node, table: ReportTable, library: Any) -> None:
     """
     Refuse two topics of a bundle that are one after remapping, or one that the node itself uses.
 
-    Each message would cause two steps, or have two meanings for those who receive it. Inputs may
-    be read from a topic of the node itself, with its type.
+    `library` has the functions of csrc.
 
     Raises
     ------
     Refusal
         with the first problem.
     """
-    first: dict[str, _Topic] = {}
-    for topic in _topics(manifest):
-        full = node.resolve_topic_name(topic.name)
-        other = first.setdefault(full, topic)
-        if not _is_conflict(other, topic):
-            continue
-        own = "the node's own " if topic.kind == _OWN else ''
-        advice = ('if they are one topic, give the inputs that they feed one `topic:` in the '
-                  'bundle' if topic.kind == _MONITORED else
-                  'what the node announces needs a topic of its own')
-        raise Refusal(f"'{other.name}' and {own}'{topic.name}' are both remapped to {full}; "
-                      f'{advice}')
-
-
-class _Topic(NamedTuple):
-    name: str
-    interface: str
-    kind: int
-
-
-def _topics(manifest: Manifest) -> Iterator[_Topic]:
-    for topic in manifest.received:
-        yield _Topic(topic.name, topic.message_type, _MONITORED)
-    for item in manifest.requirements:
-        yield _Topic(item.topic, 'std_msgs/msg/Empty', _ANNOUNCED)
-    yield _Topic(DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', _ANNOUNCED)
-    for name, interface in OWN_TOPICS.items():
-        yield _Topic(name, interface, _OWN)
-
-
-def _is_conflict(one: _Topic, other: _Topic) -> bool:
-    if one.interface != other.interface:
-        return True
-    is_shared = _OWN in (one.kind, other.kind) and _ANNOUNCED not in (one.kind, other.kind)
-    return one.name != other.name and not is_shared
+    names = [node.resolve_topic_name(name) if is_topic else name for name, is_topic in table.used]
+    if lines := find_merged(library, table, names):
+        raise Refusal(lines[0].text)
 
 
 def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any) -> None:
@@ -103,10 +68,10 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any)
             *(item for manifest in manifests for item in _used_names(node, manifest))]
     if lines := find_shared(library, used):
         raise Refusal(lines[0].text)
-    _refuse_own_services(node, manifests, library)
+    _refuse_own_services(node, manifests)
 
 
-def _refuse_own_services(node: Node, manifests: Sequence[Manifest], library: Any) -> None:
+def _refuse_own_services(node: Node, manifests: Sequence[Manifest]) -> None:
     own = [node.resolve_service_name(name) for name in OWN_SERVICES]
     suffixes = {ActionKind.CALL: '', ActionKind.TRANSITION: '/change_state'}
     for action in (item for manifest in manifests for item in manifest.actions):
@@ -114,7 +79,7 @@ def _refuse_own_services(node: Node, manifests: Sequence[Manifest], library: Any
             continue
         full = node.resolve_service_name(action.target + suffixes[action.kind])
         if full in own:
-            raise Refusal(own_service(library, action.name, full).text)
+            raise Refusal(words.OWN_SERVICE % (action.name, full))
 
 
 def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:

@@ -1,0 +1,90 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// words.h: words in which both nodes log and refuse where nothing else is to be decided; formats
+/// of printf, of which Python reads %s, %d and %.3f alike (`native/words.py`, generated).
+
+#ifndef WORDS_H_
+#define WORDS_H_
+
+// ---- a node ------------------------------------------------------------------------------------
+
+#define FM_WORDS_WAITING "waiting to be configured and activated: autostart is false"
+#define FM_WORDS_INACTIVE "nothing is monitored until the node is active again"
+#define FM_WORDS_NO_RESTART "nothing to restart: the node is not active"
+#define FM_WORDS_HANGS "a thread of the monitor hangs: no sign of life on ~/alive"
+#define FM_WORDS_NAMESAKE \
+  "there is another node %s: both watch and announce; give one another name (-r __node:=NAME) " \
+  "to tell them apart in /diagnostics, ~/reset and transitions"
+#define FM_WORDS_NEGATIVE_TIME "a message on /clock is ignored: its time is negative, %.3f s"
+#define FM_WORDS_OWN_SERVICE \
+  "the action '%s' calls %s, a service of this node: a violation would end its own monitoring " \
+  "or begin it anew; choose a service of another node"
+
+// ---- how messages are taken --------------------------------------------------------------------
+
+#define FM_WORDS_WAKES "messages are taken in C, in a thread of its own: "
+#define FM_WORDS_UNKNOWN_CALLBACKS "the callbacks of %s are not known to allow it"
+#define FM_WORDS_TAKES "messages are taken in C, inside %s%s%s"
+#define FM_WORDS_ALL_COPIED ", and copied before they are read: "
+#define FM_WORDS_COPIED "messages on %s are copied before they are read: "
+#define FM_WORDS_NO_SUPPORT "%s has no type support for Fast DDS"
+
+// ---- parameters --------------------------------------------------------------------------------
+
+#define FM_WORDS_LOG_LEVEL \
+  "the least severity that this node logs: debug, info, warn, error or fatal; empty for the " \
+  "process's"
+#define FM_WORDS_HANDLER_DEPTH \
+  "violations that a slow listener of one handler may be behind before it loses some; read by " \
+  "`configure`"
+#define FM_WORDS_LOG_VIOLATIONS \
+  "whether the node logs violations and their ends; false if the logger does; read by `configure`"
+#define FM_WORDS_BLACKBOX \
+  "a folder to which the last messages of all topics are written at each violation; empty: none " \
+  "are kept; read by `configure`"
+#define FM_WORDS_BLACKBOX_SECONDS \
+  "seconds of messages before a violation that a file has; read by `configure`"
+#define FM_WORDS_BLACKBOX_BYTES \
+  "memory for the last messages, in bytes, for each bundle; read by `configure`"
+#define FM_WORDS_BLACKBOX_FILES \
+  "files of black boxes in the folder, at most: the oldest are removed; read by `configure`"
+#define FM_WORDS_BLACKBOX_DISK_BYTES \
+  "bytes of these files together, at most; read by `configure`"
+#define FM_WORDS_AUTOSTART "whether the node configures and activates itself at its start"
+#define FM_WORDS_COUNT "a number of messages, at least 1"
+#define FM_WORDS_READ_AT_START "%s: read at the start of the process only"
+#define FM_WORDS_READ_ONCE \
+  "%s: read when the node is configured, since a step has to mean the same from the first to " \
+  "the last; deactivate and clean up first"
+
+// ---- what is given of the quality of service ---------------------------------------------------
+
+#define FM_WORDS_NO_OVERRIDE \
+  "parameter '%s' is none; write 'qos_overrides./TOPIC.subscription.POLICY', with the topic's " \
+  "full name"
+#define FM_WORDS_NO_ENDPOINT \
+  "parameter '%s' is none: subscriptions here have no id, write '.subscription.'"
+#define FM_WORDS_NO_POLICY \
+  "parameter '%s' is none: there are reliability, durability, history, depth"
+#define FM_WORDS_OF_TIME \
+  "parameter '%s' cannot be given: it would keep out publishers that do not offer it; use the " \
+  "`timeout` of the input in the bundle"
+#define FM_WORDS_OF_VIOLATIONS \
+  "parameter '%s' cannot be given: violations are announced reliable and volatile; their depth " \
+  "is -p handler_depth:=NUMBER"
+#define FM_WORDS_NOT_SUBSCRIBED "ignored parameter '%s': the topic %s is not subscribed to"
+#define FM_WORDS_ONLY_SUBSCRIPTIONS "ignored parameter '%s': only subscriptions can be changed"
+
+#endif  // WORDS_H_

@@ -1,0 +1,171 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What reports must know of a bundle: the values of a `struct fm_report_table` (`csrc/reporting`).
+
+`runtime.reporting` makes memory for C of them, `export.ros2_table` the text of C.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fret_monitor.model.manifest import followed, Manifest, ManifestAction, ManifestInput
+from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS
+from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.values import ValueType
+
+type Value = bool | int | float | str | Enumerator | Stored | Elements | Members | None
+"""An initializer; `None` is a null pointer."""
+
+
+@dataclass(frozen=True)
+class Enumerator:
+    """A constant of C."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A `union fm_value`."""
+
+    kind: ValueType
+    value: bool | int | float
+
+
+@dataclass(frozen=True)
+class Elements:
+    """A pointer to the first of some elements."""
+
+    element: str
+    items: tuple[Value, ...]
+
+
+@dataclass(frozen=True)
+class Members:
+    """A struct, by the names of its members; those that are left out are zero."""
+
+    members: Mapping[str, Value]
+
+
+def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None = None,
+                 period: float | None = None) -> Members:
+    """
+    Return the table of a bundle.
+
+    `bundle` is the name to show, empty if the node has only one bundle; `policy` and `period`, in
+    seconds, are those with which it runs, if not the manifest's.
+    """
+    policy = policy or manifest.policy
+    locks = [(place, item) for place, item in enumerate(manifest.actions)
+             if item.kind is ActionKind.LOCK]
+    arrays = {
+        'locks': _structs('fm_report_lock', (_lock(manifest, *item) for item in locks)),
+        'actions': _structs('fm_action', (
+            _action(item) for item in manifest.actions if item.kind is not ActionKind.LOCK)),
+        'inputs': _structs('fm_report_input', map(_input, manifest.inputs)),
+        'topics': _structs('fm_report_topic', (
+            {'name': item.name, 'type': item.message_type, 'kind': Enumerator(
+                f'FM_{item.made.kind.name}' if item.made else 'FM_TOPIC')}
+            for item in manifest.topics)),
+        'used': _structs('fm_used_topic', (
+            {'name': name, 'type': kind, 'use': Enumerator(use)}
+            for name, kind, use in used_topics(manifest))),
+        'requirements': _structs('fm_report_requirement', ({
+            'id': item.id, 'text': item.shown, 'sentence': item.sentence,
+            **_listed('inputs', item.inputs), **_listed('constants', item.constants),
+            'is_warning': item.severity is Severity.WARN,
+            'shows_verdict': item.report is Report.OCCURRENCE} for item in manifest.requirements)),
+        'constants': _structs('fm_constant', (
+            {'name': name, 'value': value} for name, value in manifest.constants)),
+    }
+    return Members({
+        'bundle': bundle or manifest.name, 'component': manifest.component,
+        'gate': _gate(manifest), **arrays,
+        **{f'n_{name}': len(array.items) for name, array in arrays.items()},
+        'topic_inputs': _structs('fm_topic', (
+            _listed('inputs', item.inputs) for item in manifest.topics)),
+        'follows': _structs('fm_follows', (
+            _listed('on_violation', violation) | _listed('on_end', end)
+            for violation, end in followed(manifest))),
+        'is_one_of_several': bundle != '',
+        'policy': Enumerator(f'FM_{policy.name}'),
+        'period': _nanoseconds(
+            period or manifest.period if policy is Policy.PERIODIC else None),
+        'uses_header_stamps': policy is Policy.TIMED and manifest.stamp is Stamp.HEADER,
+        'reorder': manifest.reorder,
+    })
+
+
+def used_topics(manifest: Manifest) -> Iterator[tuple[str, str, str]]:
+    """Yield the topics that a node uses, as written, with their types and `enum fm_topic_use`."""
+    for topic in manifest.topics:
+        yield topic.name, topic.message_type, 'FM_MADE' if topic.made else 'FM_MONITORED'
+    for item in manifest.requirements:
+        yield item.topic, 'std_msgs/msg/Empty', 'FM_ANNOUNCED'
+    yield DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', 'FM_ANNOUNCED'
+    for name, kind in OWN_TOPICS.items():
+        yield name, kind, 'FM_OWN'
+
+
+def _structs(name: str, items: Iterable[Mapping[str, Value]]) -> Elements:
+    return Elements(f'struct {name}', tuple(map(Members, items)))
+
+
+def _listed(name: str, places: tuple[int, ...]) -> dict[str, Value]:
+    return {name: Elements('uint32_t', places), f'n_{name}': len(places)}
+
+
+def _lock(manifest: Manifest, place: int, action: ManifestAction) -> dict[str, Value]:
+    users = tuple(number for number, item in enumerate(manifest.requirements)
+                  if place in item.on_violation)
+    return {'name': action.name, 'topic': action.target, 'period': action.period,
+            **_listed('requirements', users)}
+
+
+def _action(item: ManifestAction) -> dict[str, Value]:
+    times: dict[str, Any] = {name: getattr(item, name) for name in (
+        'period', 'duration', 'timeout', 'after', 'cooldown', 'retries')}
+    return {
+        'kind': Enumerator(f'FM_ACTION_{item.kind.name}'), 'name': item.name,
+        'target': item.target, 'state': item.state,
+        'payload': Elements('uint8_t', tuple(item.payload)), 'payload_size': len(item.payload),
+        'stamp_at': -1 if item.stamp_at is None else item.stamp_at, **times}
+
+
+def _gate(manifest: Manifest) -> Elements | None:
+    gate = manifest.gate
+    return None if gate is None else _structs('fm_report_gate', [{
+        'name': gate.name, 'topic': len(manifest.topics) if gate.topic is None else gate.topic,
+        'open_after': gate.open_after, 'passes_silent': gate.is_open_when_stale,
+        'is_service': gate.is_service}])
+
+
+def _input(item: ManifestInput) -> dict[str, Value]:
+    return {
+        'name': item.name, 'path': item.field,
+        'values': _structs('fm_value_name', (
+            {'name': name, 'value': Stored(item.value_type, number)}
+            for name, number in item.stored_values)),
+        'n_values': len(item.values),
+        'is_timed_out': item.is_timed_out, 'violates': item.stale is Stale.VIOLATE,
+        'has_initial': item.initial is not None,
+        'initial': Stored(item.value_type, item.initial or 0),
+        'timeout': item.timeout or 0.0, 'startup': item.first_timeout}
+
+
+def _nanoseconds(seconds: float | None) -> int:
+    return max(1, round(seconds * 1e9)) if seconds else 0
