@@ -38,9 +38,10 @@ char * fm_resolved_name(const struct fm_node * node, const char * name)
   return copy;
 }
 
-char * fm_topic_name(const struct fm_node * node, const struct fm_node_topic * about)
+char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic)
 {
-  return about->support == NULL ? fm_copy_of(about->name) : fm_resolved_name(node, about->name);
+  return topic->kind >= FM_TRANSFORM ? fm_copy_of(topic->name) :
+         fm_resolved_name(node, topic->name);
 }
 
 // ---- subscriptions -----------------------------------------------------------------------------
@@ -69,7 +70,7 @@ static bool subscribe(
   intake->subscription = rcl_get_zero_initialized_subscription();
   if (rcl_subscription_init(
       &intake->subscription, &topic->node->node,
-      topic->in_place != NULL ? topic->in_place : topic->about->support(), topic->about->name,
+      topic->in_place != NULL ? topic->in_place : topic->support(), topic->written,
       &options) == RCL_RET_OK)
   {
     return true;
@@ -112,26 +113,28 @@ static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake
 }
 
 bool fm_topic_open(
-  struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_topic * about,
+  struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_table * table,
   const char * name, const struct fm_fixed_qos * fixed, uint32_t index)
 {
   topic->node = node;
-  topic->about = about;
+  const char * type = table->report.topics[index].type;
+  topic->support = table->topics[index].support;
+  topic->written = table->report.topics[index].name;
   topic->index = index;
   topic->name = name;
-  topic->in_place = fm_in_place_type_of(about->support());
+  topic->in_place = fm_in_place_type_of(topic->support());
   if (topic->in_place == NULL && fm_why_copied()[0] == '\0') {
-    fm_log(node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, about->type);
+    fm_log(node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, type);
   }
   struct fm_text problem = {NULL, 0, 0};
-  topic->state = fm_subscription_create(topic->name, about->type, fixed);
+  topic->state = fm_subscription_create(topic->name, type, fixed);
   if (topic->state == NULL) {
     fm_text_add(&problem, "memory is short");
   }
   const bool is_done = topic->state != NULL &&
     subscribe(topic, fm_subscription_request(topic->state), &topic->current, &problem);
   if (!is_done) {
-    fm_log(node, FM_ERROR, "cannot subscribe to %s as %s: %s", topic->name, about->type,
+    fm_log(node, FM_ERROR, "cannot subscribe to %s as %s: %s", topic->name, type,
       fm_text_get(&problem));
   }
   fm_text_free(&problem);

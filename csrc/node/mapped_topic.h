@@ -39,7 +39,8 @@ struct fm_mapped_topic
   struct fm_node * node;
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
-  const struct fm_node_topic * about;
+  const rosidl_message_type_support_t * (* support)(void);
+  const char * written;              // its name in the bundle
   const rosidl_message_type_support_t * in_place;  // in_place_types.h; NULL: it is copied
   const char * name;                 // resolved
   uint32_t index;
@@ -55,14 +56,13 @@ struct fm_mapped_topic
 /// if it is not valid; the error of rcl is set.
 char * fm_resolved_name(const struct fm_node * node, const char * name);
 
-/// As fm_resolved_name, of a topic of the bundle; one to which the node does not subscribe has its
-/// own name.
-char * fm_topic_name(const struct fm_node * node, const struct fm_node_topic * about);
+/// As fm_resolved_name, of a topic of the table; one whose messages are made has its own name.
+char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic);
 
 /// Subscribe; no message is taken before fm_topic_start. `name`: the resolved one; it outlives the
 /// topic. Returns false, with the error logged.
 bool fm_topic_open(
-  struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_topic * about,
+  struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_table * table,
   const char * name, const struct fm_fixed_qos * fixed, uint32_t index);
 
 /// Begin to take the messages, for an engine. The engine and the middleware outlive the topic.

@@ -57,13 +57,13 @@ static bool name_topics(struct fm_node_blackbox * box, const struct fm_node_tabl
     const uint32_t k = box->n_names;
     const bool is_end = k == n - 1u;
     box->names[k] = is_end ? fm_resolved_name(box->node, END_TOPIC) :
-      fm_topic_name(box->node, &table->topics[k]);
+      fm_topic_name(box->node, &table->report.topics[k]);
     if (box->names[k] == NULL) {
       fm_log_failure(box->node, "cannot subscribe or advertise");
       return false;
     }
     box->topics[k] = (struct fm_blackbox_topic) {
-      box->names[k], is_end ? END_TYPE : table->topics[k].type,
+      box->names[k], is_end ? END_TYPE : table->report.topics[k].type,
       is_end ? table->end_definition : table->topics[k].definition};
   }
   return box->n_names == n;

@@ -32,7 +32,7 @@
 
 /// The topic of the violations of a requirement, as written.
 #define FM_HANDLER_TOPIC(table, requirement) \
-  ((table)->report.used[(table)->report.n_topics + (requirement)].name)
+  ((table)->report.topics[(table)->report.n_topics + (requirement)].name)
 #define FM_HANDLER "copilot/handlerprop"  // what the topics of violations begin with
 
 /// The function that returns the type support of a message type, for the table: it is declared
@@ -57,8 +57,6 @@ struct fm_action_type
 
 struct fm_node_topic
 {
-  const char * name;  // as written in the bundle: to be resolved by the node
-  const char * type;  // package/msg/Name
   const rosidl_message_type_support_t * (* support)(void);  // NULL: the node does not subscribe
   struct fm_fixed_qos qos;
   const char * const * definition;  // of the message and of all within it, in pieces; then NULL

@@ -518,7 +518,7 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
     }
   }
   for (uint32_t k = 0; parameters->fixed != NULL && k < table->report.n_topics; ++k) {
-    char * topic = fm_resolved_name(parameters->node, table->topics[k].name);
+    char * topic = fm_resolved_name(parameters->node, table->report.topics[k].name);
     parameters->fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
       apply_overrides(parameters, k, topic);
@@ -528,8 +528,8 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
     free(topic);
   }
   for (uint32_t k = 0; k < table->report.n_used; ++k) {
-    if (table->report.used[k].use == FM_ANNOUNCED) {
-      refuse_publishers(parameters, table->report.used[k].name, problems);
+    if (table->report.topics[k].kind == FM_ANNOUNCED) {
+      refuse_publishers(parameters, table->report.topics[k].name, problems);
     }
   }
 }

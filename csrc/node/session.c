@@ -43,8 +43,7 @@ static char ** resolve_used(const struct fm_session * session)
   const struct fm_report_table * table = &session->table->report;
   char ** names = calloc(table->n_used, sizeof(*names));
   for (uint32_t k = 0; names != NULL && k < table->n_used; ++k) {
-    names[k] = table->used[k].use == FM_MADE ? fm_copy_of(table->used[k].name) :
-      fm_resolved_name(session->node, table->used[k].name);
+    names[k] = fm_topic_name(session->node, &table->topics[k]);
     if (names[k] == NULL) {
       fm_log_failure(session->node, "cannot subscribe or advertise");
       free_names(names, k);
@@ -271,7 +270,7 @@ static bool subscribe_all(struct fm_session * session)
   for (uint32_t k = 0; k < table->report.n_topics; ++k) {
     session->n_topics = k + 1u;
     if (table->topics[k].support != NULL && !fm_topic_open(
-        &session->topics[k], session->node, &table->topics[k], session->topic_names[k],
+        &session->topics[k], session->node, table, session->topic_names[k],
         &session->settings.fixed[k], k))
     {
       return false;

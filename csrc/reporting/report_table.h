@@ -50,7 +50,9 @@ struct fm_report_input
 enum fm_topic_kind
 {
   FM_TOPIC = 0,      // of ROS, to which the node subscribes
-  FM_TRANSFORM = 1   // the engine makes its messages of links between frames
+  FM_ANNOUNCED = 1,  // the node publishes violations on it
+  FM_OWN = 2,        // the node uses it otherwise
+  FM_TRANSFORM = 3   // the engine makes its messages, as of all later kinds: of links of frames
 };
 
 struct fm_report_topic
@@ -71,22 +73,6 @@ struct fm_report_requirement
   uint32_t n_constants;
   bool is_warning;        // its severity; otherwise error
   bool shows_verdict;     // in /diagnostics: it reports occurrences
-};
-
-enum fm_topic_use
-{
-  FM_MONITORED = 0,  // inputs are read from it
-  FM_MADE = 1,       // the engine makes its messages: none of ROS
-  FM_ANNOUNCED = 2,  // violations are published on it
-  FM_OWN = 3         // the node uses it otherwise
-};
-
-/// A topic that a node uses, its name as written.
-struct fm_used_topic
-{
-  const char * name;
-  const char * type;  // package/msg/Name
-  uint32_t use;       // enum fm_topic_use
 };
 
 /// A constant of the bundle, with the value that was compiled in, as written.
@@ -125,14 +111,13 @@ struct fm_report_table
   const struct fm_action * actions;    // all but locks
   const struct fm_follows * follows;   // of these, what follows each requirement
   const struct fm_report_input * inputs;
-  const struct fm_report_topic * topics;
-  const struct fm_used_topic * used;  // topics, then a handler a requirement, then others
+  const struct fm_report_topic * topics;  // of inputs; a handler a requirement; others of the node
   const struct fm_topic * topic_inputs;  // a topic: the inputs that it feeds
   const struct fm_report_requirement * requirements;
   const struct fm_constant * constants;
   uint32_t n_inputs;
-  uint32_t n_topics;
-  uint32_t n_used;
+  uint32_t n_topics;         // of inputs
+  uint32_t n_used;           // all of `topics`
   uint32_t n_requirements;
   uint32_t n_constants;
   uint32_t n_locks;

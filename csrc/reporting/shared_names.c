@@ -73,10 +73,10 @@ bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_
   return false;
 }
 
-static bool is_conflict(const struct fm_used_topic * one, const struct fm_used_topic * other)
+static bool is_conflict(const struct fm_report_topic * one, const struct fm_report_topic * other)
 {
-  const bool is_shared = (one->use == FM_OWN || other->use == FM_OWN) &&
-    one->use != FM_ANNOUNCED && other->use != FM_ANNOUNCED;
+  const bool is_shared = (one->kind == FM_OWN || other->kind == FM_OWN) &&
+    one->kind != FM_ANNOUNCED && other->kind != FM_ANNOUNCED;
   return strcmp(one->type, other->type) != 0 ||
          (strcmp(one->name, other->name) != 0 && !is_shared);
 }
@@ -85,12 +85,12 @@ bool fm_find_merged(
   struct fm_lines * lines, const struct fm_report_table * table, const char * const * names)
 {
   for (uint32_t k = 0; k < table->n_used; ++k) {
-    const struct fm_used_topic * topic = &table->used[k];
+    const struct fm_report_topic * topic = &table->topics[k];
     for (uint32_t other = 0; other < k; ++other) {
-      if (strcmp(names[k], names[other]) == 0 && is_conflict(&table->used[other], topic)) {
+      if (strcmp(names[k], names[other]) == 0 && is_conflict(&table->topics[other], topic)) {
         fm_lines_add(lines, FM_ERROR, "'%s' and %s'%s' are both remapped to %s; %s",
-          table->used[other].name, topic->use == FM_OWN ? "the node's own " : "", topic->name,
-          names[k], topic->use == FM_MONITORED ?
+          table->topics[other].name, topic->kind == FM_OWN ? "the node's own " : "", topic->name,
+          names[k], topic->kind == FM_TOPIC ?
           "if they are one topic, give the inputs that they feed one `topic:` in the bundle" :
           "what the node announces needs a topic of its own");
         return true;

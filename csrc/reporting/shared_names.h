@@ -40,8 +40,8 @@ FM_EXPORT bool fm_find_shared(struct fm_lines * lines, const struct fm_use * use
 
 /// Add the line about the first topic of the table that is one with an earlier one: each message
 /// would cause two steps, or have two meanings for those who receive it. Inputs may be read from a
-/// topic of the node itself, with its type. `names`: the full names of `table->used`. Returns
-/// whether there is any. O(n_used * n_used).
+/// topic of the node itself, with its type. `names`: the full names of all of `table->topics`.
+/// Returns whether there is any. O(n_used * n_used).
 FM_EXPORT bool fm_find_merged(
   struct fm_lines * lines, const struct fm_report_table * table, const char * const * names);
 

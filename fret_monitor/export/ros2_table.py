@@ -115,10 +115,8 @@ def _pieces(definition: str) -> list[str]:
 
 def _topic(item: ManifestTopic, definition: str) -> str:
     *choices, depth = fixed_qos(dict(item.qos))
-    return ', '.join((
-        f'{{{_text(item.name)}', _text(item.message_type),
-        'NULL' if item.made else f'FM_TYPE_SUPPORT({_arguments(item.message_type)})',
-        f'{{{", ".join(choices)}, {depth}u}}', f'{definition}}}'))
+    support = 'NULL' if item.made else f'FM_TYPE_SUPPORT({_arguments(item.message_type)})'
+    return f'{{{support}, {{{", ".join(choices)}, {depth}u}}, {definition}}}'
 
 
 def _action_type(item: ManifestAction) -> str:

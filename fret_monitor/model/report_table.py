@@ -77,13 +77,6 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'actions': _structs('fm_action', (
             _action(item) for item in manifest.actions if item.kind is not ActionKind.LOCK)),
         'inputs': _structs('fm_report_input', map(_input, manifest.inputs)),
-        'topics': _structs('fm_report_topic', (
-            {'name': item.name, 'type': item.message_type, 'kind': Enumerator(
-                f'FM_{item.made.kind.name}' if item.made else 'FM_TOPIC')}
-            for item in manifest.topics)),
-        'used': _structs('fm_used_topic', (
-            {'name': name, 'type': kind, 'use': Enumerator(use)}
-            for name, kind, use in used_topics(manifest))),
         'requirements': _structs('fm_report_requirement', ({
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
@@ -96,6 +89,10 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'bundle': bundle or manifest.name, 'component': manifest.component,
         'gate': _gate(manifest), **arrays,
         **{f'n_{name}': len(array.items) for name, array in arrays.items()},
+        'topics': _structs('fm_report_topic', (
+            {'name': name, 'type': message_type, 'kind': Enumerator(kind)}
+            for name, message_type, kind in used_topics(manifest))),
+        'n_topics': len(manifest.topics), 'n_used': len([*used_topics(manifest)]),
         'topic_inputs': _structs('fm_topic', (
             _listed('inputs', item.inputs) for item in manifest.topics)),
         'follows': _structs('fm_follows', (
@@ -111,14 +108,15 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
 
 
 def used_topics(manifest: Manifest) -> Iterator[tuple[str, str, str]]:
-    """Yield the topics that a node uses, as written, with their types and `enum fm_topic_use`."""
+    """Yield the topics that a node uses, as written, with their types and `enum fm_topic_kind`."""
     for topic in manifest.topics:
-        yield topic.name, topic.message_type, 'FM_MADE' if topic.made else 'FM_MONITORED'
+        kind = f'FM_{topic.made.kind.name}' if topic.made else 'FM_TOPIC'
+        yield topic.name, topic.message_type, kind
     for item in manifest.requirements:
         yield item.topic, 'std_msgs/msg/Empty', 'FM_ANNOUNCED'
     yield DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', 'FM_ANNOUNCED'
-    for name, kind in OWN_TOPICS.items():
-        yield name, kind, 'FM_OWN'
+    for name, message_type in OWN_TOPICS.items():
+        yield name, message_type, 'FM_OWN'
 
 
 def _structs(name: str, items: Iterable[Mapping[str, Value]]) -> Elements:

@@ -28,7 +28,7 @@ from typing import Any
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Severity
 from fret_monitor.model.report_table import (
-    Elements, Enumerator, Members, report_table, Stored, used_topics, Value,
+    Elements, Enumerator, Members, report_table, Stored, Value,
 )
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
@@ -83,8 +83,6 @@ class ReportTable:
         `policy` and `period`, in seconds, are those with which it runs, if not the manifest's.
         """
         self._kept: list[Any] = []  # memory of C that the table points to
-        self.used = [(name, use != 'FM_MADE') for name, _, use in used_topics(manifest)]
-        """The topics that a node uses, as written, and whether they are topics of ROS."""
         table = report_table(manifest, bundle, policy=policy, period=period)
         self.pointer: Any = ffi.new('struct fm_report_table *', self._made(table))
 

@@ -48,7 +48,7 @@ def find_shared(library: Any, uses: Sequence[Use]) -> list[LogLine]:
 
 
 def find_merged(library: Any, table: ReportTable, names: Iterable[str]) -> list[LogLine]:
-    """Return the line about the first two topics that are one; `names` are those of `used`."""
+    """Return the line about the first two topics that are one; `names` are of all in the table."""
     lines = Lines(library)
     texts = [ffi.new('char[]', name.encode(errors='replace')) for name in names]
     library.fm_find_merged(lines.pointer, table.pointer, texts)

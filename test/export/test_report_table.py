@@ -48,7 +48,8 @@ gates:
   g: {from: x_in, to: x_out, type: std_msgs/msg/Float64, keep: [A]}
 evaluation: {policy: timed}
 """
-LENGTHS = {'topic_inputs': 'n_topics', 'follows': 'n_requirements', 'payload': 'payload_size'}
+LENGTHS = {'topics': 'n_used', 'topic_inputs': 'n_topics', 'follows': 'n_requirements',
+           'payload': 'payload_size'}
 
 
 def plain(found: Any) -> Any:

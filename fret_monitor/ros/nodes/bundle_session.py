@@ -104,7 +104,7 @@ class BundleSession:
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
-                refuse_merged_topics(self._node, self._table, self.library)
+                refuse_merged_topics(self._node, self.manifest, self._table, self.library)
                 self._read_overrides()
                 self._advertise(handler_depth)
             except InvalidTopicNameException as error:  # from the namespace or a remapping

@@ -21,6 +21,7 @@ from fret_monitor.model.graph import cycles
 from fret_monitor.model.manifest import Manifest, ManifestGate
 from fret_monitor.model.names import DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVICES
 from fret_monitor.model.policies import ActionKind
+from fret_monitor.model.report_table import used_topics
 from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime.reporting import ReportTable
@@ -29,7 +30,9 @@ from fret_monitor.runtime.shared_names import find_merged, find_shared, Use
 from rclpy.node import Node
 
 
-def refuse_merged_topics(node: Node, table: ReportTable, library: Any) -> None:
+def refuse_merged_topics(
+    node: Node, manifest: Manifest, table: ReportTable, library: Any,
+) -> None:
     """
     Refuse two topics of a bundle that are one after remapping, or one that the node itself uses.
 
@@ -40,7 +43,9 @@ def refuse_merged_topics(node: Node, table: ReportTable, library: Any) -> None:
     Refusal
         with the first problem.
     """
-    names = [node.resolve_topic_name(name) if is_topic else name for name, is_topic in table.used]
+    made = {topic.name for topic in manifest.topics if topic.made}
+    names = [name if name in made else node.resolve_topic_name(name)
+             for name, _, _ in used_topics(manifest)]
     if lines := find_merged(library, table, names):
         raise Refusal(lines[0].text)
 
