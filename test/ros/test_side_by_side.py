@@ -54,9 +54,9 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros.exported import exported_bundle, ExportedNode
-from ros.harness import BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, wait_until
+from ros.harness import BEST_EFFORT, NodeProcess, Partner, PATIENCE, RELIABLE, wait_until
 from ros.received import read_detail
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
@@ -117,6 +117,9 @@ REORDER_NS = 500_000_000
 GARBAGE = (b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 4,  # a header, and too little after it
            b'\xff' * 8, b'\0')  # no header
 EPOCH_NS = 100_000_000_000
+LATCHED_LITTLE = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""A history that no subscription is too slow for: its queue has 100 messages."""
+
 ROUND_S = 0.35  # what a round takes at most, between two reports of both nodes
 MARGIN_S = 0.1  # before a report: it is published some time after the node has looked
 
@@ -313,7 +316,7 @@ class Traffic:
             take: Any = face.take_report  # rclpy's annotation knows no callback with two arguments
             partner.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
         self._clock = partner.publisher(Clock, '/clock')
-        offers = {'x': BEST_EFFORT, 'state': LATCHED}
+        offers = {'x': BEST_EFFORT, 'state': LATCHED_LITTLE}
         self._publishers = {topic: partner.publisher(
             getattr(sensor_msgs, kind), f'/{topic}', offers.get(topic, RELIABLE))
             for topic, kind in TOPICS.items()}
