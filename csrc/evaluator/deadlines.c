@@ -152,8 +152,7 @@ static void take_timeout(
   }
 }
 
-// Leave out the first of more than FM_MOST_PERIODS_BEHIND due periods.
-static void miss_periods(struct fm_evaluator * evaluator, int64_t last)
+void fm_miss_periods(struct fm_evaluator * evaluator, int64_t last)
 {
   struct fm_instance_time * time = evaluator->instance.time;
   if (time->next_period <= last && time->next_period != FM_NEVER) {
@@ -205,10 +204,16 @@ static void restart_time(struct fm_evaluator * evaluator, int64_t now)
 }
 
 // Under FM_TIMED the time may be ahead of the clock: messages that came at one time.
+bool fm_goes_back(const struct fm_evaluator * evaluator, int64_t now)
+{
+  const struct fm_instance_time * time = evaluator->instance.time;
+  return time->has_begun && now < time->now && now < time->clock;
+}
+
 static void move_time(struct fm_evaluator * evaluator, int64_t now)
 {
   struct fm_instance_time * time = evaluator->instance.time;
-  if (now < time->now && now < time->clock) {
+  if (fm_goes_back(evaluator, now)) {
     restart_time(evaluator, now);
   }
   if (now > time->now) {
@@ -218,15 +223,14 @@ static void move_time(struct fm_evaluator * evaluator, int64_t now)
   }
 }
 
-// Take the first thing that is due by `last`.
-static uint32_t take_first_due(
+uint32_t fm_take_first_due(
   struct fm_evaluator * evaluator, int64_t last, struct fm_violation * out)
 {
   const int64_t now = evaluator->instance.time->now;
   if (evaluator->wake > last) {
     return 0;
   }
-  miss_periods(evaluator, last);
+  fm_miss_periods(evaluator, last);
   const int64_t deadline = fm_evaluator_deadline(evaluator);
   struct fm_findings report = {out, deadline, 0};
   if (deadline <= last && deadline != FM_NEVER) {
@@ -242,8 +246,7 @@ static uint32_t take_first_due(
   return report.n;
 }
 
-// Move the time to `now`; returns false if it begins then.
-static bool reach(struct fm_evaluator * evaluator, int64_t now)
+bool fm_reach(struct fm_evaluator * evaluator, int64_t now)
 {
   const bool has_begun = evaluator->instance.time->has_begun;
   if (has_begun) {
@@ -257,11 +260,12 @@ static bool reach(struct fm_evaluator * evaluator, int64_t now)
 uint32_t fm_evaluator_advance(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
-  return reach(evaluator, now) ? take_first_due(evaluator, evaluator->instance.time->now, out) : 0;
+  return fm_reach(evaluator, now) ?
+         fm_take_first_due(evaluator, evaluator->instance.time->now, out) : 0;
 }
 
 uint32_t fm_evaluator_advance_to(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out)
 {
-  return reach(evaluator, now) ? take_first_due(evaluator, fm_later(now, -1), out) : 0;
+  return fm_reach(evaluator, now) ? fm_take_first_due(evaluator, fm_later(now, -1), out) : 0;
 }

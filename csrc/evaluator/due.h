@@ -35,6 +35,20 @@ FM_INTERNAL void fm_begin_ready_groups(struct fm_evaluator * evaluator);
 /// Look for the deadline anew: times of the instance have changed. O(1).
 FM_INTERNAL void fm_forget_deadline(struct fm_evaluator * evaluator);
 
+/// Move the time to `now`; returns false if it begins then. O(1), and O(inputs + groups) if it
+/// begins or goes back.
+FM_INTERNAL bool fm_reach(struct fm_evaluator * evaluator, int64_t now);
+
+/// Whether fm_reach would let the time go back. O(1).
+FM_INTERNAL bool fm_goes_back(const struct fm_evaluator * evaluator, int64_t now);
+
+/// Leave out the first of more than FM_MOST_PERIODS_BEHIND due periods. O(1).
+FM_INTERNAL void fm_miss_periods(struct fm_evaluator * evaluator, int64_t last);
+
+/// Take the first thing that is due by `last`, as fm_evaluator_advance.
+FM_INTERNAL uint32_t fm_take_first_due(
+  struct fm_evaluator * evaluator, int64_t last, struct fm_violation * out);
+
 /// The nanoseconds from one time to a later one; 0 if it is not later. O(1).
 FM_INTERNAL int64_t fm_since(int64_t from, int64_t to);
 

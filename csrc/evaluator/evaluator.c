@@ -176,6 +176,30 @@ void fm_evaluator_put(
   note_value(evaluator, input);
 }
 
+// A group that is not ready keeps in `start` how many ticks it has taken.
+static void pause_group(struct fm_evaluator * evaluator, uint32_t g, int64_t now)
+{
+  struct fm_instance_group * group = &evaluator->instance.groups[g];
+  if (evaluator->policy == FM_TIMED && group->steps > 0 && !group->is_paused) {
+    group->start = fm_between(group->start, now);
+    group->is_paused = true;
+  }
+  fm_set_group_due(evaluator, g, FM_NEVER);
+}
+
+void fm_evaluator_withdraw(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  const struct fm_input_cell * input = &evaluator->inputs[i];
+  for (uint32_t k = 0; instance->inputs[i].has_value && k < input->n_readers; ++k) {
+    struct fm_instance_group * group = &instance->groups[input->readers[k]];
+    instance->time->n_waiting += group->unset == 0 ? 1u : 0u;
+    group->unset += 1;
+    pause_group(evaluator, input->readers[k], now);
+  }
+  instance->inputs[i].has_value = false;
+}
+
 void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
 {
   if (input < evaluator->monitor->n_inputs) {

@@ -63,7 +63,9 @@ enum fm_report
 {
   FM_EVERY_STEP = 0,  // each violating step; under FM_TIMED each violating evaluation
   FM_ONSET = 1,       // when the verdict turns false
-  FM_OCCURRENCE = 2   // when the verdict that fm_monitor.occurrences names turns false
+  FM_OCCURRENCE = 2,  // when the verdict that fm_monitor.occurrences names turns false
+  FM_UNREPORTED = 3   // never, nor are its violations counted: an operand of an aggregate, whose
+                      // verdict is that of its formula even while its group is stale
 };
 
 /// What an input is fed by.
@@ -73,7 +75,8 @@ enum fm_source
   FM_RECEPTION = 1,  // a bool: a message came. True at the message alone: until the steps of that
                      // message are taken; under FM_PERIODIC those of a period; under FM_TIMED for
                      // one tick
-  FM_AGE = 2         // a float64: seconds from a stamp in the message to its reception
+  FM_AGE = 2,        // a float64: seconds from a stamp in the message to its reception
+  FM_AGGREGATE = 3   // a value over all instances of a kind (scopes.h); several topics may set it
 };
 
 /// Periods that are taken after the fact, after the process was stopped or the clock has jumped.
@@ -211,6 +214,12 @@ FM_EXPORT void fm_evaluator_initial_from(
 FM_INTERNAL void fm_evaluator_put(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now);
 FM_INTERNAL void fm_evaluator_arrive(
+  struct fm_evaluator * evaluator, uint32_t input, int64_t now);
+
+/// Take the value of an aggregate away, if it has one: the groups that read it are not ready until
+/// it is stored again. Their state stays; under FM_TIMED the time until then is none of their
+/// ticks. The index is in range. O(groups that read it).
+FM_INTERNAL void fm_evaluator_withdraw(
   struct fm_evaluator * evaluator, uint32_t input, int64_t now);
 
 /// Count a field that cannot be used. The input keeps its value.

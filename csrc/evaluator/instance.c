@@ -117,6 +117,7 @@ void fm_instance_reset(const struct fm_instance * instance)
     group->stepped_at = instance->time->stores;
     group->awaited = monitor->groups[g].n_inputs;
     group->knows_stale = false;
+    group->is_paused = false;
     group->due = INT64_MAX;
   }
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
@@ -267,7 +268,9 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
     instance->inputs[i].due = moved(instance->inputs[i].due, by);
   }
   for (uint32_t g = 0; g < instance->monitor->n_groups; ++g) {
-    instance->groups[g].start = fm_later(instance->groups[g].start, by);
+    if (!instance->groups[g].is_paused) {
+      instance->groups[g].start = fm_later(instance->groups[g].start, by);
+    }
     instance->groups[g].due = moved(instance->groups[g].due, by);
   }
 }

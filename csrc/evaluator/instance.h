@@ -62,6 +62,7 @@ struct fm_instance_group
   uint32_t awaited;      // inputs not received since stepped_at
   uint32_t stale;        // stale inputs
   bool knows_stale;      // its verdicts were set to false for them
+  bool is_paused;        // under FM_TIMED: an input has lost its value; `start` is its next tick
   int64_t start;         // the time of its first step; under FM_TIMED of its tick 0
   int64_t due;           // under FM_TIMED: when it is to be evaluated next; INT64_MAX: never
 };

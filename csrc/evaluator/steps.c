@@ -38,6 +38,9 @@ static void judge(
   struct fm_findings * report)
 {
   struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
+  if (cell->report == FM_UNREPORTED) {
+    return;
+  }
   bool * previous = &evaluator->instance.previous[requirement];
   const bool * verdicts = evaluator->instance.verdicts;
   const bool compared = verdicts[cell->report == FM_OCCURRENCE ? cell->occurrence : requirement];
@@ -58,7 +61,7 @@ static uint64_t number_of(const struct fm_evaluator * evaluator, uint32_t g, int
   if (evaluator->policy != FM_TIMED || cell->steps == 0) {
     return cell->steps;
   }
-  return (uint64_t)fm_since(cell->start, instant);
+  return (uint64_t)(cell->is_paused ? cell->start : fm_since(cell->start, instant));
 }
 
 void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
@@ -75,8 +78,10 @@ void fm_set_verdicts(struct fm_evaluator * evaluator, uint32_t g, bool verdict)
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
     const uint32_t r = group->requirements[k];
-    evaluator->instance.verdicts[r] = verdict;
-    evaluator->instance.verdicts[evaluator->requirements[r].occurrence] = verdict;
+    if (evaluator->requirements[r].report != FM_UNREPORTED) {
+      evaluator->instance.verdicts[r] = verdict;
+      evaluator->instance.verdicts[evaluator->requirements[r].occurrence] = verdict;
+    }
   }
 }
 
@@ -174,7 +179,8 @@ void fm_step_complete_groups_of(
   struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report)
 {
   for (uint32_t k = 0; k < topic->n_groups; ++k) {
-    if (evaluator->instance.groups[topic->groups[k]].awaited == 0) {
+    const struct fm_instance_group * group = &evaluator->instance.groups[topic->groups[k]];
+    if (group->awaited == 0 && group->unset == 0) {  // an aggregate may have lost its value
       step_group(evaluator, topic->groups[k], report);
     }
   }
@@ -210,6 +216,10 @@ void fm_evaluate_group(
 {
   const struct fm_instance * instance = &evaluator->instance;
   struct fm_instance_group * cell = &instance->groups[g];
+  if (cell->is_paused) {
+    cell->start = fm_later(instant, -cell->start);
+    cell->is_paused = false;
+  }
   if (cell->steps > 0 && fm_between(cell->start, instant) > FM_LAST_TICK) {
     restart_group(evaluator, g);
   }

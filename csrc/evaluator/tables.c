@@ -53,6 +53,25 @@ static uint32_t count_groups_without_inputs(const struct fm_monitor * monitor)
   return count;
 }
 
+static bool is_aggregate(const struct fm_evaluator_options * options, uint32_t i)
+{
+  return i < options->monitor->n_inputs && options->sources != NULL &&
+         options->sources[i] == FM_AGGREGATE;
+}
+
+// The groups that topics list because they set aggregates, at most.
+static uint64_t count_aggregate_readers(const struct fm_evaluator_options * options)
+{
+  uint64_t count = 0;
+  for (uint32_t t = 0; t < options->n_topics; ++t) {
+    for (uint32_t k = 0; k < options->topics[t].n_inputs; ++k) {
+      count +=
+        is_aggregate(options, options->topics[t].inputs[k]) ? options->monitor->n_groups : 0;
+    }
+  }
+  return count;
+}
+
 static struct layout lay_out(const struct fm_evaluator_options * options)
 {
   const struct fm_monitor * monitor = options->monitor;
@@ -69,9 +88,10 @@ static struct layout lay_out(const struct fm_evaluator_options * options)
   layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
   layout.readers = fm_block_append(&layout.block, readings, sizeof(uint32_t));
   // An input has at most one topic, so each input that a group reads puts the group on at most one
-  // topic's list. A group that reads no input is on the lists of all topics.
+  // topic's list; an aggregate has any number. A group that reads no input is on all lists.
   layout.topic_groups = fm_block_append(&layout.block, readings, sizeof(uint32_t));
   (void)fm_block_append(&layout.block, without_inputs * options->n_topics, sizeof(uint32_t));
+  (void)fm_block_append(&layout.block, count_aggregate_readers(options), sizeof(uint32_t));
   layout.instance = fm_block_append(&layout.block, instance_bytes, 1);
   return layout;
 }
@@ -168,7 +188,7 @@ static bool reports_are_sound(const struct fm_evaluator_options * options)
 {
   const struct fm_monitor * monitor = options->monitor;
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
-    if ((options->reports != NULL && options->reports[r] > FM_OCCURRENCE) ||
+    if ((options->reports != NULL && options->reports[r] > FM_UNREPORTED) ||
       (monitor->occurrences != NULL && monitor->occurrences[r] >= fm_instance_verdicts(monitor)))
     {
       return false;
@@ -181,7 +201,8 @@ static bool sources_are_sound(const struct fm_evaluator_options * options)
 {
   for (uint32_t i = 0; options->sources != NULL && i < options->monitor->n_inputs; ++i) {
     const uint8_t type = options->monitor->inputs[i].type;
-    if (options->sources[i] > FM_AGE || (options->sources[i] == FM_RECEPTION && type != FM_BOOL) ||
+    if (options->sources[i] > FM_AGGREGATE ||
+      (options->sources[i] == FM_RECEPTION && type != FM_BOOL) ||
       (options->sources[i] == FM_AGE && type != FM_FLOAT64))
     {
       return false;
@@ -262,7 +283,7 @@ static void list_readers(struct fm_evaluator * evaluator, uint32_t * pool)
 }
 
 // Assign the inputs to their topics, and reserve each topic's list of groups. Returns false if an
-// index is out of range or an input has two topics.
+// index is out of range or an input, but for an aggregate, has two topics.
 static bool make_topics(
   struct fm_evaluator * evaluator, const struct fm_topic * topics, uint32_t * pool)
 {
@@ -272,7 +293,9 @@ static bool make_topics(
     pool += without_inputs;
     for (uint32_t k = 0; k < topics[t].n_inputs; ++k) {
       const uint32_t i = topics[t].inputs[k];
-      if (i >= evaluator->monitor->n_inputs || evaluator->inputs[i].topic != NO_TOPIC) {
+      if (i >= evaluator->monitor->n_inputs || (evaluator->inputs[i].topic != NO_TOPIC &&
+        evaluator->inputs[i].source != FM_AGGREGATE))
+      {
         return false;
       }
       evaluator->inputs[i].topic = t;
@@ -299,7 +322,20 @@ static void add_group_to_all_topics(struct fm_evaluator * evaluator, uint32_t g)
   }
 }
 
-static void list_groups_of_topics(struct fm_evaluator * evaluator)
+static void add_group_to_topics_of(
+  struct fm_evaluator * evaluator, const struct fm_topic * topics, uint32_t aggregate, uint32_t g)
+{
+  for (uint32_t t = 0; t < evaluator->n_topics; ++t) {
+    for (uint32_t k = 0; k < topics[t].n_inputs; ++k) {
+      if (topics[t].inputs[k] == aggregate) {
+        add_group(&evaluator->topics[t], g);
+      }
+    }
+  }
+}
+
+static void list_groups_of_topics(
+  struct fm_evaluator * evaluator, const struct fm_topic * topics)
 {
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
     const struct fm_group * group = &evaluator->monitor->groups[g];
@@ -307,8 +343,11 @@ static void list_groups_of_topics(struct fm_evaluator * evaluator)
       add_group_to_all_topics(evaluator, g);
     }
     for (uint32_t k = 0; k < group->n_inputs; ++k) {
-      const uint32_t t = evaluator->inputs[group->inputs[k]].topic;
-      if (t != NO_TOPIC) {
+      const struct fm_input_cell * input = &evaluator->inputs[group->inputs[k]];
+      const uint32_t t = input->topic;
+      if (t != NO_TOPIC && input->source == FM_AGGREGATE) {
+        add_group_to_topics_of(evaluator, topics, group->inputs[k], g);
+      } else if (t != NO_TOPIC) {
         add_group(&evaluator->topics[t], g);
       }
     }
@@ -341,6 +380,6 @@ struct fm_evaluator * fm_evaluator_init(
   if (!make_topics(evaluator, options->topics, topic_groups)) {
     return NULL;
   }
-  list_groups_of_topics(evaluator);
+  list_groups_of_topics(evaluator, options->topics);
   return evaluator;
 }

@@ -154,4 +154,19 @@ struct fm_monitor
   uint64_t (* overflows)(const void * state);
 };
 
+/// A number that a group writes to the state at each step: an operand of an aggregate.
+struct fm_output
+{
+  uint64_t offset;  // in the state, aligned
+  uint32_t group;
+  uint8_t type;     // FM_INT64, FM_UINT64 or FM_FLOAT64
+};
+
+/// The outputs of a monitor. Constant; valid while its library is loaded.
+struct fm_outputs
+{
+  const struct fm_output * outputs;
+  uint32_t n_outputs;
+};
+
 #endif  // FRET_MONITOR_H_

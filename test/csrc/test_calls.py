@@ -25,7 +25,8 @@ from fret_monitor.native.cache import CSRC_ROOMS
 # Within the other rooms there is no circle.
 ORDER = {
     'evaluator': ('instance', 'tables', 'due', 'steps', 'deadlines', 'evaluator', 'gate',
-                  'states'),
+                  'states', 'keys', 'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due',
+                  'scopes_making', 'scopes'),
     'engine': ('thread', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox', 'mcap',
                'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message', 'engine_due',
                'engine_backlog', 'engine_delivery', 'engine_transforms', 'engine_gate', 'engine',

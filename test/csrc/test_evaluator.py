@@ -36,8 +36,11 @@ SCENARIOS = [(program, name) for program in ('evaluator_scenarios', 'timed_scena
              for name in re.findall(r'(?m)^SCENARIO\((\w+)\)$',
                                     (HERE / f'{program}.c').read_text(encoding='utf-8'))]
 SANITIZERS = (*compiled.SANITIZERS, '-O1')  # these programs are small and run long
-SOURCES = ('evaluator', 'deadlines', 'gate', 'steps', 'due', 'tables', 'instance')
-PROGRAMS = ('evaluator_scenarios', 'timed_scenarios', 'evaluator_model')
+SCOPES = ('keys', 'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making',
+          'scopes')
+SOURCES = ('evaluator', 'deadlines', 'gate', 'steps', 'due', 'tables', 'instance', *SCOPES)
+PROGRAMS = ('evaluator_scenarios', 'timed_scenarios', 'evaluator_model', 'scopes_model',
+            'scopes_lives')
 EDGES = 'evaluator_edges'  # includes tables.h
 
 
@@ -109,6 +112,18 @@ def test_random_calls_have_the_effects_of_the_model(programs: Path, seed: int) -
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_instances_are_plain_evaluators_of_what_concerns_their_keys(
+        programs: Path, seed: int) -> None:
+    done = run(programs / 'scopes_model', seed, 8 * EXAMPLES)
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_million_lives_need_no_more_memory_and_keys_may_collide(programs: Path) -> None:
+    done = run(programs / 'scopes_lives')
+    assert (done.returncode, done.stdout) == (0, '')
+
+
 def test_counters_and_times_hold_at_their_limits(programs: Path) -> None:
     # At a thousand messages a second, a node counts past 2^32 after fifty days.
     done = run(programs / EDGES)
@@ -124,7 +139,8 @@ def test_the_programs_compile_with_clang_without_warnings(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize('header', [
     'fret_monitor.h', 'fret_cells.h', 'fret_cdr.h', 'evaluator.h', 'gate.h', 'instance.h',
-    'tables.h', 'steps.h', 'due.h'])
+    'tables.h', 'steps.h', 'due.h', 'keys.h', 'heap.h', 'kinds.h', 'aggregates.h', 'pool.h',
+    'scopes.h'])
 @pytest.mark.parametrize('language', ['c', 'c++'])
 def test_a_header_compiles_before_others_in_c_and_cpp(
         header: str, language: str, tmp_path: Path) -> None:
@@ -146,6 +162,7 @@ def test_only_declared_symbols_are_defined(tmp_path: Path) -> None:
     objects = [tmp_path / f'{name}.o' for name in SOURCES]
     lines = run(nm, '--defined-only', '--extern-only', *objects).stdout.splitlines()
     headers = [csrc_file(f'{name}.h').read_text(encoding='utf-8')
-               for name in SOURCES if name != 'deadlines']
+               for name in (*SOURCES, 'scopes_parts')
+               if name not in ('deadlines', 'scopes_steps', 'scopes_due', 'scopes_making')]
     declared = re.findall(r'\b(fm_\w+)\(', '\n'.join(headers))
     assert {line.split()[-1] for line in lines if ' T ' in line} == set(declared)

@@ -664,7 +664,7 @@ SCENARIO(without_an_end_rows_end_with_the_last)
 
 SCENARIO(options_that_do_not_fit_are_refused)
 {
-  static const uint8_t WRONG_REPORT[] = {0, 0, 3, 0, 0};
+  static const uint8_t WRONG_REPORT[] = {0, 0, FM_UNREPORTED + 1, 0, 0};
   static const uint8_t WRONG_SOURCE[] = {0, 0, FM_AGE, 0};
   static const uint32_t OUTSIDE[] = {0, N_VERDICTS, 2, 3, 4};
   struct fm_evaluator_options options = options_of();

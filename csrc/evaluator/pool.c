@@ -1,0 +1,235 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// pool.c: see pool.h for the contract.
+
+#include "pool.h"
+
+#include <string.h>
+
+#include "due.h"
+
+// ---- layout ------------------------------------------------------------------------------------
+
+// Offsets of the parts of the memory, in bytes.
+struct layout
+{
+  uint64_t evaluator;
+  uint64_t violated;
+  uint64_t keys;
+  uint64_t due;
+  uint64_t lasts;
+  uint64_t marks;
+  uint64_t blocks;
+  struct fm_block block;
+};
+
+static struct layout lay_out(const struct fm_evaluator_options * options, uint64_t most)
+{
+  const uint64_t evaluator = fm_evaluator_bytes(options);
+  struct layout layout = {0};
+  layout.block.fits = evaluator > 0 && fm_keys_bytes(most) > 0;
+  layout.evaluator = fm_block_append(&layout.block, evaluator, 1);
+  layout.violated =
+    fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
+  layout.keys = fm_block_append(&layout.block, fm_keys_bytes(most), 1);
+  layout.due = fm_block_append(&layout.block, fm_heap_bytes(most), 1);
+  layout.lasts = fm_block_append(&layout.block, most, sizeof(int64_t));
+  layout.marks = fm_block_append(&layout.block, most, sizeof(uint8_t));
+  layout.blocks = fm_block_append(
+    &layout.block, most, evaluator > 0 ? fm_instance_bytes(options->monitor) : 1);
+  return layout;
+}
+
+uint64_t fm_pool_bytes(const struct fm_evaluator_options * options, uint64_t most)
+{
+  if (options->monitor == NULL || options->monitor->abi != FM_ABI) {
+    return 0;
+  }
+  const struct layout layout = lay_out(options, most);
+  return layout.block.fits ? layout.block.bytes : 0;
+}
+
+bool fm_pool_make(
+  struct fm_pool * pool, void * memory, const struct fm_evaluator_options * options,
+  uint32_t most, int64_t forget, const uint64_t seed[2])
+{
+  const struct layout layout = lay_out(options, most);
+  char * const bytes = memory;
+  pool->evaluator = fm_evaluator_init(bytes + layout.evaluator, options);
+  if (pool->evaluator == NULL || forget < 0) {
+    return false;
+  }
+  pool->blank = pool->evaluator->instance;
+  pool->blocks = bytes + layout.blocks;
+  pool->block_bytes = fm_instance_bytes(options->monitor);
+  pool->keys = fm_keys_make(bytes + layout.keys, most, seed);
+  pool->due = fm_heap_make(bytes + layout.due, most);
+  pool->lasts = (int64_t *)(void *)(bytes + layout.lasts);
+  pool->marks = (uint8_t *)bytes + layout.marks;
+  pool->violated = (uint64_t *)(void *)(bytes + layout.violated);
+  pool->forget = forget;
+  pool->entered = FM_NO_SLOT;
+  return true;
+}
+
+// ---- one instance ------------------------------------------------------------------------------
+
+static char * block_of(const struct fm_pool * pool, uint32_t slot)
+{
+  return pool->blocks + slot * pool->block_bytes;
+}
+
+// The place in another block of what lies at `place` in the blank.
+static void * moved(const struct fm_pool * pool, const void * place, char * block)
+{
+  return block + ((const char *)place - (const char *)(const void *)pool->blank.time);
+}
+
+static struct fm_instance instance_at(const struct fm_pool * pool, uint32_t slot)
+{
+  char * const block = block_of(pool, slot);
+  const struct fm_instance * blank = &pool->blank;
+  struct fm_instance instance;
+  instance.monitor = blank->monitor;
+  instance.time = (struct fm_instance_time *)(void *)block;
+  instance.inputs = (struct fm_instance_input *)moved(pool, blank->inputs, block);
+  instance.groups = (struct fm_instance_group *)moved(pool, blank->groups, block);
+  instance.verdicts = (bool *)moved(pool, blank->verdicts, block);
+  instance.previous = (bool *)moved(pool, blank->previous, block);
+  instance.values = moved(pool, blank->values, block);
+  instance.state = moved(pool, blank->state, block);
+  return instance;
+}
+
+// Count the steps of the instance, and its violations, with those of the others, or apart: `by` is
+// 1 or -1, and wraps.
+static void count(struct fm_pool * pool, uint64_t by)
+{
+  const struct fm_evaluator * evaluator = pool->evaluator;
+  const struct fm_monitor * monitor = evaluator->monitor;
+  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
+    evaluator->steps_before[g] += by * evaluator->instance.groups[g].steps;
+  }
+  for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
+    pool->violated[r] += evaluator->instance.previous[r] ? 0u : by;
+  }
+}
+
+// Messages move the time of their own instance alone. Under FM_TIMED each scope may be ahead of
+// the clock on its own.
+static void tell_time(const struct fm_evaluator * evaluator, const struct fm_instance_time * time)
+{
+  struct fm_instance_time * own = evaluator->instance.time;
+  if (own->has_begun && time != NULL) {
+    own->now = own->now > time->clock ? own->now : time->clock;
+    own->before = time->before;
+    own->clock = time->clock;
+  }
+}
+
+void fm_pool_enter(
+  struct fm_pool * pool, uint32_t slot, const struct fm_instance_time * time)
+{
+  struct fm_evaluator * evaluator = pool->evaluator;
+  fm_pool_leave(pool);
+  evaluator->instance = instance_at(pool, slot);
+  evaluator->wake = !evaluator->instance.time->has_begun ? INT64_MIN :
+    pool->due.places[slot] != 0 ? pool->due.words[slot] : FM_NEVER;
+  evaluator->is_exact = false;
+  pool->entered = slot;
+  count(pool, UINT64_MAX);
+  tell_time(evaluator, time);
+}
+
+int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot)
+{
+  return pool->forget > 0 ? fm_later(pool->lasts[slot], pool->forget) : FM_NEVER;
+}
+
+int64_t fm_pool_deadline(struct fm_pool * pool)
+{
+  const int64_t deadline = fm_evaluator_deadline(pool->evaluator);
+  const int64_t end = fm_pool_end_of(pool, pool->entered);
+  return deadline < end ? deadline : end;
+}
+
+// The heap keeps what was found when it was last looked for, unless something came before it.
+static void note_due(struct fm_pool * pool)
+{
+  const uint32_t slot = pool->entered;
+  struct fm_evaluator * evaluator = pool->evaluator;
+  if (!evaluator->instance.time->has_begun) {
+    return;
+  }
+  if (evaluator->wake == INT64_MIN) {
+    (void)fm_evaluator_deadline(evaluator);
+  }
+  const int64_t end = fm_pool_end_of(pool, slot);
+  const int64_t due = evaluator->wake < end ? evaluator->wake : end;
+  if (due == FM_NEVER) {
+    fm_heap_remove(&pool->due, slot);
+  } else {
+    fm_heap_set(&pool->due, slot, due);
+  }
+}
+
+static void enter_blank(struct fm_pool * pool)
+{
+  pool->entered = FM_NO_SLOT;
+  pool->evaluator->instance = pool->blank;
+}
+
+void fm_pool_leave(struct fm_pool * pool)
+{
+  if (pool->entered != FM_NO_SLOT) {
+    note_due(pool);
+    count(pool, 1);
+    enter_blank(pool);
+  }
+}
+
+void fm_pool_begin(struct fm_pool * pool, uint32_t slot)
+{
+  fm_pool_leave(pool);
+  memcpy(block_of(pool, slot), pool->blank.time, (size_t)pool->block_bytes);
+  pool->counts.begun += 1;
+  pool->counts.alive += 1;
+}
+
+static bool has_deadline(const struct fm_pool * pool, uint32_t slot)
+{
+  const struct fm_instance instance = instance_at(pool, slot);
+  bool is_open = false;
+  for (uint32_t g = 0; g < instance.monitor->n_groups; ++g) {
+    is_open = is_open || instance.groups[g].due != FM_NEVER;
+  }
+  return is_open;
+}
+
+// What the instance has counted stays; its violations are over.
+void fm_pool_end(struct fm_pool * pool, uint32_t slot)
+{
+  const struct fm_instance instance = instance_at(pool, slot);
+  fm_pool_leave(pool);
+  for (uint32_t r = 0; r < instance.monitor->n_requirements; ++r) {
+    pool->violated[r] -= instance.previous[r] ? 0u : 1u;
+  }
+  pool->counts.open += has_deadline(pool, slot) ? 1u : 0u;
+  pool->counts.ended += 1;
+  pool->counts.alive -= 1;
+  pool->marks[slot] = 0;
+  fm_heap_remove(&pool->due, slot);
+  fm_keys_remove(&pool->keys, slot);
+}

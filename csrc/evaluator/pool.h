@@ -1,0 +1,78 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// pool.h: the instances of one kind: blocks of instance.h, found by their keys.
+///
+/// A pool has the tables of one evaluator, whose counters are those of all instances together, and
+/// memory for `most` instances, which is taken once. To enter an instance is to point the
+/// evaluator at its block; every function of evaluator.h then works on it. What the evaluator has
+/// while no instance is entered is the blank: a new instance begins as its copy.
+///
+/// A heap orders the instances by when something is due, so that a message costs O(1), and O(log
+/// n) only if it brings that forward. Not thread-safe. No function allocates or blocks.
+
+#ifndef POOL_H_
+#define POOL_H_
+
+#include "heap.h"
+#include "keys.h"
+#include "kinds.h"
+#include "tables.h"
+
+struct fm_pool
+{
+  struct fm_evaluator * evaluator;
+  struct fm_instance blank;
+  char * blocks;
+  uint64_t block_bytes;
+  struct fm_keys keys;
+  struct fm_heap due;    // not after the deadline of the instance
+  int64_t * lasts;       // an instance: the time of the last message of its key
+  uint8_t * marks;       // an instance: it has taken the message
+  uint64_t * violated;   // a requirement: the instances whose violation goes on
+  int64_t forget;        // ns; 0: never
+  uint32_t entered;      // FM_NO_SLOT: none, the evaluator has the blank
+  struct fm_pool_counts counts;
+};
+
+/// The bytes of a pool; 0 if they do not fit in the address space. O(groups).
+FM_INTERNAL uint64_t fm_pool_bytes(const struct fm_evaluator_options * options, uint64_t most);
+
+/// Make a pool without instances in fm_pool_bytes bytes, aligned to FM_ALIGNMENT. Returns false as
+/// fm_evaluator_init. O(bytes).
+FM_INTERNAL bool fm_pool_make(
+  struct fm_pool * pool, void * memory, const struct fm_evaluator_options * options,
+  uint32_t most, int64_t forget, const uint64_t seed[2]);
+
+/// Enter an instance, which is alive; any other is left. It gets the time of the bundle's scope.
+/// O(groups + requirements).
+FM_INTERNAL void fm_pool_enter(
+  struct fm_pool * pool, uint32_t slot, const struct fm_instance_time * time);
+
+/// Leave the instance that is entered, if one is. O(log n).
+FM_INTERNAL void fm_pool_leave(struct fm_pool * pool);
+
+/// Begin an instance, whose key has the slot. O(block).
+FM_INTERNAL void fm_pool_begin(struct fm_pool * pool, uint32_t slot);
+
+/// End an instance; its key is free. O(log n).
+FM_INTERNAL void fm_pool_end(struct fm_pool * pool, uint32_t slot);
+
+/// When something is due in an instance that is entered, or it is to end. O(inputs + groups).
+FM_INTERNAL int64_t fm_pool_deadline(struct fm_pool * pool);
+
+/// When the instance that is entered ends; FM_NEVER. O(1).
+FM_INTERNAL int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot);
+
+#endif  // POOL_H_

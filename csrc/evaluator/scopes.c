@@ -1,0 +1,413 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// scopes.c: see scopes.h for the contract. Messages and answers; scopes_making.c makes scopes,
+/// scopes_due.c has their time.
+
+#include "scopes.h"
+
+#include <string.h>
+
+#include "due.h"
+#include "scopes_parts.h"
+
+// ---- messages ----------------------------------------------------------------------------------
+
+static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  message->now = now;
+  message->instant = fm_evaluator_arrival(scopes->bundle, now);
+  message->topic = topic;
+  message->n_staged = 0;
+  message->kind = FM_BUNDLE;
+}
+
+void fm_scopes_begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
+{
+  begin(scopes, topic, now);
+  scopes->message.is_row = false;
+}
+
+void fm_scopes_begin_row(struct fm_scopes * scopes, bool is_for_all, int64_t now)
+{
+  if (scopes->options.policy == FM_TIMED && !fm_evaluator_has_begun(scopes->bundle)) {
+    fm_scopes_reach(scopes, now);
+  }
+  begin(scopes, 0, now);
+  scopes->message.is_row = true;
+  scopes->message.is_for_all = is_for_all;
+}
+
+static void stage(
+  struct fm_scopes * scopes, uint32_t input, union fm_value value, bool is_usable)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  if (message->n_staged < scopes->bundle->monitor->n_inputs) {
+    const struct fm_staged staged = {value, input, is_usable};
+    scopes->staged[message->n_staged] = staged;
+    message->n_staged += 1;
+  }
+}
+
+void fm_scopes_store(struct fm_scopes * scopes, uint32_t input, union fm_value value)
+{
+  if (input < scopes->bundle->monitor->n_inputs) {
+    stage(scopes, input, value, true);
+  }
+}
+
+// The value in an object of an input's type.
+static union fm_value value_from(
+  const struct fm_monitor * monitor, uint32_t input, const void * value)
+{
+  union fm_value found = {.i = 0};
+  int8_t i8;
+  int16_t i16;
+  int32_t i32;
+  uint16_t u16;
+  uint32_t u32;
+  float f32;
+  switch ((enum fm_type)monitor->inputs[input].type) {
+    case FM_BOOL:
+    case FM_UINT8:
+      found.u = *(const unsigned char *)value;
+      break;
+    case FM_INT8:
+      memcpy(&i8, value, sizeof i8);
+      found.i = i8;
+      break;
+    case FM_INT16:
+      memcpy(&i16, value, sizeof i16);
+      found.i = i16;
+      break;
+    case FM_INT32:
+      memcpy(&i32, value, sizeof i32);
+      found.i = i32;
+      break;
+    case FM_UINT16:
+      memcpy(&u16, value, sizeof u16);
+      found.u = u16;
+      break;
+    case FM_UINT32:
+      memcpy(&u32, value, sizeof u32);
+      found.u = u32;
+      break;
+    case FM_FLOAT32:
+      memcpy(&f32, value, sizeof f32);
+      found.f = (double)f32;
+      break;
+    case FM_INT64:
+    case FM_UINT64:
+    case FM_FLOAT64:
+      memcpy(&found, value, sizeof found);
+      break;
+  }
+  return found;
+}
+
+void fm_scopes_store_from(struct fm_scopes * scopes, uint32_t input, const void * value)
+{
+  if (input < scopes->bundle->monitor->n_inputs) {
+    stage(scopes, input, value_from(scopes->bundle->monitor, input, value), true);
+  }
+}
+
+void fm_scopes_unusable(struct fm_scopes * scopes, uint32_t input)
+{
+  const union fm_value none = {.u = 0};
+  if (input < scopes->bundle->monitor->n_inputs) {
+    stage(scopes, input, none, false);
+  }
+}
+
+// Whether the message is one for all instances of a kind. Where a topic feeds nothing of a kind,
+// it is a step under FM_EVERY_MESSAGE alone.
+static bool is_for_all(const struct fm_scopes * scopes, uint32_t kind)
+{
+  const struct fm_scopes_message * message = &scopes->message;
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  if (message->is_row) {
+    return message->is_for_all;
+  }
+  return message->topic < scopes->options.n_topics &&
+         (cell->options.concerns[message->topic] & FM_CONCERNS_ALL) != 0u &&
+         (scopes->options.policy == FM_EVERY_MESSAGE ||
+         cell->options.options->topics[message->topic].n_inputs > 0 ||
+         cell->pool.evaluator->topics[message->topic].n_groups > 0);
+}
+
+// What is due in an instance before the message takes effect in it is taken first.
+static int64_t arrive(struct fm_scopes * scopes, uint32_t kind)
+{
+  struct fm_evaluator * evaluator = scopes->kinds[kind].pool.evaluator;
+  const int64_t at = fm_evaluator_arrival(evaluator, scopes->message.now);
+  if (at != scopes->message.now) {
+    fm_scopes_take_due_of(scopes, kind, fm_later(at, -1));
+  }
+  return at;
+}
+
+static void store_copies(struct fm_scopes * scopes, uint32_t kind, int64_t at)
+{
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  for (uint32_t n = 0; n < scopes->message.n_staged; ++n) {
+    const struct fm_staged * staged = &scopes->staged[n];
+    const uint32_t input = cell->copies[staged->input];
+    if (staged->is_usable && input != UINT32_MAX) {
+      fm_evaluator_store(cell->pool.evaluator, input, staged->value, at);
+    }
+  }
+}
+
+static void enter(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  (void)fm_scopes_enter_slot(scopes, kind, slot);
+  message->entered_at = arrive(scopes, kind);
+  message->kind = kind;
+  message->slot = slot;
+  store_copies(scopes, kind, message->entered_at);
+}
+
+static void step_entered(struct fm_scopes * scopes)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  const uint32_t kind = message->kind;
+  const int64_t at = message->entered_at;
+  if (kind == FM_BUNDLE) {
+    return;
+  }
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  fm_scopes_before_step(scopes, kind);
+  const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
+    fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
+  fm_scopes_after_step(scopes, kind);
+  fm_pool_leave(pool);
+  message->kind = FM_BUNDLE;
+  message->instant = at > message->instant ? at : message->instant;
+  fm_scopes_report(scopes, FM_SCOPE_STEPPED, kind, message->slot, at, n);
+}
+
+static uint32_t find_or_begin(
+  struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  uint32_t slot = fm_keys_find(&pool->keys, key, size);
+  if (slot != FM_NO_SLOT) {
+    return slot;
+  }
+  slot = fm_keys_add(&pool->keys, key, size);
+  if (slot == FM_NO_SLOT) {
+    pool->counts.beyond += 1;
+    fm_scopes_report(scopes, FM_SCOPE_BEYOND, kind, slot, scopes->message.now, 0);
+  } else {
+    fm_scopes_begin_instance(scopes, kind, slot, scopes->message.now);
+  }
+  return slot;
+}
+
+uint32_t fm_scopes_enter(
+  struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
+{
+  if (kind >= scopes->n_kinds) {
+    return FM_NO_SLOT;
+  }
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  step_entered(scopes);
+  const uint32_t slot = find_or_begin(scopes, kind, key, size);
+  if (slot != FM_NO_SLOT) {
+    pool->lasts[slot] = scopes->message.now;
+    pool->marks[slot] = is_for_all(scopes, kind) ? 1u : 0u;
+    enter(scopes, kind, slot);
+  }
+  return slot;
+}
+
+void fm_scopes_store_keyed(struct fm_scopes * scopes, uint32_t input, union fm_value value)
+{
+  const struct fm_scopes_message * message = &scopes->message;
+  if (message->kind != FM_BUNDLE) {
+    fm_evaluator_store(
+      scopes->kinds[message->kind].pool.evaluator, input, value, message->entered_at);
+  }
+}
+
+void fm_scopes_store_keyed_from(struct fm_scopes * scopes, uint32_t input, const void * value)
+{
+  const struct fm_scopes_message * message = &scopes->message;
+  if (message->kind != FM_BUNDLE) {
+    fm_evaluator_store_from(
+      scopes->kinds[message->kind].pool.evaluator, input, value, message->entered_at);
+  }
+}
+
+void fm_scopes_unusable_keyed(struct fm_scopes * scopes, uint32_t input)
+{
+  if (scopes->message.kind != FM_BUNDLE) {
+    fm_evaluator_unusable(scopes->kinds[scopes->message.kind].pool.evaluator, input);
+  }
+}
+
+static void step_others(struct fm_scopes * scopes, uint32_t kind)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+    if (fm_keys_has(&pool->keys, slot) && pool->marks[slot] == 0u) {
+      enter(scopes, kind, slot);
+      step_entered(scopes);
+    }
+    pool->marks[slot] = 0;
+  }
+}
+
+static void store_in_bundle(struct fm_scopes * scopes, int64_t at)
+{
+  for (uint32_t n = 0; n < scopes->message.n_staged; ++n) {
+    const struct fm_staged * staged = &scopes->staged[n];
+    if (staged->is_usable) {
+      fm_evaluator_store(scopes->bundle, staged->input, staged->value, at);
+    } else {
+      fm_evaluator_unusable(scopes->bundle, staged->input);
+    }
+  }
+  fm_scopes_store_aggregates(scopes, at);
+}
+
+static void step_bundle(struct fm_scopes * scopes)
+{
+  const struct fm_scopes_message * message = &scopes->message;
+  const int64_t at = message->instant;
+  if (at != message->now) {
+    fm_scopes_take_bundle(scopes, fm_later(at, -1));
+  }
+  store_in_bundle(scopes, at);
+  const uint32_t n = message->is_row ? fm_evaluator_step(scopes->bundle, at, scopes->found) :
+    fm_evaluator_message(scopes->bundle, message->topic, at, scopes->found);
+  fm_scopes_report(scopes, FM_SCOPE_STEPPED, FM_BUNDLE, 0, at, n);
+}
+
+int64_t fm_scopes_end(struct fm_scopes * scopes)
+{
+  step_entered(scopes);
+  for (uint32_t kind = 0; kind < scopes->n_kinds; ++kind) {
+    if (is_for_all(scopes, kind)) {
+      step_others(scopes, kind);
+    }
+  }
+  if (scopes->message.is_row && scopes->options.policy == FM_TIMED) {
+    fm_scopes_take_pools(scopes, scopes->message.now);
+  }
+  step_bundle(scopes);
+  return scopes->message.instant;
+}
+
+// ---- answers -----------------------------------------------------------------------------------
+
+void fm_scopes_initial(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t input, union fm_value value)
+{
+  if (kind >= scopes->n_kinds) {
+    return;
+  }
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  fm_pool_leave(pool);
+  fm_evaluator_initial(pool->evaluator, input, value);
+  for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+    if (fm_keys_has(&pool->keys, slot)) {
+      fm_evaluator_initial(fm_scopes_enter_slot(scopes, kind, slot), input, value);
+      fm_pool_leave(pool);
+    }
+  }
+}
+
+void fm_scopes_initial_from(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t input, const void * value)
+{
+  if (kind < scopes->n_kinds && input < scopes->kinds[kind].pool.evaluator->monitor->n_inputs) {
+    const struct fm_monitor * monitor = scopes->kinds[kind].pool.evaluator->monitor;
+    fm_scopes_initial(scopes, kind, input, value_from(monitor, input, value));
+  }
+}
+
+const struct fm_stepped * fm_scopes_stepped(const struct fm_scopes * scopes, uint32_t * n)
+{
+  *n = scopes->n_stepped;
+  return scopes->stepped;
+}
+
+void fm_scopes_clear(struct fm_scopes * scopes)
+{
+  scopes->n_stepped = 0;
+}
+
+const struct fm_evaluator * fm_scopes_look(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  if (kind == FM_BUNDLE) {
+    return slot == 0 ? scopes->bundle : NULL;
+  }
+  if (kind >= scopes->n_kinds || !fm_keys_has(&scopes->kinds[kind].pool.keys, slot)) {
+    return NULL;
+  }
+  return fm_scopes_enter_slot(scopes, kind, slot);
+}
+
+struct fm_evaluator * fm_scopes_bundle(struct fm_scopes * scopes)
+{
+  return scopes->bundle;
+}
+
+uint32_t fm_scopes_find(
+  const struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
+{
+  return kind < scopes->n_kinds ? fm_keys_find(&scopes->kinds[kind].pool.keys, key, size) :
+         FM_NO_SLOT;
+}
+
+size_t fm_scopes_key(
+  const struct fm_scopes * scopes, uint32_t kind, uint32_t slot, uint8_t * out)
+{
+  return fm_scopes_next(scopes, kind, slot) != slot || slot == FM_NO_SLOT ? 0 :
+         fm_keys_copy(&scopes->kinds[kind].pool.keys, slot, out);
+}
+
+uint32_t fm_scopes_next(const struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  const struct fm_keys * keys = kind < scopes->n_kinds ? &scopes->kinds[kind].pool.keys : NULL;
+  while (keys != NULL && slot < keys->end) {
+    if (fm_keys_has(keys, slot)) {
+      return slot;
+    }
+    slot += 1;
+  }
+  return FM_NO_SLOT;
+}
+
+struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes, uint32_t kind)
+{
+  const struct fm_pool_counts none = {0, 0, 0, 0, 0};
+  return kind < scopes->n_kinds ? scopes->kinds[kind].pool.counts : none;
+}
+
+uint64_t fm_scopes_violated(
+  const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement)
+{
+  const struct fm_pool * pool = kind < scopes->n_kinds ? &scopes->kinds[kind].pool : NULL;
+  if (pool == NULL || requirement >= pool->evaluator->monitor->n_requirements) {
+    return 0;
+  }
+  const bool is_violated = !pool->evaluator->instance.previous[requirement];  // of the one entered
+  return pool->violated[requirement] + (is_violated ? 1u : 0u);
+}

@@ -1,0 +1,202 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// scopes_due.c: the time of all scopes, and what is due in them. See scopes.h.
+
+#include "due.h"
+#include "scopes_parts.h"
+
+// ---- the time ----------------------------------------------------------------------------------
+
+static void begin_instances(struct fm_scopes * scopes, int64_t now)
+{
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+      if (fm_keys_has(&pool->keys, slot)) {
+        pool->lasts[slot] = now;
+        (void)fm_reach(fm_scopes_enter_slot(scopes, k, slot), now);
+        fm_pool_leave(pool);
+      }
+    }
+  }
+}
+
+static void set_instances_back(struct fm_scopes * scopes, int64_t now)
+{
+  const int64_t by = -fm_since(now, scopes->bundle->instance.time->now);
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+      if (fm_keys_has(&pool->keys, slot)) {
+        pool->lasts[slot] = fm_later(pool->lasts[slot], by);
+        (void)fm_reach(fm_scopes_enter_slot(scopes, k, slot), now);
+        fm_pool_leave(pool);
+        if (scopes->options.policy == FM_TIMED) {
+          fm_scopes_uncount(scopes, k, slot);
+        }
+      }
+    }
+  }
+}
+
+void fm_scopes_reach(struct fm_scopes * scopes, int64_t now)
+{
+  const bool goes_back = fm_goes_back(scopes->bundle, now);
+  if (goes_back) {
+    set_instances_back(scopes, now);
+  }
+  if (!fm_reach(scopes->bundle, now)) {
+    begin_instances(scopes, now);
+  } else if (goes_back) {
+    fm_scopes_store_aggregates(scopes, now);
+  }
+  // The instances have the clock from there, also while the bundle's scope is ahead of it.
+  (void)fm_evaluator_arrival(scopes->bundle, now);
+}
+
+void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
+{
+  for (uint32_t k = 0; k < scopes->n_kinds && fm_evaluator_has_begun(scopes->bundle); ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+      if (fm_keys_has(&pool->keys, slot)) {
+        pool->lasts[slot] = fm_later(pool->lasts[slot], by);
+        fm_evaluator_shift(fm_scopes_enter_slot(scopes, k, slot), by);
+        fm_pool_leave(pool);
+      }
+    }
+  }
+  fm_evaluator_shift(scopes->bundle, by);
+}
+
+void fm_scopes_reset(struct fm_scopes * scopes)
+{
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+      if (fm_keys_has(&pool->keys, slot)) {
+        fm_evaluator_reset(fm_scopes_enter_slot(scopes, k, slot));
+        fm_pool_leave(pool);
+        fm_scopes_uncount(scopes, k, slot);
+      }
+    }
+  }
+  fm_scopes_store_aggregates(
+    scopes, fm_scopes_bundle_instant(scopes, fm_evaluator_now(scopes->bundle)));
+  fm_evaluator_reset(scopes->bundle);
+}
+
+// ---- what is due -------------------------------------------------------------------------------
+
+// When something is first due in the instances of a kind, if that is by `last`: a bound is made
+// exact until the first one is. `misses`: of too many periods, the first are left out.
+static int64_t first_due_of(
+  struct fm_scopes * scopes, uint32_t kind, int64_t last, bool misses)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  fm_pool_leave(pool);
+  for (;;) {
+    const uint32_t slot = fm_heap_first(&pool->due);
+    if (slot == FM_NO_SLOT || pool->due.words[slot] > last) {
+      return FM_NEVER;
+    }
+    struct fm_evaluator * evaluator = fm_scopes_enter_slot(scopes, kind, slot);
+    if (misses) {
+      fm_miss_periods(evaluator, last);
+    }
+    const int64_t due = fm_pool_deadline(pool);
+    fm_pool_leave(pool);
+    if (fm_heap_first(&pool->due) == slot && pool->due.words[slot] == due) {
+      return due <= last ? due : FM_NEVER;
+    }
+  }
+}
+
+static int64_t first_due(struct fm_scopes * scopes, int64_t last, bool misses)
+{
+  if (misses && scopes->bundle->wake <= last) {
+    fm_miss_periods(scopes->bundle, last);
+  }
+  int64_t first = scopes->bundle->wake <= last ? fm_evaluator_deadline(scopes->bundle) : FM_NEVER;
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    const int64_t due = first_due_of(scopes, k, last, misses);
+    first = due < first ? due : first;
+  }
+  return first <= last ? first : FM_NEVER;
+}
+
+static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  fm_scopes_report(scopes, FM_SCOPE_ENDED, kind, slot, instant, 0);
+  fm_pool_leave(pool);
+  fm_scopes_uncount(scopes, kind, slot);
+  fm_pool_end(pool, slot);
+}
+
+void fm_scopes_take_pools(struct fm_scopes * scopes, int64_t instant)
+{
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    while (first_due_of(scopes, k, instant, false) != FM_NEVER) {
+      const uint32_t slot = fm_heap_first(&pool->due);
+      (void)fm_scopes_enter_slot(scopes, k, slot);
+      fm_scopes_take_due_of(scopes, k, instant);
+      fm_pool_leave(pool);
+      if (fm_pool_end_of(pool, slot) <= instant) {
+        end_instance(scopes, k, slot, instant);
+      }
+    }
+  }
+}
+
+static int64_t take_first(struct fm_scopes * scopes, int64_t now, int64_t last)
+{
+  fm_scopes_reach(scopes, now);
+  const int64_t due = first_due(scopes, last, true);
+  if (due == FM_NEVER) {
+    return FM_NEVER;
+  }
+  fm_scopes_take_pools(scopes, due);
+  fm_scopes_store_aggregates(scopes, fm_scopes_bundle_instant(scopes, due));
+  fm_scopes_take_bundle(scopes, due);
+  return due;
+}
+
+int64_t fm_scopes_advance(struct fm_scopes * scopes, int64_t now)
+{
+  return take_first(scopes, now, now);
+}
+
+int64_t fm_scopes_advance_to(struct fm_scopes * scopes, int64_t now)
+{
+  return take_first(scopes, now, fm_later(now, -1));
+}
+
+int64_t fm_scopes_deadline(struct fm_scopes * scopes)
+{
+  return fm_evaluator_has_begun(scopes->bundle) ? first_due(scopes, FM_NEVER, false) : INT64_MIN;
+}
+
+int64_t fm_scopes_wake(const struct fm_scopes * scopes)
+{
+  int64_t wake = scopes->bundle->wake;
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    const struct fm_heap * due = &scopes->kinds[k].pool.due;
+    const uint32_t slot = fm_heap_first(due);
+    wake = slot != FM_NO_SLOT && due->words[slot] < wake ? due->words[slot] : wake;
+  }
+  return wake;
+}

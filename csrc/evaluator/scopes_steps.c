@@ -1,0 +1,209 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// scopes_steps.c: what is done in one scope: an instance begins and is evaluated; the bundle's
+/// scope has new values of the aggregates.
+
+#include <string.h>
+
+#include "due.h"
+#include "scopes_parts.h"
+
+void fm_scopes_report(
+  struct fm_scopes * scopes, enum fm_scope_event event, uint32_t kind, uint32_t slot,
+  int64_t instant, uint32_t n)
+{
+  const struct fm_stepped stepped = {instant, kind, slot, event, n};
+  if (scopes->n_stepped < scopes->most_stepped) {
+    scopes->stepped[scopes->n_stepped] = stepped;
+    scopes->n_stepped += 1;
+  }
+  if (scopes->sink != NULL) {
+    scopes->sink(scopes->context, &stepped, scopes->found);
+  }
+}
+
+struct fm_evaluator * fm_scopes_enter_slot(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  fm_pool_enter(pool, slot, scopes->bundle->instance.time);
+  return pool->evaluator;
+}
+
+// ---- operands ----------------------------------------------------------------------------------
+
+void fm_scopes_before_step(struct fm_scopes * scopes, uint32_t kind)
+{
+  const struct fm_instance_group * groups = scopes->kinds[kind].pool.evaluator->instance.groups;
+  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
+    if (scopes->totals[a].options.kind == kind) {
+      scopes->steps[a] = groups[scopes->totals[a].group].steps;
+    }
+  }
+}
+
+void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind)
+{
+  const struct fm_pool * pool = &scopes->kinds[kind].pool;
+  const struct fm_instance * instance = &pool->evaluator->instance;
+  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
+    struct fm_total * total = &scopes->totals[a];
+    if (total->options.kind == kind && scopes->steps[a] != instance->groups[total->group].steps) {
+      fm_total_update(total, instance, pool->entered);
+    }
+  }
+}
+
+void fm_scopes_uncount(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
+    if (scopes->totals[a].options.kind == kind) {
+      fm_total_remove(&scopes->totals[a], slot);
+    }
+  }
+}
+
+// ---- an instance -------------------------------------------------------------------------------
+
+// Of an input of the bundle's scope, an instance that begins knows the value, and whether it is
+// silent. As after a reset, a stale input makes what reads it violated anew.
+static void inherit(
+  const struct fm_scopes * scopes, struct fm_evaluator * evaluator, uint32_t i, uint32_t b,
+  int64_t now)
+{
+  static const bool NO = false;
+  const struct fm_instance * from = &scopes->bundle->instance;
+  struct fm_instance_input * cell = &evaluator->instance.inputs[i];
+  if (from->inputs[b].has_value) {
+    // A reception is over, but for that of a period that is not.
+    const bool is_over = evaluator->inputs[i].source == FM_RECEPTION &&
+      (evaluator->policy != FM_PERIODIC || from->time->receptions_end != INT64_MAX);
+    fm_evaluator_initial_from(
+      evaluator, i, is_over ? (const void *)&NO :
+      (const char *)from->values + from->monitor->inputs[b].offset);
+  }
+  cell->has_come = from->inputs[b].has_come;
+  if (from->time->has_begun) {
+    cell->stored_at = from->inputs[b].stored_at;
+    cell->is_silent = from->inputs[b].is_silent;
+    cell->is_put_off = from->inputs[b].is_put_off;
+    cell->is_stale = from->inputs[b].is_stale;
+    fm_set_due(evaluator, i, cell->is_stale ? now : from->inputs[b].due);
+  }
+  for (uint32_t k = 0; cell->is_stale && k < evaluator->inputs[i].n_readers; ++k) {
+    evaluator->instance.groups[evaluator->inputs[i].readers[k]].stale += 1;
+  }
+}
+
+void fm_scopes_begin_instance(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now)
+{
+  struct fm_scope_kind * cell = &scopes->kinds[kind];
+  const struct fm_instance_time * time = scopes->bundle->instance.time;
+  fm_pool_begin(&cell->pool, slot);
+  struct fm_evaluator * evaluator = fm_scopes_enter_slot(scopes, kind, slot);
+  if (time->has_begun) {
+    (void)fm_reach(evaluator, now);
+    evaluator->instance.time->next_period = time->next_period;
+  }
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    if (cell->options.shared[i] != UINT32_MAX) {
+      inherit(scopes, evaluator, i, cell->options.shared[i], now);
+    }
+  }
+  fm_scopes_report(scopes, FM_SCOPE_BEGAN, kind, slot, now, 0);
+}
+
+void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t last)
+{
+  const struct fm_pool * pool = &scopes->kinds[kind].pool;
+  const uint32_t slot = pool->entered;
+  struct fm_evaluator * evaluator = pool->evaluator;
+  while (evaluator->wake <= last) {
+    const int64_t due = fm_evaluator_deadline(evaluator);
+    if (due > last || due == FM_NEVER) {
+      return;
+    }
+    fm_scopes_before_step(scopes, kind);
+    const uint32_t n = fm_take_first_due(evaluator, last, scopes->found);
+    fm_scopes_after_step(scopes, kind);
+    fm_scopes_report(scopes, FM_SCOPE_STEPPED, kind, slot, due, n);
+    evaluator = fm_scopes_enter_slot(scopes, kind, slot);  // the sink may have looked elsewhere
+  }
+}
+
+// ---- the bundle's scope ------------------------------------------------------------------------
+
+static void evaluate_readers(struct fm_evaluator * bundle, uint32_t input, int64_t instant)
+{
+  const struct fm_input_cell * cell = &bundle->inputs[input];
+  const bool is_timed = bundle->policy == FM_TIMED && bundle->instance.time->has_begun;
+  for (uint32_t k = 0; is_timed && k < cell->n_readers; ++k) {
+    if (bundle->instance.groups[cell->readers[k]].unset == 0) {
+      fm_set_group_due(bundle, cell->readers[k], instant);
+    }
+  }
+}
+
+static void store_value(
+  struct fm_scopes * scopes, struct fm_total * total, union fm_value value, int64_t instant)
+{
+  const bool is_same = total->has_last && memcmp(&value, &total->last, sizeof value) == 0;
+  const uint32_t input = total->options.input;
+  if (scopes->options.policy == FM_ALL_INPUTS) {
+    fm_evaluator_store(scopes->bundle, input, value, instant);
+  } else if (!is_same) {
+    fm_evaluator_put(scopes->bundle, input, value, instant);
+    evaluate_readers(scopes->bundle, input, instant);
+  }
+  total->last = value;
+}
+
+void fm_scopes_store_aggregates(struct fm_scopes * scopes, int64_t instant)
+{
+  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
+    struct fm_total * total = &scopes->totals[a];
+    union fm_value value;
+    if (!total->is_touched) {
+      continue;
+    }
+    total->is_touched = false;
+    const bool has_value = fm_total_value(total, &value);
+    if (has_value) {
+      store_value(scopes, total, value, instant);
+    } else {
+      fm_evaluator_withdraw(scopes->bundle, total->options.input, instant);
+    }
+    total->has_last = has_value;
+  }
+}
+
+int64_t fm_scopes_bundle_instant(const struct fm_scopes * scopes, int64_t instant)
+{
+  const int64_t taken = scopes->bundle->instance.time->taken;
+  return scopes->options.policy != FM_TIMED || instant > taken ? instant : fm_later(taken, 1);
+}
+
+void fm_scopes_take_bundle(struct fm_scopes * scopes, int64_t last)
+{
+  while (scopes->bundle->wake <= last) {
+    const int64_t due = fm_evaluator_deadline(scopes->bundle);
+    if (due > last || due == FM_NEVER) {
+      return;
+    }
+    const uint32_t n = fm_take_first_due(scopes->bundle, last, scopes->found);
+    fm_scopes_report(scopes, FM_SCOPE_STEPPED, FM_BUNDLE, 0, due, n);
+  }
+}

@@ -1,0 +1,256 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// Keys and lives: a table of keys whose hash collides is compared with a list; then a million
+/// instances live one after the other in a pool of 100, while ten times as many keys come. Prints
+/// what is not so.
+
+#include "scopes_parts.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "check.h"
+
+// ---- a table whose hash collides ---------------------------------------------------------------
+
+static uint64_t weak_hash(const uint64_t * seed, const void * bytes, size_t size)
+{
+  (void)seed;
+  return size == 0 ? UINT32_MAX : UINT32_MAX - *(const uint8_t *)bytes % 3u;
+}
+
+#define FM_KEY_HASH weak_hash
+#define fm_keys_bytes weak_keys_bytes
+#define fm_keys_make weak_keys_make
+#define fm_keys_find weak_keys_find
+#define fm_keys_add weak_keys_add
+#define fm_keys_remove weak_keys_remove
+#define fm_keys_has weak_keys_has
+#define fm_keys_copy weak_keys_copy
+uint64_t weak_keys_bytes(uint64_t most);
+struct fm_keys weak_keys_make(void * memory, uint32_t most, const uint64_t seed[2]);
+uint32_t weak_keys_find(const struct fm_keys * keys, const void * key, size_t size);
+uint32_t weak_keys_add(struct fm_keys * keys, const void * key, size_t size);
+void weak_keys_remove(struct fm_keys * keys, uint32_t slot);
+bool weak_keys_has(const struct fm_keys * keys, uint32_t slot);
+size_t weak_keys_copy(const struct fm_keys * keys, uint32_t slot, uint8_t * out);
+#include "keys.c"
+#undef fm_keys_bytes
+#undef fm_keys_make
+#undef fm_keys_find
+#undef fm_keys_add
+#undef fm_keys_remove
+#undef fm_keys_has
+#undef fm_keys_copy
+
+enum { MOST_WEAK = 24, N_LISTED = 60, N_WEAK_CALLS = 20000 };
+
+static uint64_t seed = 88172645463325252u;
+
+// Marsaglia's xorshift: the same numbers on every machine.
+static uint32_t random_below(uint32_t limit)
+{
+  seed ^= seed << 13;
+  seed ^= seed >> 7;
+  seed ^= seed << 17;
+  return (uint32_t)(seed >> 32) % limit;
+}
+
+static uint8_t listed[N_LISTED][FM_MOST_KEY_BYTES];
+static size_t sizes[N_LISTED];
+static uint32_t slots[N_LISTED];
+
+// Some keys are the beginning of another one.
+static void make_listed(void)
+{
+  static const size_t SIZES[] = {0, 1, 17, 18, 19, 36, 37, 254, 255, 100};
+  for (uint32_t k = 0; k < N_LISTED; ++k) {
+    slots[k] = FM_NO_SLOT;
+    sizes[k] = SIZES[k % 10];
+    for (size_t b = 0; b < sizes[k]; ++b) {
+      listed[k][b] = b == 0 ? (uint8_t)(k / 10) : (uint8_t)(b * 7);
+    }
+  }
+}
+
+static bool is_first_of_its_bytes(uint32_t k) {return sizes[k] != 0 || k == 0;}
+
+static void compare_keys(const struct fm_keys * keys, uint32_t n)
+{
+  for (uint32_t k = 0; k < N_LISTED; ++k) {
+    if (is_first_of_its_bytes(k)) {
+      uint8_t copy[FM_MOST_KEY_BYTES];
+      CHECK(weak_keys_find(keys, listed[k], sizes[k]) == slots[k]);
+      CHECK(slots[k] == FM_NO_SLOT || (weak_keys_has(keys, slots[k]) &&
+        weak_keys_copy(keys, slots[k], copy) == sizes[k] &&
+        memcmp(copy, listed[k], sizes[k]) == 0));
+    }
+  }
+  CHECK(keys->n == n);
+}
+
+static void keys_that_collide_are_found(void)
+{
+  static const uint64_t NO_SEED[2] = {0, 0};
+  static const uint8_t TOO_LONG[FM_MOST_KEY_BYTES + 1];
+  void * memory = calloc(1, (size_t)weak_keys_bytes(MOST_WEAK));
+  struct fm_keys keys = weak_keys_make(memory, MOST_WEAK, NO_SEED);
+  uint32_t n = 0;
+  make_listed();
+  CHECK(weak_keys_add(&keys, TOO_LONG, sizeof TOO_LONG) == FM_NO_SLOT);
+  CHECK(weak_keys_find(&keys, TOO_LONG, sizeof TOO_LONG) == FM_NO_SLOT);
+  for (uint32_t call = 0; call < N_WEAK_CALLS && failures == 0; ++call) {
+    const uint32_t k = random_below(N_LISTED);
+    if (!is_first_of_its_bytes(k)) {
+      continue;
+    }
+    if (slots[k] != FM_NO_SLOT) {
+      weak_keys_remove(&keys, slots[k]);
+      slots[k] = FM_NO_SLOT;
+      n -= 1;
+    } else {
+      slots[k] = weak_keys_add(&keys, listed[k], sizes[k]);
+      CHECK((slots[k] == FM_NO_SLOT) == (n == MOST_WEAK));
+      n += slots[k] == FM_NO_SLOT ? 0u : 1u;
+    }
+    compare_keys(&keys, n);
+  }
+  free(memory);
+}
+
+// ---- a million lives ---------------------------------------------------------------------------
+
+enum { MOST = 100, N_LIVES = 1000000, FORGET = 150 };
+
+struct inputs
+{
+  int64_t x;
+};
+
+struct outputs_of_group
+{
+  int64_t sum_of;
+};
+
+static void start(void * state) {memset(state, 0, sizeof(struct outputs_of_group));}
+
+static void step(void * state, const void * inputs, bool * verdicts)
+{
+  ((struct outputs_of_group *)state)->sum_of = ((const struct inputs *)inputs)->x;
+  verdicts[0] = ((const struct inputs *)inputs)->x % 2 == 0;
+}
+
+static void keep(void * state) {(void)state;}
+
+static void look(void * state, const void * inputs, bool * verdicts)
+{
+  (void)state;
+  verdicts[0] = ((const struct inputs *)inputs)->x >= 0;
+}
+
+static const uint32_t FIRST[] = {0};
+static const struct fm_input INPUTS[] = {{"x", 0, FM_INT64}};
+static const struct fm_requirement REQUIREMENTS[] = {{"R", 0}};
+static const struct fm_group OF_INSTANCES[] = {{FIRST, 1, FIRST, 1, start, step, NULL}};
+static const struct fm_group OF_BUNDLE[] = {{FIRST, 1, FIRST, 1, keep, look, NULL}};
+static const struct fm_monitor INSTANCES = {
+  FM_ABI, 1, 1, 1, sizeof(struct outputs_of_group), sizeof(struct inputs), INPUTS, OF_INSTANCES,
+  REQUIREMENTS, "instances", "", NULL, NULL, 0, NULL};
+static const struct fm_monitor BUNDLE = {
+  FM_ABI, 1, 1, 1, 16, sizeof(struct inputs), INPUTS, OF_BUNDLE, REQUIREMENTS, "bundle", "", NULL,
+  NULL, 0, NULL};
+static const struct fm_topic WITH_KEY[] = {{FIRST, 1}};
+static const struct fm_topic WITHOUT[] = {{NULL, 0}};
+static const uint8_t AGGREGATES[] = {FM_AGGREGATE};
+static const uint8_t CONCERNS[] = {FM_CONCERNS_KEY};
+static const uint32_t NOT_SHARED[] = {UINT32_MAX};
+static const struct fm_output OUTPUTS[] = {{0, 0, FM_INT64}};
+static const struct fm_outputs ALL_OUTPUTS = {OUTPUTS, 1};
+static const struct fm_aggregate SUM[] = {{0, FM_SUM_OF, 0, 0}};
+
+static uint64_t n_began, n_ended, n_beyond;
+
+static void count_events(
+  void * context, const struct fm_stepped * stepped, const struct fm_violation * violations)
+{
+  (void)context;
+  (void)violations;
+  n_began += stepped->event == FM_SCOPE_BEGAN ? 1u : 0u;
+  n_ended += stepped->event == FM_SCOPE_ENDED ? 1u : 0u;
+  n_beyond += stepped->event == FM_SCOPE_BEYOND ? 1u : 0u;
+}
+
+static void give(struct fm_scopes * scopes, const char * key, int64_t x, int64_t now)
+{
+  const union fm_value value = {.i = x};
+  while (fm_scopes_advance_to(scopes, now) != FM_NEVER) {
+  }
+  fm_scopes_begin(scopes, 0, now);
+  (void)fm_scopes_enter(scopes, 0, key, strlen(key));
+  fm_scopes_store_keyed(scopes, 0, value);
+  CHECK(fm_scopes_end(scopes) == now);
+}
+
+// Each key comes once, and lives for FORGET ns; then ten keys come at one time for each place.
+static void live(struct fm_scopes * scopes)
+{
+  char key[300];
+  int64_t now = 0;
+  for (uint32_t k = 0; k < N_LIVES && failures == 0; ++k) {
+    (void)snprintf(key, sizeof key, "%s%u", k % 5 == 0 ? "a key of more than one chunk " : "", k);
+    now += 2;
+    give(scopes, key, (int64_t)k, now);
+    CHECK(k < FORGET || fm_scopes_counts(scopes, 0).alive == FORGET / 2 + 1);
+  }
+  CHECK(n_beyond == 0);
+  for (uint32_t k = 0; k < 10 * MOST; ++k) {
+    (void)snprintf(key, sizeof key, "flood %u", k);
+    give(scopes, key, 1, now + 1);
+  }
+  CHECK(n_beyond == 10 * MOST - (MOST - FORGET / 2));
+}
+
+static void a_million_lives_need_no_more_memory(void)
+{
+  const struct fm_evaluator_options bundle = {
+    &BUNDLE, WITHOUT, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, AGGREGATES, false, NULL};
+  const struct fm_evaluator_options instances = {
+    &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL};
+  const struct fm_kind kind = {
+    &instances, &ALL_OUTPUTS, CONCERNS, NOT_SHARED, NULL, 0, MOST, FORGET};
+  const struct fm_scopes_options options = {
+    &bundle, &kind, 1, 1, SUM, NULL, count_events, NULL, 0};
+  void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
+  struct fm_scopes * scopes = fm_scopes_init(memory, &options);
+  CHECK(scopes != NULL);
+  live(scopes);
+  const struct fm_keys * keys = &scopes->kinds[0].pool.keys;
+  CHECK(keys->end <= MOST && keys->n == MOST);
+  CHECK(keys->chunk_end <= 2 * MOST);  // no key needed more than one further chunk
+  CHECK(fm_scopes_counts(scopes, 0).begun == n_began && n_began > N_LIVES);
+  CHECK(fm_scopes_counts(scopes, 0).ended == n_ended && n_began - n_ended == MOST);
+  while (fm_scopes_advance(scopes, INT64_C(1) << 40) != FM_NEVER) {
+  }
+  CHECK(fm_scopes_counts(scopes, 0).alive == 0 && fm_scopes_deadline(scopes) == FM_NEVER);
+  CHECK(((const struct inputs *)fm_evaluator_inputs(fm_scopes_bundle(scopes)))->x == 0);
+  free(memory);
+}
+
+int main(void)
+{
+  keys_that_collide_are_found();
+  a_million_lives_need_no_more_memory();
+  return failures == 0 ? 0 : 1;
+}
