@@ -99,7 +99,6 @@ static void free_thread(struct fm_detail_thread * thread)
 {
   fm_violation_log_destroy(thread->log);
   free(thread->detail);
-  fm_lines_free(&thread->lines);
   free(thread);
 }
 

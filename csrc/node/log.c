@@ -99,7 +99,7 @@ void fm_log_lines(const struct fm_node * node, struct fm_lines * lines)
   for (uint32_t k = 0; k < lines->n; ++k) {
     fm_log(node, (enum fm_level)lines->lines[k].level, "%s", lines->lines[k].text);
   }
-  fm_lines_clear(lines);
+  fm_lines_free(lines);
 }
 
 void fm_log_failure(const struct fm_node * node, const char * what)

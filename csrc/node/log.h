@@ -44,7 +44,7 @@ void fm_log_set_level(const struct fm_node * node, int severity);
 void fm_log(const struct fm_node * node, enum fm_level level, const char * format, ...)
 FM_PRINTF(3, 4);
 
-/// Log the lines of a list, and clear it.
+/// Log the lines of a list, and free it: it is empty afterwards.
 void fm_log_lines(const struct fm_node * node, struct fm_lines * lines);
 
 /// Log the error of rcl after a text, and clear it.

@@ -230,7 +230,6 @@ static void follow(
     topic->state, is_good ? NULL : fm_text_get(&problem),
     fm_engine_lost(topic->engine, topic->index), fm_steady_now(), &lines);
   fm_log_lines(topic->node, &lines);
-  fm_lines_free(&lines);
   fm_text_free(&problem);
 }
 

@@ -98,7 +98,6 @@ static void log_watching(const struct fm_monitor_node * monitor)
   struct fm_lines lines = {NULL, 0, 0};
   fm_add_watching(&lines, &watched, 1);
   fm_log_lines(&monitor->node, &lines);
-  fm_lines_free(&lines);
 }
 
 static bool activate(void * context)
@@ -168,7 +167,6 @@ static void answer_reset(
   }
   (void)rosidl_runtime_c__String__assign(&response->message, message);
   fm_log_lines(&monitor->node, &lines);
-  fm_lines_free(&lines);
 }
 
 FM_DEFINE_SERVER(serve_reset, std_srvs, Trigger, struct fm_monitor_node, answer_reset)

@@ -253,7 +253,6 @@ void fm_node_actions_look(struct fm_node_actions * actions)
   if (actions->thread != NULL) {
     fm_actions_look(actions->thread, actions->counts, &lines);
     fm_log_lines(actions->node, &lines);
-    fm_lines_free(&lines);
   }
 }
 
@@ -273,5 +272,4 @@ void fm_node_actions_describe(const struct fm_node_actions * actions)
     &lines, &actions->table->report, (const char * const *)actions->lock_names,
     (const char * const *)actions->names);
   fm_log_lines(actions->node, &lines);
-  fm_lines_free(&lines);
 }

@@ -54,7 +54,6 @@ void fm_health_end(struct fm_health * health)
   }
   fm_review_destroy(health->review);
   free(health->topics);
-  fm_lines_free(&health->lines);
   fm_statuses_free(&health->statuses);
   memset(health, 0, sizeof(*health));
 }

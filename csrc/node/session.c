@@ -60,7 +60,6 @@ static bool refuse_merged(const struct fm_session * session)
   const bool is_good = names != NULL && !fm_find_merged(
     &lines, &session->table->report, (const char * const *)names);
   fm_log_lines(session->node, &lines);
-  fm_lines_free(&lines);
   free_names(names, session->table->report.n_used);
   return is_good;
 }
@@ -117,7 +116,6 @@ static bool refuse_shared(const struct fm_session * session)
     is_good = !fm_find_shared(&lines, uses, n);
     fm_log_lines(session->node, &lines);
   }
-  fm_lines_free(&lines);
   free(alive);
   free(health);
   free(uses);

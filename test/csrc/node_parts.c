@@ -84,7 +84,7 @@ void __wrap_fm_log_lines(const struct fm_node * node, struct fm_lines * decided)
   for (uint32_t k = 0; k < decided->n; ++k) {
     __wrap_fm_log(node, (enum fm_level)decided->lines[k].level, "%s", decided->lines[k].text);
   }
-  fm_lines_clear(decided);
+  fm_lines_free(decided);
 }
 
 rcl_ret_t __wrap_rcl_subscription_init(
