@@ -22,12 +22,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 import hashlib
+import math
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.constants import override_constants
 from fret_monitor.bundle.reader import survey_bundle, USUAL_REORDER_S
-from fret_monitor.codegen.describe import describe
+from fret_monitor.codegen.describe import describe, with_kinds
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.restrict import restrict
@@ -41,6 +42,7 @@ from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.topics import doubtful_topics
 from fret_monitor.lint.units import doubtful_units
 from fret_monitor.lint.unread import unread_topics
+from fret_monitor.logic.scopes import bundle_scope, instance_scopes, InstanceScope
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.installed import find_message as find_installed, fingerprint
 from fret_monitor.model.diagnostics import (
@@ -52,7 +54,9 @@ from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
 from fret_monitor.native.folder import check_writable, write_folder
 from fret_monitor.native.monitor import CompiledMonitor
-from fret_monitor.program.layout import check_bounds, GroupLayout, lay_out, MAX_STATE_BYTES
+from fret_monitor.program.layout import (
+    check_bounds, check_instances, GroupLayout, lay_out, MAX_STATE_BYTES,
+)
 from fret_monitor.program.lower import lower
 from fret_monitor.program.monitor_program import MonitorProgram
 
@@ -95,17 +99,43 @@ class GeneratedMonitor:
     manifest: Manifest
     warnings: tuple[Diagnostic, ...]
     sources: tuple[Path, ...]
+    kinds: tuple['GeneratedKind', ...] = ()
+
+    @property
+    def c_sources(self) -> dict[str, str]:
+        """The C sources of all modules, by file name."""
+        modules = (self.module, *(item.module for item in self.kinds))
+        return {name: text for module in modules for name, text in module.sources}
+
+    @property
+    def c_headers(self) -> dict[str, str]:
+        """The generated headers, by file name."""
+        return dict(module.header for module in (
+            self.module, *(item.module for item in self.kinds)))
+
+
+@dataclass(frozen=True)
+class GeneratedKind:
+    """The C of what there is one of for each key of some instance variables."""
+
+    scope: InstanceScope
+    program: MonitorProgram
+    layouts: tuple[GroupLayout, ...]
+    module: CModule
+    manifest: Manifest
 
 
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
          constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
-         find_message: FindMessage | None = None, part: NodePart | None = None) -> Reading:
+         find_message: FindMessage | None = None, part: NodePart | None = None,
+         takes_instances: bool = False) -> Reading:
     """
     Read a bundle and elaborate it.
 
     `policy`, `period` (seconds), `constants` (see `override_constants`) and `stamp` override those
     of the bundle. `find_message` returns the layout of a message type; None: of what is installed.
     `part` are the requirements to take of it, None: all. The hash is that of the whole bundle.
+    Without `takes_instances`, a bundle with `for_each` or `where` is refused.
 
     Raises
     ------
@@ -119,6 +149,8 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
         raise CompileError(problems.errors)
     with_policy = _with_stamp(_with_policy(written, policy, period, problems), stamp, problems)
     bundle = override_constants(with_policy, constants, problems)
+    if not takes_instances:
+        _refuse_instances(bundle, problems)
     specification, warnings = _specify(bundle, written, problems, find_message)
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
@@ -137,6 +169,14 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
                    _bundle_hash(bundle, specification, messages, overrides),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
                    messages if part is None else _messages(taken, find_message), values)
+
+
+def _refuse_instances(bundle: Bundle, problems: Problems) -> None:
+    """Report what only `check` and `simulate` can do yet."""
+    for place in (*(item.name.span for item in bundle.instance_variables[:1]),
+                  *(item.where.span for item in bundle.inputs if item.where)):
+        problems.error("'for_each' and 'where' are not supported here yet", place, '',
+                       'fret-monitor check and simulate know them')
 
 
 def _specify(
@@ -230,16 +270,36 @@ def generate_monitor(reading: Reading, *,
     CompileError
         if it needs more than `max_state_bytes` of state.
     """
-    program = lower(reading.specification)
+    specification = bundle_scope(reading.specification)
+    program = lower(specification)
     layouts = tuple(lay_out(group) for group in program.groups)
     check_bounds(program, layouts, max_state_bytes)
     module = generate(program, layouts)
-    manifest = describe(program, layouts, module, reading.specification, reading.bundle_hash,
+    manifest = describe(program, layouts, module, specification, reading.bundle_hash,
                         reading.constants)
-    warnings = by_place((*reading.warnings,
-                         *constant_verdicts(reading.specification, program)))
-    return GeneratedMonitor(reading.specification, program, layouts, module, manifest, warnings,
-                            reading.paths)
+    kinds = tuple(_generate_kind(scope, reading, max_state_bytes)
+                  for scope in instance_scopes(reading.specification))
+    if reading.specification.instance_variables:
+        manifest = with_kinds(manifest, [(item.scope, item.manifest) for item in kinds],
+                              reading.specification)
+    warnings = by_place((*reading.warnings, *constant_verdicts(specification, program),
+                         *(warning for item in kinds for warning in constant_verdicts(
+                             item.scope.specification, item.program, item.scope.n_reported))))
+    return GeneratedMonitor(specification, program, layouts, module, manifest, warnings,
+                            reading.paths, kinds)
+
+
+def _generate_kind(scope: InstanceScope, reading: Reading, max_state_bytes: int) -> GeneratedKind:
+    program = lower(scope.specification)
+    layouts = tuple(lay_out(group) for group in program.groups)
+    check_bounds(program, layouts, max_state_bytes)
+    check_instances(program, layouts, ', '.join(scope.variables), math.prod(
+        item.most for item in reading.specification.instance_variables
+        if item.name in scope.variables))
+    module = generate(program, layouts)
+    manifest = describe(program, layouts, module, scope.specification, reading.bundle_hash,
+                        reading.constants)
+    return GeneratedKind(scope, program, layouts, module, manifest)
 
 
 def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
@@ -251,9 +311,8 @@ def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:
     NativeError
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
-    header, text = generated.module.header
-    library = build_library(dict(generated.module.sources), name=generated.manifest.symbol,
-                            headers={**runtime_headers(), header: text})
+    library = build_library(generated.c_sources, name=generated.manifest.symbol,
+                            headers={**runtime_headers(), **generated.c_headers})
     return CompiledMonitor(generated.manifest, library, generated.warnings, generated.sources)
 
 

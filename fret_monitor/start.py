@@ -52,11 +52,12 @@ _MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 def start(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
           constants: Mapping[str, Text] | None = None,
-          part: NodePart | None = None) -> CompiledMonitor:
+          part: NodePart | None = None, takes_instances: bool = False) -> CompiledMonitor:
     """
     Return a compiled bundle, or a part of one.
 
-    `policy`, `period` (seconds) and `constants` override the bundle's.
+    `policy`, `period` (seconds) and `constants` override the bundle's; `takes_instances` is as in
+    `build.read`.
 
     Raises
     ------
@@ -65,7 +66,8 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
     NativeError
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
-    return _start(path, _Overrides(policy, period, constants or {}, part))
+    return _start(path, _Overrides(policy, period, constants or {}, part,
+                                   takes_instances=takes_instances))
 
 
 def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identity: str, *,
@@ -118,15 +120,17 @@ class _Overrides:
     constants: Mapping[str, Text]
     part: NodePart | None
     program: str = ''
+    takes_instances: bool = False
 
     def read(self, path: Path) -> 'Reading':
         from fret_monitor.build import read
         return read(path, policy=self.policy, period=self.period, constants=self.constants,
-                    part=self.part)
+                    part=self.part, takes_instances=self.takes_instances)
 
     def texts(self) -> Iterator[str]:
         """Yield all that distinguishes these overrides from others."""
-        yield from (repr(self.policy), repr(self.period), repr(self.part), self.program)
+        yield from (repr(self.policy), repr(self.period), repr(self.part), self.program,
+                    repr(self.takes_instances))
         for name, text in sorted(self.constants.items()):
             yield from (name, text.source.name, text.value)
 
@@ -227,7 +231,9 @@ def _unchanged(path: Path, files: Any) -> list[Source] | None:
 
 def _messages(manifest: Manifest) -> dict[str, str]:
     """Return the fingerprint of each message type that a bundle reads or writes."""
-    types = {item.message_type for item in manifest.inputs if item.message_type is not None}
+    manifests = (manifest, *(kind.manifest for kind in manifest.kinds))
+    types = {item.message_type for one in manifests for item in one.inputs
+             if item.message_type is not None}
     types |= {item.payload_type for item in manifest.actions if item.payload_type}
     types |= {manifest.gate.payload_type} if manifest.gate else set()
     return {name: fingerprint(find_message(name)) for name in types}

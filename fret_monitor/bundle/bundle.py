@@ -31,7 +31,7 @@ from fret_monitor.model.policies import (
 )
 
 
-DECLARING = ('signals', 'constants', 'inputs', 'topics', 'definitions')
+DECLARING = ('signals', 'constants', 'inputs', 'topics', 'definitions', 'for_each')
 """The sections of a bundle whose entries are names for formulas."""
 
 
@@ -61,6 +61,21 @@ class ValueEntry:
 
 
 @dataclass(frozen=True, eq=False)
+class InstanceVariable:
+    """
+    A name under `for_each`. Each of its keys has an instance of what mentions it.
+
+    `keys` are those that are listed; without any, keys are found, and `most` is how many instances
+    there are at once. `forget`: seconds after the last message of its key, an instance ends.
+    """
+
+    name: Text
+    keys: tuple[Text, ...] = ()
+    most: int = 0
+    forget: Fraction | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class InputEntry:
     """
     An input; `field` is the path as written, None if it was omitted.
@@ -69,6 +84,8 @@ class InputEntry:
     the places of the keys in which inputs on one topic must agree. `block` is the key under
     `topics` that it is written in, None for one under `inputs`. `made` is what the monitor makes
     messages of, as of a `transform`; `topic` and `type` are then those of these messages.
+    `where` selects messages, and `variables` are the instance variables that topic, field and
+    `where` mention, in the order of the bundle.
     """
 
     name: Text
@@ -87,6 +104,8 @@ class InputEntry:
     block: Text | None = None
     role: InputRole | None = None
     made: Made | None = None
+    where: Text | None = None
+    variables: tuple[str, ...] = ()
 
     @property
     def owner(self) -> Text:
@@ -217,3 +236,4 @@ class Bundle:
     ids: tuple[str, ...] = ()
     cut: frozenset[str] = frozenset()
     policy_place: Span | None = None
+    instance_variables: tuple[InstanceVariable, ...] = ()

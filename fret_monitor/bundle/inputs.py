@@ -32,14 +32,15 @@ from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.names import (
-    exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLAIN_TYPES, shown,
+    exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLACEHOLDER,
+    PLAIN_TYPES, shown,
     topic_fault, type_fault,
 )
 from fret_monitor.model.policies import InputRole, Stale
 from fret_monitor.model.transforms import STAMPED
 
 FIELD_KEYS = ('field', 'initial', 'values', 'role')
-_TOPIC_KEYS = ('qos', 'timeout', 'stale', 'startup', 'max_rate')
+_TOPIC_KEYS = ('where', 'qos', 'timeout', 'stale', 'startup', 'max_rate')
 TRANSFORM_KEYS = ('from', 'to')
 INPUT_KEYS = ('topic', 'transform', 'type', *FIELD_KEYS, *_TOPIC_KEYS)
 BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
@@ -64,9 +65,15 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
     shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS)
     if shape.key('transform'):
         return _transform(name, shape, problems)
-    topic = _checked(shape, 'topic', topic_fault, problems)
+    topic = _checked(shape, 'topic', _topic_fault, problems)
     entry = InputEntry(name.text, topic=topic, damaged=_refused(shape, topic=topic))
     return _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
+
+
+def _topic_fault(topic: str) -> Fault | None:
+    """Check a topic; its instance variables are checked elsewhere."""
+    return topic_fault(PLACEHOLDER.sub(lambda found: found[0] if topic_fault(
+        found[0]) is None else 'x', topic))
 
 
 def _transform(name: DeclaredName, shape: Shape, problems: Problems) -> InputEntry:
@@ -131,7 +138,7 @@ def read_block(topic: YamlScalar, mapping: YamlMapping,
     """
     shape = Shape(mapping, 'a topic', BLOCK_KEYS, problems, _SLIPS, dict.fromkeys(
         FIELD_KEYS, f'it belongs under fields, as in\n{_FIELDS_EXAMPLE}'))
-    report_fault(topic_fault(topic.value), topic.text, problems)
+    report_fault(_topic_fault(topic.value), topic.text, problems)
     entry = InputEntry(topic.text, topic=topic.text, block=topic.text)
     entry = _with_topic_keys(entry, shape, problems)
     if entry.type and entry.type.value in PLAIN_TYPES:
@@ -167,6 +174,7 @@ def _with_topic_keys(entry: InputEntry, shape: Shape, problems: Problems) -> Inp
     entry = replace(
         entry,
         type=entry.type or _checked(shape, 'type', type_fault, problems),
+        where=shape.text('where'),
         qos=tuple(_qos(shape.node('qos'), found)),
         timeout=shape.number('timeout', SECONDS, _SHORTEST_TIMEOUT_S, _LONGEST_TIMEOUT_S),
         stale=shape.choice('stale', Stale),

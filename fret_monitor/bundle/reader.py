@@ -29,6 +29,7 @@ from pathlib import Path
 from fret_monitor.bundle.actions import read_actions
 from fret_monitor.bundle.bundle import (
     ActionEntry, Bundle, ConstantEntry, DECLARING, Definition, GateEntry, InputEntry,
+    InstanceVariable,
 )
 from fret_monitor.bundle.constants import read_constant, report_decimal_comma
 from fret_monitor.bundle.declared_name import declared_name, DeclaredName
@@ -36,6 +37,9 @@ from fret_monitor.bundle.formulas import read_definition
 from fret_monitor.bundle.gates import read_gates
 from fret_monitor.bundle.inputs import (
     BLOCK_KEYS, check_topics, INPUT_KEYS, read_block, read_field, read_input,
+)
+from fret_monitor.bundle.instances import (
+    check_topic_mentions, check_variables, read_variable, VARIABLE_EXAMPLE, with_mentions,
 )
 from fret_monitor.bundle.requirements import Ids, read_requirements
 from fret_monitor.bundle.source_file import read_source
@@ -57,9 +61,9 @@ _SHORTEST_PERIOD_S = Fraction(1, 10 ** 9)  # ROS counts time in nanoseconds
 _LONGEST_PERIOD_S = Fraction(10 ** 9)
 SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs', 'topics')
 BUNDLE_KEYS = (
-    'format', 'component', 'title', 'description', 'signals', 'constants', 'inputs', 'topics',
-    'definitions', 'evaluation', 'report', 'severity', 'actions', 'on_violation', 'on_end',
-    'gates', 'requirements')
+    'format', 'component', 'title', 'description', 'signals', 'for_each', 'constants', 'inputs',
+    'topics', 'definitions', 'evaluation', 'report', 'severity', 'actions', 'on_violation',
+    'on_end', 'gates', 'requirements')
 _LONGEST_REORDER_S = Fraction(3600)
 USUAL_REORDER_S = Fraction(1, 10)
 _TIMED_KEYS = ('unit', 'stamp', 'reorder')
@@ -126,6 +130,7 @@ class _BundleReader:
         self._unreadable: set[str] = set()
         self._cut: set[str] = set()
         self._signals_sources: list[Source] = []
+        self._variables: dict[str, InstanceVariable | None] = {}
         self._has_policy = True  # whether it is known what formulas mean
 
     def bundle(self, source: Source) -> Bundle | None:
@@ -134,6 +139,7 @@ class _BundleReader:
         if mapping is None or not self._has_format(mapping, is_required=True):
             return None
         shape = Shape(mapping, 'a bundle', BUNDLE_KEYS, self._problems, elsewhere=_ELSEWHERE)
+        self._for_each(shape)
         read = self._contents(source, shape)
         shared = self._signals(source, shape)
         definitions = tuple(self._definitions(shape))
@@ -145,6 +151,9 @@ class _BundleReader:
             definitions, requirements = (), ()
         inputs = (*read.inputs, *(item for part in shared for item in part.inputs))
         check_topics(inputs, self._problems)
+        variables = tuple(item for item in self._variables.values() if item)
+        if 'inputs' not in self._cut and 'topics' not in self._cut:
+            check_variables(variables, inputs, self._problems)
         return replace(
             self._acting(shape, read),
             sources=(source, *self._signals_sources),
@@ -155,6 +164,7 @@ class _BundleReader:
             unreadable=frozenset(self._unreadable),
             ids=tuple(dict.fromkeys(ids.found)),
             cut=frozenset(self._cut),
+            instance_variables=variables,
         )
 
     def _root(self, source: Source, what: str, example: str) -> YamlMapping | None:
@@ -291,6 +301,15 @@ class _BundleReader:
             return None
         return 1 / rate if rate is not None else period
 
+    def _for_each(self, shape: Shape) -> None:
+        """Read the instance variables, which inputs of all files may mention."""
+        for name, node in self._named(shape, 'for_each', VARIABLE_EXAMPLE):
+            problems = Problems()
+            self._declare(name, problems)
+            variable = read_variable(name, node, problems)
+            is_usable = self._is_usable(name, node, problems)
+            self._variables[name.value] = variable if is_usable else None
+
     def _constants(self, shape: Shape) -> Iterator[ConstantEntry]:
         before: tuple[DeclaredName, Node] | None = None
         for name, node in self._named(shape, 'constants', 'cc_t: 15.0'):
@@ -346,6 +365,10 @@ class _BundleReader:
             mapping = mapping_of(node, what, problems,
                                  f'{name.value}: {{topic: speed, type: std_msgs/msg/Float32}}')
             entry = read_input(name, mapping, problems) if mapping else None
+            if entry is not None:
+                check_topic_mentions(entry.topic, self._variables, problems)
+                entry = with_mentions(entry, (entry.topic, entry.field, entry.where),
+                                      self._variables, problems)
             self._is_usable(name, node, problems)
             if entry is not None:
                 yield replace(entry, damaged=entry.damaged | damaged)
@@ -357,6 +380,9 @@ class _BundleReader:
             mapping = mapping_of(node, f'the topic {shown(topic.value)}', problems,
                                  _TOPICS_EXAMPLE)
             block, fields = read_block(topic.key, mapping, problems) if mapping else (None, None)
+            if block is not None:
+                check_topic_mentions(block.topic, self._variables, problems)
+                block = with_mentions(block, (block.topic, block.where), self._variables, problems)
             self._problems.extend((*problems.errors, *problems.warnings))
             is_refused = bool(problems.errors) or isinstance(node, Unread)
             if is_refused and fields is None:
@@ -373,6 +399,8 @@ class _BundleReader:
         self._declare(name, problems)
         damaged = {'name'} if problems.errors else set()
         entry = read_field(block, name, node, problems)
+        if entry is not None:
+            entry = with_mentions(entry, (entry.field,), self._variables, problems)
         self._is_usable(name, node, problems)
         if entry is not None:
             yield replace(entry, damaged=entry.damaged | damaged)

@@ -30,6 +30,7 @@ from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS, WhenStale
 from fret_monitor.bundle.inputs import (
     BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS, TRANSFORM_KEYS,
 )
+from fret_monitor.bundle.instances import VARIABLE_KEYS
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
 from fret_monitor.model.policies import (
@@ -104,6 +105,7 @@ _VALUES: Values = {
     'format': ({'enum': [1, '1']}, 'the version of the format: 1'),
     'title': (_FREE, 'a title'),
     'description': (_FREE, 'a description'),
+    'where': (_TEXT, 'selects messages by a field of theirs, such as "name = {robot}"'),
     'component': (_TEXT, 'the component that FRETish sentences must name; default: any'),
     'signals': ({'anyOf': [{'type': 'string'}, {'type': 'array', 'items': {'type': 'string'}}]},
                 'a file or a list of files, relative to the bundle, with inputs and constants'),
@@ -172,6 +174,11 @@ _KIND_VALUES: Values = {
 _ACTION: Schema = {
     **_mapping((*_KIND_VALUES, 'after', 'cooldown'), own=_ACTION_VALUES | _KIND_VALUES),
     'oneOf': [{'required': [kind]} for kind in _KIND_VALUES]}
+_VARIABLE_VALUES: Values = {
+    'most': ({'type': 'integer', 'minimum': 1}, 'how many instances there are at once at most'),
+    'forget': (_SECONDS, 'seconds without a message of its key after which an instance ends; '
+                         'default: never'),
+}
 _OTHERWISE_VALUES: Values = {
     'substitute': (_CONTENT, 'the fields of the message that is sent instead'),
     'hold': (_SECONDS, 'seconds for which the last good message is sent again'),
@@ -208,6 +215,10 @@ _VALUES |= {
         'in place of a topic: two frames of /tf and /tf_static'),
 }
 _VALUES |= {
+    'for_each': (_named({'anyOf': [
+        {'type': 'array', 'minItems': 1, 'items': _TEXT},
+        _mapping(VARIABLE_KEYS, ['most'], _VARIABLE_VALUES)]}),
+        'instance variables: each of their keys has an instance of what mentions them'),
     'evaluation': ({**_mapping(EVALUATION_KEYS), 'type': ['object', 'null']},
                    'when a step happens'),
     'inputs': (_named({**_mapping(INPUT_KEYS), 'anyOf': [

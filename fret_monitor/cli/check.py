@@ -19,26 +19,27 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
+import math
 from pathlib import Path
 from typing import NamedTuple
 
-from fret_monitor.build import generate_monitor, GeneratedMonitor, read
+from fret_monitor.build import generate_monitor, GeneratedKind, GeneratedMonitor, read
 from fret_monitor.cli.analyze import NEEDED, quick_warnings
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.specification import Gate, Property, Specification
+from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
     by_place, CompileError, counted, Diagnostic, missing_packages, Text,
 )
 from fret_monitor.model.manifest import ManifestAction
-from fret_monitor.model.policies import Policy, Stamp
+from fret_monitor.model.policies import InputSource, Policy, Stamp
 from fret_monitor.model.times import time_text
 from fret_monitor.native.errors import NativeError
-from fret_monitor.program.layout import lay_out, state_bytes
+from fret_monitor.program.layout import instance_bytes, lay_out, state_bytes
 from fret_monitor.program.lower import lower
 from fret_monitor.traces.gated import doubtful_gates, Repair
 
@@ -94,9 +95,10 @@ def _checked(name: str, constants: Mapping[str, Text], is_analyzed: bool) -> _Ch
     path = Path(name)
     try:
         path = existing_bundle(name)
-        reading = read(path, constants=constants)
+        reading = read(path, constants=constants, takes_instances=True)
         generated = generate_monitor(reading)
-        faults = quick_warnings(reading) if is_analyzed else []
+        has_instances = bool(generated.kinds)
+        faults = quick_warnings(reading) if is_analyzed and not has_instances else []
     except CompileError as error:
         return _Checked(path, None, error.diagnostics)
     return _Checked(path, generated, by_place((
@@ -133,14 +135,46 @@ def _as_dict(item: _Checked) -> dict[str, object]:
         'unit': None if specification.unit is None else float(specification.unit),
         'state_bytes': manifest.state_bytes,
         'operations': sum(group.operations for group in manifest.groups),
-        'topics': [topic.name for topic in manifest.received],
-        'inputs': [{'name': signal.name, 'type': signal.type.value, 'topic': signal.topic}
-                   for signal in specification.signals],
+        'topics': _topics(item.generated),
+        'inputs': [{'name': signal.name, 'type': signal.type.value, 'topic': signal.topic,
+                    'for_each': signal.variables} for signal in _inputs(item.generated)],
+        'instances': [{'for_each': kind.scope.variables, 'most': _most(item.generated, kind),
+                       'bytes': instance_bytes(kind.program, kind.layouts)}
+                      for kind in item.generated.kinds],
         'requirements': list(map(_requirement_as_dict, _requirements(item.generated))),
         'gates': list(map(_gate_as_dict, specification.gates)),
         'actions': [{'name': action.name, 'kind': action.kind.value, 'target': action.target,
                      'requirements': users} for action, users in _users(specification)],
     }
+
+
+def _inputs(generated: GeneratedMonitor) -> list[Signal]:
+    """Return the inputs of all scopes, without aggregates."""
+    found = dict.fromkeys([*generated.specification.signals, *(
+        signal for kind in generated.kinds for signal in kind.scope.specification.signals
+        if signal.variables)])
+    return [item for item in found if item.source is not InputSource.INSTANCES]
+
+
+def _topics(generated: GeneratedMonitor) -> list[str]:
+    """Return the topics of all scopes."""
+    manifests = (generated.manifest, *(kind.manifest for kind in generated.kinds))
+    return [*dict.fromkeys(topic.name for manifest in manifests for topic in manifest.received)]
+
+
+def _most(generated: GeneratedMonitor, kind: GeneratedKind) -> int:
+    return math.prod(item.most for item in generated.manifest.variables
+                     if item.name in kind.scope.variables)
+
+
+def _instances(generated: GeneratedMonitor) -> Iterator[str]:
+    """Yield a line for each kind of instances: how many there are, and their bytes."""
+    for kind in generated.kinds:
+        most, size = _most(generated, kind), instance_bytes(kind.program, kind.layouts)
+        operations = sum(layout.operations for layout in kind.layouts)
+        yield (f'for each {", ".join(kind.scope.variables)}: at most '
+               f'{counted(most, "instance")}, {counted(size, "byte")} and '
+               f'{counted(operations, "operation")} each, {counted(most * size, "byte")} in all')
 
 
 def _gate_as_dict(gate: Gate) -> dict[str, object]:
@@ -154,41 +188,57 @@ class _Requirement(NamedTuple):
     """What `check` says about a requirement."""
 
     item: Property
+    variables: tuple[str, ...]
     inputs: list[str]
     state_bytes: int
     formula: str
 
 
 def _requirements(generated: GeneratedMonitor) -> Iterator[_Requirement]:
-    specification = generated.specification
+    found = [*_of_scope((), generated.specification), *(
+        item for kind in generated.kinds
+        for item in _of_scope(kind.scope.variables, kind.scope.specification,
+                              kind.scope.n_reported))]
+    ids = generated.manifest.ids
+    yield from sorted(found, key=lambda item: ids.index(item.item.id)) if ids else found
+
+
+def _of_scope(variables: tuple[str, ...], specification: Specification,
+              count: int | None = None) -> Iterator[_Requirement]:
+    """Yield the first requirements of a scope, all if `count` is None."""
+    names = [signal.name for signal in specification.signals]
     values = {signal.name: signal.values for signal in specification.signals if signal.values}
     is_timed = specification.policy is Policy.TIMED
-    for item, described, owned in zip(
-            specification.properties, generated.manifest.requirements, _owned_bytes(generated),
-            strict=True):
-        yield _Requirement(item, [specification.signals[index].name for index in described.inputs],
-                           owned, to_smv(item.formula, _FORMULA_WIDTH, values, is_timed=is_timed))
+    for item in specification.properties[:count]:
+        yield _Requirement(item, variables, sorted(item.inputs, key=names.index),
+                           _owned_bytes(specification, item),
+                           to_smv(item.formula, _FORMULA_WIDTH, values, is_timed=is_timed))
 
 
 def _requirement_as_dict(found: _Requirement) -> dict[str, object]:
     item = found.item
-    return {'id': item.id, 'title': item.title, 'text': item.text, 'inputs': found.inputs,
+    return {'id': item.id, 'title': item.title, 'text': item.text, 'for_each': found.variables,
+            'inputs': found.inputs,
             'state_bytes': found.state_bytes, 'bounds': item.bounds, 'formula': found.formula}
 
 
 def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
-    yield (f'{path}: {counted(len(manifest.requirements), "requirement")}, '
-           f'{counted(len(manifest.inputs), "input")} on '
-           f'{counted(len(manifest.received), "topic")}, '
+    inputs = _inputs(generated)
+    yield (f'{path}: {counted(len(manifest.ids or manifest.requirements), "requirement")}, '
+           f'{counted(len(inputs), "input")} on '
+           f'{counted(len(_topics(generated)), "topic")}, '
            f'{counted(manifest.state_bytes, "byte")} of state, '
            f'{counted(operations, "operation")} '
            f'{"an evaluation" if manifest.policy is Policy.TIMED else "a step"}')
     step = _STEPS[manifest.policy][0].format(period=manifest.period)
     yield f'policy {manifest.policy.value}: {step}{_time_options(generated.specification)}'
+    if generated.kinds:
+        yield from ['', *_instances(generated)]
     yield ''
-    yield from _table([('id', 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
+    of = ('of each',) if generated.kinds else ()
+    yield from _table([('id', *of, 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
     acting = [*_acting(generated.specification)]
     yield from ['', *acting] if acting else []
 
@@ -226,6 +276,7 @@ def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
     for found in _requirements(generated):
         yield (
             found.item.id,
+            *((', '.join(found.variables) or '-',) if generated.kinds else ()),
             ', '.join(found.inputs) or '-',
             f'{found.state_bytes} B',
             _bounds(found.item, specification.policy, specification.period),
@@ -240,11 +291,10 @@ def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:
         yield '  '.join([*cells, row[-1]])
 
 
-def _owned_bytes(generated: GeneratedMonitor) -> list[int]:
-    """Return for each requirement the bytes of state that it would need in its own bundle."""
-    alone = (lower(replace(generated.specification, properties=(item,)))
-             for item in generated.specification.properties)
-    return [state_bytes(tuple(lay_out(group) for group in program.groups)) for program in alone]
+def _owned_bytes(specification: Specification, item: Property) -> int:
+    """Return the bytes of state that a requirement would need in its own bundle."""
+    program = lower(replace(specification, properties=(item,)))
+    return state_bytes(tuple(lay_out(group) for group in program.groups))
 
 
 def _bounds(item: Property, policy: Policy, period: Fraction | None) -> str:

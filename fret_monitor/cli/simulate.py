@@ -27,7 +27,8 @@ from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.policies import Policy
 from fret_monitor.start import start
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
-from fret_monitor.traces.simulate import simulate, Summary
+from fret_monitor.traces.simulate import simulate
+from fret_monitor.traces.summary import Summary
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -49,7 +50,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
-    compiled = start(existing_bundle(options.bundle), constants=dict(options.constants))
+    compiled = start(existing_bundle(options.bundle), constants=dict(options.constants),
+                     takes_instances=True)
     if not options.json:
         print_diagnostics(compiled.warnings)
     if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:
@@ -62,6 +64,9 @@ def run(options: Namespace) -> int:
         summary = simulate(compiled.monitor, options.trace, verdicts, compiled.sources,
                            options.until, report)
     is_timed = compiled.monitor.manifest.policy is Policy.TIMED
+    for item in summary.beyond:
+        print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' beyond most: {item.most} "
+              'not evaluated', file=sys.stderr)
     if options.json:
         print_document(_as_dict(summary, is_timed), compiled.warnings)
     elif verdicts is not None:

@@ -20,9 +20,11 @@ from fret_monitor.codegen.extractors import topics_of
 from fret_monitor.codegen.inputs import described_input
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.printing import to_smv
+from fret_monitor.logic.scopes import InstanceScope
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.manifest import (
-    Manifest, ManifestGate, ManifestGroup, ManifestRequirement, ManifestTopic,
+    Manifest, ManifestAggregate, ManifestGate, ManifestGroup, ManifestKind, ManifestRequirement,
+    ManifestTopic,
 )
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.transforms import LINKS, QOS
@@ -76,6 +78,27 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         actions=actions,
         gate=_gate(specification.gate, topics) if specification.gate else None,
         kept=specification.kept,
+        outputs=module.outputs,
+    )
+
+
+def with_kinds(manifest: Manifest, kinds: list[tuple[InstanceScope, Manifest]],
+               specification: Specification) -> Manifest:
+    """Return the manifest of a bundle with those of its kinds; `specification` is of them all."""
+    place_of = {item.name: place for place, item in enumerate(specification.instance_variables)}
+    input_of = {item.name: place for place, item in enumerate(manifest.inputs)}
+    return replace(
+        manifest,
+        variables=specification.instance_variables,
+        kinds=tuple(ManifestKind(
+            tuple(place_of[name] for name in scope.variables), described,
+            tuple(None if item.variables else input_of[item.name]
+                  for item in scope.specification.signals), scope.n_reported)
+            for scope, described in kinds),
+        aggregates=tuple(
+            ManifestAggregate(item.function, kind, operand, input_of[item.signal.name])
+            for kind, (scope, _) in enumerate(kinds) for operand, item in scope.aggregates),
+        ids=tuple(item.id for item in specification.properties),
     )
 
 

@@ -59,6 +59,8 @@ def _field(item: ManifestInput) -> str:
     of = f' of {item.message_type}' if item.message_type else ''
     on = f'{of} on {item.topic}' if item.topic else of
     match item.source:
+        case InputSource.INSTANCES:
+            return 'over all instances'
         case InputSource.RECEIVED:
             return f'received(){on}, true at the step of such a message alone'
         case InputSource.AGE:

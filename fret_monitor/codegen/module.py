@@ -52,6 +52,7 @@ class CModule:
 
     `symbol` is the exported function that returns the `struct fm_monitor`. `readers` is the one
     that returns the `struct fm_readers` (the extractors), '' if there are no topics.
+    `outputs` is the one that returns the `struct fm_outputs`, '' if there are none.
     `source_hash` is the SHA-256 of all texts; the struct of the monitor holds it too.
     """
 
@@ -61,6 +62,7 @@ class CModule:
     header: tuple[str, str]
     sources: tuple[tuple[str, str], ...]
     readers: str = ''
+    outputs: str = ''
 
     @property
     def files(self) -> dict[str, str]:
@@ -82,7 +84,8 @@ def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModu
     digest = hashlib.sha256('\0'.join([header, *(text for _, text in texts)]).encode()).hexdigest()
     sources = tuple((name, text.replace(_HASH_FIELD, digest)) for name, text in texts)
     return CModule(program.name, names.symbol, digest, (names.header, header), sources,
-                   names.readers if readers else '')
+                   names.readers if readers else '',
+                   names.outputs if any(layout.group.outputs for layout in layouts) else '')
 
 
 class _ModuleWriter:
@@ -168,6 +171,8 @@ class _ModuleWriter:
         yield '{'
         for number, _ in enumerate(self._layouts):
             yield f'  {self._names.group_struct(number)} group_{number};'
+        if not self._layouts:
+            yield '  uint8_t none;  // C has no empty struct'
         yield '};'
         yield ''
 
@@ -202,6 +207,10 @@ class _ModuleWriter:
         yield '/// The constant description by which the evaluator runs the monitors.'
         yield f'FM_EXPORT const struct fm_monitor * {names.symbol}(void);'
         yield ''
+        if any(layout.group.outputs for layout in self._layouts):
+            yield '/// The numbers that are kept in the state, which aggregates read.'
+            yield f'FM_EXPORT const struct fm_outputs * {names.outputs}(void);'
+            yield ''
         yield '// The functions of each step group, for the description.'
         for number, _ in enumerate(self._layouts):
             yield f'FM_INTERNAL void {names.group_function(number, "reset")}(void * state);'
@@ -357,6 +366,8 @@ class _ModuleWriter:
         yield '{'
         for number, _ in enumerate(self._layouts):
             yield f'  {names.group_function(number, "reset")}(state);'
+        if not self._layouts:
+            yield '  state->none = 0u;'
         yield from ('}', '')
         if self._is_timed:
             yield from self._all_groups_at()
@@ -366,6 +377,7 @@ class _ModuleWriter:
         yield f'  {names.state_struct} * state, const {names.inputs_struct} * inputs,'
         yield '  bool * verdicts)'
         yield '{'
+        yield from self._unused()
         for groups in self._files():
             for block in self._blocks(groups):
                 yield f'  {names.block_function(block[0])}(state, inputs, verdicts);'
@@ -410,11 +422,17 @@ class _ModuleWriter:
         yield '  bool * verdicts, int64_t tick)'
         yield '{'
         yield '  int64_t next = FM_NEVER;'
+        yield from self._unused('tick')
         for number, _ in enumerate(self._layouts):
             step = names.group_function(number, 'step_at')
             yield f'  fm_lower(&next, true, {step}(state, inputs, verdicts, tick));'
         yield '  return next;'
         yield from ('}', '')
+
+    def _unused(self, *more: str) -> Iterator[str]:
+        """Yield statements for the parameters of a step of no groups."""
+        if not self._layouts:
+            yield from (f'  (void){name};' for name in ('state', 'inputs', 'verdicts', *more))
 
     @property
     def _is_many(self) -> bool:
@@ -440,10 +458,12 @@ class _ModuleWriter:
               f'{len(self._program.properties)}u,'
         yield f'    sizeof({names.state_struct}), sizeof({names.inputs_struct}),'
         table = 'inputs' if self._program.signals else 'NULL'
-        yield f'    {table}, groups, requirements,'
+        yield f'    {table}, groups, requirements,' if self._layouts else \
+            f'    {table}, NULL, NULL,'
         yield f'    "{names.prefix}",'
         yield f'    "{_HASH_FIELD}",'
-        together = 'NULL' if self._is_timed else f'{names.prefix}_step_any' if self._is_many \
+        together = 'NULL' if self._is_timed or not self._layouts \
+            else f'{names.prefix}_step_any' if self._is_many \
             else names.group_function(0, 'step')
         occurrences = 'occurrences' if self._occurrences else 'NULL'
         yield f'    {together}, {occurrences}, {len(self._occurrences)}u, ' \
@@ -451,6 +471,23 @@ class _ModuleWriter:
         yield '  };'
         yield '  return &monitor;'
         yield '}'
+        yield from self._outputs()
+
+    def _outputs(self) -> Iterator[str]:
+        """Yield the description of the outputs, if there are any."""
+        found = [(number, group, layout.group.equations[operand.value].type)
+                 for group, layout in enumerate(self._layouts)
+                 for number, operand in layout.group.outputs]
+        if not found:
+            return
+        yield from ('', f'const struct fm_outputs * {self._names.outputs}(void)', '{')
+        yield '  static const struct fm_output all[] = {'
+        for number, group, kind in sorted(found):
+            place = f'offsetof({self._names.state_struct}, group_{group}.output_{number})'
+            yield f'    {{{place}, {group}u, FM_{kind.name}}},'
+        yield '  };'
+        yield f'  static const struct fm_outputs outputs = {{all, {len(found)}u}};'
+        yield from ('  return &outputs;', '}')
 
     def _input_table(self) -> Iterator[str]:
         if not self._program.signals:
@@ -462,6 +499,8 @@ class _ModuleWriter:
         yield '  };'
 
     def _group_table(self) -> Iterator[str]:
+        if not self._layouts:
+            return
         for number, layout in enumerate(self._layouts):
             if layout.group.signals:
                 yield from _indices(f'inputs_{number}', layout.group.signals)
@@ -478,6 +517,8 @@ class _ModuleWriter:
         yield '  };'
 
     def _requirement_table(self) -> Iterator[str]:
+        if not self._layouts:
+            return
         owner = {index: number for number, layout in enumerate(self._layouts)
                  for index in layout.group.properties}
         yield '  static const struct fm_requirement requirements[] = {'

@@ -49,6 +49,7 @@ _TAKEN = C_KEYWORDS | CPP_KEYWORDS | _MACROS | _OURS
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(
     r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|overflows|reset|monitor|readers'
+    r'|outputs'
     r'|groups?_.*')
 _LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
@@ -106,6 +107,7 @@ class Names:
         self.verdict_count = f'{self.prefix}_verdicts'
         self.symbol = f'{self.prefix}_monitor'  # the function that returns the description
         self.readers = f'{self.prefix}_readers'  # the function that returns the extractors
+        self.outputs = f'{self.prefix}_outputs'  # the function that returns the outputs
         self.header = f'{self.prefix}_monitor.h'
         self.fields_source = f'{self.prefix}_fields.c'  # the C file with the extractors
         self.inputs_struct = f'struct {self.prefix}_inputs'

@@ -77,7 +77,8 @@ class PartWriter:
                 for item in operands(self._group.equations[index].operation)}
         if self._is_last:
             used.update(item.next.value for item in self._group.feedback)
-        return used.union(self._layout.verdicts_of, self._layout.occurrences_of)
+        return used.union(self._layout.verdicts_of, self._layout.occurrences_of,
+                          self._layout.outputs_of)
 
     def lines(self) -> Iterator[str]:
         """Yield the statements, indented."""
@@ -438,6 +439,8 @@ class PartWriter:
             yield self._verdict(self._names.requirements[number], operand)
         for number, operand in self._layout.occurrences_of.get(index, ()):
             yield self._verdict(self._names.occurrences[number], operand)
+        for number, operand in self._layout.outputs_of.get(index, ()):
+            yield f'  s->output_{number} = {c.text(self._operand(operand))};'
 
     def _verdict(self, place: str, operand: Operand) -> str:
         return f'  verdicts[{place}] = {c.text(self._operand(operand))};'

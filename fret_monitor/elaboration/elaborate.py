@@ -35,11 +35,13 @@ from fret_monitor.bundle.bundle import (
     Bundle, ConstantEntry, DECLARING, Definition, InputEntry, Language, Requirement,
 )
 from fret_monitor.elaboration.acting import check_judged, resolve_acting
+from fret_monitor.elaboration.aggregates import Aggregates
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
+from fret_monitor.elaboration.instances import check_instances, described_variable
 from fret_monitor.elaboration.languages import read_expression, read_formula
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
@@ -48,7 +50,9 @@ from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.sentence import ComponentPhrase, Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder
-from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.logic.specification import (
+    InstanceAggregate, Property, Signal, Specification,
+)
 from fret_monitor.messages.installed import find_message as find_installed
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
 from fret_monitor.model.graph import components, cycle, is_cyclic
@@ -83,13 +87,15 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     known = tuple(signal for signal in signals if signal)
     actions, gates = resolve_acting(bundle, known, find_message or find_installed,
                                     reading.problems)
+    check_instances(bundle, (item for item in properties if item),
+                    (*known, *reading.implied.added, *reading.aggregated), reading.problems)
     reading.problems.raise_errors()
     check_judged([item for item in properties if item], gates, known, bundle, reading.problems)
     reading.problems.raise_errors()
     specification = Specification(
         name=bundle.name,
         component=bundle.component.value if bundle.component else '',
-        signals=(*known, *reading.implied.added),
+        signals=(*known, *reading.implied.added, *reading.aggregated),
         properties=tuple(item for item in properties if item),
         policy=bundle.policy,
         period=bundle.period,
@@ -99,6 +105,8 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
         reorder=bundle.reorder,
         actions=actions,
         gates=gates,
+        instance_variables=tuple(map(described_variable, bundle.instance_variables)),
+        aggregates=reading.aggregates,
     )
     return specification, reading.problems.warnings
 
@@ -131,9 +139,23 @@ class _Reading:
         declared: list[InputEntry | ConstantEntry | Definition] = [
             *bundle.inputs, *bundle.constants, *bundle.definitions]
         self.implied = ImpliedInputs(item.name.value for item in declared)
-        self._scope = Scope(is_cut=bool(bundle.cut & set(DECLARING)), implied=self.implied)
+        self._aggregates = Aggregates(
+            (item.name.value for item in bundle.instance_variables), self.implied)
+        self._scope = Scope(is_cut=bool(bundle.cut & set(DECLARING)), implied=self.implied,
+                            aggregates=self._aggregates)
         self._feedback: dict[Feedback, Formula] = {}
         self._names_of: dict[str, set[str]] = {}  # that a definition refers to, by its FRET name
+
+    @property
+    def aggregates(self) -> tuple[InstanceAggregate, ...]:
+        """The aggregates that formulas read."""
+        return tuple(replace(item, feedback=self._reached(item.operand))
+                     for item in self._aggregates.all)
+
+    @property
+    def aggregated(self) -> tuple[Signal, ...]:
+        """The inputs that stand for aggregates."""
+        return tuple(item.signal for item in self._aggregates.all)
 
     def skip(self, names: Iterable[str]) -> None:
         """Declare names whose entries the parser refused, so that uses are not reported."""

@@ -29,6 +29,7 @@ from fractions import Fraction
 from typing import assert_never, NoReturn, TypeAlias
 
 from fret_monitor.elaboration import arithmetic
+from fret_monitor.elaboration.aggregates import refuse_without_instances
 from fret_monitor.elaboration.application import Application
 from fret_monitor.elaboration.durations import approximate, STEPS, TimeScale
 from fret_monitor.elaboration.functions import choice, COUNTING, FUNCTIONS, previous
@@ -87,6 +88,8 @@ def gives_truth(node: Expression) -> bool:
         case Infix():
             return node.operator not in _ARITHMETIC and node.operator not in ('^', 'arrow')
         case Call():
+            if node.variable is not None:
+                return node.function in ('any', 'all')
             return node.function in FUNCTIONS and FUNCTIONS[node.function].gives_truth
         case Name() | Number() | Duration() | Conditional():
             return False
@@ -420,6 +423,10 @@ class Elaborator:
 
     def _call(self, node: Call, operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:
         name = node.function
+        if node.variable is not None:
+            if self._scope.aggregates is None:
+                refuse_without_instances(node)
+            return self._scope.aggregates.value(node, node.variable, operands[0]), None
         function = FUNCTIONS.get(name)
         if function is None:
             self._refuse_function(node)

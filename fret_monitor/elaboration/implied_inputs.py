@@ -43,6 +43,10 @@ class ImpliedInputs:
         """Add an input of the bundle."""
         self._signals[signal.name] = signal
 
+    def signal(self, name: str) -> Signal:
+        """Return an input by its name."""
+        return self._signals[name]
+
     def messages(self, formula: Formula) -> Formula | None:
         """Return when a message comes on a topic that a formula reads; None if it reads none."""
         read = [self._signals[item.name] for item in variables(formula)]
@@ -74,4 +78,5 @@ def _feeds(received: Signal, signal: Signal) -> bool:
     """Whether an input that says that a message came says so for another one."""
     if signal.topic is None:
         return received.name == f'{signal.name}_received'
-    return received.topic == signal.topic
+    return (received.topic, received.variables, received.where) == (
+        signal.topic, signal.variables, signal.where)

@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from fret_monitor.elaboration.aggregates import Aggregates
 from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.terms import TypedTerm, Vocabulary
@@ -57,15 +58,18 @@ class Scope:
     """
 
     def __init__(self, outer: 'Scope | None' = None, is_cut: bool = False,
-                 implied: ImpliedInputs | None = None) -> None:
+                 implied: ImpliedInputs | None = None,
+                 aggregates: Aggregates | None = None) -> None:
         """
         Start without names, within another scope.
 
         `is_cut`: there may be declarations that could not be read, so that no name is reported
-        as undeclared. `implied` are the inputs that formulas may add; None without a bundle.
+        as undeclared. `implied` are the inputs that formulas may add, `aggregates` those over
+        instances; None without a bundle.
         """
         self._outer = outer
         self.implied: ImpliedInputs | None = outer.implied if outer else implied
+        self.aggregates: Aggregates | None = outer.aggregates if outer else aggregates
         self.is_cut: bool = is_cut or outer is not None and outer.is_cut
         self._names: dict[str, Declaration] = {}
         self._spelled: dict[str, Declaration] = {}

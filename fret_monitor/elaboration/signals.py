@@ -32,13 +32,15 @@ from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number, s
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.constants import NamedValues, NO_CONSTANTS
 from fret_monitor.messages.field_path import (
-    check_reachable, doubt_part, field_line, resolve_field, ResolvedField,
+    check_reachable, doubt_part, field_line, is_key, key_type, resolve_field, ResolvedField,
 )
-from fret_monitor.messages.installed import nested_layout
-from fret_monitor.messages.layout import MessageLayout
+from fret_monitor.messages.installed import listed, nested_layout
+from fret_monitor.messages.layout import ArrayKind, MessageLayout
+from fret_monitor.messages.path_parts import read_part
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
 from fret_monitor.model.manifest import REDUCTIONS
-from fret_monitor.model.names import looks_like_number
+from fret_monitor.model.names import is_integer, looks_like_number
+from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import InputRole, InputSource, Stale
 from fret_monitor.model.values import ValueType
 
@@ -93,7 +95,7 @@ def input_declaration(entry: InputEntry, find_message: FindMessage,
 
 def _signal(entry: InputEntry, find_message: FindMessage,
             problems: Problems) -> tuple[Signal | None, Vocabulary | None]:
-    if _is_type_damaged(entry, find_message):
+    if _is_type_damaged(entry, find_message) or 'variables' in entry.damaged:
         return None, None
     kind, layout, field = _type(entry, find_message)
     doubt = doubt_part(layout, field, entry.field) if layout and field else None
@@ -140,8 +142,34 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         role=entry.role or InputRole.INPUT,
         place=entry.name.span,
         made=entry.made,
+        variables=entry.variables,
+        where=_where(entry, layout) if entry.where and layout else None,
     )
     return signal, vocabulary
+
+
+def _where(entry: InputEntry, layout: MessageLayout) -> LookUp:
+    """Return what `where` compares: a field of the message with a name, a number or a key."""
+    text = entry.where
+    assert text is not None, 'called for an input with `where`'
+    found = read_part(text, lambda inside: f'where: "{inside}"')
+    if not isinstance(found, LookUp):
+        refuse("'where' must compare a field of the message", text.span, 'expected FIELD = VALUE',
+               f'where: "name = {entry.variables[0] if entry.variables else "imu"}"')
+    key = key_type(layout, found.key)
+    name = '.'.join(found.key)
+    start = text.value.index(found.key[0])
+    place = text.at(start, start + len(name))
+    if key is None or key.array is not ArrayKind.NONE or not is_key(key.base):
+        refuse(f"'{name}' cannot be compared in 'where'", place,
+               f'{layout.name} has no such field' if key is None else f'this is {key}',
+               listed([item.name for item in layout.fields
+                       if item.type.array is ArrayKind.NONE and is_key(item.type.base)])
+               or 'a string or a whole number can')
+    if key.base != _TEXT and not found.variable and not is_integer(found.name):
+        refuse(f"'{name}' is a number", text.span, f'this compares it with the text {found.name}',
+               f'where: "{name} = 1"')
+    return found
 
 
 def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:

@@ -112,7 +112,9 @@ class TypesByUse:
 
     def _add_call(self, node: Call) -> None:
         name, arguments = node.function, node.arguments
-        if name in ('persisted', 'occurred', 'countOver', 'timeOver'):
+        if node.variable is not None:
+            self._expect(_BOOL if name in ('count', 'any', 'all') else _REAL, arguments)
+        elif name in ('persisted', 'occurred', 'countOver', 'timeOver'):
             self._expect(_BOOL, arguments[-1:])
         elif name == 'heldAt' and len(arguments) == 2:
             self._expect(_BOOL, arguments[:1])

@@ -331,3 +331,5 @@ def _member(source: InputSource, name: str) -> str:
             return 'that it comes'
         case InputSource.AGE:
             return 'the time in its header'
+        case InputSource.INSTANCES:
+            raise AssertionError('a bundle with instances is refused')

@@ -508,6 +508,12 @@ class ExpressionBuilder:
         arguments = parts[2] if len(parts) == 4 else ()
         return Call(parts[0].text, arguments, parts[0].span, join(parts[0].span, parts[-1].span))
 
+    def over_instances(self, parts: list[Any]) -> Expression:
+        """Build `function(variable: expression)`."""
+        function, _, variable, _, argument, end = parts
+        return Call(function.text, (self.finish(argument),), function.span,
+                    join(function.span, end.span), Name(variable.text, variable.span))
+
     def group(self, parts: list[Any]) -> Expression:
         """Return the expression in parentheses; its place includes them."""
         return placed(self.finish(parts[1]), join(parts[0].span, parts[2].span))

@@ -127,12 +127,17 @@ class Infix:
 
 @dataclass(frozen=True, eq=False)
 class Call:
-    """A function call such as `abs(x)` or `persisted(3, p)`."""
+    """
+    A function call such as `abs(x)` or `persisted(3, p)`.
+
+    `variable` is that of a function over instances, as in `count(robot: p)`.
+    """
 
     function: str
     arguments: tuple['Expression', ...]
     function_span: Span
     span: Span
+    variable: Name | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,8 @@ _FOREIGN = {
     '%': 'the remainder is mod: x mod 3',
     '.': 'a full stop ends the sentence; each sentence is a requirement of its own',
     ';': 'a sentence ends without a semicolon, or with a full stop',
-    ':': 'put a name with special characters in quotes',
+    ':': 'put a name with special characters in quotes; a value over instances, such as '
+         'count(robot: p), in a definition',
     '[': 'an element of an array is an input of its own: field: NAME[INDEX]',
     '{': 'write an enumeration as (x = A | x = B)',
 }

@@ -52,6 +52,7 @@ _OPERATORS = {
     '<->': ('INFIX', '<->'), '<=>': ('INFIX', '<->'), '->': ('INFIX', '->'),
     '=>': ('INFIX', '->'), '||': ('INFIX', '|'), '&&': ('INFIX', '&'), '==': ('RELATION', '='),
     '=': ('RELATION', '='), '[': ('LBRACK', '['), ']': ('RBRACK', ']'),
+    ':': ('COLON', ':'),
 }
 PRECEDENCE = Precedence(
     infix={'<->': 1, '->': 2, 'xor': 3, '|': 4, '&': 5, 'S': 6, 'T': 6, 'SI': 6,

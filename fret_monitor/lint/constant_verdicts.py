@@ -22,12 +22,17 @@ from fret_monitor.program.monitor_program import MonitorProgram, TRUE
 
 
 def constant_verdicts(specification: Specification,
-                      program: MonitorProgram) -> Iterator[Diagnostic]:
-    """Yield a warning for each requirement whose verdict is constant."""
+                      program: MonitorProgram, count: int | None = None) -> Iterator[Diagnostic]:
+    """
+    Yield a warning for each requirement whose verdict is constant.
+
+    The first `count` properties are requirements, all if None.
+    """
     for group in program.groups:
         for index, verdict in zip(group.properties, group.verdicts):
             item = specification.properties[index]
-            if verdict.is_constant and item.place is not None:
+            if verdict.is_constant and item.place is not None and (
+                    count is None or index < count):
                 yield Diagnostic(
                     f'{item.id} is {"true" if verdict == TRUE else "false"} at every step',
                     item.place, 'no message changes it',

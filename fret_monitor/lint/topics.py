@@ -55,7 +55,7 @@ def _missing_topics(bundle: Bundle, specification: Specification) -> Iterator[Di
     read = {name for item in specification.properties for name in item.inputs}
     names = {entry.name.value: entry.name for entry in bundle.inputs}
     for signal in specification.signals:
-        if signal.topic is None and signal.name in read:
+        if signal.topic is None and signal.name in read & names.keys():
             yield Diagnostic(
                 f"the input '{signal.name}' has no topic", names[signal.name].span,
                 'a monitor on ROS 2 refuses this bundle',

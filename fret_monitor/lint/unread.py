@@ -31,7 +31,7 @@ def unread_topics(bundle: Bundle, specification: Specification) -> Iterator[Diag
     """Yield a warning for each topic that causes steps and feeds no requirement."""
     if specification.policy is not Policy.EVERY_MESSAGE:
         return
-    read = {name for item in specification.properties for name in item.inputs}
+    read = specification.read
     topics: dict[str, list[str]] = {}
     for signal in specification.signals:
         if signal.topic is not None:

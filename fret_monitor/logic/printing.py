@@ -39,6 +39,7 @@ from fret_monitor.logic.formula import (
     Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.model.floats import shortest_float32
+from fret_monitor.model.policies import OverInstances
 from fret_monitor.model.times import LONGEST_NS, short_seconds, time_text
 from fret_monitor.model.values import ValueType
 
@@ -248,7 +249,7 @@ class _Style:
         return _number(node)
 
     def _name(self, name: str) -> str:
-        if re.fullmatch(_PLAIN, name) and name not in self.reserved:
+        if re.fullmatch(_PLAIN, name) and name not in self.reserved or _AGGREGATE.fullmatch(name):
             return name
         return '"' + re.sub(r'(["\\])', r'\\\1', name) + '"'
 
@@ -328,6 +329,8 @@ class _Style:
         raise NotImplementedError
 
 
+_AGGREGATE = re.compile(
+    rf'(?:{"|".join(item.value for item in OverInstances)})\([A-Za-z_]\w*: .*\)')
 _PLAIN = re.compile(r'[A-Za-z_$][\w$]*(?:[.%][\w$]+)*', re.ASCII)
 
 

@@ -28,10 +28,10 @@ from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import Span
 from fret_monitor.model.made import Made
-from fret_monitor.model.manifest import ManifestAction, ManifestGate
-from fret_monitor.model.paths import FieldPath
+from fret_monitor.model.manifest import ManifestAction, ManifestGate, ManifestVariable
+from fret_monitor.model.paths import FieldPath, LookUp
 from fret_monitor.model.policies import (
-    ActionKind, InputRole, InputSource, Policy, Report, Severity, Stale, Stamp,
+    ActionKind, InputRole, InputSource, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
 from fret_monitor.model.values import ValueType
 
@@ -48,6 +48,8 @@ class Signal:
     `layout` is that of the message; None if the specification was not made from a bundle, and
     messages cannot be decoded. `place` is that of the name in the bundle. `role` says who sets it.
     `made` is what the monitor makes the messages of; `topic` is then its name.
+    `variables` are the instance variables that it mentions, in the order of the bundle: it has a
+    value for each of their keys. `where` selects messages: those of which a field has a value.
     """
 
     name: str
@@ -68,6 +70,8 @@ class Signal:
     role: InputRole = field(default=InputRole.INPUT, repr=False)
     place: Span | None = field(default=None, repr=False, compare=False)
     made: Made | None = field(default=None, repr=False)
+    variables: tuple[str, ...] = field(default=(), repr=False)
+    where: LookUp | None = field(default=None, repr=False)
 
     @property
     def is_string(self) -> bool:
@@ -92,7 +96,8 @@ class Property:
     further bounds. `sentence` is the parsed text if it is FRETish. `id_place` is that of the id.
     `constants` are the names of those in the text and in the definitions it uses.
     `is_assumption`: it constrains the environment instead of the system. `on_violation` and
-    `on_end` are names of actions.
+    `on_end` are names of actions. `output` is a number that is kept after each step, for an
+    aggregate.
     """
 
     id: str
@@ -111,11 +116,13 @@ class Property:
     on_violation: tuple[str, ...] = ()
     on_end: tuple[str, ...] = ()
     constants: tuple[str, ...] = field(default=(), compare=False)
+    output: Formula | None = None
 
     @property
     def roots(self) -> tuple[Formula, ...]:
-        """The formula and its feedback equations."""
-        return self.formula, *(equation for _, equation in self.feedback)
+        """The formula, its feedback equations, and its output."""
+        output = () if self.output is None else (self.output,)
+        return self.formula, *(equation for _, equation in self.feedback), *output
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
@@ -145,6 +152,23 @@ class Gate:
 
 
 @dataclass(frozen=True)
+class InstanceAggregate:
+    """
+    A function of the values that an operand has in the instances of a variable.
+
+    `signal` is the input, without a topic, that stands for its value in formulas. `feedback` is as
+    in `Property`, of the operand. `place` is that of the first use.
+    """
+
+    signal: Signal
+    function: OverInstances
+    variable: str
+    operand: Formula
+    feedback: tuple[tuple[Feedback, Formula], ...] = ()
+    place: Span | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
 class Specification:
     """
     An elaborated bundle; `signals` and `properties` are in the bundle's order.
@@ -154,7 +178,8 @@ class Specification:
     for (None: plain counts are refused), and `reorder` how many nanoseconds a message waits for
     messages with earlier stamps. Of the whole bundle, `gates` are all gates; a part of one (see
     `restrict`) has none. `gate` is that of a part that a gate keeps; `kept` are the ids that gates
-    keep, of the part that they leave.
+    keep, of the part that they leave. `instance_variables` are those of the bundle, and
+    `aggregates` what formulas read of their instances; `signals` has those of aggregates last.
     """
 
     name: str
@@ -171,6 +196,16 @@ class Specification:
     gates: tuple[Gate, ...] = ()
     gate: Gate | None = None
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    instance_variables: tuple[ManifestVariable, ...] = ()
+    aggregates: tuple[InstanceAggregate, ...] = ()
+
+    @cached_property
+    def read(self) -> frozenset[str]:
+        """The names of the inputs that requirements read, themselves or through aggregates."""
+        operands = [item for item in postorder([item.operand for item in self.aggregates])
+                    if isinstance(item, Variable)]
+        return frozenset([*(item.name for item in operands),
+                          *(name for item in self.properties for name in item.inputs)])
 
     @cached_property
     def gated(self) -> frozenset[str]:

@@ -23,7 +23,7 @@ message and its reception. `resolve_field` returns the steps of the path and the
 """
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import re
 from typing import NoReturn
 
@@ -43,6 +43,7 @@ from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 
 _STRINGS = ('string', 'wstring')
+_INTEGERS = ('byte', 'char', *(kind.value for kind in ValueType if kind.is_integer))
 _TIME = 'builtin_interfaces/msg/Time'
 _TIMES = (_TIME, 'builtin_interfaces/msg/Duration')
 _RECEIVED = InputSource.RECEIVED.value
@@ -469,7 +470,7 @@ def _keys(layout: MessageLayout, found: MessageField) -> list[str]:
     if found.type.is_message:
         inner = nested_layout(layout, found.type)
         keys += [path for path in _leaf_paths(inner) if '[' not in path
-                 and (of := _key_type(inner, tuple(path.split('.')))) and of.base == 'string']
+                 and (of := key_type(inner, tuple(path.split('.')))) and of.base == 'string']
     return keys
 
 
@@ -549,32 +550,38 @@ def _look_up(layout: MessageLayout, found: MessageField, part: LookUp, text: Tex
     place = text.at(start, start + len('.'.join(part.key)))
     inner = nested_layout(layout, found.type, place) if found.type.is_message else None
     if inner is not None and inner.find_field(part.key[0]):
-        _check_key(layout, found, _key_type(inner, part.key), 'string', part, place)
+        _check_key(layout, found, key_type(inner, part.key), False, part, place)
         return part
-    beside = _key_type(layout, part.key[:1]) if len(part.key) == 1 else None
-    _check_key(layout, found, beside, 'string[]', part, place)
-    return LookUp(part.key, part.name, is_parallel=True)
+    beside = key_type(layout, part.key[:1]) if len(part.key) == 1 else None
+    _check_key(layout, found, beside, True, part, place)
+    return replace(part, is_parallel=True)
 
 
-def _key_type(layout: MessageLayout, key: tuple[str, ...]) -> FieldType | None:
+def is_key(base: str) -> bool:
+    """Return whether the values of a type can be the keys of an instance variable."""
+    return base in _STRINGS[:1] or base in _INTEGERS
+
+
+def key_type(layout: MessageLayout, key: tuple[str, ...]) -> FieldType | None:
     """Return the type of a field, None if there is none, or it is within an array."""
     found = layout.find_field(key[0])
     if found is None or len(key) == 1:
         return found.type if found else None
     if not found.type.is_message or found.type.array is not ArrayKind.NONE:
         return None
-    return _key_type(nested_layout(layout, found.type), key[1:])
+    return key_type(nested_layout(layout, found.type), key[1:])
 
 
 def _check_key(layout: MessageLayout, found: MessageField, kind: FieldType | None,
-               wanted: str, part: LookUp, place: Span) -> None:
-    is_array = wanted.endswith('[]')
-    if kind is not None and kind.base == 'string' and is_array is (
-            kind.array is not ArrayKind.NONE):
+               is_array: bool, part: LookUp, place: Span) -> None:
+    wanted = 'string' + ' or whole number' * bool(part.variable) if not is_array else \
+        'string[]' + ' or array of whole numbers' * bool(part.variable)
+    if kind is not None and is_array is (kind.array is not ArrayKind.NONE) and (
+            kind.base == 'string' or part.variable and is_key(kind.base)):
         return
     keys = _keys(layout, found)
     key = '.'.join(part.key)
-    others = [f'{found.name}[{other} = {name_as_written(part.name)}]' for other in keys]
+    others = [f'{found.name}[{replace(part, key=(other,))}]' for other in keys]
     label = 'no such field' if kind is None else f'this is {_kind(kind)}, not a {wanted}'
     refuse(f"the elements of '{found.name}' have no names {shown(key)}", place, label,
            did_you_mean(key, keys) or (f'write {" or ".join(others)}' if others else

@@ -24,7 +24,7 @@ import math
 import re
 
 from fret_monitor.model.diagnostics import Diagnostic, did_you_mean, Level, refuse, Text
-from fret_monitor.model.names import shown
+from fret_monitor.model.names import PLACEHOLDER, shown
 from fret_monitor.model.paths import ArrayPart, LookUp, name_as_written, Sector, Slice
 
 _INDEX = re.compile(r'\s*([0-9]+)\s*')
@@ -89,6 +89,8 @@ def _look_up(text: Text, found: re.Match[str], line: Callable[[str], str]) -> Lo
     if not name:
         refuse('a name is missing after the =', place, 'the name to look for',
                f'{line(f"{key} = NAME")}, with the name for NAME')
+    if variable := PLACEHOLDER.fullmatch(name):
+        return LookUp(tuple(key.split('.')), '', variable=variable[1])
     quoted = _QUOTED.fullmatch(name)
     bare = name.strip('"\'')
     if quoted is None and name_as_written(name) != name:

@@ -32,11 +32,11 @@ from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
 from fret_monitor.model.policies import (
-    ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
+    ActionKind, InputSource, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 8
+FORMAT = 9
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -113,6 +113,36 @@ class ManifestInput:
         """The field as a bundle names it, such as `min(ranges[3:9])`."""
         path = path_text(self.path)
         return f'{self.reduction}({path})' if self.reduction not in ('', SECONDS) else path
+
+
+@dataclass(frozen=True)
+class ManifestVariable:
+    """
+    An instance variable: its keys, or how many are there at once at most.
+
+    `keys` are listed; empty: they are found. `forget`: nanoseconds after the last message of a key
+    at which its instance ends; 0: never.
+    """
+
+    name: str
+    keys: tuple[str, ...]
+    most: int
+    forget: int = 0
+
+
+@dataclass(frozen=True)
+class ManifestAggregate:
+    """
+    A value over all instances of a kind: a function of the operand that each has.
+
+    `kind` is an index, `operand` that of a requirement of the kind, and `input` that of the input
+    of the bundle's scope.
+    """
+
+    function: OverInstances
+    kind: int
+    operand: int
+    input: int
 
 
 @dataclass(frozen=True)
@@ -277,7 +307,10 @@ class Manifest:
     there are none. `stamp` and `reorder` (nanoseconds) belong to the policy timed. `constants` are
     names with the values that were compiled in, as written. `gate` is the gate that this monitor
     judges for; None: it only reports. `kept` are the gates of the bundle with the ids that they
-    keep, which this monitor therefore leaves out.
+    keep, which this monitor therefore leaves out. `kinds` are the monitors of the instances of
+    `variables`; what stands beside them is of the bundle. `ids` are then those of the requirements
+    of all, in the bundle's order. `outputs` is the exported function that returns the outputs of
+    the monitor of a kind, '' if there are none.
     """
 
     name: str
@@ -300,6 +333,11 @@ class Manifest:
     actions: tuple[ManifestAction, ...] = ()
     gate: ManifestGate | None = None
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    variables: tuple[ManifestVariable, ...] = ()
+    kinds: tuple['ManifestKind', ...] = ()
+    aggregates: tuple[ManifestAggregate, ...] = ()
+    ids: tuple[str, ...] = ()
+    outputs: str = ''
 
     @property
     def made(self) -> frozenset[int]:
@@ -349,6 +387,22 @@ class Manifest:
             raise ManifestError(f'manifest has format {str(number)[:20]}, this version reads '
                                 f'{FORMAT}: compile the bundle again')
         return _manifest(content)
+
+
+@dataclass(frozen=True)
+class ManifestKind:
+    """
+    The monitor of what there is one of for each key of some variables (indices).
+
+    `shared` has the index of each input in the bundle's scope; None for one that has a value for
+    each key. The first `n_reported` requirements are those of the bundle; the others are operands
+    of aggregates.
+    """
+
+    variables: tuple[int, ...]
+    manifest: Manifest
+    shared: tuple[int | None, ...]
+    n_reported: int
 
 
 def followed(manifest: Manifest) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
@@ -470,7 +524,8 @@ class _Value:
             return Sector(float(self['first'].number('a number')),
                           float(self['width'].number('a number')), self['written'].text())
         key = tuple(item.text() for item in self['key'].items()) or self['key'].refuse('a path')
-        return LookUp(key, self['name'].text(), self['is_parallel'].truth())
+        return LookUp(key, self['name'].text(), self['is_parallel'].truth(),
+                      self['variable'].text())
 
     def index(self, count: int) -> int:
         number = self.natural()
@@ -549,7 +604,35 @@ def _manifest(content: _Value) -> Manifest:
         gate=None if content['gate'].found is None else _gate(content['gate'], len(topics)),
         kept=tuple((name.text(), tuple(item.text() for item in ids.items()))
                    for name, ids in content['kept'].pairs()),
+        variables=tuple(map(_variable, content['variables'].items())),
+        kinds=tuple(_kind(item, len(content['variables'].items()), len(inputs))
+                    for item in content['kinds'].items()),
+        aggregates=tuple(_aggregate(item, content['kinds'].items(), len(inputs))
+                         for item in content['aggregates'].items()),
+        ids=tuple(item.text() for item in content['ids'].items()),
+        outputs=content['outputs'].symbol_or_empty(),
     )
+
+
+def _variable(item: _Value) -> ManifestVariable:
+    return ManifestVariable(item['name'].text(), tuple(key.text() for key in item['keys'].items()),
+                            item['most'].natural(), item['forget'].nanoseconds())
+
+
+def _kind(item: _Value, variables: int, inputs: int) -> ManifestKind:
+    manifest = _manifest(item['manifest'])
+    return ManifestKind(
+        item['variables'].indices(variables), manifest,
+        tuple(None if place.found is None else place.index(inputs)
+              for place in item['shared'].items()),
+        item['n_reported'].index(len(manifest.requirements) + 1))
+
+
+def _aggregate(item: _Value, kinds: list[_Value], inputs: int) -> ManifestAggregate:
+    kind = item['kind'].index(len(kinds))
+    operands = len(kinds[kind]['manifest']['requirements'].items())
+    return ManifestAggregate(item['function'].choice(OverInstances), kind,
+                             item['operand'].index(operands), item['input'].index(inputs))
 
 
 def _input(item: _Value) -> ManifestInput:

@@ -59,13 +59,17 @@ class LookUp:
     The first element of an array of which the field `key` is the string `name`.
 
     With `is_parallel`, `key` is an array of strings beside the array, else a field of the element.
+    With `variable`, the name is the key of that instance variable.
     """
 
     key: tuple[str, ...]
     name: str
     is_parallel: bool = False
+    variable: str = ''
 
     def __str__(self) -> str:
+        if self.variable:
+            return f'{".".join(self.key)} = {{{self.variable}}}'
         return f'{".".join(self.key)} = {name_as_written(self.name)}'
 
 

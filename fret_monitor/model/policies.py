@@ -71,12 +71,30 @@ class InputSource(Enum):
     What an input is fed by.
 
     `FIELD`: a field of the message. `RECEIVED`: the fact that a message came, true at its step
-    alone. `AGE`: the seconds between a stamp in the message and its reception.
+    alone. `AGE`: the seconds between a stamp in the message and its reception. `INSTANCES`: no
+    message; the aggregate of the instances of a variable.
     """
 
     FIELD = 'field'
     RECEIVED = 'received'
     AGE = 'age'
+    INSTANCES = 'instances'
+
+
+class OverInstances(Enum):
+    """What an aggregate computes of its operand over the instances of a variable."""
+
+    COUNT = 'count'
+    ANY = 'any'
+    ALL = 'all'
+    SUM = 'sum'
+    LEAST = 'min'
+    GREATEST = 'max'
+
+    @property
+    def takes_truth(self) -> bool:
+        """Whether its operand is Boolean; a number otherwise."""
+        return self in (OverInstances.COUNT, OverInstances.ANY, OverInstances.ALL)
 
 
 class InputRole(Enum):

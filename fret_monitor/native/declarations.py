@@ -33,6 +33,7 @@ from fret_monitor.native.cache import csrc_file
 
 HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h', 'outbox.h',
+    'kinds.h', 'scopes.h',
     'blackbox.h', 'mcap.h', 'blackbox_file.h', 'states.h', 'transforms.h', 'schedule.h',
     'engine.h', 'blackbox_writer.h', 'snapshot.h', 'records.h', 'lines.h', 'blackbox_lines.h',
     'subscription.h', 'statuses.h', 'report_table.h', 'action_lines.h', 'reporter.h',

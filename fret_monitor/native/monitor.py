@@ -111,18 +111,27 @@ class Monitor:
 
     `readers` is its `const struct fm_readers *`, None if it has no topics. Both are constant: any
     number of evaluators, in any threads, may use them. The library stays open while this object or
-    an evaluator made from it lives.
+    an evaluator made from it lives. `kinds` are those of the manifest.
     """
 
     manifest: Manifest
     library: Library
     pointer: CData
     readers: CData | None = None
+    kinds: tuple['MonitorKind', ...] = ()
 
     @property
     def state_bytes(self) -> int:
         """The size of the struct of state."""
         return int(self.pointer.state_bytes)
+
+
+@dataclass(frozen=True, eq=False)
+class MonitorKind:
+    """The monitor of a kind of instances, and its `const struct fm_outputs *` or NULL."""
+
+    monitor: Monitor
+    outputs: CData
 
 
 def load(library: Path, manifest: Manifest, *, origin: Path | None = None) -> Monitor:
@@ -143,13 +152,24 @@ def load(library: Path, manifest: Manifest, *, origin: Path | None = None) -> Mo
     LibraryError
         if the library cannot be loaded, or does not match the manifest.
     """
-    opened = Library(library, origin=origin)
+    return _monitor(Library(library, origin=origin), manifest)
+
+
+def _monitor(opened: Library, manifest: Manifest) -> Monitor:
     enter = ffi.cast('const struct fm_monitor * (*)(void)', opened.find(manifest.symbol))
-    monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest))
+    kinds = tuple(MonitorKind(_monitor(opened, kind.manifest), _outputs(opened, kind.manifest))
+                  for kind in manifest.kinds)
+    monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest), kinds)
     for difference in _differences(monitor):
         raise LibraryError(
             f'{opened.path} does not fit its manifest ({difference}): compile the bundle again')
     return monitor
+
+
+def _outputs(opened: Library, manifest: Manifest) -> CData:
+    if not manifest.outputs:
+        return ffi.NULL
+    return ffi.cast('const struct fm_outputs * (*)(void)', opened.find(manifest.outputs))()
 
 
 def _readers(opened: Library, manifest: Manifest) -> CData | None:

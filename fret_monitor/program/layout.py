@@ -24,7 +24,7 @@ in 64 bits.
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -43,6 +43,7 @@ from fret_monitor.program.monitor_program import (
 )
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
+MOST_INSTANCE_BYTES = 4 * 1024 ** 3
 PART_EQUATIONS = 256
 SHIFT_REGISTER_BITS = 64
 # A byte is faster to read and write than a bit of a word, since it does not depend on other bits.
@@ -52,6 +53,10 @@ QUEUE_HEAD = 4  # numbers before the entries of a queue, as in csrc/generated/fr
 _RING_HEAD = 3  # as in csrc/generated/fret_windows.h
 _WINDOW_HEAD = 8
 _SUM_LENGTH = 40
+_BLOCK_ALIGNMENT = 16  # as in csrc/evaluator/instance.h, like the sizes of its structs
+_TIME_BYTES = 72
+_INPUT_BYTES = 32
+_GROUP_BYTES = 48
 FM_NEVER = 2 ** 63 - 1  # as in csrc/generated/fret_monitor.h
 
 _UNSIGNED = (ValueType.UINT8, ValueType.UINT16, ValueType.UINT32, ValueType.UINT64)
@@ -72,6 +77,7 @@ class FieldKind(Enum):
     NUMBER = 'number'
     FEEDBACK = 'feedback'
     WIRE = 'wire'
+    OUTPUT = 'output'
 
 
 @dataclass(frozen=True)
@@ -80,8 +86,8 @@ class StateField:
     A field of a group's state struct.
 
     `number` is the number of the word (BITS), the length of the rings (POSITION), the index of the
-    feedback equation (FEEDBACK), else the index of the equation. `length` is 0 for a scalar, else
-    the length of the array. `initial` is the initial value, of each element.
+    feedback equation (FEEDBACK), of the property (OUTPUT), else of the equation. `length` is 0 for
+    a scalar, else the length of the array. `initial` is the initial value, of each element.
     """
 
     kind: FieldKind
@@ -148,25 +154,31 @@ class GroupLayout:
         uses = Counter(item.value for equation in group.equations
                        for item in operands(equation.operation))
         uses.update(item.value for item in group.verdicts)
-        uses.update(item.value for _, item in group.occurrences)
+        uses.update(item.value for _, item in (*group.occurrences, *group.outputs))
         uses.update(item.next.value for item in group.feedback)
         return uses
 
     @cached_property
     def occurrences_of(self) -> dict[int, list[tuple[int, Operand]]]:
         """The occurrences computed from each value, as `verdicts_of`."""
-        found: dict[int, list[tuple[int, Operand]]] = {}
-        for number, operand in self.group.occurrences:
-            found.setdefault(operand.value, []).append((number, operand))
-        return found
+        return _by_value(self.group.occurrences)
+
+    @cached_property
+    def outputs_of(self) -> dict[int, list[tuple[int, Operand]]]:
+        """The outputs computed from each value, as `verdicts_of`."""
+        return _by_value(self.group.outputs)
 
     @cached_property
     def verdicts_of(self) -> dict[int, list[tuple[int, Operand]]]:
         """The verdicts computed from each value (-1: from constants): property and operand."""
-        found: dict[int, list[tuple[int, Operand]]] = {}
-        for number, operand in zip(self.group.properties, self.group.verdicts, strict=True):
-            found.setdefault(operand.value, []).append((number, operand))
-        return found
+        return _by_value(zip(self.group.properties, self.group.verdicts, strict=True))
+
+
+def _by_value(pairs: Iterable[tuple[int, Operand]]) -> dict[int, list[tuple[int, Operand]]]:
+    found: dict[int, list[tuple[int, Operand]]] = {}
+    for number, operand in pairs:
+        found.setdefault(operand.value, []).append((number, operand))
+    return found
 
 
 def lay_out(group: StepGroup) -> GroupLayout:
@@ -185,6 +197,44 @@ def state_bytes(layouts: tuple[GroupLayout, ...]) -> int:
         used = -(-used // layout.alignment) * layout.alignment + layout.size
     widest = max((layout.alignment for layout in layouts), default=1)
     return max(1, -(-used // widest) * widest)
+
+
+def instance_bytes(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> int:
+    """Return the size of the block of one instance, as csrc/evaluator/instance.c lays it out."""
+    requirements = len(program.properties)
+    verdicts = requirements + sum(len(layout.group.occurrences) for layout in layouts)
+    sizes = (_TIME_BYTES, _INPUT_BYTES * len(program.signals), _GROUP_BYTES * len(layouts),
+             verdicts, requirements, _inputs_bytes(program), state_bytes(layouts))
+    return sum(-(-size // _BLOCK_ALIGNMENT) * _BLOCK_ALIGNMENT for size in sizes)
+
+
+def _inputs_bytes(program: MonitorProgram) -> int:
+    """Return the size of the struct of inputs."""
+    used = 0
+    for signal in program.signals:
+        used = -(-used // signal.type.size) * signal.type.size + signal.type.size
+    widest = max((signal.type.size for signal in program.signals), default=1)
+    return max(1, -(-used // widest) * widest)
+
+
+def check_instances(program: MonitorProgram, layouts: tuple[GroupLayout, ...], variable: str,
+                    most: int) -> None:
+    """
+    Refuse more instances than memory allows.
+
+    Raises
+    ------
+    CompileError
+        with the place of the first requirement, and the bytes.
+    """
+    each = instance_bytes(program, layouts)
+    if each * most > MOST_INSTANCE_BYTES:
+        problems = Problems()
+        problems.error(
+            f"{most:,} instances of '{variable}' need {each * most:,} bytes; at most "
+            f'{MOST_INSTANCE_BYTES:,} are allowed', program.properties[0].place,
+            f'{each:,} bytes each', f'most: {MOST_INSTANCE_BYTES // each}')
+        problems.raise_errors()
 
 
 def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
@@ -438,6 +488,8 @@ def _shared(group: StepGroup, parts: tuple[range, ...]) -> Iterator[StateField]:
         yield StateField(FieldKind.POSITION, length, _holding(length - 1))
     for number, item in enumerate(group.feedback):
         yield StateField(FieldKind.FEEDBACK, number, item.type)
+    for number, operand in group.outputs:
+        yield StateField(FieldKind.OUTPUT, number, group.equations[operand.value].type)
     for index in sorted(set(_wires(group, parts))):
         yield StateField(FieldKind.WIRE, index, group.equations[index].type)
 

@@ -120,6 +120,8 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         (place, builder.operand[root.argument]) for place, root in enumerate(roots)
         if properties[place].report is Report.OCCURRENCE and isinstance(root, Historically)
         and root.window.is_unbounded]
+    outputs = [(number, builder.operand[simpler[item.output]])
+               for number, item in zip(numbers, properties) if item.output is not None]
     if is_timed:
         verdicts = [builder.unless_lost(verdict) for verdict in verdicts]
         occurrences = [(place, builder.unless_lost(now)) for place, now in occurrences]
@@ -133,6 +135,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
               for node, equation in feedback.items()),
         tuple((numbers[place], now) for place, now in occurrences),
         is_timed,
+        tuple(outputs),
     ))
 
 

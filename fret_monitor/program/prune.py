@@ -41,12 +41,13 @@ def prune(group: StepGroup) -> StepGroup:
         feedback=tuple(replace(item, next=_operand(item.next, number))
                        for item in group.feedback),
         occurrences=tuple((index, _operand(item, number)) for index, item in group.occurrences),
+        outputs=tuple((index, _operand(item, number)) for index, item in group.outputs),
     )
 
 
 def _live(group: StepGroup) -> list[int]:
     roots = [*group.verdicts, *(item for _, item in group.occurrences),
-             *(item.next for item in group.feedback)]
+             *(item for _, item in group.outputs), *(item.next for item in group.feedback)]
     seen: set[int] = set()
     stack = [root.value for root in roots if not root.is_constant]
     while stack:

@@ -40,7 +40,7 @@ _TABLE_ROWS = 4096  # rows of verdicts that are taken at once
 _REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
             Report.OCCURRENCE: 'FM_OCCURRENCE'}
 _SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
-            InputSource.AGE: 'FM_AGE'}
+            InputSource.AGE: 'FM_AGE', InputSource.INSTANCES: 'FM_AGGREGATE'}
 
 
 class Violation(NamedTuple):
@@ -156,7 +156,7 @@ class Evaluator:
         self.policy = policy or monitor.manifest.policy
         self._library: Any = load_evaluator(library or evaluator_library())
         try:
-            self._options = _Options(
+            self._options = EvaluatorOptions(
                 monitor, self.policy, period or monitor.manifest.period, patience,
                 reports_recoveries)
             self._make()
@@ -425,18 +425,22 @@ class NativeRows:
             'columns': self._pointers, 'times': self._times, 'n': len(times)})
 
 
-class _Options:
+class EvaluatorOptions:
     """The `struct fm_evaluator_options` of a monitor; keeps alive what the struct points to."""
 
     def __init__(self, monitor: Monitor, policy: Policy, period: float | None,
-                 patience: float, reports_recoveries: bool) -> None:
+                 patience: float, reports_recoveries: bool,
+                 n_reported: int | None = None) -> None:
+        """Fill the struct; of the requirements only the first `n_reported` are reported."""
         manifest = monitor.manifest
         self._fed = [ffi.new('uint32_t[]', [*topic.inputs, 0]) for topic in manifest.topics]
         self._topics = ffi.new('struct fm_topic[]', max(1, len(manifest.topics)))
         for index, topic in enumerate(manifest.topics):
             self._topics[index] = {'inputs': self._fed[index], 'n_inputs': len(topic.inputs)}
         self._reports = ffi.new('uint8_t[]', [
-            *(ffi.integer_const(_REPORTS[item.report]) for item in manifest.requirements), 0])
+            *(ffi.integer_const(
+                _REPORTS[item.report] if n_reported is None or place < n_reported
+                else 'FM_UNREPORTED') for place, item in enumerate(manifest.requirements)), 0])
         self._sources = ffi.new('uint8_t[]', [
             *(ffi.integer_const(_SOURCES[item.source]) for item in manifest.inputs), 0])
         self._timeouts = ffi.new('int64_t[]', [

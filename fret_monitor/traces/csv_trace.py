@@ -114,7 +114,7 @@ def _cell(value: bool | int | float, signal: 'Signal') -> str:
 
 
 @dataclass(frozen=True)
-class _Row:
+class Row:
     """A row; `line` is the number of its last line."""
 
     line: int
@@ -162,7 +162,7 @@ class _Rows:
             self.text = self.text.removeprefix(BOM_UTF8)
         return bool(more) or self.is_cut
 
-    def __iter__(self) -> Iterator[_Row]:
+    def __iter__(self) -> Iterator[Row]:
         blank = 0
         while line := self._begin_row():
             if line in ('\n', '\r\n', '\r'):
@@ -171,7 +171,7 @@ class _Rows:
             if blank:
                 self.refuse(blank, '', 'empty row', 'a row is a step; leave no line empty')
             cells = self._split(line) if '"' in line else line.rstrip('\r\n').split(',')
-            yield _Row(self.number, cells)
+            yield Row(self.number, cells)
 
     def _begin_row(self) -> str:
         self._start = self.size
@@ -303,8 +303,9 @@ class TraceReader:
         self._library = library
         self._source = _Rows(name, file)
         self._rows = iter(self._source)
-        heading = [cell.strip() for cell in next(self._rows, _Row(1, [])).cells]
+        heading = [cell.strip() for cell in next(self._rows, Row(1, [])).cells]
         self._width = len(heading)
+        self._titles = heading
         self._heading = frozenset(heading)
         self._columns = self._find(heading)
         is_optional = TIME not in heading or any(item.name == TIME for item in inputs)
@@ -381,7 +382,7 @@ class TraceReader:
             if problem is not None:
                 raise problem
 
-    def _found_times(self, rows: list[_Row]) -> Iterator[int]:
+    def _found_times(self, rows: list[Row]) -> Iterator[int]:
         """Yield the times that can be read."""
         if self._time is None:
             yield from self._numbers(len(rows))
@@ -416,9 +417,9 @@ class TraceReader:
                     or not source.fill():
                 return None
 
-    def _other_rows(self) -> tuple[list[_Row], CompileError | None]:
+    def _other_rows(self) -> tuple[list[Row], CompileError | None]:
         """Return rows that need not be plain, more each time; and the error after them."""
-        rows: list[_Row] = []
+        rows: list[Row] = []
         problem = None
         most = _BLOCK_ROWS if self._library is None else self._others
         self._others = min(2 * most, _BLOCK_ROWS)
@@ -428,7 +429,7 @@ class TraceReader:
             problem = error
         return rows, problem
 
-    def _limited(self) -> Iterator[_Row]:
+    def _limited(self) -> Iterator[Row]:
         """Yield rows up to the maximum size of a block."""
         end = self._source.size + _MAX_ROW_CHARACTERS
         for row in self._rows:
@@ -447,7 +448,7 @@ class TraceReader:
         begin, self._count = self._count, self._count + count
         return array('q', range(begin, self._count))
 
-    def _of_rows(self, rows: list[_Row]) -> Iterator[Block]:
+    def _of_rows(self, rows: list[Row]) -> Iterator[Block]:
         """Yield a block of rows, or each row before the first that is wrong."""
         before = self._count, self._last, self.first
         try:
@@ -461,7 +462,7 @@ class TraceReader:
         else:
             yield block
 
-    def _checked(self, rows: list[_Row]) -> Block:
+    def _checked(self, rows: list[Row]) -> Block:
         for row in rows:
             if len(row.cells) != self._width:
                 self._refuse_width(row)
@@ -504,7 +505,7 @@ class TraceReader:
                       and name.lower() in _NAMES_OF_TIME), '')
         return f"rename the column '{found}' to '{TIME}', in seconds" if found else ''
 
-    def _times(self, rows: list[_Row], place: int) -> Iterator[int]:
+    def _times(self, rows: list[Row], place: int) -> Iterator[int]:
         for row in rows:
             cell = row.cells[place].strip()
             try:
@@ -524,7 +525,7 @@ class TraceReader:
             self._last = now
             yield now
 
-    def _column(self, rows: list[_Row], item: ManifestInput, place: int) -> 'array[Any]':
+    def _column(self, rows: list[Row], item: ManifestInput, place: int) -> 'array[Any]':
         values: array[Any] = array(item.value_type.typecode)
         names = _names(item)
         for row in rows:
@@ -535,18 +536,18 @@ class TraceReader:
                 self._refuse_cell(row, place, cell, item)
         return values
 
-    def _refuse_cell(self, row: _Row, place: int, cell: str, item: ManifestInput) -> NoReturn:
+    def _refuse_cell(self, row: Row, place: int, cell: str, item: ManifestInput) -> NoReturn:
         title = f"'{cell[:40]}' is no value of '{item.name}'" if cell \
             else f"empty cell for '{item.name}'"
         advice = _expected(item) if cell else 'every input has a value at every step'
         self._refuse_at(row, place, title, advice)
 
-    def _refuse_at(self, row: _Row, place: int, title: str, advice: str) -> NoReturn:
+    def _refuse_at(self, row: Row, place: int, title: str, advice: str) -> NoReturn:
         start = sum(len(cell) + 1 for cell in row.cells[:place])
         self._source.refuse(row.line, ','.join(row.cells), title, advice, start,
                             len(row.cells[place]))
 
-    def _refuse_width(self, row: _Row) -> NoReturn:
+    def _refuse_width(self, row: Row) -> NoReturn:
         self._source.refuse(
             row.line, ','.join(row.cells),
             f"{counted(len(row.cells), 'cell')} in a row of a trace with "

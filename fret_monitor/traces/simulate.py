@@ -23,7 +23,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
 import csv
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 import os
 from pathlib import Path
@@ -38,23 +38,11 @@ from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.csv_rows import verdict_rows
 from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime.scopes import Scopes
 from fret_monitor.traces.csv_trace import (
     LAST_TICK, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
 )
-
-
-@dataclass(frozen=True)
-class Summary:
-    """
-    The number of steps, and the number of violating steps by id of the requirement.
-
-    `first` has the step at which each violated requirement was violated first. Under `timed` the
-    steps are the rows that were written, and `first` is a time in nanoseconds.
-    """
-
-    steps: int
-    violations: dict[str, int]
-    first: dict[str, int]
+from fret_monitor.traces.summary import Summary
 
 
 def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
@@ -92,6 +80,9 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     writing = nullcontext(sys.stdout) if verdicts is None else open_output(
         verdicts, (trace, *read))
     with open_trace(trace) as file, writing as out:
+        if monitor.manifest.variables:
+            return _run_scopes(monitor, str(trace), file, out, until,
+                               partial(_report, file, progress), library)
         is_timed = monitor.manifest.policy is Policy.TIMED
         evaluator = Evaluator(for_trace(monitor), library=library)
         reader = TraceReader(
@@ -100,11 +91,22 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         return _run(evaluator, reader, out, until, partial(_report, file, progress))
 
 
+def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until: int | None,
+                report: Callable[[int], None], library: Path | None) -> Summary:
+    # Imported here: bundles without instances do not need it.
+    from fret_monitor.traces.simulate_scopes import ScopedRun
+    scopes = Scopes(for_trace(monitor), library=library)
+    run = ScopedRun(monitor, name, file, out, report, scopes)
+    run.run(until)
+    return Summary(run.rows, run.violations, run.first, tuple(run.beyond))
+
+
 def for_trace(monitor: Monitor) -> Monitor:
     """Return a monitor whose steps are the rows of a trace, each with values of all inputs."""
     manifest = monitor.manifest
     inputs = tuple(replace(item, timeout=None) for item in manifest.inputs)
-    return replace(monitor, manifest=replace(
+    kinds = tuple(replace(item, monitor=for_trace(item.monitor)) for item in monitor.kinds)
+    return replace(monitor, kinds=kinds, manifest=replace(
         manifest, inputs=inputs, topics=(), period=None, stamp=Stamp.RECEIVED,
         reorder=0))
 

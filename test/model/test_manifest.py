@@ -22,7 +22,7 @@ from typing import Any
 from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.manifest import (
     Manifest, ManifestAction, ManifestError, ManifestGate, ManifestGroup, ManifestInput,
-    ManifestRequirement, ManifestTopic,
+    ManifestRequirement, ManifestTopic, ManifestVariable,
 )
 from fret_monitor.model.paths import LookUp, Sector, Slice
 from fret_monitor.model.policies import (
@@ -60,7 +60,8 @@ MANIFEST = Manifest(
     gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
                       substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
                       open_after=2 * 10 ** 9, timeout=10 ** 9),
-    kept=(('other', ('R-2',)),))
+    kept=(('other', ('R-2',)),),
+    variables=(ManifestVariable('robot', ('alpha', ''), 2, 10 ** 9),), ids=('R-1', 'R-2'))
 
 HUGE = 7 * 10 ** 400
 ANYTHING: list[Any] = [None, True, -1, 0.5, float('nan'), HUGE, 'x\ud800', [], {}, [[]], [None]]
@@ -95,14 +96,16 @@ ALLOWED: dict[str, list[Any]] = {
     'groups[0].state_bytes': [HUGE],
     'groups[0].operations': [HUGE],
     'state_bytes': [HUGE],
+    'variables[0].most': [HUGE],
     'gate': [None],
     **{f'{item}.stamp_at': [None, HUGE] for item in ('gate', 'actions[0]', 'actions[1]')},
     'gate.topic': [None],
     **{f'gate.{key}': [True] for key in ('is_service', 'is_open_when_stale', 'latches')},
     **{f'actions[{index}].retries': [HUGE] for index in (0, 1)},
 }
+# Lists that may be empty.
 EMPTY = ('path', 'values', 'qos', 'sources', 'constants', 'on_violation', 'on_end',
-         'kept', 'kept[0][1]', 'names')  # lists that may be empty
+         'kept', 'kept[0][1]', 'names', 'variables', 'keys', 'kinds', 'aggregates', 'ids')
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
@@ -173,7 +176,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 8: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 9: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),

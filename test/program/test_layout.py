@@ -20,6 +20,7 @@ from random import Random
 import time
 
 from differential.compiled import c_module, compile_c, CSRC, gcc
+from fret_monitor.build import build_specification
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Formula, Historically, Once, postorder, Since, Unary, UnaryOperator,
     Variable, Window, Yesterday,
@@ -27,7 +28,9 @@ from fret_monitor.logic.formula import (
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.values import ValueType
-from fret_monitor.program.layout import MAX_STATE_BYTES, state_bytes
+from fret_monitor.program.layout import instance_bytes, lay_out, MAX_STATE_BYTES, state_bytes
+from fret_monitor.program.lower import lower
+from fret_monitor.runtime.evaluator import Evaluator
 from program.written import generate, layouts_of, specified, state
 import pytest
 from strategies import property_of, random_inputs, random_property, specification_of
@@ -237,3 +240,14 @@ def test_time_grows_linearly_with_the_number_of_requirements(grouped: bool) -> N
     few = min(seconds(100, groups=1 if grouped else 100) for _ in range(3))
     many = seconds(400, groups=1 if grouped else 400)
     assert many < 4 * 2.5 * few + 0.1, f'{few:.2f} s and {many:.2f} s'
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_the_bytes_of_an_instance_are_those_of_c(seed: int) -> None:
+    rng = Random(seed)
+    specification = specification_of([
+        random_property(rng, f'R-{number}', random_inputs(rng)) for number in range(seed * 7 + 1)])
+    monitor = build_specification(specification).monitor
+    program = lower(specification)
+    layouts = tuple(lay_out(group) for group in program.groups)
+    assert instance_bytes(program, layouts) == len(Evaluator(monitor).save())

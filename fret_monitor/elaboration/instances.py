@@ -1,0 +1,68 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Of which instance variables each requirement is one for each key; what cannot be."""
+
+from collections.abc import Iterable
+
+from fret_monitor.bundle.bundle import Bundle, InstanceVariable
+from fret_monitor.logic.scopes import variables_of
+from fret_monitor.logic.specification import Property, Signal
+from fret_monitor.model.diagnostics import Problems
+from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.policies import InputSource
+
+_MOST_VARIABLES = 2
+
+
+def described_variable(item: InstanceVariable) -> ManifestVariable:
+    """Return an instance variable as the manifest has it."""
+    return ManifestVariable(item.name.value, tuple(key.value for key in item.keys), item.most,
+                            int((item.forget or 0) * 10 ** 9))
+
+
+def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Iterable[Signal],
+                    problems: Problems) -> None:
+    """Report requirements that are not one for each key of some variables."""
+    inputs = {item.name: item for item in signals}
+    for item in properties:
+        _check(item, inputs, problems)
+    for gate in bundle.gates if bundle.instance_variables else ():
+        problems.error("a bundle with 'for_each' has no gates yet", gate.name.span,
+                       'not supported', 'gate the topics of each key in a bundle of its own')
+
+
+def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> None:
+    keyed = {name: inputs[name].variables for name in item.inputs if inputs[name].variables}
+    mentioned = variables_of(keyed, inputs)
+    shown = ', '.join(f"'{name}' is of {' and '.join(names)}" for name, names in keyed.items())
+    aggregate = next((name for name in item.inputs
+                      if inputs[name].source is InputSource.INSTANCES), None)
+    if len(mentioned) > _MOST_VARIABLES:
+        problems.error(f'{item.id} reads inputs of {len(mentioned)} instance variables',
+                       item.place, shown, f'a requirement has at most {_MOST_VARIABLES}')
+    elif len(mentioned) == _MOST_VARIABLES:
+        if not any(len(names) == _MOST_VARIABLES for names in keyed.values()):
+            problems.error(
+                f'{item.id} reads inputs of two instance variables, and none that mentions both',
+                item.place, shown, 'which keys belong together is not known: read an input whose '
+                'topic or field mentions both')
+        else:
+            problems.error(f'{item.id} is one for each pair of keys', item.place, shown,
+                           'pairs are not supported yet')
+    elif mentioned and aggregate:
+        problems.error(f"{item.id} is one for each '{min(mentioned)}', and reads an aggregate",
+                       item.place, f"'{aggregate}' is of all instances",
+                       'an instance cannot read an aggregate yet: compare the two in a '
+                       f'requirement of the bundle, as in all({min(mentioned)}: ...)')

@@ -1,0 +1,268 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A thin typed wrapper of the scopes in C: the bundle, and an instance for each key.
+
+`scopes.h` describes each call. Times are in nanoseconds, of any clock that the caller chooses.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fret_monitor.model.manifest import ManifestKind, ManifestVariable
+from fret_monitor.model.policies import OverInstances
+from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.monitor import CData, MonitorKind
+from fret_monitor.runtime.evaluator import ALIGNMENT, EvaluatorOptions, NEVER
+
+BUNDLE = 2**32 - 1
+"""The scope of the bundle, in place of the index of a kind; its slot is 0."""
+
+_KEYED = 2**32 - 1
+_MOST_KEY_BYTES = 255
+_OPERATIONS = {
+    OverInstances.COUNT: 'FM_COUNT_OF', OverInstances.ANY: 'FM_ANY_OF',
+    OverInstances.ALL: 'FM_ALL_OF', OverInstances.LEAST: 'FM_MIN_OF',
+    OverInstances.GREATEST: 'FM_MAX_OF', OverInstances.SUM: 'FM_SUM_OF',
+}
+
+
+class Event(IntEnum):
+    """What happened in a scope: `enum fm_scope_event`."""
+
+    STEPPED = 0
+    BEGAN = 1
+    ENDED = 2
+    BEYOND = 3
+
+
+class Stepped(NamedTuple):
+    """An event of a scope: a kind (index, or `BUNDLE`) and a slot, at an instant."""
+
+    instant: int
+    kind: int
+    slot: int
+    event: Event
+
+
+@dataclass(frozen=True)
+class KindCounts:
+    """Counters of the instances of a kind; `open`: ended while something was pending."""
+
+    alive: int
+    begun: int
+    ended: int
+    open: int
+    beyond: int
+
+
+class Scopes:
+    """
+    Runs a bundle with instance variables; otherwise as `Evaluator`.
+
+    Not thread-safe. A message is `begin_row`, its values, and `end`, after `advance_to`.
+    """
+
+    def __init__(self, monitor: Monitor, *, library: Path | None = None) -> None:
+        """
+        Make the scopes, with the instances of listed keys.
+
+        `monitor` is the monitor to run; `library` that of the evaluator, which is built, or taken
+        from the cache, when None.
+
+        Raises
+        ------
+        LibraryError
+            if the monitor, its manifest and the evaluator do not match, or the memory for all
+            instances cannot be had.
+        """
+        self.monitor = monitor
+        self.library: Any = load_evaluator(library or evaluator_library())
+        self._options = _Options(monitor)
+        size = self.library.fm_scopes_bytes(self._options.pointer)
+        if size == 0:
+            raise LibraryError('the monitor was compiled for another evaluator')
+        try:
+            self._block = ffi.new('char[]', size + ALIGNMENT)
+        except MemoryError:
+            raise LibraryError(f'there is no memory for all instances: {size:,} bytes') from None
+        memory = self._block + -int(ffi.cast('uintptr_t', self._block)) % ALIGNMENT
+        self.pointer: CData = self.library.fm_scopes_init(memory, self._options.pointer)
+        if self.pointer == ffi.NULL:
+            raise LibraryError('the evaluator refuses what the manifest says of instances')
+        # Of the kinds, then of the bundle: its index is -1.
+        self._manifests = [*(item.monitor.manifest for item in monitor.kinds), monitor.manifest]
+        self._next = [_places(item.inputs) for item in self._manifests]
+        self._n = ffi.new('uint32_t *')
+        self._key = ffi.new('uint8_t[]', _MOST_KEY_BYTES)
+        self._set_initial_values()
+
+    def _set_initial_values(self) -> None:
+        bundle = self.library.fm_scopes_bundle(self.pointer)
+        for kind, manifest in enumerate(self._manifests):
+            for index, item in enumerate(manifest.inputs):
+                if item.initial is None:
+                    continue
+                place = self._next[kind][index]
+                place[0] = item.initial
+                if kind < len(self.monitor.kinds):
+                    self.library.fm_scopes_initial_from(self.pointer, kind, index, place)
+                else:
+                    self.library.fm_evaluator_initial_from(bundle, index, place)
+
+    def begin_row(self, is_for_all: bool, now: int) -> None:
+        """Begin a row of a trace: a step of all scopes that it is for."""
+        self.library.fm_scopes_begin_row(self.pointer, is_for_all, now)
+
+    def store(self, index: int, value: bool | int | float) -> None:
+        """Store a value of an input of the bundle's scope, in all scopes that read it."""
+        place = self._next[-1][index]
+        place[0] = value
+        self.library.fm_scopes_store_from(self.pointer, index, place)
+
+    def enter(self, kind: int, key: bytes) -> int | None:
+        """Return the slot of the instance of a key, which begins if needed; None: no room."""
+        slot: int = self.library.fm_scopes_enter(self.pointer, kind, key, len(key))
+        return None if slot == _KEYED else slot
+
+    def store_keyed(self, kind: int, index: int, value: bool | int | float) -> None:
+        """Store a value of an input of the instance that was entered, of that kind."""
+        place = self._next[kind][index]
+        place[0] = value
+        self.library.fm_scopes_store_keyed_from(self.pointer, index, place)
+
+    def end(self) -> int:
+        """Take the steps of a message; return when it took effect in the bundle's scope."""
+        return int(self.library.fm_scopes_end(self.pointer))
+
+    def advance_to(self, now: int) -> Iterator[int]:
+        """Take what is due before `now`; yield each instant, after which its events are there."""
+        while (instant := self.library.fm_scopes_advance_to(self.pointer, now)) != NEVER:
+            yield int(instant)
+
+    def advance(self, now: int) -> Iterator[int]:
+        """Take what is due by `now`, as `advance_to`."""
+        while (instant := self.library.fm_scopes_advance(self.pointer, now)) != NEVER:
+            yield int(instant)
+
+    def take_events(self) -> list[Stepped]:
+        """Return the events since the last call."""
+        found = self.library.fm_scopes_stepped(self.pointer, self._n)
+        events = [Stepped(item.instant, item.kind, item.slot, Event(item.event))
+                  for item in found[0:self._n[0]]]
+        self.library.fm_scopes_clear(self.pointer)
+        return events
+
+    def verdicts(self, kind: int, slot: int) -> list[bool | None] | None:
+        """
+        Return the verdicts of a scope, by requirement; None of a group that is not ready.
+
+        Return None if there is no instance.
+        """
+        found = self.library.fm_scopes_look(self.pointer, kind, slot)
+        if found == ffi.NULL:
+            return None
+        manifest = self._manifests[-1 if kind == BUNDLE else kind]
+        ready = [self.library.fm_evaluator_ready(found, group)
+                 and self.library.fm_evaluator_steps(found, group)
+                 for group, _ in enumerate(manifest.groups)]
+        count = len(manifest.requirements) if kind == BUNDLE else \
+            self.monitor.manifest.kinds[kind].n_reported
+        verdicts = self.library.fm_evaluator_verdicts(found)
+        return [bool(verdicts[place]) if ready[manifest.requirements[place].group] else None
+                for place in range(count)]
+
+    def key(self, kind: int, slot: int) -> bytes:
+        """Return the key of an instance."""
+        size = self.library.fm_scopes_key(self.pointer, kind, slot, self._key)
+        return bytes(ffi.buffer(self._key, size))
+
+    def counts(self, kind: int) -> KindCounts:
+        """Return the counters of the instances of a kind."""
+        found = self.library.fm_scopes_counts(self.pointer, kind)
+        return KindCounts(found.alive, found.begun, found.ended, found.open, found.beyond)
+
+
+def _places(inputs: Any) -> list[CData]:
+    return [ffi.new(f'{item.value_type.c_name} *') for item in inputs]
+
+
+def most_instances(kind: ManifestKind, variables: tuple[ManifestVariable, ...]) -> int:
+    """Return how many instances of a kind there are at one time at most."""
+    most = 1
+    for place in kind.variables:
+        most *= variables[place].most
+    return most
+
+
+class _Options:
+    """The `struct fm_scopes_options` of a monitor; keeps alive what the struct points to."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        manifest = monitor.manifest
+        self._kept: list[Any] = [EvaluatorOptions(monitor, manifest.policy, manifest.period, 0.0,
+                                                  False)]
+        kinds = ffi.new('struct fm_kind[]', max(1, len(monitor.kinds)))
+        slots = 0
+        for place, (described, kind) in enumerate(zip(manifest.kinds, monitor.kinds, strict=True)):
+            kinds[place] = self._kind(monitor, described, kind)
+            slots += kinds[place].most
+        aggregates = ffi.new('struct fm_aggregate[]', [
+            {'kind': item.kind, 'operation': ffi.integer_const(_OPERATIONS[item.function]),
+             'operand': _operand(monitor, place), 'input': item.input}
+            for place, item in enumerate(manifest.aggregates)])
+        self._kept += [kinds, aggregates]
+        self.pointer = ffi.new('struct fm_scopes_options *', {
+            'bundle': self._kept[0].pointer,
+            'kinds': kinds,
+            'n_kinds': len(monitor.kinds),
+            'n_aggregates': len(manifest.aggregates),
+            'aggregates': aggregates,
+            'most_stepped': 2 * slots + 4,
+        })
+
+    def _kind(self, monitor: Monitor, described: ManifestKind,
+              kind: MonitorKind) -> dict[str, Any]:
+        manifest = monitor.manifest
+        variables = [manifest.variables[place] for place in described.variables]
+        options = EvaluatorOptions(kind.monitor, manifest.policy, manifest.period, 0.0, False,
+                                   described.n_reported)
+        shared = ffi.new('uint32_t[]', [
+            *(_KEYED if place is None else place for place in described.shared), 0])
+        texts = [ffi.new('uint8_t[]', word.encode() or b'\0') for word in variables[0].keys]
+        listed = ffi.new('struct fm_key[]', [
+            {'bytes': text, 'size': len(word.encode())}
+            for text, word in zip(texts, variables[0].keys, strict=True)])
+        self._kept += [options, shared, texts, listed]
+        return {
+            'options': options.pointer, 'outputs': kind.outputs, 'concerns': ffi.NULL,
+            'shared': shared, 'listed': listed, 'n_listed': len(texts),
+            'most': most_instances(described, manifest.variables),
+            'forget': variables[0].forget,
+        }
+
+
+def _operand(monitor: Monitor, place: int) -> int:
+    """Return a requirement of the kind, or for a number the index of its output."""
+    aggregates = monitor.manifest.aggregates
+    item = aggregates[place]
+    if item.function.takes_truth:
+        return item.operand
+    return sum(other.kind == item.kind and not other.function.takes_truth
+               and other.operand < item.operand for other in aggregates)

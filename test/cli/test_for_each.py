@@ -1,0 +1,180 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bundles with instance variables on the command line: what knows them, and what refuses them."""
+
+import json
+from pathlib import Path
+
+from cli.command import Here
+from fret_monitor.bag.check import read_bundle, Selection
+from fret_monitor.build import generate_monitor, read
+from fret_monitor.messages.installed import find_message
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.program.layout import instance_bytes
+from fret_monitor.start import manifest_of, start
+import pytest
+
+FLEET = """\
+format: 1
+for_each:
+  robot: {most: 2, forget: 2}
+  joint: [a, b]
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
+  load: {topic: "/{robot}/load", type: std_msgs/msg/Int8, initial: 1}
+  effort: {topic: "/{joint}/effort", type: std_msgs/msg/Float64}
+  enabled: {topic: enable, type: std_msgs/msg/Bool}
+requirements:
+  - {id: FLEET, ptltl: "count(robot: speed > 0.5) <= 1 & max(joint: effort) < 9.0"}
+  - {id: SPEED, fretish: when enabled the robot shall always satisfy speed <= 1.0}
+  - {id: LOAD, cocospec: "load < 100"}
+  - {id: EFFORT, ptltl: "H (effort < 3.0)"}
+"""
+HEADING = 'time,robot,speed,load,joint,effort,enabled\n'
+
+
+@pytest.mark.parametrize('arguments', [
+    ['compile', '--output', 'out'], ['export', '--to', 'c99', '--output', 'out'],
+    ['export', '--to', 'ros2', '--output', 'out'], ['explain'], ['prove'],
+    ['tests', '--output', 'out'], ['analyze'], ['bench']])
+def test_what_does_not_know_instances_refuses_them_with_the_place(
+        here: Here, arguments: list[str]) -> None:
+    verb, *others = arguments
+    done = here.run(verb, here.file('fleet.yaml', FLEET), *others)
+    assert done.status == 1
+    assert "fleet.yaml:3:3: error: 'for_each' and 'where' are not supported here yet" in done.err
+
+
+def test_a_node_refuses_instances_also_after_simulate_has_built_them(here: Here) -> None:
+    path = Path(here.file('fleet.yaml', FLEET))
+    start(path, takes_instances=True)
+
+    def read_for_bag(path: Path) -> object:
+        return read_bundle(path, Selection(), find_message)
+
+    for refusing in (start, manifest_of, read, read_for_bag):
+        with pytest.raises(CompileError, match='are not supported here yet'):
+            refusing(path)
+
+
+def test_where_without_a_variable_is_refused_too(here: Here) -> None:
+    path = here.file('one.yaml', """\
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/String, where: "data = imu", values: {A: a}}
+requirements:
+  - {id: R, ptltl: "x = A"}
+""")
+    done = here.run('compile', path, '--output', here.folder / 'out')
+    assert "one.yaml:3:52: error: 'for_each' and 'where' are not supported here yet" in done.err
+    assert here.run('check', path).status == 0
+
+
+def test_check_says_of_what_each_requirement_is_one(here: Here) -> None:
+    done = here.run('check', '--json', here.file('fleet.yaml', FLEET))
+    found = json.loads(done.out)['bundles'][0]
+    assert [(item['id'], item['for_each']) for item in found['requirements']] == [
+        ('FLEET', []), ('SPEED', ['robot']), ('LOAD', ['robot']), ('EFFORT', ['joint'])]
+    assert [(item['name'], item['for_each']) for item in found['inputs']] == [
+        ('enabled', []), ('speed', ['robot']), ('load', ['robot']), ('effort', ['joint'])]
+    assert found['topics'] == ['enable', '/{robot}/speed', '/{robot}/load', '/{joint}/effort']
+    generated = generate_monitor(read(Path(here.file('fleet.yaml', FLEET)), takes_instances=True))
+    assert [(item['for_each'], item['most'], item['bytes']) for item in found['instances']] == [
+        (['robot'], 2, instance_bytes(generated.kinds[0].program, generated.kinds[0].layouts)),
+        (['joint'], 2, instance_bytes(generated.kinds[1].program, generated.kinds[1].layouts))]
+    assert Manifest.from_json(generated.manifest.to_json()) == generated.manifest
+
+
+def test_more_instances_than_memory_allows_are_refused_with_their_bytes(here: Here) -> None:
+    text = FLEET.replace('most: 2', 'most: 16777216').replace(
+        'speed > 0.5', 'O[=9999] speed > 0.5')
+    done = here.run('check', here.file('fleet.yaml', text))
+    assert done.status == 1
+    assert "16,777,216 instances of 'robot' need" in done.err
+    assert 'at most 4,294,967,296 are allowed' in done.err
+
+
+def simulate(here: Here, trace: str, text: str = FLEET) -> tuple[list[str], str]:
+    """Return the rows of verdicts, and what was said on standard error."""
+    done = here.run('simulate', here.file('fleet.yaml', text), '--trace',
+                    here.file('trace.csv', HEADING + trace))
+    return done.out.splitlines(), done.err
+
+
+def test_a_key_ends_at_its_time_and_another_takes_its_place(here: Here) -> None:
+    rows, error = simulate(here, """\
+0,alpha,0.7,,,,1
+0.5,beta,0.7,,,,
+1,gamma,0.7,,,,
+2,,,,,,0
+2.000000001,gamma,1.7,,,,1
+2.500000001,alpha,0.2,,,,
+""")
+    assert rows == [
+        'step,robot,joint,FLEET,SPEED,LOAD,EFFORT',
+        '0,alpha,,,1,1,',  # max(joint: effort) has no value yet
+        '1,beta,,,1,1,',
+        '2,gamma,,,,,',  # beyond most
+        '3,,,,,,',
+        '4,gamma,,,0,1,',
+        '5,alpha,,,1,1,']
+    assert error == "1 row of keys of 'robot' beyond most: 2 not evaluated\n"
+
+
+def test_an_aggregate_waits_for_a_value_and_follows_it(here: Here) -> None:
+    rows, _ = simulate(here, """\
+0,alpha,0.7,,,,1
+1,,,,a,2.0,
+2,beta,0.7,,b,9.5,
+3,beta,0.1,,b,8.5,
+""")
+    assert [row.split(',')[3] for row in rows[1:]] == ['', '1', '0', '1']
+
+
+def test_the_document_counts_violations_of_all_instances(here: Here) -> None:
+    done = here.run('simulate', '--json', here.file('fleet.yaml', FLEET), '--trace', here.file(
+        'trace.csv', HEADING + '0,alpha,1.5,,,,1\n1,beta,0.5,,,,\n1.5,,,,,,1\n'))
+    found = {item['id']: item for item in json.loads(done.out)['requirements']}
+    assert (found['SPEED']['violations'], found['SPEED']['first_step']) == (2, 0)
+
+
+@pytest.mark.parametrize(('trace', 'error'), [
+    ('0,alpha,x,,,,\n', "trace.csv:2:9: error: 'x' is no value of 'speed'"),
+    ('0,,1.0,,,,\n', "trace.csv:2:4: error: a value of 'speed' in a row without a key"),
+    ('0,alpha,,,,1.0,\n', "trace.csv:2:12: error: a value of 'effort' in a row without a key"),
+    ('0,,,,c,1.0,\n', "trace.csv:2:6: error: 'c' is not a key of 'joint'"),
+    (f'0,{"k" * 256},1.0,,,,\n', 'trace.csv:2:3: error: a key has at most 255 bytes'),
+    ('0,alpha,1.0,,,\n', 'error: 6 cells in a row of a trace with 7 columns'),
+    ('1,alpha,1.0,,,,\n1,alpha,1.0,,,,\n', 'the same time as that of the row before')])
+def test_a_trace_that_is_wrong_is_refused_with_the_place(
+        here: Here, trace: str, error: str) -> None:
+    assert error in simulate(here, trace)[1]
+
+
+def test_a_trace_has_a_column_for_each_variable(here: Here) -> None:
+    done = here.run('simulate', here.file('fleet.yaml', FLEET), '--trace', here.file(
+        'trace.csv', 'robot,speed,load,effort,enabled\n'))
+    assert "the trace has no column for the instance variable 'joint'" in done.err
+
+
+def test_under_timed_the_end_of_an_instance_is_an_instant(here: Here) -> None:
+    timed = FLEET.replace('requirements:', 'evaluation: {policy: timed}\nrequirements:').replace(
+        ' & max(joint: effort) < 9.0', '')
+    done = here.run('simulate', here.file('fleet.yaml', timed), '--until', '9', '--trace',
+                    here.file('trace.csv', HEADING + '0,alpha,0.7,,,,1\n1,beta,0.7,,,,\n'))
+    assert done.out.splitlines() == [
+        'time,robot,joint,FLEET,SPEED,LOAD,EFFORT', '0,alpha,,1,1,1,', '1,beta,,0,1,1,',
+        '2,,,1,,,']

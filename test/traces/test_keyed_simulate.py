@@ -1,0 +1,172 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Traces with keys: each instance is a plain bundle on what concerns its key."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from fret_monitor.build import build_specification
+from fret_monitor.logic.specification import Specification
+from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.policies import OverInstances, Policy
+from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
+from fret_monitor.traces.simulate import simulate
+from fret_monitor.traces.summary import Summary
+from keyed import (
+    Known, known, lives, owner_of, random_bundle, random_rows, Row, step_table,
+    timed_aggregates,
+)
+import pytest
+from traces.timed_traces import timed
+
+FOUND = ManifestVariable('robot', (), 3)
+LISTED = ManifestVariable('robot', ('alpha', 'b-2', 'ä'), 3)
+OTHER = ManifestVariable('joint', (), 2)
+
+
+def cell(value: Any) -> str:
+    return str(int(value)) if isinstance(value, bool) else repr(value)
+
+
+def write_rows(specification: Specification, rows: list[Row], path: Path,
+               has_times: bool = False) -> None:
+    names = [item.name for item in specification.signals if item.topic]
+    with path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow([*(['time'] if has_times else []), *names,
+                         *(item.name for item in specification.instance_variables)])
+        for row in rows:
+            writer.writerow([
+                *([seconds_text(row.time)] if has_times else []),
+                *(cell(row.values[name]) if name in row.values else '' for name in names),
+                *(key or '' for key in row.keys)])
+
+
+def run(tmp_path: Path, specification: Specification, rows: list[Row], has_times: bool = False,
+        until: int | None = None) -> tuple[Summary, list[list[str]]]:
+    write_rows(specification, rows, tmp_path / 'trace.csv', has_times)
+    summary = simulate(build_specification(specification).monitor, tmp_path / 'trace.csv',
+                       tmp_path / 'out.csv', until=until)
+    with (tmp_path / 'out.csv').open(newline='', encoding='utf-8') as file:
+        return summary, list(csv.reader(file))
+
+
+@pytest.mark.parametrize(('policy', 'variables'), [
+    (Policy.EVERY_MESSAGE, [FOUND, OTHER]), (Policy.RELEVANT_MESSAGE, [LISTED]),
+    (Policy.ALL_INPUTS, [FOUND]), (Policy.PERIODIC, [LISTED, OTHER])])
+def test_each_instance_is_the_plain_bundle_on_its_rows(
+        tmp_path: Path, policy: Policy, variables: list[ManifestVariable]) -> None:
+    rng = Random(f'{policy} {len(variables)} {variables[0].keys}')
+    specification = replace(random_bundle(rng, variables), policy=policy)
+    rows = random_rows(rng, specification, 120)
+    _, (heading, *found) = run(tmp_path, specification, rows)
+    expected = step_table(specification, rows)
+    assert heading == ['step', *(item.name for item in variables),
+                       *(item.id for item in specification.properties)]
+    assert found == [[str(number), *(key or '' for key in row.keys), *cells]
+                     for number, (row, cells) in enumerate(zip(rows, expected, strict=True))]
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_an_instance_ends_after_its_last_message_and_another_begins(
+        tmp_path: Path, seed: int) -> None:
+    rng = Random(seed)
+    variables = [replace(FOUND, forget=20), replace(OTHER, forget=rng.choice([0, 7]))]
+    specification = random_bundle(rng, variables)
+    times = [0]
+    for _ in range(119):
+        times.append(times[-1] + rng.choice([1, 1, 2, 5, 7, 20, 21]))
+    rows = random_rows(rng, specification, 120, times)
+    _, (_, *found) = run(tmp_path, specification, rows, has_times=True)
+    assert [cells[3:] for cells in found] == step_table(specification, rows)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_under_timed_each_change_of_an_instance_is_a_row(tmp_path: Path, seed: int) -> None:
+    rng = Random(seed)
+    forget = (0, 30)[seed % 2]
+    variables = [replace(FOUND, forget=forget), OTHER] if seed % 4 < 2 else [LISTED]
+    specification = timed(random_bundle(rng, variables, loops=0))
+    if forget:  # without an instance, these have no value: see the test below
+        specification = without(specification, OverInstances.LEAST, OverInstances.GREATEST)
+    times = [5 * 10 ** 9]
+    for _ in range(59):
+        times.append(times[-1] + rng.choice([1, 1, 2, 5, 9, 30, 31]))
+    rows = random_rows(rng, specification, 60, times)
+    until = times[-1] + rng.choice([0, 5, 100])
+    _, (_, *found) = run(tmp_path, specification, rows, has_times=True, until=until)
+    check_timed(specification, rows, until, found)
+
+
+def without(specification: Specification, *functions: OverInstances) -> Specification:
+    """Return a specification without some aggregates, and without what reads them."""
+    gone = {item.signal.name for item in specification.aggregates if item.function in functions}
+    return replace(
+        specification,
+        signals=tuple(item for item in specification.signals if item.name not in gone),
+        aggregates=tuple(item for item in specification.aggregates
+                         if item.signal.name not in gone),
+        properties=tuple(item for item in specification.properties
+                         if gone.isdisjoint(item.inputs)))
+
+
+def check_timed(specification: Specification, rows: list[Row], until: int,
+                found: list[list[str]]) -> None:
+    """Compare all rows with the reference: what they say, and where there is one."""
+    names = [item.name for item in specification.instance_variables]
+    by_variable = {name: lives(specification, rows, place) for place, name in enumerate(names)}
+    owners = [owner_of(specification, item.inputs) for item in specification.properties]
+    wanted: set[tuple[int, tuple[str, ...], tuple[str, ...]]] = set()
+    of_row: dict[int, list[str]] = {row.time: [''] * len(owners) for row in rows}
+    row_of = {row.time: row for row in rows}
+
+    def add(keys: tuple[str, ...], histories: dict[int, Known | None], own: set[int]) -> None:
+        """Add the rows of a scope: where its verdicts change, and the rows that are its own."""
+        before: list[str] = [''] * len(owners)
+        ticks = {tick for one in histories.values() if one for tick in one.changes} | own
+        for tick in sorted(ticks):
+            values = {place: one.at(tick) if one else None for place, one in histories.items()}
+            cells = ['' if values.get(place) is None else str(int(bool(values[place])))
+                     for place in range(len(owners))]
+            if tick in own:
+                of_row[tick] = [new or old for new, old in zip(cells, of_row[tick], strict=True)]
+            elif cells != before:
+                wanted.add((tick, keys, tuple(cells)))
+            before = cells
+
+    for place, name in enumerate(names):
+        for life in by_variable[name]:
+            end = min(life.end, until + 1)
+            times = [rows[number].time for number in life.rows]
+            add(tuple(life.key if at == place else '' for at, _ in enumerate(names)),
+                {number: known(item.formula, times, life.values, end)
+                 for number, item in enumerate(specification.properties)
+                 if owners[number] == name},
+                {rows[number].time for number in life.rows
+                 if rows[number].keys[place] == life.key})
+    ticks, values = timed_aggregates(specification, rows, until, by_variable)
+    add(('',) * len(names), {
+        number: known(item.formula, ticks, values, until + 1)
+        for number, item in enumerate(specification.properties) if owners[number] is None},
+        set(of_row))
+    wanted |= {(time, tuple(key or '' for key in row_of[time].keys), tuple(cells))
+               for time, cells in of_row.items()}
+    shown = [(parse_seconds(line[0]), tuple(line[1:1 + len(names)]),
+              tuple(line[1 + len(names):])) for line in found]
+    assert sorted(shown) == sorted(wanted)
+    assert [time for time, _, _ in shown] == sorted(time for time, _, _ in shown)
