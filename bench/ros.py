@@ -75,6 +75,8 @@ JOINED = 2.0  # s that another node is there
 HANDLER = 'copilot/handlerpropEACH'
 PACKAGES = ('std_msgs', 'sensor_msgs', 'diagnostic_msgs')
 EXPORTED = 'exported node'
+NATIVE = 'monitor, native:=true'
+NATIVE_GOAL = '0.25 s'
 IDLE_GOALS = {(1, 'monitor'): '6 ms/s', (100, 'monitor'): '10 ms/s', (500, 'monitor'): '20 ms/s',
               (1, EXPORTED): '2 ms/s', (100, EXPORTED): '3 ms/s', (500, EXPORTED): '6 ms/s'}
 
@@ -411,6 +413,11 @@ class Bench:
         """Return the monitors, and the node of `export --to ros2`."""
         return [*self.monitors(bundle), self.exported(bundle)]
 
+    def native(self, bundle: Path) -> Subject:
+        """Return the monitor that becomes a node in C."""
+        return Subject(NATIVE, (str(executable('monitor')), '--ros-args', '-p', f'spec:={bundle}',
+                                '-p', 'native:=true'), is_monitor=True)
+
     def exported(self, bundle: Path) -> Subject:
         """Return the node of `export --to ros2`."""
         program = exported(bundle, self.folder / f'{bundle.stem}_node')
@@ -648,11 +655,12 @@ def flood(bench: Bench) -> Iterator[Row]:
 
 @dataclass(frozen=True)
 class Start:
-    """Seconds from the start of the process."""
+    """Seconds from the start of the process; `cpu`: of processor time until `every`."""
 
     first: float
     every: float
     step: float
+    cpu: float
 
 
 def gate(bench: Bench) -> Iterator[Row]:
@@ -732,7 +740,7 @@ def start(bench: Bench) -> Iterator[Row]:
             ''.join(f'  - {{id: R{i}, ptltl: "x{i % len(topics)} < -{i}.0"}}\n'
                     for i in range(REQUIREMENTS)))
         subjects = [bench.bare(work, '--publish', handler), *bench.all_monitors(bundle),
-                    bench.rclpy(work, '--publish', handler)]
+                    bench.native(bundle), bench.rclpy(work, '--publish', handler)]
         for subject in subjects:
             started(bench.load, work, subject)  # compiles, and fills the file system's cache
         found: dict[str, list[Start]] = {subject.name: [] for subject in subjects}
@@ -740,13 +748,17 @@ def start(bench: Bench) -> Iterator[Row]:
             for subject in subjects:
                 say(f'round {number + 1} of {bench.rounds}: {subject.name}')
                 found[subject.name].append(started(bench.load, work, subject))
-        for figure, key, bar in (('first subscription', 'first', '1 s'),
-                                 ('all subscriptions', 'every', ''), ('first step', 'step', '')):
+        for figure, key, bar in (('first subscription', 'first', '1.25'),
+                                 ('all subscriptions', 'every', ''), ('first step', 'step', ''),
+                                 ('all subscriptions, processor time', 'cpu', '1.25')):
             for name, starts in found.items():
                 values = [float(getattr(item, key)) for item in starts]
                 yield Row(f'start to {figure}, {REQUIREMENTS} requirements {title}', name, 's',
                           median(values), min(values), max(values),
-                          bar=bar if name.startswith(('monitor', 'gate')) else '')
+                          median(value / float(getattr(bare, key))
+                                 for value, bare in zip(values, found['rclpy'])),
+                          NATIVE_GOAL if name == NATIVE and key == 'first'
+                          else bar if name.startswith('monitor') and name != NATIVE else '')
 
 
 def started(load_program: Path, work: Work, subject: Subject) -> Start:
@@ -757,8 +769,10 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
     running = Running(subject)
     with both(load, running):
         first, every = map(int, load.answer(running).split())
+        cpu = running.nanoseconds()
         step = int(load.ask('step', running))
-    return Start(*((moment - running.began) / 1e9 for moment in (first, every, step)))
+    moments = [(moment - running.began) / 1e9 for moment in (first, every, step)]
+    return Start(moments[0], moments[1], moments[2], cpu / 1e9)
 
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
@@ -801,6 +815,7 @@ def prepared(rounds: int, rate: float = RATE, seconds: float = SECONDS,
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         os.environ['ROS_HOME'] = str(folder / 'home')
         os.environ['ROS_LOG_DIR'] = str(folder / 'log')
+        os.environ.pop('PYTHONDONTWRITEBYTECODE', None)  # an installation has the bytecode
         try:
             yield Bench(build('load', folder), build('floor', folder), folder, rounds, rate,
                         seconds, flood)

@@ -21,7 +21,8 @@ changed and the library is intact.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from hashlib import sha256
@@ -37,7 +38,8 @@ from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import (
-    cache_directory, csrc_directory, forget, is_kept, is_ours, note_use,
+    cache_directory, csrc_directory, evaluator_library, forget, is_kept, is_ours, note_use,
+    refuse_foreign,
 )
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
@@ -54,7 +56,7 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
           constants: Mapping[str, Text] | None = None,
           part: NodePart | None = None, takes_instances: bool = False) -> CompiledMonitor:
     """
-    Return a compiled bundle, or a part of one.
+    Return a compiled bundle, or a part of one, with the library of the evaluator.
 
     `policy`, `period` (seconds) and `constants` override the bundle's; `takes_instances` is as in
     `build.read`.
@@ -141,8 +143,9 @@ def _build(path: Path, overrides: _Overrides, note: Path | None,
     from fret_monitor.build import compile_monitor, generate_monitor
     reading = overrides.read(path)
     generated = generate_monitor(reading)
-    compiled = compile_monitor(generated) if make is None else CompiledMonitor(
-        generated.manifest, make(generated), generated.warnings, generated.sources)
+    compiled = CompiledMonitor(
+        generated.manifest, make(generated), generated.warnings, generated.sources,
+    ) if make else replace(compile_monitor(generated), evaluator=evaluator_library())
     if note:
         _remember(note, compiled, reading)
     return compiled
@@ -172,20 +175,39 @@ def _package() -> bytes:
     """
     Return a hash of path and content of all code of this package: each build depends on it.
 
-    It is made once in a process, which goes on running what it has loaded.
+    It is made once in a process, which goes on running what it has loaded. The cache has it for
+    files whose sizes and dates are the same, since to read all of them takes three times as long.
     """
+    states = sorted(_code())
+    kept = cache_directory() / _NOTES / f'{_hash(repr(states).encode())}.package'
+    with suppress(OSError, NativeError):
+        refuse_foreign(cache_directory())
+        if is_ours(kept.parent) and is_ours(kept):
+            note_use(kept)
+            return kept.read_bytes()
     found = sha256()
-    for top in (Path(__file__).parent, csrc_directory()):
-        for folder, folders, names in os.walk(top):
-            folders.sort()
-            for name in sorted(names):
-                if name.endswith(('.py', '.json', '.c', '.h')):
-                    path = os.path.join(folder, name)  # without pathlib, which takes twice as long
-                    with open(path, 'rb') as file:
-                        data = file.read()
-                    found.update(b'%b:%d:' % (os.fsencode(path), len(data)))
-                    found.update(data)
+    for path, *_ in states:
+        with open(path, 'rb') as file:
+            data = file.read()
+        found.update(b'%b:%d:' % (os.fsencode(path), len(data)))
+        found.update(data)
+    with suppress(OSError, NativeError):
+        refuse_foreign(cache_directory())
+        _write(kept, found.digest())
     return found.digest()
+
+
+def _code() -> Iterator[tuple[str, int, int]]:
+    """Yield path, date (ns) and size of each file of code, without pathlib, which is slow."""
+    folders = [os.path.dirname(__file__), str(csrc_directory())]
+    for folder in folders:
+        with os.scandir(folder) as entries:
+            for item in entries:
+                if item.is_dir(follow_symlinks=False):
+                    folders.append(item.path)
+                elif item.name.endswith(('.py', '.json', '.c', '.h')):
+                    state = item.stat()
+                    yield item.path, state.st_mtime_ns, state.st_size
 
 
 def _hash(data: bytes) -> str:
@@ -202,15 +224,17 @@ def _recall(note: Path, path: Path) -> CompiledMonitor | None:
             return None  # a forged note could choose what is subscribed
         content = json.loads(note.read_text(encoding='utf-8'))
         manifest = Manifest.from_json(content['manifest'])
-        library = Path(content['library'])
+        library, evaluator = Path(content['library']), content['evaluator']
+        evaluator = None if evaluator is None else Path(evaluator)
         sources = _unchanged(path, content['files'])
         if sources is None or not is_kept(library) \
+                or not (evaluator is None or is_kept(evaluator)) \
                 or content['messages'] != _messages(manifest):
             return None
         warnings = tuple(_unpacked(item, sources) for item in list(content['warnings']))
         note_use(note)
         files = tuple(Path(place) for place, _, _ in content['files'])
-        return CompiledMonitor(manifest, library, warnings, files)
+        return CompiledMonitor(manifest, library, warnings, files, evaluator)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError,
             ManifestError, CompileError):
         return None
@@ -251,26 +275,32 @@ def _unpacked(item: list[Any], sources: list[Source]) -> Diagnostic:
 def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None:
     """Write a note atomically; if that fails, the next start only takes longer."""
     try:
-        if not is_kept(compiled.library):
+        if not all(is_kept(item) for item in (compiled.library, compiled.evaluator) if item):
             return
         names = [str(file) for file, _ in reading.files]
         content = json.dumps({
             'manifest': compiled.manifest.to_json(),
             'library': str(compiled.library),
+            'evaluator': compiled.evaluator and str(compiled.evaluator),
             'warnings': [_packed(item, names) for item in compiled.warnings],
             # The hashes are of what was read; the files may have changed since.
             'files': [[str(_absolute(file)), str(file), digest]
                       for file, digest in reading.files],
             'messages': dict(reading.messages),
         })
-        note.parent.mkdir(mode=0o700, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=note.parent)
-        with open(handle, 'w', encoding='utf-8') as written:
-            written.write(content)
-        os.replace(name, note)
+        _write(note, content.encode())
         forget({file: file.stat().st_mtime for file in note.parent.iterdir()}, _MOST_NOTES)
     except (OSError, ValueError):
         pass
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Write a file of the folder of notes at once; raises `OSError`."""
+    file.parent.mkdir(mode=0o700, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=file.parent)
+    with open(handle, 'wb') as written:
+        written.write(content)
+    os.replace(name, file)
 
 
 def _packed(warning: Diagnostic, names: list[str]) -> list[Any]:

@@ -50,6 +50,9 @@ ARGUMENTS = {
     'blackbox_bytes': ('', 'memory for the last messages'),
     'blackbox_files': ('', 'files in the folder, at most'),
     'blackbox_disk_bytes': ('', 'bytes of these files together, at most'),
+    'priority': ('', 'of all threads of the monitor, under SCHED_FIFO'),
+    'processors': ('', 'that all threads of the monitor run on'),
+    'lock_memory': ('', 'whether all memory of the monitor stays in memory'),
     'autostart': ('true', 'whether the monitor configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
     'name': ('fret_monitor', 'the name of the monitor'),
@@ -64,6 +67,7 @@ CHOICES = {
     'policy': ('', *(item.value for item in Policy)),
     'hot_path': ('', 'auto', 'on', 'off'),
     'native': ('', *BOOLEANS),
+    'lock_memory': ('', *BOOLEANS),
     'log_violations': ('', *BOOLEANS),
     'autostart': BOOLEANS,
     'use_sim_time': BOOLEANS,
@@ -76,10 +80,11 @@ RESPAWN_DELAY_S = 2.0
 CANNOT_START = 1  # the exit status of a monitor that refuses its bundle or parameters
 PATHS = ('spec', 'library')
 OF_BOTH = (*PATHS, 'policy', 'period', 'rate', 'handler_depth', 'use_sim_time')
+SYSTEM_TYPES = {'priority': int, 'processors': str, 'lock_memory': bool}
 BLACKBOX_TYPES = {'blackbox': str, 'blackbox_seconds': float, 'blackbox_bytes': int,
                   'blackbox_files': int, 'blackbox_disk_bytes': int}
 TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool, 'native': bool,
-         'log_violations': bool, 'use_sim_time': bool, **BLACKBOX_TYPES}
+         'log_violations': bool, 'use_sim_time': bool, **BLACKBOX_TYPES, **SYSTEM_TYPES}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -106,8 +111,8 @@ def _nodes(context: LaunchContext) -> list[Node]:
         LifecycleNode(
             executable='monitor', name=LaunchConfiguration('name'), on_exit=_end,
             parameters=[logs_once, _constants(context), _given(
-                context, *OF_BOTH, *BLACKBOX_TYPES, 'hot_path', 'native', 'autostart',
-                'log_violations')], **common),
+                context, *OF_BOTH, *BLACKBOX_TYPES, *SYSTEM_TYPES, 'hot_path', 'native',
+                'autostart', 'log_violations')], **common),
         Node(
             executable='logger', name='fret_logger',
             parameters=[_constants(context), _given(context, *OF_BOTH)],

@@ -32,7 +32,7 @@ from fret_monitor.native.cache import cache_directory, evaluator_library
 from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
-from fret_monitor.start import start
+from fret_monitor.start import _package, start
 
 import pytest
 
@@ -59,6 +59,8 @@ DAMAGES: list[Callable[[dict[str, Any]], Any]] = [
     lambda note: {**note, 'manifest': 3},
     lambda note: {**note, 'library': '/nowhere/lib.so'},
     lambda note: {**note, 'library': 7},
+    lambda note: {**note, 'evaluator': '/nowhere/lib.so'},
+    lambda note: {**note, 'evaluator': 7},
     lambda note: {**note, 'messages': {}},
     lambda note: {**note, 'messages': None},
     lambda note: {key: value for key, value in note.items() if key != 'messages'},
@@ -118,7 +120,7 @@ def limit_of(compiled: CompiledMonitor) -> float:
 
 def note() -> Path:
     """Return the only note in the cache."""
-    found, = (cache_directory() / 'bundles').iterdir()
+    found, = (cache_directory() / 'bundles').glob('*.json')
     return found
 
 
@@ -137,6 +139,36 @@ def test_a_second_start_loads_no_parser(bundle: Path) -> None:
     done = subprocess.run([sys.executable, '-c', script, str(bundle)], text=True, check=True,
                           capture_output=True, env={**os.environ, 'PYTHONPATH': path})
     assert {'lark', 'yaml', 'fret_monitor.build'} & set(done.stdout.split()) == set()
+
+
+def test_a_start_knows_the_evaluator_without_reading_its_sources(
+    bundle: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first = start(bundle)
+    monkeypatch.setattr('fret_monitor.start.evaluator_library', pytest.fail)
+    assert start(bundle).evaluator == first.evaluator == evaluator_library()
+
+
+def test_the_code_of_the_package_is_read_again_where_a_date_or_a_size_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    file = tmp_path / 'code.py'
+    monkeypatch.setattr('fret_monitor.start.__file__', str(file))
+    monkeypatch.setattr('fret_monitor.start.csrc_directory', lambda: tmp_path / 'csrc')
+    (tmp_path / 'csrc' / 'deep').mkdir(parents=True)
+
+    def state(text: str, date: int) -> bytes:
+        file.write_text(text)
+        (tmp_path / 'csrc' / 'deep' / 'one.c').write_text(text)
+        for item in (file, tmp_path / 'csrc' / 'deep' / 'one.c'):
+            os.utime(item, (date, date))
+        return code_hash()
+
+    code_hash = _package.__wrapped__
+    first = state('x = 1', 1)
+    assert state('x = 2', 1) == first  # taken from the cache, by date and size
+    assert state('x = 1', 2) == first  # read again
+    assert len({first, state('x = 2', 3), state('x = 20', 3)}) == 3
 
 
 def test_a_warning_from_the_cache_still_has_its_place(

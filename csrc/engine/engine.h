@@ -51,7 +51,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 24u
+#define FM_ENGINE_ABI 25u
 
 struct fm_engine;
 

@@ -16,6 +16,7 @@
 
 #include "monitor_node.h"
 
+#include <inttypes.h>
 #include <lifecycle_msgs/msg/transition.h>
 #include <rcl/error_handling.h>
 #include <rcl/graph.h>
@@ -28,6 +29,7 @@
 
 #include "endpoints.h"
 #include "in_place_types.h"
+#include "scheduling.h"
 #include "start_lines.h"
 #include "words.h"
 
@@ -50,6 +52,33 @@ static struct fm_blackbox_settings blackbox_of(const struct fm_parameters * give
     (uint64_t)fm_parameter_whole(given, "blackbox_disk_bytes")};
 }
 
+// Ask the system for what the parameters want; what it refuses is logged.
+static void schedule(const struct fm_node * node, const struct fm_parameters * given)
+{
+  const int32_t priority = (int32_t)fm_parameter_whole(given, "priority");
+  const fm_parameter_value * wanted = &fm_parameter_find(given, "processors")->value;
+  struct fm_text text = {NULL, 0, 0};
+  if (wanted->type == FM_WHOLE) {
+    fm_text_add(&text, "%" PRId64, wanted->integer_value);
+  } else {
+    fm_text_add(&text, "%s", wanted->string_value.data);
+  }
+  const char * processors = fm_text_get(&text);
+  int32_t error = priority == 0 ? 0 : fm_set_priority(priority);
+  if (error != 0) {
+    fm_log(node, FM_WARN, FM_WORDS_NO_PRIORITY, (int)priority, strerror(error));
+  }
+  error = processors[0] == '\0' ? 0 : fm_set_processors(processors);
+  if (error != 0) {
+    fm_log(node, FM_WARN, FM_WORDS_NO_PROCESSORS, processors, strerror(error));
+  }
+  error = fm_parameter_is_true(given, "lock_memory") ? fm_lock_memory() : 0;
+  if (error != 0) {
+    fm_log(node, FM_WARN, FM_WORDS_NO_LOCKED_MEMORY, strerror(error));
+  }
+  fm_text_free(&text);
+}
+
 static bool configure(void * context)
 {
   struct fm_monitor_node * monitor = context;
@@ -64,6 +93,9 @@ static bool configure(void * context)
   }
   if (monitor->parameters.is_configured && monitor->table->judged_by_gates[0] != '\0') {
     fm_log(&monitor->node, FM_WARN, "%s", monitor->table->judged_by_gates);
+  }
+  if (monitor->parameters.is_configured) {
+    schedule(&monitor->node, given);
   }
   return monitor->parameters.is_configured;
 }

@@ -281,13 +281,25 @@ static bool check_seconds(
   return is_good;
 }
 
-static bool check_folder(
+static bool check_priority(
   const char * name, const fm_parameter_value * value, struct fm_text * reason)
 {
-  if (value->type != FM_WORD) {
-    refuse_value(name, value, "the path of a folder", reason);
+  const bool is_good =
+    value->type == FM_WHOLE && value->integer_value >= 0 && value->integer_value <= 99;
+  if (!is_good) {
+    refuse_value(name, value, FM_WORDS_ANY_PRIORITY, reason);
   }
-  return value->type == FM_WORD;
+  return is_good;
+}
+
+static bool check_type(
+  const char * name, const fm_parameter_value * value, enum fm_parameter_type type,
+  const char * wanted, struct fm_text * reason)
+{
+  if (value->type != type) {
+    refuse_value(name, value, wanted, reason);
+  }
+  return value->type == type;
 }
 
 static bool check_level(
@@ -311,7 +323,14 @@ static bool check(
     return check_level(name, value, reason);
   }
   if (strcmp(name, "blackbox") == 0) {
-    return check_folder(name, value, reason);
+    return check_type(name, value, FM_WORD, "the path of a folder", reason);
+  }
+  if (strcmp(name, "processors") == 0) {
+    return value->type == FM_WHOLE ||
+           check_type(name, value, FM_WORD, FM_WORDS_SOME_PROCESSORS, reason);
+  }
+  if (strcmp(name, "priority") == 0) {
+    return check_priority(name, value, reason);
   }
   if (strcmp(name, "blackbox_seconds") == 0) {
     return check_seconds(name, value, reason);
@@ -321,10 +340,7 @@ static bool check(
       return check_size(k, value, reason);
     }
   }
-  if (value->type != FM_TRUTH) {
-    refuse_value(name, value, "true or false", reason);
-  }
-  return value->type == FM_TRUTH;
+  return check_type(name, value, FM_TRUTH, "true or false", reason);
 }
 
 void fm_parameter_refuse(
@@ -613,6 +629,9 @@ void fm_parameters_begin(
     {"blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, FM_UNCONFIGURED, WHOLE(64 << 20)},
     {"blackbox_files", FM_WORDS_BLACKBOX_FILES, FM_UNCONFIGURED, WHOLE(20)},
     {"blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, FM_UNCONFIGURED, WHOLE(1 << 30)},
+    {"priority", FM_WORDS_PRIORITY, FM_UNCONFIGURED, WHOLE(0)},
+    {"processors", FM_WORDS_PROCESSORS, FM_UNCONFIGURED, WORD("")},
+    {"lock_memory", FM_WORDS_LOCK_MEMORY, FM_UNCONFIGURED, TRUTH(false)},
     {"start_type_description_service", "whether the node offers ~/get_type_description",
       FM_AT_START, TRUTH(true)},
     {"autostart", FM_WORDS_AUTOSTART, FM_AT_START, TRUTH(true)}};
@@ -682,7 +701,8 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': this node has use_sim_time, log_level, handler_depth, "
         "log_violations, autostart, blackbox, blackbox_seconds, blackbox_bytes, blackbox_files, "
-        "blackbox_disk_bytes, start_type_description_service, " CONSTANTS "NAME", name);
+        "blackbox_disk_bytes, priority, processors, lock_memory, "
+        "start_type_description_service, " CONSTANTS "NAME", name);
     }
   }
 }

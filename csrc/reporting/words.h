@@ -62,12 +62,28 @@
   "files of black boxes in the folder, at most: the oldest are removed; read by `configure`"
 #define FM_WORDS_BLACKBOX_DISK_BYTES \
   "bytes of these files together, at most; read by `configure`"
+#define FM_WORDS_PRIORITY \
+  "the priority of all threads under SCHED_FIFO, 1 to 99; 0: as the process was started; read " \
+  "by `configure`"
+#define FM_WORDS_PROCESSORS \
+  "the processors that all threads run on, such as 0,2-3; empty: as the process was started; " \
+  "read by `configure`"
+#define FM_WORDS_LOCK_MEMORY \
+  "whether all memory stays in memory once it was touched; read by `configure`"
+#define FM_WORDS_ANY_PRIORITY "a priority from 1 to 99, or 0 to leave it"
+#define FM_WORDS_SOME_PROCESSORS "numbers of processors, such as 0,2-3"
 #define FM_WORDS_AUTOSTART "whether the node configures and activates itself at its start"
 #define FM_WORDS_COUNT "a number of messages, at least 1"
 #define FM_WORDS_READ_AT_START "%s: read at the start of the process only"
 #define FM_WORDS_READ_ONCE \
   "%s: read when the node is configured, since a step has to mean the same from the first to " \
   "the last; deactivate and clean up first"
+
+// ---- what the system is asked for --------------------------------------------------------------
+
+#define FM_WORDS_NO_PRIORITY "the priority %d is not possible: %s"
+#define FM_WORDS_NO_PROCESSORS "to run on the processors %s is not possible: %s"
+#define FM_WORDS_NO_LOCKED_MEMORY "to lock the memory is not possible: %s"
 
 // ---- what is given of the quality of service ---------------------------------------------------
 

@@ -19,6 +19,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
+from fret_monitor.model.frozen import frozen
+
 
 class ArrayKind(Enum):
     """Whether a field is an array, and what is known of its length."""
@@ -72,7 +74,7 @@ class MessageField:
     default: str | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class MessageConstant:
     """A constant, with its value as written."""
 

@@ -23,7 +23,6 @@ A user's mistake is a `CompileError`; any other exception is a bug in this progr
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
 from importlib.util import find_spec
@@ -33,6 +32,8 @@ import sys
 import sysconfig
 from typing import NoReturn, TypeAlias
 from unicodedata import east_asian_width
+
+from fret_monitor.model.frozen import frozen
 
 _MAX_SHOWN = 160
 
@@ -138,7 +139,7 @@ class Level(Enum):
     WARNING = 'warning'
 
 
-@dataclass(frozen=True)
+@frozen
 class Diagnostic:
     """
     One problem, in the user's words.
@@ -276,6 +277,7 @@ def counted(number: int, noun: str) -> str:
 
 def close_matches(name: str, known: Iterable[str], similarity: float = SIMILAR) -> list[str]:
     """Return at most three of the known words: those with the most similar spelling."""
+    from difflib import get_close_matches  # seldom needed, and not at a start
     return get_close_matches(name, list(known), n=3, cutoff=similarity)
 
 

@@ -28,6 +28,7 @@ import math
 import re
 from typing import NoReturn, TypeVar
 
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
@@ -210,7 +211,7 @@ class ManifestRequirement:
         return f'{self.shown} ({text})' if self.title else text
 
 
-@dataclass(frozen=True)
+@frozen
 class ManifestAction:
     """
     An action. Times are in nanoseconds, 0 if the bundle gives none.
@@ -251,7 +252,7 @@ class ManifestAction:
                 return ''
 
 
-@dataclass(frozen=True)
+@frozen
 class ManifestGate:
     """
     A gate. Times are in nanoseconds, 0 if the bundle gives none.

@@ -14,14 +14,15 @@
 
 """The steps of a path into a message: fields, elements, and parts of arrays."""
 
-from dataclasses import dataclass
 import re
 from typing import TypeAlias
+
+from fret_monitor.model.frozen import frozen
 
 _BARE = re.compile(r'[A-Za-z0-9_./~:+-]+')
 
 
-@dataclass(frozen=True)
+@frozen
 class Slice:
     """
     The elements from `start` to before `stop`; None for the first, and for the end.
@@ -37,7 +38,7 @@ class Slice:
         return f'{start}:{stop}'
 
 
-@dataclass(frozen=True)
+@frozen
 class Sector:
     """
     The elements of a scan from the angle `first` through `width`, counter-clockwise, in radians.
@@ -53,7 +54,7 @@ class Sector:
         return self.written
 
 
-@dataclass(frozen=True)
+@frozen
 class LookUp:
     """
     The first element of an array of which the field `key` is the string `name`.

@@ -58,8 +58,8 @@ EVALUATOR_SOURCES = (
     'instance.c', 'tables.c', 'due.c', 'steps.c', 'deadlines.c', 'evaluator.c', 'gate.c',
     'states.c', 'keys.c', 'heap.c', 'aggregates.c', 'pool.c', 'scopes_steps.c', 'scopes_due.c',
     'scopes_making.c', 'scopes.c', 'schedule.c', 'handover.c', 'outbox.c', 'reorder.c',
-    'blackbox.c', 'mcap.c', 'blackbox_file.c', 'blackbox_writer.c', 'thread.c', 'engine_clock.c',
-    'engine_findings.c', 'engine_message.c', 'engine_due.c', 'engine_backlog.c',
+    'blackbox.c', 'mcap.c', 'blackbox_file.c', 'blackbox_writer.c', 'thread.c', 'scheduling.c',
+    'engine_clock.c', 'engine_findings.c', 'engine_message.c', 'engine_due.c', 'engine_backlog.c',
     'engine_delivery.c', 'transforms.c', 'engine_transforms.c', 'engine_gate.c', 'engine.c',
     'snapshot.c', 'records.c', 'text.c', 'lines.c', 'action_lines.c', 'blackbox_lines.c',
     'subscription.c', 'statuses.c', 'details.c', 'violation_log.c', 'reasons.c', 'time_log.c',
@@ -205,7 +205,7 @@ def is_kept(library: Path) -> bool:
     """
     root = cache_directory()
     try:
-        _refuse_foreign(root)
+        refuse_foreign(root)
         if library.parent.parent != root or not is_ours(library.parent) or not is_ours(library):
             return False
         seal = json.loads((library.parent / _SEAL).read_text(encoding='utf-8'))
@@ -371,7 +371,7 @@ class _Entry:
     def kept(self) -> Path | None:
         """Return the library if it is in the cache and undamaged; note its use."""
         try:
-            _refuse_foreign(self._root)
+            refuse_foreign(self._root)
         except OSError:
             return None  # the cache does not exist, or cannot be accessed
         library = self._folder / self._library
@@ -413,7 +413,7 @@ class _Entry:
 
     def _make_kept(self) -> Path:
         self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _refuse_foreign(self._root)
+        refuse_foreign(self._root)
         _sweep(self._root)
         unfinished = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=self._root))
         try:
@@ -471,7 +471,8 @@ class ForeignCacheError(CacheError):
     """Other users can write to the cache, or it is a link."""
 
 
-def _refuse_foreign(folder: Path) -> None:
+def refuse_foreign(folder: Path) -> None:
+    """Raise `ForeignCacheError` if others can write to a folder; `OSError` if it is none."""
     status = folder.lstat()
     if stat.S_ISLNK(status.st_mode):
         raise ForeignCacheError(

@@ -19,12 +19,13 @@ Opening it needs neither the parser nor a C compiler.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import os
 from pathlib import Path
 import shutil
 
 from fret_monitor.model.folders import check_replaceable, refusing, replaced_folder
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.manifest import Manifest, ManifestError
 from fret_monitor.native.cache import evaluator_files, evaluator_library, private_copy
 from fret_monitor.native.errors import LibraryError
@@ -34,7 +35,7 @@ EVALUATOR_FILE = 'libfm_evaluator.so'
 _SOURCES = Path('src')
 
 
-@dataclass(frozen=True)
+@frozen
 class CompiledFolder:
     """A compiled folder: its manifest, and the paths of its two libraries."""
 

@@ -183,13 +183,15 @@ class CompiledMonitor:
     """
     A compiled bundle that is not loaded yet; `monitor` loads it on first use.
 
-    `warnings` are those of the bundle; `sources` are the files it was read from.
+    `warnings` are those of the bundle; `sources` are the files it was read from; `evaluator` is
+    the library of the evaluator, None if it was not looked for.
     """
 
     manifest: Manifest
     library: Path
     warnings: tuple[Diagnostic, ...]
     sources: tuple[Path, ...] = ()
+    evaluator: Path | None = None
 
     @cached_property
     def monitor(self) -> Monitor:

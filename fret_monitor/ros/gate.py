@@ -14,12 +14,15 @@
 
 """The executable `gate`: withholds messages that would violate requirements."""
 
+import gc
+
 from fret_monitor.ros.signals import StopRequest
 
 
 def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
+    gc.disable()  # until the node is made: `run` enables it
     # Imported after the signal handlers are set, since these imports are slow.
     from fret_monitor.ros.nodes.gate_node import GateNode
     from fret_monitor.ros.process import run

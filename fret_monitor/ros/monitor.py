@@ -14,6 +14,7 @@
 
 """The executable `monitor`: monitors the requirements of bundles on ROS 2 topics."""
 
+import gc
 import sys
 
 from fret_monitor.ros.signals import StopRequest
@@ -22,6 +23,7 @@ from fret_monitor.ros.signals import StopRequest
 def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
     stop = StopRequest()
+    gc.disable()  # until the node is made: `run` enables it
     # Imported after the signal handlers are set, since these imports are slow.
     from fret_monitor.ros.native_start import become_native
     reason = become_native(sys.argv)

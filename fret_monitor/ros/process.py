@@ -15,6 +15,7 @@
 """Run a node as a process: from the command line to the exit status."""
 
 from collections.abc import Callable, Iterator
+import gc
 import inspect
 from itertools import pairwise
 import logging
@@ -22,9 +23,9 @@ from pathlib import Path
 import re
 import shlex
 import sys
-from textwrap import fill
 import traceback
-from typing import Any
+from types import ModuleType
+from typing import Any, cast
 
 from fret_monitor.model.output import drop_output
 from fret_monitor.ros.settings.parameters import (
@@ -104,6 +105,7 @@ def _usage(name: str) -> str:
 
 def _described(name: str) -> Iterator[str]:
     """Yield the lines that describe the parameters of a node."""
+    from textwrap import fill  # only for --help
     parameters = _PARAMETERS[name]
     width = max(map(len, parameters)) + 4
     for key, item in parameters.items():
@@ -158,10 +160,23 @@ def index_modules() -> None:
             inspect.modulesbyfile.setdefault(file, module.__name__)
 
 
+def skip_generator() -> None:
+    """
+    Keep the generator of message classes, and its parser, from being loaded with the first class.
+
+    `rosidl_generator_py` does without it if it cannot be imported. That takes a tenth of the start
+    of a node of rclpy.
+    """
+    sys.modules.setdefault('rosidl_generator_py.generate_py_impl', cast(ModuleType, None))
+
+
 def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
+    skip_generator()
     index_modules()
     with stop.interruptible():
         node = make_node()
+    gc.freeze()  # what is made by now lives as long as the process: no collection visits it
+    gc.enable()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

@@ -21,11 +21,11 @@ interpreter lock while it holds the mutex. Independent of ROS.
 
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from typing import Any
 
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.made import MadeKind
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Stamp
@@ -67,7 +67,7 @@ class State(Enum):
     VIOLATED = 2
 
 
-@dataclass(frozen=True)
+@frozen
 class RequirementState:
     """The state of a requirement, and how often a violation has begun."""
 
@@ -75,7 +75,7 @@ class RequirementState:
     state: State
 
 
-@dataclass(frozen=True)
+@frozen
 class OrderCounts:
     """
     Messages of a topic that took effect out of the order of their stamps, or wait for long.

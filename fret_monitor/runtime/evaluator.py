@@ -22,10 +22,10 @@ Times are in nanoseconds, of any clock that the caller chooses.
 
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.policies import InputSource, Policy, Report, Stale
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
@@ -65,7 +65,7 @@ def violation(item: Any) -> Violation:
                      bool(item.is_withheld))
 
 
-@dataclass(frozen=True)
+@frozen
 class RequirementCounts:
     """
     Counters of a requirement, through all resets; `verdict` is of the last step or timeout.
@@ -83,7 +83,7 @@ class RequirementCounts:
     is_violated: bool
 
 
-@dataclass(frozen=True)
+@frozen
 class InputCounts:
     """Counters of an input; `overwritten` counts values on which some group took no step."""
 
@@ -92,7 +92,7 @@ class InputCounts:
     overwritten: int
 
 
-@dataclass(frozen=True)
+@frozen
 class TopicCounts:
     """Counters of a topic."""
 
@@ -100,7 +100,7 @@ class TopicCounts:
     undecodable: int
 
 
-@dataclass(frozen=True)
+@frozen
 class TimeCounts:
     """
     Periods taken, those taken late or not at all, and how often time went back.

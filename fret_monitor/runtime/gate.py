@@ -19,10 +19,10 @@ A thin typed wrapper of a gate in C, which decides which messages of a topic pas
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.model.values import ValueType
@@ -49,7 +49,7 @@ class Judgement(Enum):
     DUPLICATE = 5
 
 
-@dataclass(frozen=True)
+@frozen
 class GateCounts:
     """
     The state and the counters of a gate.

@@ -25,6 +25,7 @@ from enum import IntEnum
 from time import monotonic_ns
 from typing import Any
 
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Severity
 from fret_monitor.model.report_table import (
@@ -57,7 +58,7 @@ class LogLine:
     text: str
 
 
-@dataclass(frozen=True)
+@frozen
 class StatusRecord:
     """
     The fields of a diagnostic_msgs/msg/DiagnosticStatus.
@@ -173,7 +174,7 @@ class TopicFacts:
     unmatched: str = ''
 
 
-@dataclass(frozen=True)
+@frozen
 class ActionCounts:
     """
     What became of an action.
@@ -189,7 +190,7 @@ class ActionCounts:
     skipped: int = 0
 
 
-@dataclass(frozen=True)
+@frozen
 class GateFacts:
     """
     What is around a gate.
@@ -203,7 +204,7 @@ class GateFacts:
     unsent: int
 
 
-@dataclass(frozen=True)
+@frozen
 class BlackBoxCounts:
     """
     Files written, and those that could not be; what became of the messages.
@@ -357,7 +358,7 @@ class ViolationLog:
         return self._lines.take()
 
 
-@dataclass(frozen=True)
+@frozen
 class ReceivedDetail:
     """
     A detail that was received: the time of the violation (ns), and its text, as C keeps it.

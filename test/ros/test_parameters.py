@@ -36,7 +36,8 @@ requirements:
 """
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
          'log_violations', 'blackbox', 'blackbox_seconds', 'blackbox_bytes', 'blackbox_files',
-         'blackbox_disk_bytes', 'native', 'autostart', 'log_level']
+         'blackbox_disk_bytes', 'priority', 'processors', 'lock_memory', 'native',
+         'autostart', 'log_level']
 
 
 @pytest.fixture

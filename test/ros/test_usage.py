@@ -103,3 +103,33 @@ def test_the_first_log_line_resolves_the_paths_of_no_other_modules(
     monkeypatch.setattr(os.path, 'realpath', counted)
     get_logger('test').info('a line')
     assert 0 < len(resolved) < 10
+
+
+LEAN = """
+import gc, os, sys
+gc.disable()
+from fret_monitor.ros.process import run
+from fret_monitor.ros.signals import StopRequest
+from rclpy.node import Node
+
+
+def report():
+    print('lark' in sys.modules, gc.isenabled(), gc.get_freeze_count() > 10_000, flush=True)
+    os._exit(0)
+
+
+def make():
+    node = Node('lean')
+    node.create_timer(0.01, report)
+    return node
+
+
+run('monitor', make, StopRequest())
+"""
+
+
+@pytest.mark.usefixtures('domain')
+def test_a_node_loads_no_generator_and_its_start_is_visited_by_no_garbage_collection() -> None:
+    done = subprocess.run([sys.executable, '-c', LEAN], text=True, capture_output=True,
+                          timeout=60, check=False)
+    assert done.stdout.split() == ['False', 'True', 'True'], done.stderr

@@ -23,10 +23,10 @@ that C calls, in the libraries that rclpy has loaded.
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 import threading
 from typing import Any
 
+from fret_monitor.model.frozen import frozen
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
@@ -261,7 +261,7 @@ class EngineTopic:
         return self._engine.lost(self._topic)
 
 
-@dataclass(frozen=True)
+@frozen
 class Lock:
     """
     A lock: its publisher of std_msgs/msg/Bool, and the requirements that lock it, by index.

@@ -22,14 +22,12 @@ allows that (`hot_path`). Closing a session removes from the node all that it cr
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.native import words
 from fret_monitor.ros.acting.actions import Actions
-from fret_monitor.ros.acting.blackbox import BlackBox
-from fret_monitor.ros.acting.gate import gate_of, RunningGate
 from fret_monitor.ros.intake.feed import Feed, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
@@ -53,6 +51,10 @@ from fret_monitor.runtime.reporting import LogLine, Reporter, ReportTable, Topic
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
+
+if TYPE_CHECKING:
+    from fret_monitor.ros.acting.blackbox import BlackBox
+    from fret_monitor.ros.acting.gate import RunningGate
 
 
 class BundleSession:
@@ -99,8 +101,7 @@ class BundleSession:
         self._table = ReportTable(
             self.manifest, name, policy=opened.policy, period=opened.period)
         self._engine = self._new_engine()
-        self._blackbox = None if blackbox is None else BlackBox(
-            node, self.manifest, blackbox, self.library)
+        self._blackbox = None if blackbox is None else self._new_blackbox(blackbox)
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
@@ -126,12 +127,19 @@ class BundleSession:
         gate = self.manifest.gate
         return gate is not None and not gate.is_service
 
+    # What few bundles have is imported only then: each start is shorter without it.
+
+    def _new_blackbox(self, settings: BlackBoxSettings) -> 'BlackBox':
+        from fret_monitor.ros.acting.blackbox import BlackBox
+        return BlackBox(self._node, self.manifest, settings, self.library)
+
     def _new_engine(self) -> Engine:
         evaluator = Evaluator(
             self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
             patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator)
         engine = Engine(evaluator)
         if self.manifest.gate is not None:
+            from fret_monitor.ros.acting.gate import gate_of
             engine.guard(gate_of(evaluator, self.manifest.gate))
         return engine
 
@@ -268,14 +276,15 @@ class BundleSession:
     def _stop_actions(self) -> None:
         log_lines(self._node.get_logger(), self._actions.stop())
 
-    def _stop_blackbox(self, blackbox: BlackBox) -> None:
+    def _stop_blackbox(self, blackbox: 'BlackBox') -> None:
         blackbox.end()
         log_lines(self._node.get_logger(), blackbox.lines())
 
-    def _open_gate(self, engine: Engine, middleware: Middleware) -> RunningGate | None:
+    def _open_gate(self, engine: Engine, middleware: Middleware) -> 'RunningGate | None':
         settings = self.manifest.gate
         if settings is None:
             return None
+        from fret_monitor.ros.acting.gate import RunningGate
         gate = RunningGate(self._node, engine, settings, middleware, self._classes)
         self._running.callback(gate.close)
         return gate

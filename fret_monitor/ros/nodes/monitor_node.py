@@ -19,7 +19,7 @@ from contextlib import ExitStack
 import traceback
 from typing import Any
 
-from fret_monitor.native import words
+from fret_monitor.native import load_evaluator, words
 from fret_monitor.ros.intake.node_time import ClockNode
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.nodes.bundle_session import BundleSession
@@ -28,11 +28,12 @@ from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.reports.health import PERIOD
 from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.endpoint_types import refuse_two_types
-from fret_monitor.ros.settings.opened import load_reporting, open_monitors, Opened
+from fret_monitor.ros.settings.opened import open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
     Described, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
 )
+from fret_monitor.ros.settings.scheduling import ask_system
 from fret_monitor.ros.settings.shared_names import refuse_shared_names
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, Watch
@@ -154,7 +155,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             settings = read_settings(self._declared.values())
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
-            refuse_shared_names(self, manifests, load_reporting(settings))
+            refuse_shared_names(self, manifests, load_evaluator(opened[0].evaluator))
             refuse_two_types(self, manifests, self._names(opened))
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
@@ -166,6 +167,7 @@ class MonitorNode(ClockNode, LifecycleNode):
                     handler_depth=settings.handler_depth,
                     log_violations=settings.log_violations, blackbox=settings.blackbox))
             undo.pop_all()
+        self._warn(ask_system(settings.scheduling, self._sessions[0].library))
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             self.resolve_topic_name(topic.name)

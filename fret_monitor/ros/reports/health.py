@@ -21,12 +21,10 @@ that only the node knows, and publishes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.ros.acting.actions import Actions
-from fret_monitor.ros.acting.blackbox import BlackBox
-from fret_monitor.ros.acting.gate import RunningGate
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.messages import status_message
 from fret_monitor.ros.settings.qos import NO_EVENTS
@@ -36,6 +34,10 @@ from fret_monitor.runtime.reporting import (
 )
 
 from rclpy.node import Node
+
+if TYPE_CHECKING:
+    from fret_monitor.ros.acting.blackbox import BlackBox
+    from fret_monitor.ros.acting.gate import RunningGate
 
 PERIOD = 1.0  # s between two reports
 
@@ -51,8 +53,8 @@ class CountsBefore:
 class Health:
     """Logs what is new, and publishes diagnostics while `/diagnostics` has a subscriber."""
 
-    def __init__(self, node: Node, reporter: Reporter, *, blackbox: BlackBox | None = None,
-                 gate: RunningGate | None = None, actions: Actions | None = None,
+    def __init__(self, node: Node, reporter: Reporter, *, blackbox: 'BlackBox | None' = None,
+                 gate: 'RunningGate | None' = None, actions: Actions | None = None,
                  watch: Watch | None = None, before: CountsBefore = CountsBefore()) -> None:
         """
         Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`.

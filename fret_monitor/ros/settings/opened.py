@@ -43,13 +43,13 @@ class Opened:
     """
     A monitor ready to run.
 
-    `evaluator` is the library of the evaluator; None: it is built, or taken from the cache.
-    `period` is in seconds, None unless the policy is periodic. `origin` describes for the log
-    where the monitor was loaded from; `warnings` are those about the bundle.
+    `evaluator` is the library of the evaluator. `period` is in seconds, None unless the policy is
+    periodic. `origin` describes for the log where the monitor was loaded from; `warnings` are
+    those about the bundle.
     """
 
     monitor: Monitor
-    evaluator: Path | None
+    evaluator: Path
     policy: Policy
     period: float | None
     origin: str
@@ -278,7 +278,9 @@ def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
-    return Opened(compiled.monitor, None, manifest.policy, manifest.period, f'{spec}, {how}',
+    assert compiled.evaluator is not None
+    return Opened(compiled.monitor, compiled.evaluator, manifest.policy, manifest.period,
+                  f'{spec}, {how}',
                   (*(warning.render() for warning in compiled.warnings),
                    *_kept_elsewhere(manifest, f'spec:={spec}')))
 

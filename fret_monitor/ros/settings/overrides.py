@@ -20,10 +20,10 @@ Their names are those of rclcpp and rclpy, with the topic's name after remapping
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from fret_monitor.model.diagnostics import did_you_mean
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.policies import QOS_CHOICES
 from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import LARGEST_DEPTH, Refusal
@@ -43,7 +43,7 @@ _OF_RCLPY = ('/clock', '/parameter_events', '/rosout')
 _DECLARE_S = 0.01  # between two topics
 
 
-@dataclass(frozen=True)
+@frozen
 class _Override:
     """One parameter: its name; the topic, endpoint and policy in the name; its value."""
 

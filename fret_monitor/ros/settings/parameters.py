@@ -28,6 +28,7 @@ from typing import Any
 
 from fret_monitor.model.bundle_files import find_bundle
 from fret_monitor.model.diagnostics import CompileError, Source, Text
+from fret_monitor.model.frozen import frozen
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import words
 
@@ -70,6 +71,9 @@ MONITOR_PARAMETERS = {
     'blackbox_bytes': Described(64 << 20, words.BLACKBOX_BYTES),
     'blackbox_files': Described(20, words.BLACKBOX_FILES),
     'blackbox_disk_bytes': Described(1 << 30, words.BLACKBOX_DISK_BYTES),
+    'priority': Described(0, words.PRIORITY),
+    'processors': Described('', words.PROCESSORS),
+    'lock_memory': Described(False, words.LOCK_MEMORY),
     'native': Described(False, 'whether the process becomes a node in C that is built for the '
                                'bundle once; read at the start', read_only=True),
     'autostart': Described(True, words.AUTOSTART, read_only=True),
@@ -124,7 +128,7 @@ class Origin:
         return str(self.spec or self.library)
 
 
-@dataclass(frozen=True)
+@frozen
 class BlackBoxSettings:
     """
     Where the last messages are written, and how many.
@@ -138,6 +142,15 @@ class BlackBoxSettings:
     memory_bytes: int = 64 << 20
     files: int = 20
     disk_bytes: int = 1 << 30
+
+
+@dataclass(frozen=True)
+class Scheduling:
+    """What the system is asked for; by default nothing."""
+
+    priority: int = 0
+    processors: str = ''
+    locks_memory: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,6 +170,7 @@ class Settings:
     constants: Mapping[str, Text] = field(default_factory=dict)
     blackbox: BlackBoxSettings | None = None
     gates: tuple[str, ...] = ()
+    scheduling: Scheduling = Scheduling()
 
 
 def read_settings(given: Mapping[str, Any]) -> Settings:
@@ -201,7 +215,7 @@ def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
         read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
         _depth(given, problems), read_truth(given, 'log_violations', problems),
         _constant_texts(given, problems), _blackbox(given, problems),
-        tuple(_texts(given, 'gates', problems)))
+        tuple(_texts(given, 'gates', problems)), _scheduling(given, problems))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
@@ -278,6 +292,20 @@ def _count(given: Mapping[str, Any], name: str, unit: str, least: int,
                         f'at least {least}: -p {name}:={least}')
         return least
     return value
+
+
+def _scheduling(given: Mapping[str, Any], problems: list[str]) -> Scheduling:
+    priority, processors = given.get('priority', 0), given.get('processors', '')
+    for name, value, is_good, wanted in (
+            ('priority', priority, isinstance(priority, int) and 0 <= priority <= 99,
+             words.ANY_PRIORITY),
+            ('processors', processors, isinstance(processors, int | str),
+             words.SOME_PROCESSORS)):
+        if not is_good or isinstance(value, bool):
+            problems.append(f"parameter '{name}' is {value!r}, and has to be {wanted}")
+            return Scheduling()
+    locks_memory = 'lock_memory' in given and read_truth(given, 'lock_memory', problems)
+    return Scheduling(priority, str(processors), locks_memory)
 
 
 def _depth(given: Mapping[str, Any], problems: list[str]) -> int:
