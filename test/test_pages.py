@@ -333,7 +333,7 @@ WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increa
           'fm_log': (2,), 'fm_log_failure': (1,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.
 REASONS = ('action_lines.c', 'health.c', 'input_log.c', 'reasons.c', 'monitor_node.c',
-           'transform_lines.c')
+           'transform_lines.c', 'graph_lines.c')
 # Functions of Python that word what a node logs, but do not log it.
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',

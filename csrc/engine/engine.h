@@ -51,7 +51,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 25u
+#define FM_ENGINE_ABI 26u
 
 struct fm_engine;
 
@@ -154,6 +154,21 @@ FM_EXPORT bool fm_engine_has_come(struct fm_engine * engine, uint32_t topic);
 
 /// As fm_tree_left_out.
 FM_EXPORT struct fm_tree_counts fm_engine_left_out(struct fm_engine * engine);
+
+/// What was seen last of something in the graph of ROS; 0: it is not there.
+struct fm_observed
+{
+  int32_t value;
+  bool has_value;
+  bool was_there;  // at some time
+};
+
+/// Deliver a message of a topic that is made of the graph, if `value` is another than last time:
+/// of std_msgs/msg/Bool (`is_truth`) or Int32. All that was received before comes first, as with
+/// fm_engine_reset. `received` is a system time. Returns whether it is new. Not within a callback
+/// of the middleware. As fm_engine_message.
+FM_EXPORT bool fm_engine_observe(
+  struct fm_engine * engine, uint32_t topic, bool is_truth, int32_t value, int64_t received);
 
 /// Keep the states of the requirements up to date from now on (states.h), for locks and actions;
 /// the evaluator must report recoveries. fm_engine_take then also returns when one has changed.

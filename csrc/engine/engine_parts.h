@@ -15,7 +15,7 @@
 /// engine_parts.h: the struct of an engine, and the functions that its files share. For
 /// engine_*.c, and those that read the struct: records.c and thinning.c. A file calls only those
 /// before it: clock < findings < message < due < backlog < delivery < transforms <
-/// gate < engine.
+/// graph < gate < engine.
 ///
 /// One mutex guards the whole struct. Functions whose names end in _locked need it held.
 
@@ -62,6 +62,7 @@ struct fm_engine_topic
   size_t evidence_size;
   struct fm_order_counts counts;
   int64_t behind;               // ns; see snapshot.h
+  struct fm_observed observed;
   uint64_t links;               // messages with links between frames, which are no steps
   bool has_sources;             // an input that is not a field
 };

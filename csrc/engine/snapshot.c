@@ -50,7 +50,7 @@ static void copy_topics_locked(struct fm_engine * engine, struct fm_snapshot * o
     struct fm_engine_topic * topic = &engine->topics[t];
     out->topics[t] = (struct fm_topic_snapshot) {
       fm_evaluator_topic_counts(engine->options.evaluator, t), topic->counts,
-      fm_arrivals_lost(&topic->arrivals), topic->behind};
+      topic->observed, fm_arrivals_lost(&topic->arrivals), topic->behind};
     out->topics[t].counts.messages += topic->links;
     topic->behind = 0;
   }

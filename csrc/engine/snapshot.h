@@ -34,6 +34,7 @@ struct fm_topic_snapshot
 {
   struct fm_topic_counts counts;
   struct fm_order_counts order;
+  struct fm_observed observed;
   uint64_t lost;    // as fm_arrivals_lost
   int64_t behind;   // ns: the longest time between the reception of a message and its evaluation
                     // since the last snapshot; 0 while the time is told

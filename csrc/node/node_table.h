@@ -24,7 +24,7 @@
 #include <rosidl_runtime_c/message_type_support_struct.h>
 #include <rosidl_runtime_c/service_type_support_struct.h>
 
-#include "engine.h"
+#include "graph.h"
 #include "report_table.h"
 #include "subscription.h"
 
@@ -78,6 +78,8 @@ struct fm_node_table
   uint32_t n_transforms;
   uint32_t tf;         // the topics with the links between their frames
   uint32_t tf_static;
+  const struct fm_graph_source * in_graph;  // names as written, to be resolved by the node
+  uint32_t n_in_graph;
   const struct fm_action_type * action_types;  // of each action, without locks
   const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`
   const uint8_t * sources;

@@ -30,6 +30,34 @@ typedef char same_service_info[
 typedef char fitting_info[
   sizeof(struct fm_padded_info) >= sizeof(rmw_message_info_t) ? 1 : -1];
 
+typedef char same_strings[
+  sizeof(struct fm_strings) == sizeof(rcutils_string_array_t) ? 1 : -1];
+
+static int node_names(
+  const void * node, struct fm_strings * names, struct fm_strings * namespaces)
+{
+  return rmw_get_node_names(
+    node, (rcutils_string_array_t *)(void *)names, (rcutils_string_array_t *)(void *)namespaces);
+}
+
+static int count_publishers(const void * node, const char * topic, size_t * count)
+{
+  return rmw_count_publishers(node, topic, count);
+}
+
+static int count_subscribers(const void * node, const char * topic, size_t * count)
+{
+  return rmw_count_subscribers(node, topic, count);
+}
+
+static int free_strings(struct fm_strings * strings)
+{
+  return rcutils_string_array_fini((rcutils_string_array_t *)(void *)strings);
+}
+
+const struct fm_graph_functions fm_rmw_graph = {
+  node_names, count_publishers, count_subscribers, free_strings, rcutils_reset_error};
+
 static int take(
   const void * subscription, struct fm_serialized * message, bool * taken,
   struct fm_message_info * info, void * allocation)

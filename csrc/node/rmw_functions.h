@@ -17,11 +17,13 @@
 #ifndef RMW_FUNCTIONS_H_
 #define RMW_FUNCTIONS_H_
 
+#include "graph.h"
 #include "service_call.h"
 
 /// The functions of rmw. A receiver that cannot be stopped may use them as long as the process.
 extern const struct fm_middleware fm_rmw_functions;
 extern const struct fm_service_functions fm_rmw_services;
+extern const struct fm_graph_functions fm_rmw_graph;
 
 /// rmw_publish_serialized_message.
 int fm_rmw_publish_serialized(

@@ -294,7 +294,9 @@ bool fm_session_activate(struct fm_session * session)
   if (session->clock->is_simulated) {
     fm_engine_follow_clock(session->engine, fm_clock_read, session->clock, false);
   }
-  if (!start_threads(session) || !subscribe_all(session)) {
+  if (!start_threads(session) || !subscribe_all(session) || !fm_node_graph_begin(
+      &session->graph, session->node, session->table, session->engine))
+  {
     fm_session_deactivate(session);
     return false;
   }
@@ -310,6 +312,7 @@ void fm_session_deactivate(struct fm_session * session)
 {
   bool is_over = true;
   session->is_active = false;
+  fm_node_graph_end(&session->graph);
   for (uint32_t k = 0; k < session->n_topics; ++k) {
     is_over = fm_topic_close(&session->topics[k]) && is_over;
   }
@@ -355,7 +358,8 @@ int64_t fm_session_note_change(struct fm_session * session)
   }
   session->has_due = true;
   note_all(session);
-  return session->next_look;
+  session->graph.has_changed = true;
+  return session->graph.watch == NULL ? session->next_look : fm_steady_now();
 }
 
 static void note_unsettled(struct fm_session * session, int64_t now)
@@ -391,6 +395,8 @@ static bool look_at_due(struct fm_session * session)
 
 int64_t fm_session_review(struct fm_session * session)
 {
+  const int64_t graph =
+    fm_node_graph_review(&session->graph, session->topics, session->n_topics);
   const int64_t now = fm_steady_now();
   if (now >= session->next_question) {
     session->next_question = now + FM_SECOND;
@@ -400,7 +406,8 @@ int64_t fm_session_review(struct fm_session * session)
     session->next_look = now + FM_LOOK_PERIOD_NS;
     session->has_due = look_at_due(session);
   }
-  return session->has_due ? session->next_look : session->next_question;
+  const int64_t next = session->has_due ? session->next_look : session->next_question;
+  return graph < next ? graph : next;
 }
 
 void fm_session_reset(struct fm_session * session)

@@ -25,6 +25,7 @@
 #include "node_actions.h"
 #include "node_blackbox.h"
 #include "node_clock.h"
+#include "node_graph.h"
 
 /// What `configure` has read from the parameters.
 struct fm_settings
@@ -53,6 +54,7 @@ struct fm_session
   char ** topic_names;                // as resolved
   struct fm_announcer * announcer;
   struct fm_detail_thread * detail_thread;
+  struct fm_node_graph graph;
   struct fm_mapped_topic * topics;
   uint32_t n_topics;                  // that were opened
   uint32_t next_looked_at;            // of the topics

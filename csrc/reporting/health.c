@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "reasons.h"
+#include "graph_lines.h"
 #include "review_parts.h"
 #include "transform_lines.h"
 
@@ -230,6 +231,15 @@ static void add_broken(
   fm_text_free(&link);
 }
 
+static void add_seen(const struct fm_observed * observed, struct troubles * troubles)
+{
+  struct fm_text seen = {NULL, 0, 0};
+  fm_add_seen(&seen, observed);
+  add_trouble(
+    troubles, observed->has_value && !observed->was_there ? WARN : OK, "%s", fm_text_get(&seen));
+  fm_text_free(&seen);
+}
+
 static struct troubles troubles_of(const struct fm_review * review, uint32_t topic)
 {
   const struct fm_publishers * facts = &review->facts.topics[topic];
@@ -255,6 +265,8 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
   }
   if (review->reporter->table->topics[topic].kind == FM_TRANSFORM) {
     add_broken(review, topic, &found);
+  } else if (fm_is_of_graph(review->reporter, topic)) {
+    add_seen(&now->observed, &found);
   } else if (facts->n == 0 && facts->other_types[0] == '\0') {
     // The other one of /tf and /tf_static may be enough; a transform says what it lacks.
     add_trouble(&found, fed->n_inputs > 0 ? WARN : OK, "no publisher");
@@ -295,9 +307,13 @@ static void add_topic(const struct report * report, uint32_t topic)
   fm_text_add(&name, "%s%s%s", review->reporter->topics[topic],
     table->is_one_of_several ? " for " : "", table->is_one_of_several ? table->bundle : "");
   const bool is_made = table->topics[topic].kind != FM_TOPIC;
+  const bool is_seen = fm_is_of_graph(review->reporter, topic);
   struct fm_status * status = add_status(
-    report, troubles.level, is_made ? "transform " : "topic ", fm_text_get(&name),
-    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
+    report, troubles.level, is_seen ? "graph " : is_made ? "transform " : "topic ",
+    fm_text_get(&name), troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
+  if (is_seen) {
+    fm_status_value(status, "seen", "%" PRId32, now->observed.value);
+  }
   add_count(status, "received", now->counts.messages);
   fm_status_value(status, "rate", "%.1f",
     (double)(now->counts.messages - review->before.topics[topic].counts.messages) /

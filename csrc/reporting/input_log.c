@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "engine_locked.h"
+#include "graph_lines.h"
 #include "reasons.h"
 #include "review_parts.h"
 #include "transform_lines.h"
@@ -303,6 +304,7 @@ void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
         "counted and are no step", review->reporter->topics[t], table->topics[t].type);
     }
     review_order(review, t, lines);
+    fm_review_graph(review, t, lines);
     if (has_unusable) {
       review_evidence(review, t, lines);
     }
@@ -354,7 +356,9 @@ static void add_awaited(
     }
   }
   if (inputs.n > 0) {
-    if (!fm_add_missing_link(&around, review->reporter, topic)) {
+    if (fm_is_of_graph(review->reporter, topic)) {
+      fm_add_seen(&around, &review->now.topics[topic].observed);
+    } else if (!fm_add_missing_link(&around, review->reporter, topic)) {
       const bool has_others = facts->other_types[0] != '\0';
       fm_text_add(&around, "%u publisher%s%s%s", facts->n, facts->n == 1u ? "" : "s",
         has_others ? " of " : "", has_others ? table->topics[topic].type : "");

@@ -52,7 +52,8 @@ enum fm_topic_kind
   FM_TOPIC = 0,      // of ROS, to which the node subscribes
   FM_ANNOUNCED = 1,  // the node publishes violations on it
   FM_OWN = 2,        // the node uses it otherwise
-  FM_TRANSFORM = 3   // the engine makes its messages, as of all later kinds: of links of frames
+  FM_TRANSFORM = 3,  // the engine makes its messages, as of all later kinds: of links of frames
+  FM_IN_GRAPH = 4    // of the graph of ROS
 };
 
 struct fm_report_topic

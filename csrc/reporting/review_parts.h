@@ -34,6 +34,7 @@ struct fm_topic_log
   bool is_undecodable_logged;
   bool is_ahead_logged;
   bool is_order_logged;
+  bool is_absence_logged;  // of what is in the graph
 };
 
 struct fm_time_log

@@ -374,6 +374,11 @@ class _Run:
                    help='write the topic of each: x: {topic: level, type: std_msgs/msg/Float64}')
         for index, (name, topic) in enumerate(zip(self._names, self._manifest.topics)):
             if index in self._left_out:
+                if index in self._manifest.in_graph:
+                    self._miss(index, f'{topic.name} is not in a recording, which has no graph of '
+                               'ROS: read a topic instead, such as '
+                               f'{self._manifest.inputs[topic.inputs[0]].name}: {{topic: NAME, '
+                               'type: TYPE, field: received(), timeout: 1, stale: violate}')
                 continue
             if name in seen:
                 other = self._manifest.topics[seen[name]].name

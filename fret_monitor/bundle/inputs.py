@@ -30,7 +30,7 @@ from fret_monitor.bundle.yaml_shape import (
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
-from fret_monitor.model.made import Made, MadeKind
+from fret_monitor.model.made import Made, MadeKind, USUAL_PATIENCE_S
 from fret_monitor.model.names import (
     exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLACEHOLDER,
     PLAIN_TYPES, shown,
@@ -42,7 +42,8 @@ from fret_monitor.model.transforms import STAMPED
 FIELD_KEYS = ('field', 'initial', 'values', 'role')
 _TOPIC_KEYS = ('where', 'qos', 'timeout', 'stale', 'startup', 'max_rate')
 TRANSFORM_KEYS = ('from', 'to')
-INPUT_KEYS = ('topic', 'transform', 'type', *FIELD_KEYS, *_TOPIC_KEYS)
+INPUT_KEYS = ('topic', 'transform', 'node', 'publishers', 'subscribers', 'type', *FIELD_KEYS,
+              *_TOPIC_KEYS)
 BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
 _SLIPS = {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'}
 _FIELDS_EXAMPLE = 'fields: {altitude: pose.pose.position.z}'
@@ -50,6 +51,15 @@ _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _NOTHING = 'none'
+_NOT_YET = {
+    'lifecycle': 'no version has it yet; its changes are on a topic:\n{topic: NODE/'
+                 'transition_event, type: lifecycle_msgs/msg/TransitionEvent, field: '
+                 'goal_state.id, values: {INACTIVE: 2, ACTIVE: 3}}',
+    'parameter': 'no version has it yet; changes of the parameters of all nodes are on a topic:\n'
+                 '{topic: /parameter_events, type: rcl_interfaces/msg/ParameterEvent, field: '
+                 '"changed_parameters[name = NAME].value.double_value"}',
+}
+_IN_GRAPH = tuple(item for item in MadeKind if item.is_in_graph)
 _LONGEST_FRAME = 255  # bytes; FM_MOST_FRAME_BYTES
 _TRANSFORM_EXAMPLE = 'transform: {from: map, to: base_link}'
 QOS_KEYS = {
@@ -62,12 +72,46 @@ QOS_KEYS = {
 
 def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> InputEntry:
     """Return an entry under `inputs`."""
-    shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS)
+    shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS, _NOT_YET)
     if shape.key('transform'):
         return _transform(name, shape, problems)
+    if kind := next((item for item in _IN_GRAPH if shape.key(item.value)), None):
+        return _in_graph(name, kind, shape, problems)
     topic = _checked(shape, 'topic', _topic_fault, problems)
-    entry = InputEntry(name.text, topic=topic, damaged=_refused(shape, topic=topic))
+    damaged = _refused(shape, topic=topic)
+    if any(key.value in _NOT_YET for key, _ in mapping.entries):
+        damaged |= {'type'}
+    entry = InputEntry(name.text, topic=topic, damaged=damaged)
     return _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
+
+
+def _in_graph(name: DeclaredName, kind: MadeKind, shape: Shape,
+              problems: Problems) -> InputEntry:
+    """Return an input that is seen in the graph of ROS: a node, or how many endpoints."""
+    place = shape.key(kind.value) or name
+    others = ('topic', 'type', 'where', 'qos',
+              *(item.value for item in _IN_GRAPH if item is not kind))
+    for key in others:
+        if other := shape.key(key):
+            problems.error(f"an input with '{kind.value}' has no '{key}'", other.span,
+                           'it is seen in the graph of ROS', 'remove it')
+    found = _checked(shape, kind.value, lambda text: _graph_fault(kind, text), problems)
+    made = Made(kind, (found.value if found else '',))
+    topic, message_type = (_at(text, place.text) for text in (made.topic, kind.message_type))
+    entry = InputEntry(name.text, topic=topic, type=message_type, made=made,
+                       damaged=frozenset(['qos'] if found else ['qos', 'type']))
+    entry = _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
+    patience = USUAL_PATIENCE_S if entry.startup is None else float(entry.startup)
+    entry = replace(entry, made=replace(made, patience=patience))
+    return entry if found else replace(entry, type=None)
+
+
+def _graph_fault(kind: MadeKind, name: str) -> Fault | None:
+    if name.startswith('~') or '{' in name:
+        return Fault('the name is that of a node or topic, as `ros2 node list` and `ros2 topic '
+                     f'list` have it: {shown(name)}', 'write it in full, from its first slash')
+    fault = topic_fault(name)
+    return fault and fault._replace(help=fault.help.replace('topic: ', f'{kind.value}: '))
 
 
 def _topic_fault(topic: str) -> Fault | None:
@@ -186,7 +230,7 @@ def _with_topic_keys(entry: InputEntry, shape: Shape, problems: Problems) -> Inp
     damaged = entry.damaged | _refused(
         shape, type=entry.type, timeout=entry.timeout, stale=entry.stale, startup=entry.startup,
         max_rate=entry.max_rate) | _refused_with(found, shape, 'qos', problems)
-    if shape.lacks('type') and entry.type is None:
+    if shape.lacks('type') and entry.type is None and 'type' not in entry.damaged:
         damaged |= {'type'}
         kind = 'input' if entry.block is None else 'topic'
         is_plain = entry.block is None and shape.lacks('topic')
@@ -241,11 +285,13 @@ def _check_times(entry: InputEntry, shape: Shape, problems: Problems) -> None:
     if stale and shape.lacks('timeout'):
         problems.error("'stale' needs a 'timeout'", stale.span,
                        'without a timeout it is never stale', 'timeout: 0.5   # seconds')
-    if startup and shape.lacks('timeout'):
+    is_in_graph = entry.made is not None and entry.made.kind.is_in_graph
+    if startup and shape.lacks('timeout') and not is_in_graph:
         problems.error("'startup' needs a 'timeout'", startup.span,
                        'without a timeout nothing is due', 'timeout: 0.5   # seconds')
     place = dict(entry.places).get('startup')
-    if place and entry.timeout and entry.startup and entry.startup < entry.timeout:
+    if place and entry.timeout and entry.startup and entry.startup < entry.timeout \
+            and not is_in_graph:
         problems.warning(
             "'startup' is shorter than 'timeout'", place,
             'the first value is due earlier than any later one', 'remove it for the default: '

@@ -213,6 +213,9 @@ _VALUES |= {
         'from': (_TEXT, 'the frame in which the pose is given'),
         'to': (_TEXT, 'the frame whose pose it is')}),
         'in place of a topic: two frames of /tf and /tf_static'),
+    'node': (_TEXT, 'in place of a topic: a node, and whether it is there'),
+    'publishers': (_TEXT, 'in place of a topic: how many publishers a topic has'),
+    'subscribers': (_TEXT, 'in place of a topic: how many subscribers a topic has'),
 }
 _VALUES |= {
     'for_each': (_named({'anyOf': [
@@ -222,7 +225,8 @@ _VALUES |= {
     'evaluation': ({**_mapping(EVALUATION_KEYS), 'type': ['object', 'null']},
                    'when a step happens'),
     'inputs': (_named({**_mapping(INPUT_KEYS), 'anyOf': [
-        {'required': ['type']}, {'required': ['transform']}]}),
+        {'required': [key]} for key in (
+            'type', 'transform', 'node', 'publishers', 'subscribers')]}),
                'the values that are read, by name'),
     'fields': ({'type': 'object', 'minProperties': 1, 'additionalProperties': {
         'anyOf': [_TEXT, _mapping(FIELD_KEYS)]}}, 'the fields that become inputs, by name'),

@@ -173,8 +173,9 @@ class _Reading:
             signal, declaration = input_declaration(entry, find_message, self.problems)
             if bundle.stamp is Stamp.HEADER and signal is not None and signal.made:
                 self.problems.error(
-                    f"'{entry.name}' is a transform, which does not go with stamp: header",
-                    entry.name.span, 'its links have stamps of their own',
+                    f"'{entry.name}' is {signal.made.kind.words}, which does not go with "
+                    'stamp: header', entry.name.span, 'its messages have no header of their own'
+                    if signal.made.kind.is_in_graph else 'its links have stamps of their own',
                     'stamp: received   # under evaluation')
             elif bundle.stamp is Stamp.HEADER and signal is not None:
                 self._check_header(entry, signal)

@@ -42,6 +42,7 @@ from fret_monitor.model.manifest import REDUCTIONS
 from fret_monitor.model.names import is_integer, looks_like_number
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import InputRole, InputSource, Stale
+from fret_monitor.model.transforms import STAMPED
 from fret_monitor.model.values import ValueType
 
 FindMessage = Callable[[str], MessageLayout]
@@ -183,6 +184,8 @@ def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
 
 
 def _startup(entry: InputEntry) -> float | None:
+    if entry.made and entry.made.kind.is_in_graph:  # there is a value when its patience is over
+        return entry.made.patience + float(entry.timeout) if entry.timeout is not None else None
     if entry.startup is not None:
         return float(entry.startup)
     return None if entry.timeout is None else max(_USUAL_STARTUP_S, float(entry.timeout))
@@ -204,7 +207,7 @@ def _type(entry: InputEntry, find_message: FindMessage) -> tuple[
     layout = find_layout(name, entry.type, find_message)
     if entry.field is not None:
         _refuse_mathematics(entry.name.value, entry.field)
-    field = _transform_field(layout, entry) if entry.made else \
+    field = _transform_field(layout, entry) if layout.name == STAMPED and entry.made else \
         resolve_field(layout, entry.field, entry.type)
     check_reachable(layout, field, entry.type.span)
     return _scalar(field.type_name, entry.field or entry.type, _PLAIN), layout, field

@@ -120,7 +120,7 @@ def check(generated: GeneratedMonitor, options: Options, messages: str,
                 f"'{signal.name}' is a string, which {messages} do not have", signal.place,
                 help='send a number: give its `values` numbers, and a type such as uint8')
         if signal.made:
-            problems.error(f"'{signal.name}' is a {signal.made.kind.value}", signal.place,
+            problems.error(f"'{signal.name}' is {signal.made.kind.words}", signal.place,
                            help=f'{messages} have none: name a topic')
         if specification.stamp is Stamp.HEADER and signal.topic is not None:
             problems.error(

@@ -106,6 +106,9 @@ def _topics(manifest: Manifest) -> Iterator[str]:
     yield from _array('struct fm_transform_topic', 'transforms', (
         f'{{{", ".join(map(_text, frames))}, {index}u}}'
         for index, frames in manifest.made_of(MadeKind.TRANSFORM).items()))
+    yield from _array('struct fm_graph_source', 'in_graph', (
+        f'{{{index}u, FM_GRAPH_{made.kind.name}, {_text(made.names[0])}, '
+        f'{nanoseconds(made.patience)}}}' for index, made in manifest.in_graph.items()))
 
 
 def _pieces(definition: str) -> list[str]:
@@ -144,6 +147,8 @@ def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> 
         'readers': manifest.readers or 'NULL',
         'transforms': 'transforms',
         'n_transforms': f'{len(transforms)}u',
+        'in_graph': 'in_graph',
+        'n_in_graph': f'{len(manifest.in_graph)}u',
         **{field: f'{names.index(topic) if transforms else 0}u'
            for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (

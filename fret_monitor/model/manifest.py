@@ -356,6 +356,12 @@ class Manifest:
                 if topic.made and topic.made.kind is kind}
 
     @property
+    def in_graph(self) -> dict[int, Made]:
+        """The topics whose messages are made of what is in the graph of ROS."""
+        return {index: topic.made for index, topic in enumerate(self.topics)
+                if topic.made and topic.made.kind.is_in_graph}
+
+    @property
     def subscribed(self) -> tuple[ManifestTopic, ...]:
         """What a node subscribes to: `received`, then the source of a gate that no input reads."""
         gate = self.gate
@@ -667,7 +673,8 @@ def _topic(item: _Value, inputs: int) -> ManifestTopic:
 
 def _made(item: _Value) -> Made:
     return Made(item['kind'].choice(MadeKind),
-                tuple(name.text() for name in item['names'].items()))
+                tuple(name.text() for name in item['names'].items()),
+                item['patience'].seconds(is_optional=False) or 0.0)
 
 
 def _group(item: _Value, inputs: int, requirements: int) -> ManifestGroup:

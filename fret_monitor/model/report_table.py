@@ -110,7 +110,7 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
 def used_topics(manifest: Manifest) -> Iterator[tuple[str, str, str]]:
     """Yield the topics that a node uses, as written, with their types and `enum fm_topic_kind`."""
     for topic in manifest.topics:
-        kind = f'FM_{topic.made.kind.name}' if topic.made else 'FM_TOPIC'
+        kind = topic.made.kind.c_name if topic.made else 'FM_TOPIC'
         yield topic.name, topic.message_type, kind
     for item in manifest.requirements:
         yield item.topic, 'std_msgs/msg/Empty', 'FM_ANNOUNCED'

@@ -46,7 +46,7 @@ def obstacle(specification: Specification) -> str:
     known: list[Signal] = []
     for signal in specification.signals:
         if signal.made:
-            return f"'{signal.name}' is a {signal.made.kind.value}"
+            return f"'{signal.name}' is {signal.made.kind.words}"
         if signal.topic is None:
             return f"'{signal.name}' has no topic"
         if signal.source is not InputSource.FIELD or signal.reduction not in _SETTABLE or not all(

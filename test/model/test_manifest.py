@@ -85,6 +85,7 @@ ALLOWED: dict[str, list[Any]] = {
     'inputs[1].values[1][1]': [-1, HUGE],
     'inputs[2].values[0][1]': [-1, HUGE],
     **{f'topics[{index}].made': [None] for index in (0, 1)},
+    'topics[1].made.patience': [0.5],
     'topics[1].qos[0][1]': [-1, HUGE],
     'topics[1].qos[1][1]': [-1, HUGE],
     'inputs[0].path[0]': [HUGE],

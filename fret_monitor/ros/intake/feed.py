@@ -22,7 +22,7 @@ The subscriptions are used by no executor.
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from threading import Event
 from time import monotonic, monotonic_ns
@@ -93,6 +93,13 @@ class Taker(Protocol):
         """Deliver no more."""
 
 
+class GraphWatch(Protocol):
+    """Looks at the graph of ROS."""
+
+    def review(self, has_changed: bool, subscriptions: Callable[[str], int]) -> float:
+        """Look if it is time; return after how many seconds to call this again."""
+
+
 _SETTLED_S = 1.0  # between two questions whether topics are settled
 _LONGEST_WAIT_S = 0.5  # so that `turns` grows
 
@@ -114,6 +121,9 @@ class Feed:
         self._due: dict[_Subscribed, None] = {}  # to be reviewed, in this order
         self._next_look = self._next_question = self._next_round = 0.0
         self._graph = GraphWait(node)
+        self._watched: GraphWatch | None = None
+        self._has_changed = True
+        self._watch_after = 0.0
         self._closing = Event()
         self._thread = WatchedThread('feed', self._loop)
         self.turns = 0
@@ -141,6 +151,10 @@ class Feed:
         """End the subscription to a topic, at the next review; for nodes without an engine."""
         self._removed.append(name)
         self._graph.wake()
+
+    def watch(self, graph: GraphWatch) -> None:
+        """Look at the graph, too; to be called before `start`."""
+        self._watched = graph
 
     def start(self) -> None:
         """Start delivering."""
@@ -189,6 +203,7 @@ class Feed:
         while not self._closing.is_set():
             self.turns += 1
             self._review()
+            self._look()
             self._wait()
             if self._taker is not None:
                 self._taker.take()
@@ -196,10 +211,21 @@ class Feed:
     def _wait(self) -> None:
         until = self._next_look - monotonic() if self._due else _LONGEST_WAIT_S
         handles = () if self._taker is None else self._taker.handles
+        if self._watched is not None:
+            until = min(until, self._watch_after)
         if self._graph.wait(max(0.0, until), handles):
+            self._has_changed = True
             if not self._due:
                 self._next_look = max(self._next_look, monotonic() + LOOK_DELAY_S)
             self._due |= dict.fromkeys(self._topics)
+
+    def _look(self) -> None:
+        if self._watched is not None:
+            self._watch_after = self._watched.review(self._has_changed, self._subscriptions)
+            self._has_changed = False
+
+    def _subscriptions(self, name: str) -> int:
+        return sum(topic.subscriptions for topic in self._topics if topic.full_name == name)
 
     def _add_and_remove(self) -> None:
         while self._added:
@@ -252,6 +278,16 @@ class _Subscribed:
         self._retired: deque[tuple[RclSubscription, Receiver | None]] = deque()
         self._current = self._subscribe(self._state.request)
         self._receiver: Receiver | None = None
+
+    @property
+    def full_name(self) -> str:
+        """The name of the topic as the node resolves it."""
+        return self._node.resolve_topic_name(self.name)
+
+    @property
+    def subscriptions(self) -> int:
+        """How many there are at present."""
+        return 1 + len(self._retired)
 
     def open(self) -> None:
         """Start taking messages."""

@@ -58,7 +58,7 @@ class Middleware:
         rmw = loaded_library(
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
-        self._rmw, self._rcl = rmw, rcl
+        self._rmw, self._rcl, self._rcutils = rmw, rcl, rcutils
         self.functions: Any = ffi.new('struct fm_middleware *')
         self._in_place: InPlaceTypes | None = None
         wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
@@ -89,6 +89,19 @@ class Middleware:
                             ('deserialize', 'rmw_deserialize')):
             kind = ffi.typeof(getattr(found, field))
             setattr(found, field, find_symbol(self._rmw, name, kind))
+        found.forget_error = self.functions.forget_error
+        return found
+
+    def graph_functions(self) -> Any:
+        """Return a `struct fm_graph_functions *`, to look at the graph; raises `Unavailable`."""
+        found: Any = ffi.new('struct fm_graph_functions *')
+        for field, library, name in (
+                ('node_names', self._rmw, 'rmw_get_node_names'),
+                ('count_publishers', self._rmw, 'rmw_count_publishers'),
+                ('count_subscribers', self._rmw, 'rmw_count_subscribers'),
+                ('free_strings', self._rcutils, 'rcutils_string_array_fini')):
+            kind = ffi.typeof(getattr(found, field))
+            setattr(found, field, find_symbol(library, name, kind))
         found.forget_error = self.functions.forget_error
         return found
 

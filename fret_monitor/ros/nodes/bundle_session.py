@@ -30,6 +30,7 @@ from fret_monitor.native import words
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.intake.feed import Feed, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError
+from fret_monitor.ros.intake.graph_sources import GraphSources
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.symbols import Unavailable
@@ -266,6 +267,8 @@ class BundleSession:
                 self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
             elif gate is not None and gate.topic is not None:
                 self._subscribe(feed, topic, gate.topic)
+        if self.manifest.in_graph:
+            feed.watch(GraphSources(self._node, engine, middleware))
         feed.start()
         self._feed, self._gate = feed, gate
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made

@@ -1,0 +1,113 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// node_graph.c: see node_graph.h for the contract.
+
+#include "node_graph.h"
+
+#include <rcl/graph.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "rmw_functions.h"
+
+// The full name of a node: in the namespace of this one, unless it begins with a slash.
+static char * node_name(const struct fm_node * node, const char * name)
+{
+  const char * const space = rcl_node_get_namespace(&node->node);
+  struct fm_text text = {NULL, 0, 0};
+  if (name[0] != '/') {
+    fm_text_add(&text, "%s%s", space, strcmp(space, "/") == 0 ? "" : "/");
+  }
+  fm_text_add(&text, "%s", name);
+  char * const full = fm_copy_of(fm_text_get(&text));
+  fm_text_free(&text);
+  return full;
+}
+
+static bool find_names(struct fm_node_graph * graph, const struct fm_graph_source * sources)
+{
+  for (uint32_t k = 0; k < graph->n; ++k) {
+    graph->names[k] = sources[k].kind == FM_GRAPH_NODE ? node_name(graph->node, sources[k].name) :
+      fm_resolved_name(graph->node, sources[k].name);
+    if (graph->names[k] == NULL) {
+      return false;
+    }
+    graph->sources[k] = sources[k];
+    graph->sources[k].name = graph->names[k];
+  }
+  return true;
+}
+
+bool fm_node_graph_begin(
+  struct fm_node_graph * graph, const struct fm_node * node, const struct fm_node_table * table,
+  struct fm_engine * engine)
+{
+  const size_t n = table->n_in_graph;
+  if (n == 0) {
+    return true;
+  }
+  *graph = (struct fm_node_graph) {
+    node, calloc(n, sizeof(*graph->sources)), calloc(n, sizeof(*graph->names)),
+    calloc(n, sizeof(*graph->own)), table->n_in_graph, NULL, true};
+  if (graph->sources != NULL && graph->names != NULL && graph->own != NULL &&
+    find_names(graph, table->in_graph))
+  {
+    graph->watch = fm_graph_create(
+      engine, &fm_rmw_graph, rcl_node_get_rmw_handle(&node->node), graph->sources, graph->n,
+      fm_steady_now());
+  }
+  if (graph->watch == NULL) {
+    fm_log_failure(node, "cannot look at the graph of ROS");
+  }
+  return graph->watch != NULL;
+}
+
+static void count_own(
+  struct fm_node_graph * graph, const struct fm_mapped_topic * topics, uint32_t n_topics)
+{
+  for (uint32_t k = 0; k < graph->n; ++k) {
+    graph->own[k] = 0;
+    for (uint32_t t = 0; graph->sources[k].kind == FM_GRAPH_SUBSCRIBERS && t < n_topics; ++t) {
+      if (topics[t].state != NULL && strcmp(topics[t].name, graph->names[k]) == 0) {
+        graph->own[k] += 1u + topics[t].n_retired;
+      }
+    }
+  }
+}
+
+int64_t fm_node_graph_review(
+  struct fm_node_graph * graph, const struct fm_mapped_topic * topics, uint32_t n_topics)
+{
+  if (graph->watch == NULL) {
+    return INT64_MAX;
+  }
+  const bool has_changed = graph->has_changed;
+  graph->has_changed = false;
+  count_own(graph, topics, n_topics);
+  return fm_graph_review(graph->watch, fm_steady_now(), has_changed, graph->own);
+}
+
+void fm_node_graph_end(struct fm_node_graph * graph)
+{
+  fm_graph_destroy(graph->watch);
+  for (uint32_t k = 0; graph->names != NULL && k < graph->n; ++k) {
+    free(graph->names[k]);
+  }
+  free(graph->sources);
+  free(graph->names);
+  free(graph->own);
+  memset(graph, 0, sizeof(*graph));
+}

@@ -1,0 +1,85 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a bundle names in the graph of ROS; `csrc/ros/graph.h` looks at it and decides."""
+
+from collections.abc import Callable
+from time import monotonic_ns
+from typing import Any
+
+from fret_monitor.model.made import MadeKind
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.hot_path import Middleware
+from fret_monitor.ros.intake.symbols import Unavailable
+from fret_monitor.runtime.engine import Engine
+
+from rclpy.node import Node
+
+
+class GraphSources:
+    """Delivers to an engine what is seen in the graph; for the thread of the feed."""
+
+    def __init__(self, node: Node, engine: Engine, middleware: Middleware) -> None:
+        """
+        Prepare to look for the sources of the engine's manifest.
+
+        Raises
+        ------
+        Unavailable
+            if the middleware lacks a function, or memory is short.
+        """
+        in_graph = engine.monitor.manifest.in_graph
+        self._node = node
+        self._library = engine.library
+        self._engine = engine  # outlives the watch
+        self._functions = middleware.graph_functions()
+        self._names = [
+            _full_name(node, made.kind, made.names[0]) for made in in_graph.values()]
+        self._counted = [made.kind is MadeKind.SUBSCRIBERS for made in in_graph.values()]
+        self._texts = [ffi.new('char[]', name.encode()) for name in self._names]
+        sources = ffi.new('struct fm_graph_source[]', [
+            (topic, ffi.integer_const(f'FM_GRAPH_{made.kind.name}'), text,
+             round(made.patience * 1e9))
+            for (topic, made), text in zip(in_graph.items(), self._texts)])
+        self._next = 0  # when to look, by the steady clock
+        self._knows_change = False  # C does, and looks then
+        with node.handle:
+            self._pointer: Any = ffi.gc(self._library.fm_graph_create(
+                engine.pointer, self._functions, middleware.node(node), sources, len(in_graph),
+                monotonic_ns()), self._library.fm_graph_destroy)
+        if self._pointer == ffi.NULL:
+            raise Unavailable('memory is short')
+
+    def review(self, has_changed: bool, subscriptions: Callable[[str], int]) -> float:
+        """
+        Look at the graph if it is time; return after how many seconds to call this again.
+
+        `subscriptions` returns how many this node has on a topic: they are not counted.
+        """
+        now = monotonic_ns()
+        if now < self._next and (self._knows_change or not has_changed):
+            return (self._next - now) / 1e9
+        own = [subscriptions(name) if is_counted else 0
+               for name, is_counted in zip(self._names, self._counted)]
+        with self._node.handle:
+            self._next = self._library.fm_graph_review(
+                self._pointer, now, has_changed, ffi.new('uint32_t[]', [*own, 0]))
+        self._knows_change = self._library.fm_graph_knows_change(self._pointer)
+        return max(0.0, (self._next - now) / 1e9)
+
+
+def _full_name(node: Node, kind: MadeKind, name: str) -> str:
+    if kind is not MadeKind.NODE:
+        return node.resolve_topic_name(name)
+    return name if name.startswith('/') else f'{node.get_namespace().rstrip("/")}/{name}'
