@@ -340,7 +340,7 @@ class Failure:
     """What noticed a mutant: a test, or a program with its argument."""
 
     by: str
-    is_too_long: bool
+    is_ended: bool
     """Whether it did not fail, but was ended: perhaps because the machine was busy."""
 
 
@@ -361,7 +361,8 @@ def run_tests(copy: Copy, tests: Sequence[str], test_s: float = _TEST_S) -> Fail
         if status in (pytest.ExitCode.INTERNAL_ERROR, pytest.ExitCode.USAGE_ERROR, _BROKEN):
             raise RuntimeError((Path(name) / 'output').read_text(encoding='utf-8'))
         test, _, how = _text_of(current).partition('\n')
-        return Failure(test or f'status {status}', status is None or how == 'too long')
+        is_ended = status in (None, -signal.SIGKILL, -signal.SIGTERM) or how == 'too long'
+        return Failure(test or f'status {status}', is_ended)
 
 
 def _text_of(file: Path) -> str:
@@ -563,9 +564,9 @@ class Judge:
 
     def _is_confirmed(self, mutant: SourceMutant, failure: Failure) -> bool:
         """Return whether a failure was the mutant's: not the machine's, and not the test's."""
-        if '::' not in failure.by or not (failure.is_too_long
+        if '::' not in failure.by or not (failure.is_ended
                                           or failure.by.startswith('test/ros/')):
-            return not failure.is_too_long
+            return not failure.is_ended
         before = time.monotonic()
         if run_tests(self._copy, [failure.by]) is not None:
             print(f'  left out, it fails without a mutant: {failure.by}', flush=True)
