@@ -341,7 +341,7 @@ class _ModuleWriter:
 
     def _blocks(self, groups: list[int]) -> Iterator[list[int]]:
         """Divide a file's groups into runs, one step function each."""
-        return _runs(groups, self._size, _BLOCK_EQUATIONS)
+        return _runs(groups, self._size, _BLOCK_EQUATIONS) if groups else iter(())
 
     def _size(self, group: int) -> int:
         return len(self._layouts[group].group.equations)

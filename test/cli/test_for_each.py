@@ -170,6 +170,26 @@ def test_a_trace_has_a_column_for_each_variable(here: Here) -> None:
     assert "the trace has no column for the instance variable 'joint'" in done.err
 
 
+@pytest.mark.parametrize(('policy', 'rows'), [
+    ('every_message', ['step,robot,R', '0,a,1', '1,b,0', '2,a,1']),
+    ('timed', ['time,robot,R', '0,a,1', '1,b,0', '2,a,1'])])
+def test_a_bundle_may_have_no_requirement_but_of_instances(
+        here: Here, policy: str, rows: list[str]) -> None:
+    bundle = here.file('each.yaml', f"""\
+format: 1
+for_each: {{robot: {{most: 3}}}}
+evaluation: {{policy: {policy}}}
+inputs:
+  speed: {{topic: "/{{robot}}/speed", type: std_msgs/msg/Float32}}
+  came: {{topic: "/{{robot}}/speed", type: std_msgs/msg/Float32, field: received()}}
+requirements:
+  - {{id: R, ptltl: "H (came -> speed < 1.0)"}}
+""")
+    trace = here.file('trace.csv', 'robot,speed,time\na,0.5,0\nb,2.0,1\na,0.6,2\n')
+    assert here.run('check', bundle).status == 0
+    assert here.run('simulate', bundle, '--trace', trace).out.splitlines() == rows
+
+
 def test_under_timed_the_end_of_an_instance_is_an_instant(here: Here) -> None:
     timed = FLEET.replace('requirements:', 'evaluation: {policy: timed}\nrequirements:').replace(
         ' & max(joint: effort) < 9.0', '')
