@@ -54,6 +54,7 @@ bench: setup
 	@$(PYTHON) bench/run.py
 	@$(PYTHON) -m bench.timed
 	@$(PYTHON) -m bench.windows
+	@$(PYTHON) -m bench.instances
 	@$(PYTHON) -m bench.peers
 
 # Not part of `bench`: takes 15 minutes on an otherwise idle machine.

@@ -168,7 +168,7 @@ void fm_total_update(
   struct fm_total * total, const struct fm_instance * instance, uint32_t slot)
 {
   const struct fm_instance_group * group = &instance->groups[total->group];
-  const bool counts = group->steps > 0 && group->unset == 0;
+  const bool counts = group->steps > 0;
   total->is_touched = true;
   leave(total, slot, counts);
   if (!counts) {

@@ -92,7 +92,7 @@ void fm_heap_set(struct fm_heap * heap, uint32_t item, int64_t word)
 
 void fm_heap_remove(struct fm_heap * heap, uint32_t item)
 {
-  if (heap->places[item] == 0) {
+  if (heap->n == 0 || heap->places[item] == 0) {
     return;
   }
   const uint32_t place = heap->places[item] - 1;

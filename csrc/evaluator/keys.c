@@ -44,6 +44,14 @@ static void mix(uint64_t * v)
   v[2] = rotate(v[2], 32);
 }
 
+// Compilers make one load of it.
+static uint64_t whole_word(const uint8_t * bytes)
+{
+  return (uint64_t)bytes[0] | (uint64_t)bytes[1] << 8 | (uint64_t)bytes[2] << 16 |
+         (uint64_t)bytes[3] << 24 | (uint64_t)bytes[4] << 32 | (uint64_t)bytes[5] << 40 |
+         (uint64_t)bytes[6] << 48 | (uint64_t)bytes[7] << 56;
+}
+
 static uint64_t word_of(const uint8_t * bytes, size_t n)
 {
   uint64_t word = 0;
@@ -60,7 +68,7 @@ static uint64_t siphash(const uint64_t * seed, const uint8_t * bytes, size_t siz
     seed[0] ^ UINT64_C(0x6c7967656e657261), seed[1] ^ UINT64_C(0x7465646279746573)};
   size_t place = 0;
   for (; size - place >= 8; place += 8) {
-    const uint64_t word = word_of(bytes + place, 8);
+    const uint64_t word = whole_word(bytes + place);
     v[3] ^= word;
     mix(v);
     v[0] ^= word;

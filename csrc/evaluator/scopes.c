@@ -228,8 +228,12 @@ uint32_t fm_scopes_enter(
   step_entered(scopes);
   const uint32_t slot = find_or_begin(scopes, kind, key, size);
   if (slot != FM_NO_SLOT) {
-    pool->lasts[slot] = scopes->message.now;
-    pool->marks[slot] = is_for_all(scopes, kind) ? 1u : 0u;
+    if (pool->forget > 0) {
+      pool->lasts[slot] = scopes->message.now;
+    }
+    if (is_for_all(scopes, kind)) {
+      pool->marks[slot] = 1;
+    }
     enter(scopes, kind, slot);
   }
   return slot;

@@ -248,9 +248,88 @@ static void a_million_lives_need_no_more_memory(void)
   free(memory);
 }
 
+// ---- an aggregate that has lost its value ------------------------------------------------------
+
+static const uint32_t BOTH[] = {0, 1};
+static const struct fm_input TWO_INPUTS[] = {{"least", 0, FM_INT64}, {"s", 8, FM_INT64}};
+static const struct fm_group OF_BOTH[] = {{BOTH, 2, FIRST, 1, keep, look, NULL}};
+static const struct fm_monitor LEAST = {
+  FM_ABI, 2, 1, 1, 16, 16, TWO_INPUTS, OF_BOTH, REQUIREMENTS, "bundle", "", NULL, NULL, 0, NULL};
+static const struct fm_topic ON_SECOND[] = {{NULL, 0}, {BOTH + 1, 1}};
+static const struct fm_topic ON_FIRST[] = {{FIRST, 1}, {NULL, 0}};
+static const uint8_t LEAST_SOURCES[] = {FM_AGGREGATE, FM_FIELD};
+static const uint8_t TWO_CONCERNS[] = {FM_CONCERNS_KEY, FM_CONCERNS_ALL};
+static const struct fm_aggregate MIN[] = {{0, FM_MIN_OF, 0, 0}};
+
+static void give_shared(struct fm_scopes * scopes, int64_t now)
+{
+  const union fm_value value = {.i = 1};
+  while (fm_scopes_advance_to(scopes, now) != FM_NEVER) {
+  }
+  fm_scopes_begin(scopes, 1, now);
+  fm_scopes_store(scopes, 1, value);
+  (void)fm_scopes_end(scopes);
+}
+
+// With FM_ALL_INPUTS, both inputs have come anew; but the least of no instance has no value.
+static void a_group_does_not_step_without_the_least_of_all_instances(void)
+{
+  const struct fm_evaluator_options bundle = {
+    &LEAST, ON_SECOND, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, LEAST_SOURCES, false, NULL};
+  const struct fm_evaluator_options instances = {
+    &INSTANCES, ON_FIRST, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, NULL, false, NULL};
+  const struct fm_kind kind = {
+    &instances, &ALL_OUTPUTS, TWO_CONCERNS, NOT_SHARED, NULL, 0, MOST, 10};
+  const struct fm_scopes_options options = {&bundle, &kind, 1, 1, MIN, NULL, NULL, NULL, 0};
+  void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
+  struct fm_scopes * scopes = fm_scopes_init(memory, &options);
+  give(scopes, "a", 5, 1);
+  CHECK(fm_evaluator_has_value(fm_scopes_bundle(scopes), 0));
+  give_shared(scopes, 20);
+  CHECK(!fm_evaluator_has_value(fm_scopes_bundle(scopes), 0));
+  CHECK(fm_evaluator_steps(fm_scopes_bundle(scopes), 0) == 0);
+  give(scopes, "b", 7, 21);
+  CHECK(fm_evaluator_steps(fm_scopes_bundle(scopes), 0) == 1);
+  free(memory);
+}
+
+// ---- a heap ------------------------------------------------------------------------------------
+
+static uint32_t least_of(const bool * is_in, const int64_t * words, uint32_t n)
+{
+  uint32_t least = UINT32_MAX;
+  for (uint32_t k = 0; k < n; ++k) {
+    least = is_in[k] && (least == UINT32_MAX || words[k] < words[least]) ? k : least;
+  }
+  return least;
+}
+
+static void a_heap_has_the_least_first(void)
+{
+  void * memory = calloc(1, (size_t)fm_heap_bytes(MOST));
+  struct fm_heap heap = fm_heap_make(memory, MOST);
+  bool is_in[MOST] = {false};
+  int64_t words[MOST] = {0};
+  for (uint32_t call = 0; call < N_WEAK_CALLS && failures == 0; ++call) {
+    const uint32_t k = random_below(MOST);
+    const bool is_draining = call / 500 % 2 != 0;
+    is_in[k] = !is_draining && random_below(3) != 0;
+    words[k] = (int64_t)random_below(1000) - 500;
+    if (is_in[k]) {
+      fm_heap_set(&heap, k, words[k]);
+    } else {
+      fm_heap_remove(&heap, k);
+    }
+    CHECK(fm_heap_first(&heap) == least_of(is_in, words, MOST));
+  }
+  free(memory);
+}
+
 int main(void)
 {
   keys_that_collide_are_found();
+  a_heap_has_the_least_first();
+  a_group_does_not_step_without_the_least_of_all_instances();
   a_million_lives_need_no_more_memory();
   return failures == 0 ? 0 : 1;
 }
