@@ -27,10 +27,11 @@ ORDER = {
     'evaluator': ('instance', 'tables', 'due', 'steps', 'deadlines', 'evaluator', 'gate',
                   'states', 'keys', 'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due',
                   'scopes_making', 'scopes'),
-    'engine': ('thread', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox', 'mcap',
-               'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message', 'engine_due',
-               'engine_backlog', 'engine_delivery', 'engine_transforms', 'engine_graph',
-               'engine_gate', 'engine', 'blackbox_writer', 'schedule', 'snapshot', 'records'),
+    'engine': ('thread', 'scheduling', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox',
+               'mcap', 'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message',
+               'engine_due', 'engine_backlog', 'engine_delivery', 'engine_transforms',
+               'engine_graph', 'engine_gate', 'engine', 'blackbox_writer', 'schedule',
+               'snapshot', 'records'),
 }
 _FUNCTION = re.compile(
     r'^(?!typedef|#)[A-Za-z_][\w *]*?\b(\w+)\([^;{}]*\)\s*\{', re.MULTILINE)
