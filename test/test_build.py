@@ -100,7 +100,8 @@ def test_a_folder_holds_libraries_manifest_and_sources(pump: Path, tmp_path: Pat
     assert set(os.listdir(out)) == HOLDS
     assert set(os.listdir(out / 'src')) >= {
         'pump_monitor.h', 'pump_monitor.c', 'fret_monitor.h', 'fret_cells.h', 'evaluator.h',
-        'evaluator.c', 'deadlines.c', 'due.c', 'steps.c', 'tables.c', 'instance.c'}
+        'evaluator.c', 'deadlines.c', 'due.c', 'measures.c', 'steps.c', 'tables.c',
+        'instance.c'}
     assert sorted(os.listdir(tmp_path)) == ['in', 'out']
     assert stat.S_IMODE(out.stat().st_mode) == 0o755
 
@@ -159,8 +160,8 @@ def test_the_sources_of_a_folder_compile_in_place(pump: Path, tmp_path: Path) ->
     if compiler is None:
         pytest.skip('needs a C compiler by the name of cc or gcc')
     subprocess.run([compiler, '-std=c99', '-Wall', '-Wextra', '-Wpedantic', '-Werror', '-fPIC',
-                    '-shared', 'pump_monitor.c', 'evaluator.c', 'deadlines.c', 'due.c', 'steps.c',
-                    'tables.c', 'instance.c', '-lm', '-o', 'all.so'],
+                    '-shared', 'pump_monitor.c', 'evaluator.c', 'deadlines.c', 'due.c',
+                    'measures.c', 'steps.c', 'tables.c', 'instance.c', '-lm', '-o', 'all.so'],
                    cwd=out / 'src', check=True)
     assert b'O[0,3] p' in (out / 'src' / 'pump_monitor.c').read_bytes()
 

@@ -51,7 +51,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 26u
+#define FM_ENGINE_ABI 27u
 
 struct fm_engine;
 

@@ -116,6 +116,9 @@ static void deliver_fields_locked(
       now = fm_engine_instant_locked(engine, received, now);
     }
     fm_engine_take_due_before_locked(engine, now);
+    if (fm_evaluator_measures(evaluator)) {
+      (void)fm_evaluator_arrival(evaluator, fm_engine_instant_locked(engine, received, now));
+    }
     deliver_step_locked(engine, topic, fields, stamp, now);
   }
 }

@@ -79,12 +79,11 @@ static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t r
     }
     step.source = now;
     step.stamp = engine->source == FM_CLOCK ? now : received;
-    step.now = now;
     if (fm_evaluator_is_timed(evaluator)) {
       fm_engine_note_restart_locked(engine, now);
       fm_engine_release_locked(engine, now);
-      step.now = fm_evaluator_arrival(evaluator, now);
     }
+    step.now = fm_evaluator_arrival(evaluator, now);
     fm_engine_take_due_before_locked(engine, step.now);
   }
   return step;

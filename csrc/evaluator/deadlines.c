@@ -16,6 +16,7 @@
 
 #include "due.h"
 
+#include "measures.h"
 #include "steps.h"
 
 // How long an input may have no value until it is silent; 0: for ever.
@@ -33,6 +34,7 @@ static void begin_time(struct fm_evaluator * evaluator, int64_t now)
   instance->time->now = now;
   instance->time->before = now;
   instance->time->clock = now;
+  instance->time->arrived = now;
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const int64_t limit = limit_of(evaluator, i);
     instance->inputs[i].stored_at = now;
@@ -63,6 +65,8 @@ int64_t fm_evaluator_deadline(struct fm_evaluator * evaluator)
         evaluator->wake = instance->groups[g].due;
       }
     }
+    const int64_t rates_due = fm_rates_due(evaluator);
+    evaluator->wake = rates_due < evaluator->wake ? rates_due : evaluator->wake;
     evaluator->is_exact = true;
   }
   return instance->time->has_begun ? evaluator->wake : INT64_MIN;
@@ -86,7 +90,12 @@ int64_t fm_evaluator_now(const struct fm_evaluator * evaluator)
 int64_t fm_evaluator_arrival(struct fm_evaluator * evaluator, int64_t now)
 {
   struct fm_instance_time * time = evaluator->instance.time;
-  if (evaluator->policy != FM_TIMED || !time->has_begun || now < time->clock) {
+  if (!time->has_begun || (evaluator->policy == FM_TIMED && now < time->clock)) {
+    return now;
+  }
+  if (evaluator->policy != FM_TIMED) {
+    time->arrived = now > time->arrived ? now : time->arrived;
+    fm_renew_rates(evaluator, time->arrived);
     return now;
   }
   time->clock = now;
@@ -97,6 +106,7 @@ void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by)
 {
   if (evaluator->instance.time->has_begun) {
     fm_instance_shift(&evaluator->instance, by);
+    fm_shift_measures(evaluator, by);
     fm_forget_deadline(evaluator);
   }
 }
@@ -175,6 +185,7 @@ static void take_period(struct fm_evaluator * evaluator, int64_t now, struct fm_
   time->next_period = fm_later(time->next_period, evaluator->period);
   evaluator->is_exact = false;
   fm_end_receptions(evaluator, now);
+  fm_renew_rates(evaluator, report->stamp);
   fm_step_ready_groups(evaluator, report);
   time->receptions_end = evaluator->n_receptions > 0 ? INT64_MIN : INT64_MAX;
 }
@@ -195,6 +206,7 @@ static void restart_time(struct fm_evaluator * evaluator, int64_t now)
   evaluator->counts.restarts += 1;
   evaluator->counts.restarted_at = now;
   fm_evaluator_shift(evaluator, -fm_since(now, time->now));
+  fm_forget_messages(evaluator);
   time->clock = now;
   if (evaluator->policy == FM_TIMED) {
     time->taken = INT64_MIN;
@@ -238,6 +250,7 @@ uint32_t fm_take_first_due(
     if (input < evaluator->monitor->n_inputs) {
       take_timeout(evaluator, input, now, &report);
     } else if (evaluator->policy == FM_TIMED) {
+      fm_renew_rates(evaluator, deadline);
       fm_evaluate_due_groups(evaluator, deadline, &report);
     } else {
       take_period(evaluator, now, &report);

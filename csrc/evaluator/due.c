@@ -21,7 +21,7 @@ int64_t fm_since(int64_t from, int64_t to)
   return to > from ? fm_between(from, to) : 0;
 }
 
-static void replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t by)
+void fm_replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t by)
 {
   evaluator->is_exact = evaluator->is_exact && *due > evaluator->wake;
   *due = by;
@@ -32,12 +32,26 @@ static void replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t 
 
 void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due)
 {
-  replace_due(evaluator, &evaluator->instance.inputs[i].due, due);
+  fm_replace_due(evaluator, &evaluator->instance.inputs[i].due, due);
 }
 
 void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due)
 {
-  replace_due(evaluator, &evaluator->instance.groups[g].due, due);
+  fm_replace_due(evaluator, &evaluator->instance.groups[g].due, due);
+}
+
+void fm_note_value(struct fm_evaluator * evaluator, uint32_t i)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  const struct fm_input_cell * input = &evaluator->inputs[i];
+  if (!instance->inputs[i].has_value) {
+    instance->inputs[i].has_value = true;
+    for (uint32_t k = 0; k < input->n_readers; ++k) {
+      struct fm_instance_group * group = &instance->groups[input->readers[k]];
+      group->unset -= 1;
+      instance->time->n_waiting -= group->unset == 0 ? 1u : 0u;
+    }
+  }
 }
 
 void fm_begin_ready_groups(struct fm_evaluator * evaluator)

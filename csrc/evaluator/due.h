@@ -26,11 +26,18 @@
 /// Set when an input times out. O(1).
 FM_INTERNAL void fm_set_due(struct fm_evaluator * evaluator, uint32_t i, int64_t due);
 
+/// Replace a time at which something is due, of the evaluator's. O(1).
+FM_INTERNAL void fm_replace_due(struct fm_evaluator * evaluator, int64_t * due, int64_t by);
+
 /// Set when a group is to be evaluated. O(1).
 FM_INTERNAL void fm_set_group_due(struct fm_evaluator * evaluator, uint32_t g, int64_t due);
 
 /// Under FM_TIMED: let the groups that are ready and have not begun, begin now. O(groups).
 FM_INTERNAL void fm_begin_ready_groups(struct fm_evaluator * evaluator);
+
+/// Note that an input has a value. With its first one, its readers wait for one input less.
+/// O(groups that read it) then, else O(1).
+FM_INTERNAL void fm_note_value(struct fm_evaluator * evaluator, uint32_t i);
 
 /// Look for the deadline anew: times of the instance have changed. O(1).
 FM_INTERNAL void fm_forget_deadline(struct fm_evaluator * evaluator);

@@ -26,6 +26,7 @@
 #include <string.h>
 
 #include "due.h"
+#include "measures.h"
 #include "steps.h"
 #include "tables.h"
 
@@ -38,7 +39,7 @@ static const void * block_of(const struct fm_evaluator * evaluator)
 
 uint64_t fm_evaluator_instance_bytes(const struct fm_evaluator * evaluator)
 {
-  return fm_instance_bytes(evaluator->monitor);
+  return fm_instance_bytes(evaluator->monitor, evaluator->measure_words);
 }
 
 void fm_evaluator_save(const struct fm_evaluator * evaluator, void * out)
@@ -61,21 +62,6 @@ void fm_evaluator_restore(struct fm_evaluator * evaluator, const void * from)
 
 // ---- values ------------------------------------------------------------------------------------
 
-// Note that an input has a value. With its first one, its readers wait for one input less.
-static void note_value(struct fm_evaluator * evaluator, uint32_t i)
-{
-  const struct fm_instance * instance = &evaluator->instance;
-  const struct fm_input_cell * input = &evaluator->inputs[i];
-  if (!instance->inputs[i].has_value) {
-    instance->inputs[i].has_value = true;
-    for (uint32_t k = 0; k < input->n_readers; ++k) {
-      struct fm_instance_group * group = &instance->groups[input->readers[k]];
-      group->unset -= 1;
-      instance->time->n_waiting -= group->unset == 0 ? 1u : 0u;
-    }
-  }
-}
-
 // Mark the input as received for each reader. Counts the value before as overwritten if some
 // reader took no step on it.
 static void renew(struct fm_evaluator * evaluator, uint32_t i)
@@ -96,16 +82,6 @@ static void renew(struct fm_evaluator * evaluator, uint32_t i)
   instance->inputs[i].received_at = instance->time->stores;
 }
 
-// Called when the last stale input of a group was stored. A group that is not ready cannot step,
-// so that its verdicts are set to true here; fm_evaluator_message reports that.
-static void end_violation(struct fm_evaluator * evaluator, uint32_t g)
-{
-  evaluator->instance.groups[g].knows_stale = false;
-  if (evaluator->instance.groups[g].unset > 0) {
-    fm_set_verdicts(evaluator, g, true);
-  }
-}
-
 static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
 {
   struct fm_input_cell * input = &evaluator->inputs[i];
@@ -118,7 +94,7 @@ static void end_silence(struct fm_evaluator * evaluator, uint32_t i, int64_t now
     struct fm_instance_group * group = &evaluator->instance.groups[input->readers[k]];
     group->stale -= 1;
     if (group->stale == 0) {
-      end_violation(evaluator, input->readers[k]);
+      fm_end_violation(evaluator, input->readers[k]);
     }
   }
 }
@@ -140,10 +116,9 @@ void fm_evaluator_arrive(struct fm_evaluator * evaluator, uint32_t i, int64_t no
 
 static void note_receipt(struct fm_evaluator * evaluator, uint32_t i, int64_t now)
 {
-  note_value(evaluator, i);
   evaluator->inputs[i].counts.received += 1;
   fm_evaluator_arrive(evaluator, i, now);
-  if (evaluator->policy == FM_ALL_INPUTS) {
+  if (evaluator->policy == FM_ALL_INPUTS && evaluator->instance.inputs[i].has_value) {
     renew(evaluator, i);
   }
 }
@@ -153,7 +128,13 @@ void fm_evaluator_store(
 {
   if (input < evaluator->monitor->n_inputs) {
     fm_end_receptions(evaluator, now);
-    fm_instance_write(&evaluator->instance, input, value);
+    if (fm_is_measured(evaluator->inputs[input].source)) {
+      const bool is_timed = evaluator->policy == FM_TIMED;
+      fm_measure(evaluator, input, is_timed ? now : evaluator->instance.time->arrived);
+    } else {
+      fm_instance_write(&evaluator->instance, input, value);
+      fm_note_value(evaluator, input);
+    }
     note_receipt(evaluator, input, now);
   }
 }
@@ -164,6 +145,7 @@ void fm_evaluator_store_from(
   if (input < evaluator->monitor->n_inputs) {
     fm_end_receptions(evaluator, now);
     fm_instance_write_from(&evaluator->instance, input, value);
+    fm_note_value(evaluator, input);
     note_receipt(evaluator, input, now);
   }
 }
@@ -172,8 +154,10 @@ void fm_evaluator_put(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now)
 {
   fm_end_receptions(evaluator, now);
-  fm_instance_write(&evaluator->instance, input, value);
-  note_value(evaluator, input);
+  if (!fm_is_measured(evaluator->inputs[input].source)) {
+    fm_instance_write(&evaluator->instance, input, value);
+    fm_note_value(evaluator, input);
+  }
 }
 
 // A group that is not ready keeps in `start` how many ticks it has taken.
@@ -205,7 +189,7 @@ void fm_evaluator_initial(struct fm_evaluator * evaluator, uint32_t input, union
   if (input < evaluator->monitor->n_inputs) {
     fm_end_receptions(evaluator, evaluator->instance.time->now);
     fm_instance_write(&evaluator->instance, input, value);
-    note_value(evaluator, input);
+    fm_note_value(evaluator, input);
     fm_begin_ready_groups(evaluator);
   }
 }
@@ -216,7 +200,7 @@ void fm_evaluator_initial_from(
   if (input < evaluator->monitor->n_inputs) {
     fm_end_receptions(evaluator, evaluator->instance.time->now);
     fm_instance_write_from(&evaluator->instance, input, value);
-    note_value(evaluator, input);
+    fm_note_value(evaluator, input);
     fm_begin_ready_groups(evaluator);
   }
 }
@@ -271,6 +255,7 @@ uint32_t fm_evaluator_message(
       if (!evaluator->instance.time->has_begun) {
         return 0;
       }
+      fm_renew_rates(evaluator, now);
       fm_evaluate_groups_of(evaluator, topic, now, &report);
       break;
     case FM_PERIODIC:
@@ -287,6 +272,7 @@ uint32_t fm_evaluator_step(
 {
   struct fm_findings report = {out, now, 0};
   fm_end_receptions(evaluator, now);
+  fm_renew_rates(evaluator, now);
   if (evaluator->policy == FM_TIMED) {
     if (!evaluator->instance.time->has_begun) {
       (void)fm_evaluator_advance(evaluator, now, NULL);
@@ -301,16 +287,27 @@ uint32_t fm_evaluator_step(
 
 // ---- rows --------------------------------------------------------------------------------------
 
+static bool comes(const struct fm_rows * rows, uint32_t i)
+{
+  return rows->come == NULL || rows->come[i] == NULL || rows->come[i][rows->next] != 0;
+}
+
 uint32_t fm_evaluator_row(
   struct fm_evaluator * evaluator, struct fm_rows * rows, struct fm_violation * out)
 {
+  const union fm_value none = {.i = 0};
   const size_t row = (size_t)rows->next;
+  if (!evaluator->instance.time->has_begun && evaluator->has_measures) {
+    (void)fm_evaluator_advance(evaluator, rows->times[row], NULL);
+  }
   const int64_t now = fm_evaluator_arrival(evaluator, rows->times[row]);
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const char * column = rows->columns[i];
     if (column != NULL) {
       const enum fm_type type = (enum fm_type)evaluator->monitor->inputs[i].type;
       fm_evaluator_store_from(evaluator, i, column + row * fm_instance_value_bytes(type), now);
+    } else if (fm_is_measured(evaluator->inputs[i].source) && comes(rows, i)) {
+      fm_evaluator_store(evaluator, i, none, now);
     }
   }
   rows->next += 1;
@@ -361,6 +358,11 @@ uint64_t fm_evaluator_rows(
 bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group)
 {
   return group < evaluator->monitor->n_groups && evaluator->instance.groups[group].unset == 0;
+}
+
+bool fm_evaluator_measures(const struct fm_evaluator * evaluator)
+{
+  return evaluator->has_measures;
 }
 
 bool fm_evaluator_is_timed(const struct fm_evaluator * evaluator)
@@ -446,7 +448,7 @@ struct fm_time_counts fm_evaluator_time_counts(const struct fm_evaluator * evalu
 {
   const struct fm_monitor * monitor = evaluator->monitor;
   struct fm_time_counts counts = evaluator->counts;
-  counts.overflows =
+  counts.overflows +=
     monitor->overflows == NULL ? 0 : monitor->overflows(evaluator->instance.state);
   return counts;
 }

@@ -76,7 +76,11 @@ enum fm_source
                      // message are taken; under FM_PERIODIC those of a period; under FM_TIMED for
                      // one tick
   FM_AGE = 2,        // a float64: seconds from a stamp in the message to its reception
-  FM_AGGREGATE = 3   // a value over all instances of a kind (scopes.h); several topics may set it
+  FM_AGGREGATE = 3,  // a value over all instances of a kind (scopes.h); several topics may set it
+  FM_RATE = 4,       // a float64: messages a second in the last `windows` ns; no value until that
+                     // time has passed since the first message
+  FM_PERIOD = 5,     // a float64: seconds between the last two messages; none before the second
+  FM_TIME = 6        // an int64: when the last message was received, ns
 };
 
 /// Periods that are taken after the fact, after the process was stopped or the clock has jumped.
@@ -108,6 +112,8 @@ struct fm_evaluator_options
   bool reports_recoveries;     // also report when what was announced is over
   const int64_t * startups;    // an input with a timeout: ns without a first value until it is
                                // silent; 0: as its timeout
+  const int64_t * windows;     // an input whose source is FM_RATE: the length of its window, ns
+  const uint32_t * rooms;      // and how many messages it has room for
 };
 
 /// One announced violation, or the recovery from one: what its report compares is true again.
@@ -163,7 +169,8 @@ struct fm_time_counts
   uint64_t missed;       // not taken: more than FM_MOST_PERIODS_BEHIND came in between
   uint64_t restarts;     // how often the time went back
   int64_t restarted_at;  // the time to which it went back last; 0 before
-  uint64_t overflows;    // changes more than a `max_rate` allows, since start or reset
+  uint64_t overflows;    // changes more than a `max_rate` allows, since start or reset; and
+                         // messages of which a rate had too many
 };
 
 struct fm_evaluator;
@@ -178,21 +185,24 @@ FM_EXPORT uint64_t fm_evaluator_bytes(const struct fm_evaluator_options * option
 /// the group it names, a time is negative, a group has no function for the policy, an input's type
 /// does not fit its source, or the ABI is not FM_ABI. `reports` NULL: every violation is
 /// announced; `timeouts` NULL: none; `violates` NULL: none does; `sources` NULL: all are fields;
-/// `startups` NULL: all are as the timeouts.
+/// `startups` NULL: all are as the timeouts; `windows` and `rooms` may be NULL without FM_RATE.
 /// O(bytes).
 FM_EXPORT struct fm_evaluator * fm_evaluator_init(
   void * memory, const struct fm_evaluator_options * options);
 
 /// When a message that comes `now` takes effect: `now`, or under FM_TIMED, if something was
 /// evaluated at that instant already, 1 ns later than the last evaluation. To be used in place of
-/// `now` in all calls for this message.
+/// `now` in all calls for this message. Under the other policies `now` is when the message was
+/// received, which only matters for measures: FM_RATE, FM_PERIOD, FM_TIME. Then it takes
+/// O(rates * log(room)).
 FM_EXPORT int64_t fm_evaluator_arrival(struct fm_evaluator * evaluator, int64_t now);
 
 /// Store a value of an input, received at `now`: a silence of the input ends, and its timeout runs
 /// from then. No step happens: the call of fm_evaluator_message with the input's
 /// topic follows, once all fields of the message are stored. Integers wrap to the input's type,
 /// a bool is i != 0. O(1), and O(groups that read it) for the first value, after a silence, and
-/// with FM_ALL_INPUTS. An index out of range is ignored.
+/// with FM_ALL_INPUTS. An index out of range is ignored. The value of a measure is not looked at:
+/// its message was received.
 FM_EXPORT void fm_evaluator_store(
   struct fm_evaluator * evaluator, uint32_t input, union fm_value value, int64_t now);
 
@@ -298,7 +308,7 @@ FM_INTERNAL uint32_t fm_evaluator_advance_to(
   struct fm_evaluator * evaluator, int64_t now, struct fm_violation * out);
 
 /// The clock was changed: all times are `by` nanoseconds later on the new one. Nothing if the time
-/// has not begun. O(inputs + groups).
+/// has not begun. O(inputs + groups + room of rates).
 FM_EXPORT void fm_evaluator_shift(struct fm_evaluator * evaluator, int64_t by);
 
 /// Whether the time has begun. O(1).
@@ -312,10 +322,12 @@ FM_EXPORT int64_t fm_evaluator_now(const struct fm_evaluator * evaluator);
 struct fm_rows
 {
   const void * const * columns;  // an input: n values of its type (bool: bytes), or NULL: it keeps
-                                 // its value
+                                 // its value; to a measure rows are messages of its topic
   const int64_t * times;         // a row: ns, strictly increasing
   uint64_t n;
   uint64_t next;                 // the row to take next; 0 at first
+  const uint8_t * const * come;  // a measure: n flags: in which rows a message came; or NULL, as
+                                 // `come` itself may be: in all
 };
 
 /// Take the next row, which there must be, at its time: store its values, then fm_evaluator_step.
@@ -353,6 +365,9 @@ FM_EXPORT void fm_evaluator_restore(struct fm_evaluator * evaluator, const void 
 
 /// Whether every input that the group reads has a value.
 FM_EXPORT bool fm_evaluator_ready(const struct fm_evaluator * evaluator, uint32_t group);
+
+/// Whether an input is measured: FM_RATE, FM_PERIOD or FM_TIME.
+FM_INTERNAL bool fm_evaluator_measures(const struct fm_evaluator * evaluator);
 
 /// Whether the policy is FM_TIMED.
 FM_EXPORT bool fm_evaluator_is_timed(const struct fm_evaluator * evaluator);

@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "due.h"
+#include "measures.h"
 #include "steps.h"
 #include "tables.h"
 
@@ -57,12 +58,14 @@ struct gate_layout
   struct fm_block block;
 };
 
-static struct gate_layout lay_out_gate(const struct fm_monitor * monitor)
+static struct gate_layout lay_out_gate(const struct fm_gate_options * options)
 {
+  const struct fm_monitor * monitor = options->monitor;
+  const uint64_t instance_bytes = fm_evaluator_instance_bytes(options->evaluator);
   struct gate_layout layout = {0};
   layout.block.fits = true;
   (void)fm_block_append(&layout.block, 1, sizeof(struct fm_gate));
-  layout.saved = fm_block_append(&layout.block, fm_instance_bytes(monitor), 1);
+  layout.saved = fm_block_append(&layout.block, instance_bytes, 1);
   layout.is_from = fm_block_append(&layout.block, monitor->n_inputs, sizeof(bool));
   layout.was_withheld = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
   layout.cells_before =
@@ -74,7 +77,7 @@ static struct gate_layout lay_out_gate(const struct fm_monitor * monitor)
 
 uint64_t fm_gate_bytes(const struct fm_gate_options * options)
 {
-  const struct gate_layout layout = lay_out_gate(options->monitor);
+  const struct gate_layout layout = lay_out_gate(options);
   return layout.block.fits ? layout.block.bytes : 0;
 }
 
@@ -107,7 +110,7 @@ struct fm_gate * fm_gate_init(void * memory, const struct fm_gate_options * opti
   if (!gate_options_are_sound(options)) {
     return NULL;
   }
-  const struct gate_layout layout = lay_out_gate(options->monitor);
+  const struct gate_layout layout = lay_out_gate(options);
   struct fm_gate * gate = memory;
   char * block = memory;
   memset(memory, 0, (size_t)layout.block.bytes);
@@ -231,6 +234,7 @@ static uint32_t step(struct fm_gate * gate, int64_t stamp, struct fm_violation *
   if (fm_evaluator_is_timed(evaluator) && evaluator->instance.time->has_begun &&
     fm_evaluator_deadline(evaluator) <= stamp)
   {
+    fm_renew_rates(evaluator, stamp);
     fm_evaluate_due_groups(evaluator, stamp, &report);
   }
   return report.n;

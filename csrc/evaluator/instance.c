@@ -29,6 +29,7 @@ struct fm_instance_layout
   uint64_t verdicts;
   uint64_t previous;
   uint64_t values;
+  uint64_t measures;
   uint64_t state;
   struct fm_block block;
 };
@@ -46,7 +47,8 @@ uint64_t fm_block_append(struct fm_block * block, uint64_t count, uint64_t size)
   return begin;
 }
 
-static struct fm_instance_layout lay_out_instance(const struct fm_monitor * monitor)
+static struct fm_instance_layout lay_out_instance(
+  const struct fm_monitor * monitor, uint64_t measure_words)
 {
   struct fm_instance_layout layout = {0};
   layout.block.fits = true;
@@ -59,6 +61,7 @@ static struct fm_instance_layout lay_out_instance(const struct fm_monitor * moni
     fm_block_append(&layout.block, fm_instance_verdicts(monitor), sizeof(bool));
   layout.previous = fm_block_append(&layout.block, monitor->n_requirements, sizeof(bool));
   layout.values = fm_block_append(&layout.block, monitor->inputs_bytes, 1);
+  layout.measures = fm_block_append(&layout.block, measure_words, sizeof(int64_t));
   layout.state = fm_block_append(&layout.block, monitor->state_bytes, 1);
   return layout;
 }
@@ -73,15 +76,16 @@ bool fm_may_be_silent(const struct fm_instance_input * input)
   return input->is_silent || input->is_put_off;
 }
 
-uint64_t fm_instance_bytes(const struct fm_monitor * monitor)
+uint64_t fm_instance_bytes(const struct fm_monitor * monitor, uint64_t measure_words)
 {
-  const struct fm_instance_layout layout = lay_out_instance(monitor);
+  const struct fm_instance_layout layout = lay_out_instance(monitor, measure_words);
   return layout.block.fits ? layout.block.bytes : 0;
 }
 
-struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block)
+struct fm_instance fm_instance_make(
+  const struct fm_monitor * monitor, uint64_t measure_words, void * block)
 {
-  const struct fm_instance_layout layout = lay_out_instance(monitor);
+  const struct fm_instance_layout layout = lay_out_instance(monitor, measure_words);
   char * memory = block;
   struct fm_instance instance;
   memset(block, 0, (size_t)layout.block.bytes);
@@ -92,6 +96,7 @@ struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * bl
   instance.verdicts = (bool *)(void *)(memory + layout.verdicts);
   instance.previous = (bool *)(void *)(memory + layout.previous);
   instance.values = memory + layout.values;
+  instance.measures = (int64_t *)(void *)(memory + layout.measures);
   instance.state = memory + layout.state;
   for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
     instance.inputs[i].due = INT64_MAX;
@@ -259,6 +264,7 @@ void fm_instance_shift(const struct fm_instance * instance, int64_t by)
   time->before = fm_later(time->before, by);
   time->next_period = moved(time->next_period, by);
   time->clock = fm_later(time->clock, by);
+  time->arrived = fm_later(time->arrived, by);
   time->taken = fm_later(time->taken, by);
   if (time->receptions_end != INT64_MIN) {
     time->receptions_end = moved(time->receptions_end, by);

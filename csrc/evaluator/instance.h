@@ -73,6 +73,7 @@ struct fm_instance_time
   int64_t before;        // the time from which it moved to `now`
   int64_t next_period;
   int64_t clock;         // the latest time that was told; under FM_TIMED `now` may be ahead of it
+  int64_t arrived;       // not under FM_TIMED: when the latest message was received
   int64_t taken;         // under FM_TIMED: the latest instant of a record or evaluation
   uint64_t stores;       // values stored so far
   uint32_t n_waiting;    // groups that read an input without a value
@@ -91,16 +92,19 @@ struct fm_instance
   bool * verdicts;       // of the last step, as fm_monitor says; true before
   bool * previous;       // a requirement: what its report compares; true before step 0
   void * values;         // the struct of inputs
+  int64_t * measures;    // words of measures.c
   void * state;
 };
 
-/// The bytes of the block; 0 if it does not fit in the address space. O(1).
-FM_INTERNAL uint64_t fm_instance_bytes(const struct fm_monitor * monitor);
+/// The bytes of the block, with so many words of measures; 0 if it does not fit in the address
+/// space. O(1).
+FM_INTERNAL uint64_t fm_instance_bytes(const struct fm_monitor * monitor, uint64_t measure_words);
 
 /// Make an instance in a block of fm_instance_bytes bytes, aligned to FM_ALIGNMENT. No input has a
 /// value, every group is at its start, and time has not begun. The monitor's indices are in range.
-/// O(bytes).
-FM_INTERNAL struct fm_instance fm_instance_make(const struct fm_monitor * monitor, void * block);
+/// The words of measures are 0. O(bytes).
+FM_INTERNAL struct fm_instance fm_instance_make(
+  const struct fm_monitor * monitor, uint64_t measure_words, void * block);
 
 /// The number of verdicts that the groups write. O(1).
 FM_INTERNAL uint64_t fm_instance_verdicts(const struct fm_monitor * monitor);

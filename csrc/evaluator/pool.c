@@ -48,7 +48,8 @@ static struct layout lay_out(const struct fm_evaluator_options * options, uint64
   layout.lasts = fm_block_append(&layout.block, most, sizeof(int64_t));
   layout.marks = fm_block_append(&layout.block, most, sizeof(uint8_t));
   layout.blocks = fm_block_append(
-    &layout.block, most, evaluator > 0 ? fm_instance_bytes(options->monitor) : 1);
+    &layout.block, most,
+    evaluator > 0 ? fm_instance_bytes(options->monitor, fm_measure_words(options)) : 1);
   return layout;
 }
 
@@ -73,7 +74,7 @@ bool fm_pool_make(
   }
   pool->blank = pool->evaluator->instance;
   pool->blocks = bytes + layout.blocks;
-  pool->block_bytes = fm_instance_bytes(options->monitor);
+  pool->block_bytes = fm_instance_bytes(options->monitor, fm_measure_words(options));
   pool->keys = fm_keys_make(bytes + layout.keys, most, seed);
   pool->due = fm_heap_make(bytes + layout.due, most);
   pool->lasts = (int64_t *)(void *)(bytes + layout.lasts);
@@ -123,6 +124,7 @@ static struct fm_instance instance_at(const struct fm_pool * pool, uint32_t slot
   instance.verdicts = (bool *)moved(pool, blank->verdicts, block);
   instance.previous = (bool *)moved(pool, blank->previous, block);
   instance.values = moved(pool, blank->values, block);
+  instance.measures = (int64_t *)moved(pool, blank->measures, block);
   instance.state = moved(pool, blank->state, block);
   return instance;
 }

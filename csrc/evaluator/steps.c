@@ -91,6 +91,14 @@ void fm_overrule(struct fm_evaluator * evaluator, uint32_t g)
   evaluator->instance.groups[g].knows_stale = true;
 }
 
+void fm_end_violation(struct fm_evaluator * evaluator, uint32_t g)
+{
+  evaluator->instance.groups[g].knows_stale = false;
+  if (evaluator->instance.groups[g].unset > 0) {
+    fm_set_verdicts(evaluator, g, true);
+  }
+}
+
 void fm_report_recoveries(
   struct fm_evaluator * evaluator, const struct fm_topic_cell * topic, struct fm_findings * report)
 {

@@ -60,6 +60,10 @@ FM_INTERNAL void fm_judge_group(
 /// Set the verdicts of a group, and what its reports compare.
 FM_INTERNAL void fm_set_verdicts(struct fm_evaluator * evaluator, uint32_t g, bool verdict);
 
+/// Let a group be no longer violated: its last stale input has a value again. One that is not
+/// ready cannot step, and counts as satisfied; fm_report_recoveries reports that.
+FM_INTERNAL void fm_end_violation(struct fm_evaluator * evaluator, uint32_t g);
+
 /// Set the verdicts of a stale group to false: its formulas were evaluated on old values.
 FM_INTERNAL void fm_overrule(struct fm_evaluator * evaluator, uint32_t g);
 

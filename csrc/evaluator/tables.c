@@ -28,6 +28,7 @@ struct layout
   uint64_t inputs;
   uint64_t requirements;
   uint64_t topics;
+  uint64_t rates;
   uint64_t steps_before;
   uint64_t readers;
   uint64_t topic_groups;
@@ -72,12 +73,38 @@ static uint64_t count_aggregate_readers(const struct fm_evaluator_options * opti
   return count;
 }
 
+bool fm_is_measured(enum fm_source source)
+{
+  return source == FM_RATE || source == FM_PERIOD || source == FM_TIME;
+}
+
+static uint32_t room_of(const struct fm_evaluator_options * options, uint32_t i)
+{
+  return options->rooms == NULL ? 0u : options->rooms[i];
+}
+
+static uint64_t measure_words(const struct fm_evaluator_options * options, uint32_t i)
+{
+  const uint8_t source = options->sources == NULL ? (uint8_t)FM_FIELD : options->sources[i];
+  return source == FM_RATE ? (uint64_t)FM_RATE_WORDS + room_of(options, i) :
+         source == FM_PERIOD ? 1u : 0u;
+}
+
+uint64_t fm_measure_words(const struct fm_evaluator_options * options)
+{
+  uint64_t count = 0;
+  for (uint32_t i = 0; i < options->monitor->n_inputs; ++i) {
+    count += measure_words(options, i);
+  }
+  return count;
+}
+
 static struct layout lay_out(const struct fm_evaluator_options * options)
 {
   const struct fm_monitor * monitor = options->monitor;
   const uint64_t readings = count_readings(monitor);
   const uint64_t without_inputs = count_groups_without_inputs(monitor);
-  const uint64_t instance_bytes = fm_instance_bytes(monitor);
+  const uint64_t instance_bytes = fm_instance_bytes(monitor, fm_measure_words(options));
   struct layout layout = {0};
   layout.block.fits = instance_bytes > 0;
   (void)fm_block_append(&layout.block, 1, sizeof(struct fm_evaluator));
@@ -85,6 +112,7 @@ static struct layout lay_out(const struct fm_evaluator_options * options)
   layout.requirements =
     fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct fm_requirement_cell));
   layout.topics = fm_block_append(&layout.block, options->n_topics, sizeof(struct fm_topic_cell));
+  layout.rates = fm_block_append(&layout.block, monitor->n_inputs, sizeof(uint32_t));
   layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
   layout.readers = fm_block_append(&layout.block, readings, sizeof(uint32_t));
   // An input has at most one topic, so each input that a group reads puts the group on at most one
@@ -197,13 +225,30 @@ static bool reports_are_sound(const struct fm_evaluator_options * options)
   return true;
 }
 
+static bool fits_source(uint8_t type, uint8_t source)
+{
+  switch ((enum fm_source)source) {
+    case FM_FIELD:
+    case FM_AGGREGATE:
+      return true;
+    case FM_RECEPTION:
+      return type == FM_BOOL;
+    case FM_AGE:
+    case FM_RATE:
+    case FM_PERIOD:
+      return type == FM_FLOAT64;
+    case FM_TIME:
+      return type == FM_INT64;
+  }
+  return false;
+}
+
 static bool sources_are_sound(const struct fm_evaluator_options * options)
 {
   for (uint32_t i = 0; options->sources != NULL && i < options->monitor->n_inputs; ++i) {
-    const uint8_t type = options->monitor->inputs[i].type;
-    if (options->sources[i] > FM_AGGREGATE ||
-      (options->sources[i] == FM_RECEPTION && type != FM_BOOL) ||
-      (options->sources[i] == FM_AGE && type != FM_FLOAT64))
+    const uint8_t source = options->sources[i];
+    if (!fits_source(options->monitor->inputs[i].type, source) || (source == FM_RATE &&
+      (room_of(options, i) == 0 || options->windows == NULL || options->windows[i] <= 0)))
     {
       return false;
     }
@@ -228,8 +273,10 @@ static void place_parts(
   evaluator->inputs = (struct fm_input_cell *)(void *)(memory + layout->inputs);
   evaluator->requirements = (struct fm_requirement_cell *)(void *)(memory + layout->requirements);
   evaluator->topics = (struct fm_topic_cell *)(void *)(memory + layout->topics);
+  evaluator->rates = (uint32_t *)(void *)(memory + layout->rates);
   evaluator->steps_before = (uint64_t *)(void *)(memory + layout->steps_before);
-  evaluator->instance = fm_instance_make(evaluator->monitor, memory + layout->instance);
+  evaluator->instance = fm_instance_make(
+    evaluator->monitor, evaluator->measure_words, memory + layout->instance);
 }
 
 static void make_inputs(
@@ -245,6 +292,39 @@ static void make_inputs(
     input->source =
       options->sources == NULL ? FM_FIELD : (enum fm_source)options->sources[i];
     evaluator->n_receptions += input->source == FM_RECEPTION ? 1u : 0u;
+  }
+}
+
+void fm_begin_measure(struct fm_evaluator * evaluator, uint32_t i)
+{
+  int64_t * words = evaluator->instance.measures + evaluator->inputs[i].place;
+  if (evaluator->inputs[i].source == FM_PERIOD) {
+    words[FM_LAST] = FM_NEVER;
+  } else if (evaluator->inputs[i].source == FM_RATE) {
+    words[FM_LAST] = FM_NEVER;
+    words[FM_FULL_AT] = FM_NEVER;
+    words[FM_LOST_UNTIL] = FM_NEVER;
+    words[FM_CHANGES_AT] = FM_NEVER;
+    words[FM_N_MESSAGES] = 0;
+  }
+}
+
+static void make_measures(
+  struct fm_evaluator * evaluator, const struct fm_evaluator_options * options)
+{
+  uint64_t place = 0;
+  for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
+    struct fm_input_cell * input = &evaluator->inputs[i];
+    input->place = place;
+    input->room = room_of(options, i);
+    input->window = options->windows == NULL ? 0 : options->windows[i];
+    place += measure_words(options, i);
+    evaluator->has_measures = evaluator->has_measures || fm_is_measured(input->source);
+    fm_begin_measure(evaluator, i);
+    if (input->source == FM_RATE) {
+      evaluator->rates[evaluator->n_rates] = i;
+      evaluator->n_rates += 1;
+    }
   }
 }
 
@@ -373,8 +453,10 @@ struct fm_evaluator * fm_evaluator_init(
   evaluator->patience = options->patience;
   evaluator->reports_recoveries = options->reports_recoveries;
   evaluator->wake = INT64_MIN;
+  evaluator->measure_words = fm_measure_words(options);
   place_parts(evaluator, block, &layout);
   make_inputs(evaluator, options);
+  make_measures(evaluator, options);
   make_requirements(evaluator, options->reports);
   list_readers(evaluator, readers);
   if (!make_topics(evaluator, options->topics, topic_groups)) {

@@ -33,10 +33,26 @@ struct fm_input_cell
   int64_t last_silence;  // how long the last one lasted, ns
   int64_t timeout;       // ns; 0: none
   int64_t startup;       // ns; in place of `timeout` until a value was received
+  int64_t window;        // of a rate, ns
+  uint64_t place;        // of its words in the instance, if it is measured
+  uint32_t room;         // of a rate: messages in the window
   uint32_t n_readers;
   uint32_t topic;
   enum fm_source source;
   bool violates;
+};
+
+/// The words of a rate in the instance, before the times of the messages in its window: a ring. A
+/// period has only the first. FM_NEVER: there was none, is none, or comes none.
+enum fm_rate_word
+{
+  FM_LAST,        // when the last message was received
+  FM_FULL_AT,     // when the window is full
+  FM_LOST_UNTIL,  // when the last message that was left out would have left the window
+  FM_CHANGES_AT,  // under FM_TIMED: when the rate changes without a message
+  FM_OLDEST,      // the place of the oldest message
+  FM_N_MESSAGES,  // in the window
+  FM_RATE_WORDS
 };
 
 struct fm_requirement_cell
@@ -62,16 +78,29 @@ struct fm_evaluator
   struct fm_input_cell * inputs;
   struct fm_requirement_cell * requirements;
   struct fm_topic_cell * topics;
+  uint32_t * rates;         // inputs whose source is FM_RATE
   uint64_t * steps_before;  // a group: steps that its instance no longer counts
   struct fm_time_counts counts;
   int64_t period;           // ns; 0: none
   int64_t patience;         // ns; 0: none
   int64_t wake;             // not after the deadline
   bool is_exact;            // wake is the deadline
+  uint64_t measure_words;   // of the instance
+  uint32_t n_rates;
   uint32_t n_topics;
   uint32_t n_receptions;    // inputs whose source is FM_RECEPTION
   enum fm_policy policy;
+  bool has_measures;        // an input is measured
   bool reports_recoveries;
 };
+
+/// Whether the evaluator itself computes the values of an input. O(1).
+FM_INTERNAL bool fm_is_measured(enum fm_source source);
+
+/// The words of the instance for what is measured. O(inputs).
+FM_INTERNAL uint64_t fm_measure_words(const struct fm_evaluator_options * options);
+
+/// No message of a measured input has come yet. O(1).
+FM_INTERNAL void fm_begin_measure(struct fm_evaluator * evaluator, uint32_t i);
 
 #endif  // TABLES_H_

@@ -81,11 +81,13 @@ struct fm_node_table
   const struct fm_graph_source * in_graph;  // names as written, to be resolved by the node
   uint32_t n_in_graph;
   const struct fm_action_type * action_types;  // of each action, without locks
-  const uint8_t * reports;   // as in fm_evaluator_options, up to `startups`
+  const uint8_t * reports;   // as in fm_evaluator_options, up to `rooms`
   const uint8_t * sources;
   const int64_t * timeouts;
   const bool * violates;
   const int64_t * startups;
+  const int64_t * windows;
+  const uint32_t * rooms;
 };
 
 extern const struct fm_node_table fm_node_table;

@@ -166,7 +166,8 @@ static struct fm_evaluator * make_evaluator(struct fm_session * session)
     .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
     .policy = table->report.policy, .reports = table->reports, .timeouts = table->timeouts,
     .violates = table->violates, .period = table->report.period, .patience = PATIENCE_NS,
-    .sources = table->sources, .reports_recoveries = true, .startups = table->startups};
+    .sources = table->sources, .reports_recoveries = true, .startups = table->startups,
+    .windows = table->windows, .rooms = table->rooms};
   const uint64_t bytes = fm_evaluator_bytes(&options);
   session->memory = bytes == 0 ? NULL : malloc((size_t)bytes + ALIGNMENT);
   if (session->memory == NULL) {

@@ -20,6 +20,7 @@
 
 #include "engine_parts.h"
 #include "instance.h"
+#include "tables.h"
 
 static double as_double(union fm_value value, uint8_t type)
 {
@@ -95,7 +96,9 @@ static void thin_locked(
   const int64_t at = options->uses_header_stamps ? stamp : time;
   for (uint32_t k = 0; k < options->topics[topic].n_inputs; ++k) {
     const uint32_t input = options->topics[topic].inputs[k];
-    if (fields[k].outcome == FM_FIELD_READ) {
+    const bool is_measured =
+      options->sources != NULL && fm_is_measured((enum fm_source)options->sources[input]);
+    if (fields[k].outcome == FM_FIELD_READ && !is_measured) {
       const double value = as_double(fields[k].value, options->monitor->inputs[input].type);
       add_to_windows(thinning, input, at, value);
     }

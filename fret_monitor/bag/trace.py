@@ -44,10 +44,14 @@ _SECOND_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class RowBatch:
-    """Rows in the order of their times (ns); `columns` has an array for each input."""
+    """
+    Rows in the order of their times (ns); `columns` has an array for each input.
+
+    An input that is measured has none.
+    """
 
     times: 'array[int]'
-    columns: tuple['array[Any]', ...]
+    columns: tuple['array[Any] | None', ...]
 
     def before(self, time: int) -> 'RowBatch':
         """Return the rows before a time."""
@@ -62,7 +66,8 @@ class RowBatch:
         return self._part(count, len(self.times))
 
     def _part(self, begin: int, end: int) -> 'RowBatch':
-        return RowBatch(self.times[begin:end], tuple(item[begin:end] for item in self.columns))
+        return RowBatch(self.times[begin:end], tuple(
+            None if item is None else item[begin:end] for item in self.columns))
 
     def deliver(self, engine: Engine, counts: 'array[int]', *,
                 most: int) -> Iterator[list[Violation]]:

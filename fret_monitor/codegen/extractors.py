@@ -101,10 +101,10 @@ class _FileWriter:
     def _extractor(self, number: int, topic: str, signals: Sequence[Signal]) -> Iterator[str]:
         layout = signals[0].layout if signals else None
         need = Need()
-        receptions = [place for place, signal in enumerate(signals)
-                      if signal.source is InputSource.RECEIVED]
+        facts = [place for place, signal in enumerate(signals)
+                 if signal.source is InputSource.RECEIVED or signal.source.is_measured]
         for place, signal in enumerate(signals):
-            if place not in receptions:
+            if place not in facts:
                 need.at(signal.path).whole.append((place, signal))
         yield from comment(f'{topic}: {layout.name}' if layout else
                            f'{topic}: the engine reads its transforms')
@@ -118,8 +118,8 @@ class _FileWriter:
         if layout is None:
             yield from ('  (void)fields;', '  return true;', '}', '')
             return
-        for place in receptions:
-            yield from comment(f'{signals[place].name}: received()', '  ')
+        for place in facts:
+            yield from comment(f'{signals[place].name}: {signals[place].source.value}()', '  ')
             yield f'  fields[{place}] = fm_field_i(1);'
         yield from ExtractorWriter(self._skippers).lines(layout, need)
         yield '  return c.ok;'

@@ -21,6 +21,7 @@ from fret_monitor.logic.specification import Signal
 from fret_monitor.model.manifest import ManifestInput, SECONDS
 from fret_monitor.model.paths import path_text
 from fret_monitor.model.policies import InputSource
+from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 
 
@@ -30,7 +31,8 @@ def described_input(signal: Signal) -> ManifestInput:
                          signal.path, signal.values, signal.initial,
                          timeout=signal.timeout, stale=signal.stale,
                          startup=signal.startup,
-                         reduction=signal.reduction, source=signal.source)
+                         reduction=signal.reduction, source=signal.source,
+                         window=signal.window, room=signal.room)
 
 
 def origin(item: ManifestInput) -> str:
@@ -65,6 +67,12 @@ def _field(item: ManifestInput) -> str:
             return f'received(){on}, true at the step of such a message alone'
         case InputSource.AGE:
             return f'age({path_text(item.path)}){on}, in seconds'
+        case InputSource.RATE:
+            return f'rate({time_text(item.window)}){on}, in messages a second'
+        case InputSource.PERIOD:
+            return f'period(){on}, in seconds'
+        case InputSource.TIME:
+            return f'when the last message{on} was received, in nanoseconds'
         case InputSource.FIELD:
             seconds = ', in seconds' if item.reduction == SECONDS else ''
             return f'{item.field}{on}{seconds}'.strip()

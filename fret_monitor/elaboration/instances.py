@@ -38,6 +38,11 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     inputs = {item.name: item for item in signals}
     for item in properties:
         _check(item, inputs, problems)
+    for signal in inputs.values() if bundle.instance_variables else ():
+        if signal.source.is_measured:
+            problems.error(
+                "a bundle with 'for_each' has no rates, periods and derivatives by messages yet",
+                signal.place, 'not supported', 'watch the topic in a bundle of its own')
     for gate in bundle.gates if bundle.instance_variables else ():
         problems.error("a bundle with 'for_each' has no gates yet", gate.name.span,
                        'not supported', 'gate the topics of each key in a bundle of its own')

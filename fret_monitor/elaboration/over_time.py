@@ -26,13 +26,15 @@ from fret_monitor.elaboration.terms import (
     alike, cast, convert, expect_bool, expect_number, Lasting, promoted,
 )
 from fret_monitor.logic.formula import (
-    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Choice, Constant, Formula, FTP, Held, Over,
-    Previous, Since, Slope, TRUE, Unary, UnaryOperator,
+    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Choice, Constant, Formula, FTP, Held,
+    MessageSlope, Over, Previous, Since, Slope, TRUE, Unary, UnaryOperator,
 )
 from fret_monitor.logic.numbers import ExactNumber
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
+
+_ZERO = Constant(0.0, ValueType.FLOAT64)
 
 
 def _past(call: Application) -> int:
@@ -57,9 +59,7 @@ def _number(call: Application, kind: ValueType | None = None) -> Formula:
 
 
 def _messages(call: Application, formula: Formula) -> Formula:
-    """Return at which steps there is a value."""
-    if not call.scale.is_timed:
-        return TRUE
+    """Return when a message comes on a topic that a formula reads."""
     found = call.implied.messages(formula) if call.implied else None
     if found is None:
         refuse(f'{call.quoted} takes what the messages of an input say', call.arguments[-1].span,
@@ -71,21 +71,26 @@ def _extreme(aggregate: Aggregate) -> Callable[[Application], Formula]:
     return lambda call: Over(aggregate, _past(call), _number(call), TRUE)
 
 
+def _at(call: Application, formula: Formula) -> Formula:
+    """Return at which steps of a window there is a value."""
+    return _messages(call, formula) if call.scale.is_timed else TRUE
+
+
 def _sum(call: Application) -> Formula:
     number = _number(call)
     if number.type.is_float:
         number = convert(number, ValueType.FLOAT64)
-    return Over(Aggregate.SUM, _past(call), number, _messages(call, number))
+    return Over(Aggregate.SUM, _past(call), number, _at(call, number))
 
 
 def _mean(call: Application) -> Formula:
     number = _number(call, ValueType.FLOAT64)
-    return Over(Aggregate.MEAN, _past(call), number, _messages(call, number))
+    return Over(Aggregate.MEAN, _past(call), number, _at(call, number))
 
 
 def _count(call: Application) -> Formula:
     event = expect_bool(call.arguments[-1], call.quoted)
-    return Over(Aggregate.COUNT, _past(call), event, _messages(call, event))
+    return Over(Aggregate.COUNT, _past(call), event, _at(call, event))
 
 
 def _time(call: Application) -> Lasting:
@@ -107,14 +112,25 @@ def _derivative(call: Application) -> Formula:
     if call.scale.is_timed:
         return Slope(number, _messages(call, number))
     if call.scale.policy is not Policy.PERIODIC:
-        refuse(f'{call.quoted} divides by a time', call.place,
-               f'with policy: {call.scale.policy.value} a step has no length',
-               'write evaluation: {policy: timed}; or changeOver(1, x), the change since the last '
-               'step')
-    zero = Constant(0.0, ValueType.FLOAT64)
-    change = Binary(BinaryOperator.SUB, number, Previous(zero, number))
+        return _between_messages(call, number)
+    change = Binary(BinaryOperator.SUB, number, Previous(_ZERO, number))
     period = Constant(float(call.scale.period or 1), ValueType.FLOAT64)
-    return Choice(FTP, zero, Binary(BinaryOperator.DIV, change, period))
+    return Choice(FTP, _ZERO, Binary(BinaryOperator.DIV, change, period))
+
+
+def _between_messages(call: Application, number: Formula) -> Formula:
+    """
+    Return a derivative where a step is a message: by the times of reception.
+
+    Under all_inputs each step has a new message of each topic.
+    """
+    at = _messages(call, number)
+    time = call.implied.time(number) if call.implied else None
+    if time is None:
+        refuse(f'{call.quoted} divides by a time', call.place, 'here a step has no length')
+    if call.scale.policy is Policy.ALL_INPUTS:
+        at = TRUE
+    return MessageSlope(number, at, time)
 
 
 def _held(call: Application) -> Formula:

@@ -42,6 +42,7 @@ from fret_monitor.model.manifest import REDUCTIONS
 from fret_monitor.model.names import is_integer, looks_like_number
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import InputRole, InputSource, Stale
+from fret_monitor.model.times import time_text
 from fret_monitor.model.transforms import STAMPED
 from fret_monitor.model.values import ValueType
 
@@ -51,7 +52,11 @@ _PLAIN = {kind.value: kind for kind in ValueType}
 _TEXT = 'string'
 _TRANSFORM = 'transform'  # the field of geometry_msgs/msg/TransformStamped
 _AGE, _OF_STAMP, _RECEIVED = 'age()', 'age(header.stamp)', 'received()'
+_PERIOD, _RATE = 'period()', 'rate('
 _USUAL_STARTUP_S = 10.0
+_NUMBERS = {InputSource.AGE: ('an age', 'seconds'), InputSource.PERIOD: ('a period', 'seconds'),
+            InputSource.RATE: ('a rate', 'messages a second')}
+_MOST_MESSAGES = 2 ** 21  # of a rate: 16 MiB
 _FIELD = r'(?P<field>[A-Za-z][A-Za-z0-9_.]*(?:\[[^][]*\][A-Za-z0-9_.]*)*)'
 _CALL = re.compile(rf'\s*(?P<function>[A-Za-z_][A-Za-z0-9_]*)\s*\(\s*{_FIELD}\s*\)\s*')
 _AMOUNT = r'[0-9.]+'
@@ -102,9 +107,12 @@ def _signal(entry: InputEntry, find_message: FindMessage,
     doubt = doubt_part(layout, field, entry.field) if layout and field else None
     problems.extend([doubt] if doubt else [])
     source = field.source if field else InputSource.FIELD
-    if source is InputSource.AGE and entry.values:
-        refuse('an age has no names for its values', entry.values[0].name.span,
-               'it is a number of seconds', "remove 'values'")
+    if source in _NUMBERS and entry.values:
+        title, unit = _NUMBERS[source]
+        refuse(f'{title} has no names for its values', entry.values[0].name.span,
+               f'it is a number of {unit}', "remove 'values'")
+    if source.is_measured:
+        _check_measure(entry, source, field.window if field else 0)
     constants = field.constants if field else NO_CONSTANTS
     values = None if 'values' in entry.damaged else \
         _values(entry, kind, bool(constants.all), problems)
@@ -145,6 +153,7 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         made=entry.made,
         variables=entry.variables,
         where=_where(entry, layout) if entry.where and layout else None,
+        window=field.window if field else 0,
     )
     return signal, vocabulary
 
@@ -171,6 +180,25 @@ def _where(entry: InputEntry, layout: MessageLayout) -> LookUp:
         refuse(f"'{name}' is a number", text.span, f'this compares it with the text {found.name}',
                f'where: "{name} = 1"')
     return found
+
+
+def _check_measure(entry: InputEntry, source: InputSource, window: int) -> None:
+    """Refuse a measure of messages without a topic, or without a bound on their number."""
+    field = entry.field or entry.name
+    if entry.topic is None and entry.made is None and 'topic' not in entry.damaged:
+        refuse(f"the input '{entry.name}' has no topic", field.span,
+               f'{_NUMBERS[source][0]} is one of messages on a topic', 'topic: scan')
+    if source is not InputSource.RATE or 'max_rate' in entry.damaged:
+        return
+    if entry.max_rate is None:
+        refuse(f"the rate of '{entry.name}' needs the greatest number of messages a second",
+               field.span, f'it keeps the times of the messages of {time_text(window)}',
+               'max_rate: 100   # Hz')
+    room = Signal(entry.name.value, ValueType.FLOAT64, None, None, (), (), None, (),
+                  max_rate=entry.max_rate, source=source, window=window).room
+    if room > _MOST_MESSAGES:
+        refuse(f"the rate of '{entry.name}' keeps the times of {room:,} messages", field.span,
+               f'at most {_MOST_MESSAGES:,}', 'write a shorter time, or a lower max_rate')
 
 
 def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
@@ -220,7 +248,7 @@ def _transform_field(layout: MessageLayout, entry: InputEntry) -> ResolvedField:
     if path and call == _AGE:
         at = path.offsets
         path = Text(_OF_STAMP, path.source, [at[0]] * len(_OF_STAMP) + [at[-1]])
-    if call in (_AGE, _RECEIVED):
+    if call in (_AGE, _RECEIVED, _PERIOD) or call.startswith(_RATE):
         return resolve_field(layout, path, place)
     kind = next(item.type for item in layout.fields if item.name == _TRANSFORM)
     field = resolve_field(nested_layout(layout, kind, place.span), path, place)

@@ -19,8 +19,8 @@ from typing import assert_never, NamedTuple, TypeAlias
 
 from fret_monitor.logic.formula import (
     Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Held,
-    Historically, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary, UnaryOperator,
-    Variable, WeakYesterday, Window, Yesterday,
+    Historically, MessageSlope, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary,
+    UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.propositions import is_proposition
@@ -102,7 +102,7 @@ def _pieces(node: Formula, values: Values | None, names: Mapping[Formula, str] |
         case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
             return _timed(node) if is_timed else _temporal(node)
         case Constant() | Variable() | Conversion() | Unary() | Binary() | Choice() | Previous() \
-                | Feedback() | Over() | Ago() | Held() | Slope() | TimeOver():
+                | Feedback() | Over() | Ago() | Held() | Slope() | MessageSlope() | TimeOver():
             return [to_smv(node, _TERM_WIDTH, values, names, is_timed)]
         case _:
             assert_never(node)

@@ -296,6 +296,9 @@ class _CfsWriter:
             case InputSource.RECEIVED:
                 yield 'Value.i = 1;'
                 yield store
+            case InputSource.RATE | InputSource.PERIOD | InputSource.TIME:
+                yield 'Value.i = 0;  // the evaluator measures it'
+                yield store
             case InputSource.AGE:
                 yield f'if ({self.upper}_GetAge(&BufPtr->Msg, &Value.f)) {{'
                 yield f'  {store}'
@@ -327,6 +330,8 @@ def _member(source: InputSource, name: str) -> str:
     match source:
         case InputSource.FIELD:
             return f'`Payload.{name}`'
+        case InputSource.RATE | InputSource.PERIOD | InputSource.TIME:
+            return 'when it comes'
         case InputSource.RECEIVED:
             return 'that it comes'
         case InputSource.AGE:

@@ -112,8 +112,9 @@ def hand_written(target: str) -> dict[str, str]:
             for path in sorted(folder.rglob('*')) if path.is_file()}
 
 
-EVALUATOR = tuple(f'{name}.{kind}' for name in (
-    'evaluator', 'instance', 'tables', 'due', 'steps') for kind in ('h', 'c')) + ('deadlines.c',)
+EVALUATOR = (*(f'{name}.{kind}' for name in (
+    'evaluator', 'instance', 'tables', 'due', 'measures', 'steps') for kind in ('h', 'c')),
+    'deadlines.c')
 """The files of `csrc` that run monitors from messages, without ROS."""
 
 

@@ -35,7 +35,7 @@ from fret_monitor.export.content import (
 )
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems
-from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.policies import InputSource, Policy, Stale, Stamp
 from fret_monitor.model.values import ValueType
 
@@ -44,10 +44,12 @@ MONITORS = 'monitors'
 _WITHOUT_TOPIC = 'inputs'
 
 SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
-           InputSource.AGE: 'FM_AGE'}
+           InputSource.AGE: 'FM_AGE', InputSource.RATE: 'FM_RATE',
+           InputSource.PERIOD: 'FM_PERIOD', InputSource.TIME: 'FM_TIME'}
 """The names in C of what an input is taken from."""
 
 _NS_PER_S = 1e9
+_RATE_WORDS = 6  # FM_RATE_WORDS
 _MOST_REQUIREMENTS = 10_000
 _LONGEST_LABEL = 60
 
@@ -198,9 +200,21 @@ def runner_values(generated: GeneratedMonitor) -> dict[str, str]:
         'GROUPS': str(len(manifest.groups)),
         'READINGS': str(sum(len(group.inputs) for group in manifest.groups)),
         'CONSTANT_GROUPS': str(sum(not group.inputs for group in manifest.groups)),
+        'MEASURE_WORDS': str(sum(measure_words(item) for item in manifest.inputs)),
         'INCLUDES': '\n'.join(f'#include "{file}"' for file in sources),
         'HAS_PERIODS': str(int(manifest.policy is Policy.PERIODIC)),
     }
+
+
+def measure_words(item: ManifestInput) -> int:
+    """Return the words of memory that a measured input takes (`tables.c`)."""
+    match item.source:
+        case InputSource.RATE:
+            return _RATE_WORDS + item.room
+        case InputSource.PERIOD:
+            return 1
+        case _:
+            return 0
 
 
 def when_evaluated(manifest: Manifest, wakeup: str) -> str:
@@ -251,6 +265,9 @@ def options_header(generated: GeneratedMonitor) -> Iterator[str]:
                  (nanoseconds(item.startup) for item in manifest.inputs))
     yield _array(f'const bool {name}_violates',
                  (str(item.stale is Stale.VIOLATE).lower() for item in manifest.inputs))
+    yield _array(f'const int64_t {name}_windows',
+                 (f'INT64_C({item.window})' for item in manifest.inputs))
+    yield _array(f'const uint32_t {name}_rooms', (f'{item.room}u' for item in manifest.inputs))
     yield ''
     yield f'static struct fm_evaluator_options {name}_options(void)'
     yield '{'
@@ -259,7 +276,7 @@ def options_header(generated: GeneratedMonitor) -> Iterator[str]:
     yield f'  options.topics = {name}_topics;'
     yield f'  options.n_topics = {len(topics)}u;'
     yield f'  options.policy = FM_{manifest.policy.name};'
-    for key in ('reports', 'sources', 'timeouts', 'startups', 'violates'):
+    for key in ('reports', 'sources', 'timeouts', 'startups', 'violates', 'windows', 'rooms'):
         yield f'  options.{key} = {name}_{key};'
     yield from ('  return options;', '}', '')
     yield f'static void {name}_set_initial_values(struct fm_evaluator * evaluator)'

@@ -93,6 +93,9 @@ def _inputs(manifest: Manifest) -> Iterator[str]:
         'true' if item.stale is Stale.VIOLATE else 'false' for item in manifest.inputs))
     yield from _array('int64_t', 'startups', (
         nanoseconds(item.startup) for item in manifest.inputs))
+    yield from _array('int64_t', 'windows', (
+        f'INT64_C({item.window})' for item in manifest.inputs))
+    yield from _array('uint32_t', 'rooms', (f'{item.room}u' for item in manifest.inputs))
 
 
 def _topics(manifest: Manifest) -> Iterator[str]:
@@ -153,7 +156,7 @@ def _table(manifest: Manifest, node_name: str, origin: str, n_warnings: int) -> 
            for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (
             'topics', 'end_definition', 'action_types', 'reports', 'sources', 'timeouts',
-            'violates', 'startups')},
+            'violates', 'startups', 'windows', 'rooms')},
     }
     yield 'const struct fm_node_table fm_node_table = {'
     yield '  .report = {'

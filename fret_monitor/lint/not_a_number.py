@@ -24,8 +24,8 @@ from typing import NamedTuple, TypeAlias
 
 from fret_monitor.logic.formula import (
     Ago, Binary, BinaryOperator as Op, Choice, Constant, Conversion, Formula, Held, Historically,
-    Once, operands, Over, postorder, Previous, Since, Slope, Triggered, Unary, UnaryOperator,
-    Variable, variables, WeakYesterday, Yesterday,
+    MessageSlope, Once, operands, Over, postorder, Previous, Since, Slope, Triggered, Unary,
+    UnaryOperator, Variable, variables, WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.pointwise import operation
 from fret_monitor.logic.printing import to_smv
@@ -160,7 +160,8 @@ def _distance(node: Formula, part: Formula) -> int:
 def _is_nan(node: Formula, undefined: set[Formula], table: Mapping[Formula, _Both]) -> bool:
     """Return whether a number may be NaN."""
     match node:
-        case Conversion() | Unary() | Previous() | Over() | Ago() | Held() | Slope():
+        case Conversion() | Unary() | Previous() | Over() | Ago() | Held() | Slope() \
+                | MessageSlope():
             return node.argument in undefined
         case Binary(Op.MIN | Op.MAX, _, right):
             return right in undefined

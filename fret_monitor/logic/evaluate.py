@@ -25,8 +25,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, Once,
-    operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
+    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, MessageSlope,
+    Once, operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
     WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.pointwise import (
@@ -137,7 +137,9 @@ def _rule(node: Formula, columns: _Columns, trace: Trace,
         case Held():
             return _held(columns[node.condition], columns[node.argument])
         case Slope():
-            return _slope(columns[node.argument], columns[node.at])
+            return _slope(columns[node.argument], columns[node.at], None)
+        case MessageSlope():
+            return _slope(columns[node.argument], columns[node.at], columns[node.time])
         case TimeOver():
             p = columns[node.argument]
             return lambda t: sum(p[max(0, t - node.past + 1):t + 1]) >= node.least
@@ -196,10 +198,11 @@ def _over(node: Over, x: list[Value], at: list[Value]) -> _Rule:
     return value_at
 
 
-def _slope(x: list[Value], at: list[Value]) -> _Rule:
+def _slope(x: list[Value], at: list[Value], time: list[Value] | None) -> _Rule:
     def value_at(t: int) -> Value:
         steps = [k for k in range(t + 1) if at[k]][-2:]
-        return 0.0 if len(steps) < 2 else slope(*((k, x[k]) for k in steps))
+        return 0.0 if len(steps) < 2 else slope(
+            *((k if time is None else time[k], x[k]) for k in steps))
 
     return value_at
 

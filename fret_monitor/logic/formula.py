@@ -353,6 +353,24 @@ class Slope(_Node):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class MessageSlope(_Node):
+    """
+    The change of `argument` between the last two steps at which `at` held, per second.
+
+    `time` is the time of a step in nanoseconds (INT64). 0.0 before the second one. FLOAT64.
+    """
+
+    argument: 'Formula'
+    at: 'Formula'
+    time: 'Formula'
+
+    @property
+    def type(self) -> ValueType:
+        """FLOAT64."""
+        return ValueType.FLOAT64
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class _Boolean(_Node):
 
     @property
@@ -419,10 +437,10 @@ class TimeOver(_Boolean):
 
 
 Formula: TypeAlias = (Constant | Variable | Conversion | Unary | Binary | Choice | Previous
-                      | Feedback | Over | Ago | Held | Slope | Yesterday | WeakYesterday
-                      | Once | Historically | Since | Triggered | TimeOver)
+                      | Feedback | Over | Ago | Held | Slope | MessageSlope | Yesterday
+                      | WeakYesterday | Once | Historically | Since | Triggered | TimeOver)
 
-NUMBERS_OVER_TIME = (Over, Ago, Held, Slope, TimeOver)
+NUMBERS_OVER_TIME = (Over, Ago, Held, Slope, MessageSlope, TimeOver)
 """The nodes of docs/over_time.md."""
 
 TRUE = Constant(True, ValueType.BOOL)
@@ -436,6 +454,7 @@ _OPERANDS: dict[type[Any], Callable[[Any], tuple[Formula, ...]]] = {
     **dict.fromkeys((Conversion, Unary, Ago, Yesterday, WeakYesterday, Once, Historically,
                      TimeOver), lambda node: (node.argument,)),
     **dict.fromkeys((Over, Slope), attrgetter('argument', 'at')),
+    MessageSlope: attrgetter('argument', 'at', 'time'),
     Held: attrgetter('condition', 'argument'),
     **dict.fromkeys((Binary, Since, Triggered), attrgetter('left', 'right')),
     Choice: attrgetter('condition', 'yes', 'no'),

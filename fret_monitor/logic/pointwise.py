@@ -164,9 +164,10 @@ def aggregate(node: Over) -> Callable[[Sequence[Value]], Value]:
             assert_never(node.aggregate)
 
 
-def slope(before: tuple[int, Value], now: tuple[int, Value]) -> float:
-    """Return the change from one step and its value to another, per 10^9 steps."""
-    return (now[1] - before[1]) / ((now[0] - before[0]) / 1e9)
+def slope(before: tuple[Value, Value], now: tuple[Value, Value]) -> Value:
+    """Return the change from one time (ns) and its value to another, per second."""
+    seconds = (now[0] - before[0]) / 1e9
+    return _float_quotient(now[1] - before[1], seconds)
 
 
 def _greater(a: Value, b: Value) -> Value:

@@ -35,8 +35,8 @@ from typing import assert_never, ClassVar, Final, NamedTuple, TypeAlias
 from fret_monitor.language import cocospec, smv
 from fret_monitor.logic.formula import (
     Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Held,
-    Historically, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary, UnaryOperator,
-    Variable, WeakYesterday, Window, Yesterday,
+    Historically, MessageSlope, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary,
+    UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.model.floats import shortest_float32
 from fret_monitor.model.policies import OverInstances
@@ -224,7 +224,7 @@ class _Style:
                         *self._over('changeOver', node.past, node.argument)]
             case Held():
                 return _call('heldAt', _Part(node.condition), _Part(node.argument))
-            case Slope():
+            case Slope() | MessageSlope():
                 return _call('derivative', _Part(node.argument))
             case TimeOver():
                 return [*self._over('timeOver', node.past, node.argument), self._least(node.least)]

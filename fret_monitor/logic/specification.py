@@ -22,6 +22,7 @@ It is the input of all later stages.
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from math import ceil
 
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
@@ -33,6 +34,7 @@ from fret_monitor.model.paths import FieldPath, LookUp
 from fret_monitor.model.policies import (
     ActionKind, InputRole, InputSource, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
+from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 
 
@@ -72,6 +74,18 @@ class Signal:
     made: Made | None = field(default=None, repr=False)
     variables: tuple[str, ...] = field(default=(), repr=False)
     where: LookUp | None = field(default=None, repr=False)
+    window: int = 0
+
+    @property
+    def room(self) -> int:
+        """
+        How many messages a rate keeps the times of; 0 of anything else.
+
+        Any second may have all that `max_rate` allows at its end, and the next at its beginning.
+        """
+        if self.source is not InputSource.RATE or self.max_rate is None:
+            return 0
+        return ceil(self.max_rate * (self.window // NANOSECONDS['s'] + 1)) + 1
 
     @property
     def is_string(self) -> bool:

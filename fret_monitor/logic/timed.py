@@ -30,8 +30,8 @@ from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.evaluate import Equations, Trace
 from fret_monitor.logic.formula import (
-    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, Once,
-    operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
+    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, MessageSlope,
+    Once, operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
     WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.pointwise import (
@@ -168,6 +168,12 @@ def _evaluate(node: Formula, arguments: Sequence[History], trace: TimedTrace) ->
             ticks = _expanded(_true(arguments[1], end))
             pairs = pairwise(zip(ticks, _sampled(arguments[0], ticks), strict=True))
             return _canonical([(0, 0.0), *((now[0], slope(before, now)) for before, now in pairs)])
+        case MessageSlope():
+            ticks = _expanded(_true(arguments[1], end))
+            times, values = (_sampled(arguments[place], ticks) for place in (2, 0))
+            points = [*zip(times, values, strict=True)]
+            return _canonical([(0, 0.0), *zip(ticks[1:], map(slope, points, points[1:]),
+                                              strict=True)])
         case TimeOver():
             return _history(_lasting(node, _true(arguments[0], end), end), end)
         case _:

@@ -24,6 +24,7 @@ message and its reception. `resolve_field` returns the steps of the path and the
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 import re
 from typing import NoReturn
 
@@ -40,6 +41,7 @@ from fret_monitor.model.paths import (
     ArrayPart, FieldPath, LookUp, name_as_written, Sector, Slice, Step,
 )
 from fret_monitor.model.policies import InputSource
+from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 
 _STRINGS = ('string', 'wstring')
@@ -48,12 +50,16 @@ _TIME = 'builtin_interfaces/msg/Time'
 _TIMES = (_TIME, 'builtin_interfaces/msg/Duration')
 _RECEIVED = InputSource.RECEIVED.value
 _AGE = InputSource.AGE.value
-_FUNCTIONS = (*REDUCTIONS, _RECEIVED, _AGE)
+_RATE = InputSource.RATE.value
+_PERIOD = InputSource.PERIOD.value
+_FUNCTIONS = (*REDUCTIONS, _RECEIVED, _AGE, _RATE, _PERIOD)
+_TIME_SPAN = re.compile(r'(?P<number>-?[0-9]+(?:\.[0-9]+)?)\s*(?P<unit>[a-z]*)')
 _OTHER_WORDS = {
     'avg': 'mean', 'average': 'mean', 'length': 'len', 'size': 'len', 'count': 'len',
     'minimum': 'min', 'maximum': 'max', 'magnitude': 'norm', 'hypot': 'norm',
 }
 _MAX_LISTED = 12
+_LONGEST_WINDOW_NS = 24 * NANOSECONDS['h']
 _MAX_DEPTH = 8
 _MAX_INDEX = 2 ** 31 - 1
 
@@ -96,6 +102,7 @@ class ResolvedField:
     reduction: str = ''
     source: InputSource = InputSource.FIELD
     constants: FieldConstants = NO_CONSTANTS
+    window: int = 0
 
 
 @dataclass(frozen=True)
@@ -205,8 +212,10 @@ def _reduced(layout: MessageLayout, text: Text, call: re.Match[str]) -> Resolved
     function, place = call['function'], text.at(*call.span('function'))
     if function not in _FUNCTIONS:
         _refuse_unknown_function(function, place)
-    if function == _RECEIVED:
-        return _received(path_text)
+    if function in (_RECEIVED, _PERIOD):
+        return _without_field(path_text, function)
+    if function == _RATE:
+        return _rate(path_text, text)
     if not path_text.value:
         refuse(f"'{function}' needs a field", text.span, 'no field is given',
                field_line([f'{function}({path})' for path in _paths_for(layout, function)], text))
@@ -225,11 +234,30 @@ def _refuse_unknown_function(function: str, place: Span) -> NoReturn:
            did_you_mean(function, _FUNCTIONS) or 'one of ' + ', '.join(_FUNCTIONS))
 
 
-def _received(path_text: Text) -> ResolvedField:
+def _without_field(path_text: Text, function: str) -> ResolvedField:
     if path_text.value:
-        refuse("'received' takes no field", path_text.span, 'remove this',
-               field_line(['received()']))
-    return ResolvedField((), 'bool', (), source=InputSource.RECEIVED)
+        refuse(f"'{function}' takes no field", path_text.span, 'remove this',
+               field_line([f'{function}()']))
+    return ResolvedField((), 'bool' if function == _RECEIVED else 'float64', (),
+                         source=InputSource(function))
+
+
+def _rate(span_text: Text, text: Text) -> ResolvedField:
+    """Resolve a rate, of which the argument is the length of the window."""
+    found = _TIME_SPAN.fullmatch(span_text.value)
+    line = field_line(['rate(5 s)'], text)
+    if found is None or found['unit'] not in NANOSECONDS:
+        refuse("'rate' takes a time: that in which messages are counted",
+               span_text.span if span_text.value else text.span,
+               'this is no time' if span_text.value else 'no time is given', line)
+    window = Fraction(found['number']) * NANOSECONDS[found['unit']]
+    if window <= 0:
+        refuse("'rate' takes a time that is longer than 0", span_text.span,
+               f'this is {found[0]}', line)
+    if window.denominator != 1 or window > _LONGEST_WINDOW_NS:
+        refuse("'rate' takes a whole number of nanoseconds, up to a day", span_text.span,
+               f'this is {found[0]}', line)
+    return ResolvedField((), 'float64', (), source=InputSource.RATE, window=int(window))
 
 
 def _has_age(end: _End) -> bool:

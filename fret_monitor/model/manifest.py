@@ -37,7 +37,7 @@ from fret_monitor.model.policies import (
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 9
+FORMAT = 10
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -71,7 +71,8 @@ class ManifestInput:
     string or message at the end of the path: one of `REDUCTIONS`, or `SECONDS`; '' for the field's
     own value. `timeout` is the longest time without a message, in seconds; None: no limit.
     `startup` is the same before the first message; None: as `timeout`. With the source `received`,
-    `path` is empty; with `age`, it leads to the stamp.
+    `path` is empty; with `age`, it leads to the stamp. A `rate` is that of the last `window`
+    nanoseconds, and has room for the times of `room` messages.
     """
 
     name: str
@@ -86,6 +87,8 @@ class ManifestInput:
     stale: Stale = Stale.WARN
     startup: float | None = None
     source: InputSource = InputSource.FIELD
+    window: int = 0
+    room: int = 0
 
     @property
     def is_string(self) -> bool:
@@ -658,6 +661,8 @@ def _input(item: _Value) -> ManifestInput:
         stale=item['stale'].choice(Stale),
         startup=item['startup'].seconds(),
         source=item['source'].choice(InputSource),
+        window=item['window'].nanoseconds(),
+        room=item['room'].index(2 ** 32),
     )
 
 

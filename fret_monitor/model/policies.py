@@ -72,13 +72,23 @@ class InputSource(Enum):
 
     `FIELD`: a field of the message. `RECEIVED`: the fact that a message came, true at its step
     alone. `AGE`: the seconds between a stamp in the message and its reception. `INSTANCES`: no
-    message; the aggregate of the instances of a variable.
+    message; the aggregate of the instances of a variable. The evaluator measures the others.
+    `RATE`: messages a second in the last `window`. `PERIOD`: the seconds between the last two
+    messages. `TIME`: when the last one was received, in nanoseconds; no bundle names it.
     """
 
     FIELD = 'field'
     RECEIVED = 'received'
     AGE = 'age'
     INSTANCES = 'instances'
+    RATE = 'rate'
+    PERIOD = 'period'
+    TIME = 'time'
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the evaluator computes its values from the times of messages."""
+        return self in (InputSource.RATE, InputSource.PERIOD, InputSource.TIME)
 
 
 class OverInstances(Enum):

@@ -34,8 +34,10 @@ INDIRECT = '__indirect_call'
 _NODE = re.compile(r'node: \{ title: "([^"]*)" label: "((?:[^"\\]|\\.)*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"')
 _FRAME = re.compile(r'(\d+) bytes \((.*?)\)')
-_EVALUATOR = ('evaluator.c', 'deadlines.c', 'steps.c', 'due.c', 'tables.c', 'instance.c')
-_EVALUATOR_HEADERS = ('evaluator.h', 'steps.h', 'due.h', 'tables.h', 'instance.h')
+_EVALUATOR = (
+    'evaluator.c', 'deadlines.c', 'measures.c', 'steps.c', 'due.c', 'tables.c', 'instance.c')
+_EVALUATOR_HEADERS = (
+    'evaluator.h', 'measures.h', 'steps.h', 'due.h', 'tables.h', 'instance.h')
 
 
 class StackError(Exception):

@@ -46,8 +46,8 @@ from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
     Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Held,
-    Historically, Once, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary,
-    UnaryOperator, Variable, variables, WeakYesterday, Window, Yesterday,
+    Historically, MessageSlope, Once, Over, postorder, Previous, Since, Slope, TimeOver, Triggered,
+    Unary, UnaryOperator, Variable, variables, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.specification import Signal, Specification
@@ -62,7 +62,7 @@ from fret_monitor.program.monitor_program import (
     StepGroup, Tally, TimeAtLeast, Total, TriggeredEver, TRUE, ValueAgo,
 )
 from fret_monitor.program.prune import prune
-from fret_monitor.program.rewriting import without_queues
+from fret_monitor.program.rewriting import slope_by_times, without_queues
 
 _BOOL = ValueType.BOOL
 _FACTORING_DEPTH = 8  # `b | c` may have a common factor again
@@ -180,7 +180,7 @@ class _Rates:
         match node:
             case Yesterday() | WeakYesterday() | Previous() | Once() | Historically() | Ago():
                 return {node: total + 2}
-            case Since() | Triggered() | Over() | Slope() | TimeOver():
+            case Since() | Triggered() | Over() | Slope() | MessageSlope() | TimeOver():
                 return {node: 2 * total + 4}
             case _:
                 return together
@@ -303,6 +303,10 @@ class _GroupBuilder:
             case Slope():
                 return self._windowed(SlopeBetween(self.operand[node.argument],
                                                    self.operand[node.at]), node.type)
+            case MessageSlope():
+                meaning = slope_by_times(node)
+                self.define([meaning])
+                return self.operand[meaning]
             case TimeOver():
                 return self._time_over(node)
             case _:

@@ -35,16 +35,33 @@ says so of the report `occurrence`.
 Where a window of n steps without x has passed, "n steps ago" is the same as "in the last n":
 
     (O[0,n] x -> O[0,n-1] y | b)   for   O[n,n] x -> O[0,n-1] y | b,   if x implies y
+
+`slope_by_times` says what a derivative is by numbers that are held.
 """
 
 from collections.abc import Iterator, Sequence
 
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Formula, FTP, Historically, Once, postorder, rebuilt, Since,
-    Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, Choice, Constant, Conversion, Formula, FTP, Held, Historically,
+    MessageSlope, Once, postorder, Previous, rebuilt, Since, Unary, UnaryOperator, WeakYesterday,
+    Window, Yesterday,
 )
+from fret_monitor.model.values import ValueType
 
 _DEPTH = 16  # conjunctions and implications between H and a deadline; FRET writes three
+
+
+def slope_by_times(node: MessageSlope) -> Formula:
+    """Return an equal formula of numbers that are held."""
+    zero = Constant(0.0, ValueType.FLOAT64)
+    argument_before = Previous(zero, Held(node.at, node.argument))
+    time_before = Previous(Constant(0, ValueType.INT64), Held(node.at, node.time))
+    change = Binary(BinaryOperator.SUB, node.argument, argument_before)
+    nanoseconds = Conversion(
+        Binary(BinaryOperator.SUB, node.time, time_before), ValueType.FLOAT64)
+    seconds = Binary(BinaryOperator.DIV, nanoseconds, Constant(1e9, ValueType.FLOAT64))
+    has_two = Yesterday(Once(ALWAYS, node.at))
+    return Held(node.at, Choice(has_two, Binary(BinaryOperator.DIV, change, seconds), zero))
 
 
 def without_queues(roots: Sequence[Formula]) -> dict[Formula, Formula]:

@@ -40,7 +40,9 @@ _TABLE_ROWS = 4096  # rows of verdicts that are taken at once
 _REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
             Report.OCCURRENCE: 'FM_OCCURRENCE'}
 _SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
-            InputSource.AGE: 'FM_AGE', InputSource.INSTANCES: 'FM_AGGREGATE'}
+            InputSource.AGE: 'FM_AGE', InputSource.INSTANCES: 'FM_AGGREGATE',
+            InputSource.RATE: 'FM_RATE', InputSource.PERIOD: 'FM_PERIOD',
+            InputSource.TIME: 'FM_TIME'}
 
 
 class Violation(NamedTuple):
@@ -330,7 +332,7 @@ class Evaluator:
         ----------
         columns
             one for each input: an array of the input's `typecode`, as long as `times`, or None if
-            the input is to keep its value.
+            the input is to keep its value, or is measured.
         times
             when each row takes effect, in nanoseconds; strictly increasing, typecode `q`.
 
@@ -342,7 +344,18 @@ class Evaluator:
         if len(columns) != len(self._next):
             raise ValueError(f'{len(columns)} columns for {len(self._next)} inputs')
         return NativeRows([self._column(index, column, len(times))
-                           for index, column in enumerate(columns)], times)
+                           for index, column in enumerate(columns)], times,
+                          [self._come(index, columns) for index in range(len(columns))])
+
+    def _come(self, index: int, columns: Sequence['array[Any] | None']) -> CData:
+        """Return in which rows a message of a measured input came; NULL: in all."""
+        inputs = self.monitor.manifest.inputs
+        item = inputs[index]
+        for other, column in zip(inputs, columns, strict=True):
+            if item.source.is_measured and other.source is InputSource.RECEIVED \
+                    and other.topic == item.topic and item.topic and column is not None:
+                return ffi.from_buffer(column)
+        return ffi.NULL
 
     def _column(self, index: int, column: 'array[Any] | None', count: int) -> CData:
         if column is None:
@@ -417,12 +430,15 @@ class Evaluator:
 class NativeRows:
     """A `struct fm_rows`; keeps alive what it points to."""
 
-    def __init__(self, columns: list[CData], times: 'array[int]') -> None:
-        self._columns = columns
+    def __init__(self, columns: list[CData], times: 'array[int]', come: list[CData]) -> None:
+        self._columns, self._come = columns, come
+        self._flags = ffi.new('const uint8_t *[]', [
+            ffi.cast('const uint8_t *', item) for item in (*come, ffi.NULL)])
         self._pointers = ffi.new('const void *[]', [*columns, ffi.NULL])
         self._times = ffi.from_buffer('int64_t[]', times)
         self.pointer: CData = ffi.new('struct fm_rows *', {
-            'columns': self._pointers, 'times': self._times, 'n': len(times)})
+            'columns': self._pointers, 'times': self._times, 'n': len(times),
+            'come': self._flags})
 
 
 class EvaluatorOptions:
@@ -450,6 +466,8 @@ class EvaluatorOptions:
             *(item.stale is Stale.VIOLATE for item in manifest.inputs), False])
         self._startups = ffi.new('int64_t[]', [
             *(nanoseconds(item.startup) for item in manifest.inputs), 0])
+        self._windows = ffi.new('int64_t[]', [*(item.window for item in manifest.inputs), 0])
+        self._rooms = ffi.new('uint32_t[]', [*(item.room for item in manifest.inputs), 0])
         self.pointer = ffi.new('struct fm_evaluator_options *', {
             'monitor': monitor.pointer,
             'topics': self._topics,
@@ -463,6 +481,8 @@ class EvaluatorOptions:
             'sources': self._sources,
             'reports_recoveries': reports_recoveries,
             'startups': self._startups,
+            'windows': self._windows,
+            'rooms': self._rooms,
         })
 
 

@@ -81,11 +81,13 @@ class Thinning:
             'n': len(topics)})
         engine.library.fm_engine_thin(engine.pointer, records, self._thinning)
 
-    def add_rows(self, engine: Engine, columns: Sequence['array[Any]'],
+    def add_rows(self, engine: Engine, columns: Sequence['array[Any] | None'],
                  times: 'array[int]') -> None:
-        """Put the values of rows into the windows; a column for each input."""
+        """Put the values of rows into the windows; a column for each input, or None."""
         instants = ffi.from_buffer('int64_t[]', times)
         for index, column in enumerate(columns):
+            if column is None:
+                continue
             values = ffi.from_buffer('double[]', array('d', column))
             engine.library.fm_thin_column(self._thinning, index, instants, values, len(times))
 

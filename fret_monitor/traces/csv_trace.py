@@ -279,8 +279,10 @@ def seconds_text(nanoseconds: int) -> str:
     return f'-{text}' if nanoseconds < 0 else text
 
 
-Block: TypeAlias = tuple['array[int]', list['array[Any]']]
-"""The times of rows, and an array for each input."""
+Block: TypeAlias = tuple['array[int]', list['array[Any] | None']]
+"""The times of rows, and an array for each input; None for one that is measured."""
+
+_Columns: TypeAlias = tuple['array[int]', list['array[Any]']]
 
 
 class TraceReader:
@@ -297,7 +299,8 @@ class TraceReader:
         ------
         CompileError
             if an input has no column, or two, or there is not one column `time` and one is needed.
-            An input that says that a message came needs none.
+            An input that says that a message came needs none. Nor does one that is measured, if
+            the rows have times: each is a message.
         """
         self._inputs = inputs
         self._library = library
@@ -308,7 +311,11 @@ class TraceReader:
         self._titles = heading
         self._heading = frozenset(heading)
         self._columns = self._find(heading)
+        self._measured = [item.name for item in inputs
+                          if item.source.is_measured and item.name not in self._heading]
         is_optional = TIME not in heading or any(item.name == TIME for item in inputs)
+        if self._measured and time is TimeColumn.OPTIONAL and is_optional:
+            time = TimeColumn.REQUIRED
         self._time = None if time is TimeColumn.IGNORED or (
             time is TimeColumn.OPTIONAL and is_optional) else self._find_time(heading)
         self._count = 0  # rows read
@@ -350,11 +357,12 @@ class TraceReader:
             if problem is not None:
                 raise problem
 
-    def _with_receptions(self, block: Block) -> Block:
+    def _with_receptions(self, block: _Columns) -> Block:
         """Insert the inputs that have no column: each row is a message."""
         times, columns = block
         found = iter(columns)
-        return times, [next(found) if item.name in self._heading else array('B', [1] * len(times))
+        return times, [next(found) if item.name in self._heading else None
+                       if item.source.is_measured else array('B', [1] * len(times))
                        for item in self._inputs]
 
     def spans(self) -> Iterator[tuple[int, int | None, int | None]]:
@@ -437,7 +445,7 @@ class TraceReader:
             if self._source.size > end:
                 return
 
-    def _of_plain(self, count: int, columns: list['array[Any]']) -> Block:
+    def _of_plain(self, count: int, columns: list['array[Any]']) -> _Columns:
         if self._time is None:
             return self._numbers(count), columns
         times, *others = columns
@@ -448,7 +456,7 @@ class TraceReader:
         begin, self._count = self._count, self._count + count
         return array('q', range(begin, self._count))
 
-    def _of_rows(self, rows: list[Row]) -> Iterator[Block]:
+    def _of_rows(self, rows: list[Row]) -> Iterator[_Columns]:
         """Yield a block of rows, or each row before the first that is wrong."""
         before = self._count, self._last, self.first
         try:
@@ -462,7 +470,7 @@ class TraceReader:
         else:
             yield block
 
-    def _checked(self, rows: list[Row]) -> Block:
+    def _checked(self, rows: list[Row]) -> _Columns:
         for row in rows:
             if len(row.cells) != self._width:
                 self._refuse_width(row)
@@ -473,7 +481,7 @@ class TraceReader:
     def _find(self, heading: list[str]) -> list[tuple[ManifestInput, int]]:
         line = self._source.line
         missing = [item.name for item in self._inputs if item.name not in heading
-                   and item.source is not InputSource.RECEIVED]
+                   and item.source is not InputSource.RECEIVED and not item.source.is_measured]
         if missing:
             hints = (_near_column(name, heading) for name in missing)
             self._source.refuse(
@@ -496,7 +504,10 @@ class TraceReader:
             1, self._source.line,
             f"the trace has two columns '{TIME}'" if TIME in heading else
             f"the trace has no column '{TIME}'",
-            self._near_time(heading) or 'under policy: timed each row has a time, in seconds')
+            self._near_time(heading) or (
+                f"the times of its rows are needed for '{self._measured[0]}'; or write a column "
+                'for it' if self._measured else
+                'under policy: timed each row has a time, in seconds'))
 
     def _near_time(self, heading: list[str]) -> str:
         """Return the advice to rename the column that probably has the times."""

@@ -32,6 +32,7 @@ import sys
 from typing import BinaryIO, TextIO
 
 from fret_monitor.model.diagnostics import counted, refuse
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.progress import no_progress, Progress
@@ -83,11 +84,9 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         if monitor.manifest.variables:
             return _run_scopes(monitor, str(trace), file, out, until,
                                partial(_report, file, progress), library)
-        is_timed = monitor.manifest.policy is Policy.TIMED
         evaluator = Evaluator(for_trace(monitor), library=library)
-        reader = TraceReader(
-            str(trace), file, monitor.manifest.inputs,
-            TimeColumn.REQUIRED if is_timed else TimeColumn.IGNORED, evaluator.library)
+        reader = TraceReader(str(trace), file, monitor.manifest.inputs,
+                             _time_column(monitor.manifest), evaluator.library)
         return _run(evaluator, reader, out, until, partial(_report, file, progress))
 
 
@@ -99,6 +98,13 @@ def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until:
     run = ScopedRun(monitor, name, file, out, report, scopes)
     run.run(until)
     return Summary(run.rows, run.violations, run.first, tuple(run.beyond))
+
+
+def _time_column(manifest: Manifest) -> TimeColumn:
+    if manifest.policy is Policy.TIMED:
+        return TimeColumn.REQUIRED
+    return TimeColumn.OPTIONAL if any(item.source.is_measured for item in manifest.inputs) \
+        else TimeColumn.IGNORED
 
 
 def for_trace(monitor: Monitor) -> Monitor:
@@ -122,17 +128,18 @@ def _report(file: BinaryIO, progress: Progress, steps: int) -> None:
 def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO, until: int | None,
          report: Callable[[int], None]) -> Summary:
     ids = [item.id for item in evaluator.monitor.manifest.requirements]
-    csv.writer(out, lineterminator='\n').writerow([TIME if trace.has_times else 'step', *ids])
+    is_timed = evaluator.monitor.manifest.policy is Policy.TIMED
+    csv.writer(out, lineterminator='\n').writerow([TIME if is_timed else 'step', *ids])
     violations = [0] * len(ids)
     first: dict[str, int] = {}
     steps = 0
     for times, found in _verdicts(evaluator, trace, until):
-        out.write(verdict_rows(evaluator.library, times, found, len(ids),
-                               are_times=trace.has_times))
+        labels = times if is_timed else array('q', range(steps, steps + len(times)))
+        out.write(verdict_rows(evaluator.library, labels, found, len(ids), are_times=is_timed))
         for index, name in enumerate(ids):
             verdicts = found[index::len(ids)]
             if name not in first and 0 in verdicts:
-                first[name] = times[verdicts.index(0)]
+                first[name] = labels[verdicts.index(0)]
             violations[index] += verdicts.count(0)
         steps += len(times)
         report(steps)

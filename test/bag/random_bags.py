@@ -15,6 +15,7 @@
 """Random recordings on several topics, and bundles of random requirements for them."""
 
 from dataclasses import fields, replace
+from fractions import Fraction
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -25,7 +26,9 @@ from differential.compiled import unoptimised
 from differential.test_timed_formulas import SCALES, TimedFormulaMaker
 from fret_monitor.bag.check import compiled, opened, read_bundle, run, Selection
 from fret_monitor.bag.moments import Anchor, Moment
-from fret_monitor.logic.formula import ALWAYS, Historically, Variable
+from fret_monitor.logic.formula import (
+    ALWAYS, Binary, BinaryOperator, Constant, Formula, Historically, Variable,
+)
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.policies import Policy, Report, Stamp
 from fret_monitor.model.values import ValueType
@@ -44,11 +47,15 @@ INPUTS = {
     'y_float64': ('warm', 'variance'), 'y_float32': ('range', 'range'),
     'y_uint8': ('range', 'radiation_type'), 'q': ('spare', 'present'),
     'came': ('warm', 'received()'), 'age': ('range', 'age(header.stamp)'),
+    'rate': ('battery', 'rate(0.3 s)'), 'gap': ('range', 'period()'),
 }
 KINDS = {'p': ValueType.BOOL, 'q': ValueType.BOOL, 'came': ValueType.BOOL,
-         'age': ValueType.FLOAT64}
+         'age': ValueType.FLOAT64, 'rate': ValueType.FLOAT64, 'gap': ValueType.FLOAT64}
+NO_FIELDS = ('came', 'age', 'rate', 'gap')
 VARIABLES = tuple(Variable(name, KINDS.get(name) or ValueType(name.partition('_')[2]))
                   for name in INPUTS)
+DERIVATIVES = ('derivative(x_uint8) > 100', 'abs(derivative(derivative(x_uint8))) < 10000',
+               'derivative(x_uint8 + y_uint8) <= 0')
 TIMEOUTS_S = (0.02, 0.05, 0.3)
 CASES = [*((policy, Stamp.RECEIVED) for policy in Policy), (Policy.TIMED, Stamp.HEADER)]
 GAPS_NS = (0, 0, 1, 2, 10**7, 2 * 10**7 - 1, 2 * 10**7, 2 * 10**7 + 1, 5 * 10**7, 4 * 10**8)
@@ -58,7 +65,8 @@ def compare(rng: Random, folder: Path, policy: Policy, stamp: Stamp, *, bags: in
     """Compare the findings of random requirements in random recordings; return occurrences."""
     file = folder / 'bundle.yaml'
     file.write_text(bundle(rng, policy, stamp), encoding='utf-8')
-    properties = [requirement(rng, number, policy) for number in range(40)]
+    properties = [*(requirement(rng, number, policy) for number in range(40)),
+                  *(of_measure(rng, number) for number in range(40, 60))]
     monitor = None
     occurrences = 0
     for number in range(bags):
@@ -68,6 +76,8 @@ def compare(rng: Random, folder: Path, policy: Policy, stamp: Stamp, *, bags: in
         with opened(path) as (recording, find):
             if monitor is None:
                 reading = read_bundle(file, selection, find)
+                properties += [replace(item, report=Report.OCCURRENCE)
+                               for item in reading.specification.properties]
                 specification = replace(reading.specification, properties=tuple(properties))
                 with unoptimised():
                     monitor = compiled(replace(reading, specification=specification)).monitor
@@ -97,9 +107,13 @@ def bundle(rng: Random, policy: Policy, stamp: Stamp) -> str:
         initial = 'initial: ' + ('false' if item.type is ValueType.BOOL else '1')
         options = [f'topic: {topic}', f'type: {TOPICS["/" + topic]}', f'field: "{field}"',
                    *rng.choice(([initial], [], [])), *silences['/' + topic],
-                   *(['max_rate: 1e9'] if policy is Policy.TIMED else [])]
+                   *(['max_rate: 2000'] if topic == 'battery' else
+                     ['max_rate: 1e9'] if policy is Policy.TIMED else [])]
         lines.append(f'  {item.name}: {{{", ".join(options)}}}')
-    return '\n'.join([*lines, 'requirements: [{id: R, ptltl: "p"}]', ''])
+    lines.append('requirements:')
+    lines += [f'  - {{id: D-{number}, ptltl: "{formula}"}}'
+              for number, formula in enumerate(DERIVATIVES)]
+    return '\n'.join([*lines, ''])
 
 
 def silence(rng: Random) -> list[str]:
@@ -123,9 +137,21 @@ def requirement(rng: Random, number: int, policy: Policy) -> Property:
     return replace(item, report=Report.OCCURRENCE)
 
 
+def of_measure(rng: Random, number: int) -> Property:
+    """Return a requirement that compares a rate or a period with a value that it has."""
+    name = rng.choice(['rate', 'gap'])
+    value = float(Fraction(rng.randrange(8) * 10, 3)) if name == 'rate' else \
+        rng.choice(GAPS_NS[1:]) / 1e9
+    operator = rng.choice([BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.EQ])
+    sides: list[Formula] = [Variable(name, ValueType.FLOAT64), Constant(value, ValueType.FLOAT64)]
+    left, right = rng.sample(sides, 2)
+    item = property_of(f'R-{number}', Binary(operator, left, right))
+    return replace(item, report=Report.OCCURRENCE)
+
+
 def write(rng: Random, path: Path, count: int) -> Path:
     """Write a recording of messages at random times, in any storage."""
-    inputs = tuple(item for item in VARIABLES if item.name not in ('came', 'age'))
+    inputs = tuple(item for item in VARIABLES if item.name not in NO_FIELDS)
     columns = random_trace(rng, inputs, count)
     late = {topic: rng.choice((0, 0, 5, 60)) for topic in TOPICS}
     storage = rng.choice([StoragePlugin.MCAP, StoragePlugin.SQLITE3])

@@ -37,6 +37,7 @@ TICK_NS = 100_000_000
 TOPICS = {'probe': 'Bool', 'x': 'Float32', 'n': 'Int16', 'p': 'Bool', 'q': 'Bool'}
 INPUTS = 'xnpq'
 EVALUATION = {Policy.TIMED: ', unit: 0.1', Policy.PERIODIC: ', rate: 10'}
+MEASURES = {'rate_n': ('n', 'rate(0.5 s)'), 'gap_x': ('x', 'period()')}
 _NUMBERS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, -0.0, 5.5, math.nan, math.inf, -math.inf)
 Change = tuple[str, int, bool]
 """A requirement, a time, and whether its violation is over."""
@@ -76,7 +77,7 @@ class Words:
             'x', 'n', f'maxOver({past}, {x})', f'minOver({past}, {x})', f'meanOver({past}, {x})',
             f'sumOver({past}, {x})', f'countOver({past}, {self.condition()})',
             f'changeOver({past}, {x})', f'heldAt({self.condition()}, {x})', f'abs({x})',
-            *([f'derivative({x})'] if self.policy is Policy.TIMED else []), *self._names('N')])
+            f'derivative({x})', 'rate_n', 'gap_x', *self._names('N')])
 
     def condition(self) -> str:
         """Return a condition, of the present or over time."""
@@ -134,6 +135,8 @@ def bundle(words: Words, number: int) -> str:
         names = (f'got_{topic}', *(['came_q'] if topic == 'q' else []))
         lines += [f'  {topic}: {{{options}, max_rate: 1000}}', *(
             f'  {name}: {{{options}, field: received(), max_rate: 1000}}' for name in names)]
+        lines += [f'  {name}: {{{options}, field: {measure}, max_rate: 1000}}'
+                  for name, (fed, measure) in MEASURES.items() if fed == topic]
     lines += ['definitions:', *(f'  {name}: "{text}"' for name, text in words.defined.items()),
               'requirements:',
               *(f'  - {{id: R{k}, {words.requirement()}}}' for k in range(number)),

@@ -21,6 +21,7 @@ deserialized. Nothing of the engine, of `bag` or of the extractors is used.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,8 @@ class Message:
                 return (self.received - self.stamp) / 1e9
             case InputSource.FIELD:
                 return getattr(self.content, str(signal.path[0]))
+            case InputSource.RATE | InputSource.PERIOD | InputSource.TIME:
+                raise ValueError(signal.source)  # no value of one message
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,31 @@ def read_messages(path: Path) -> list[Message]:
     with Reader(path) as reader:
         return [Message(item.topic, time, TYPES.deserialize_cdr(data, item.msgtype))
                 for item, time, data in reader.messages()]
+
+
+def measured(signal: Signal, came: Sequence[int], time: int) -> float | int | None:
+    """Return a measure of messages that came at some times; None: it has none yet."""
+    if signal.source is InputSource.PERIOD and len(came) > 1:
+        return (came[-1] - came[-2]) / 1e9
+    if signal.source is InputSource.TIME and came:
+        return came[-1]
+    if signal.source is InputSource.RATE and came and time >= came[0] + signal.window:
+        inside = sum(1 for one in came if one > time - signal.window)
+        return float(Fraction(inside * 10 ** 9, signal.window))
+    return None
+
+
+def last_values(specification: Specification, messages: Sequence[Message]) -> dict[str, Any]:
+    """Return the values of inputs after some messages, as far as these give them values."""
+    found: dict[str, Any] = {}
+    for signal in specification.signals:
+        own = [message for message in messages if message.topic == signal.topic]
+        if signal.source.is_measured:
+            value = measured(signal, [message.received for message in own], messages[-1].received)
+            found |= {} if value is None else {signal.name: value}
+        elif own:
+            found[signal.name] = own[-1].value(signal)
+    return found
 
 
 def findings(specification: Specification, messages: Sequence[Message], *,
@@ -148,6 +176,8 @@ class _Alone:
     values: dict[str, Any] = field(default_factory=dict)
     fresh: set[str] = field(default_factory=set)
     rows: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
+    came: dict[str, list[int]] = field(default_factory=dict)  # messages of a measured input
+    now: int = 0
     events: list[tuple[int, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -188,10 +218,16 @@ class _Alone:
                     if item.due is not None]
             if self.next_period is not None:
                 dues.append((self.next_period, 1, 0))
+            dues += [(change, 2, 0) for change in self._rate_changes()]
             if not dues or min(dues)[0] > until:
                 break
             time, kind, number = min(dues)
+            if kind == 2:
+                self._end_receptions(time)
+                self._renew(time)
+                continue
             if kind == 1:
+                self._renew(time)
                 assert self.period is not None
                 self.next_period = time + self.period
                 if self.is_ready:
@@ -212,14 +248,37 @@ class _Alone:
                 if item.topic is not None and '/' + item.topic.lstrip('/') == message.topic]
         for number in read:
             signal, state = self.signals[number], self.inputs[number]
-            self.values[signal.name] = message.value(signal)
-            self.fresh.add(signal.name)
+            if signal.source.is_measured:
+                self.came.setdefault(signal.name, []).append(time)
+            else:
+                self.values[signal.name] = message.value(signal)
             state.stored_at, state.has_come, state.is_silent = time, True, False
+        self._renew(time)
+        self.fresh |= {self.signals[number].name for number in read} & self.values.keys()
         if was_stale and not self._is_stale:
             self.events.append((time, 'ready' if self.is_ready else 'heard'))
         if self.is_ready and self._is_due(bool(read)):
             self._step(time)
             self.fresh.clear()
+
+    def _rate_changes(self) -> Iterator[int]:
+        """Yield when rates change without a message, under `timed`."""
+        for signal in self.signals:
+            came = self.came.get(signal.name, [])
+            if signal.source is InputSource.RATE and self.policy is Policy.TIMED:
+                yield from (time + signal.window for time in came
+                            if time + signal.window > self.now)
+
+    def _renew(self, time: int) -> None:
+        """Let measured inputs have the values of a time."""
+        self.now = time
+        before = dict(self.values)
+        for signal in self.signals:
+            value = measured(signal, self.came.get(signal.name, []), time)
+            if value is not None:
+                self.values[signal.name] = value
+        if self.values != before and self.policy is Policy.TIMED and self.is_ready:
+            self._step(time, is_event=False)
 
     @property
     def _is_stale(self) -> bool:

@@ -134,7 +134,8 @@ static void test_thread(void)
   const struct fm_topic topic = {first, 1};
   const uint8_t report = FM_OCCURRENCE;
   const struct fm_evaluator_options evaluator = {
-    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, NULL, NULL, 0, 0, NULL, true, NULL};
+    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, NULL, NULL, 0, 0, NULL, true, NULL,
+    NULL, NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};

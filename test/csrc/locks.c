@@ -172,7 +172,8 @@ int main(void)
   const uint8_t report = FM_OCCURRENCE;
   const int64_t timeout = SECOND_NS / 2;
   const struct fm_evaluator_options evaluator = {
-    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, &timeout, NULL, 0, 0, NULL, true, NULL};
+    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, &timeout, NULL, 0, 0, NULL, true, NULL,
+    NULL, NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};

@@ -225,9 +225,11 @@ static void live(struct fm_scopes * scopes)
 static void a_million_lives_need_no_more_memory(void)
 {
   const struct fm_evaluator_options bundle = {
-    &BUNDLE, WITHOUT, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, AGGREGATES, false, NULL};
+    &BUNDLE, WITHOUT, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, AGGREGATES, false, NULL,
+    NULL, NULL};
   const struct fm_evaluator_options instances = {
-    &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL};
+    &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
+    NULL, NULL};
   const struct fm_kind kind = {
     &instances, &ALL_OUTPUTS, CONCERNS, NOT_SHARED, NULL, 0, MOST, FORGET};
   const struct fm_scopes_options options = {

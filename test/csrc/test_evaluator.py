@@ -38,7 +38,8 @@ SCENARIOS = [(program, name) for program in ('evaluator_scenarios', 'timed_scena
 SANITIZERS = (*compiled.SANITIZERS, '-O1')  # these programs are small and run long
 SCOPES = ('keys', 'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making',
           'scopes')
-SOURCES = ('evaluator', 'deadlines', 'gate', 'steps', 'due', 'tables', 'instance', *SCOPES)
+SOURCES = ('evaluator', 'deadlines', 'gate', 'measures', 'steps', 'due', 'tables', 'instance',
+           *SCOPES)
 PROGRAMS = ('evaluator_scenarios', 'timed_scenarios', 'evaluator_model', 'scopes_model',
             'scopes_lives')
 EDGES = 'evaluator_edges'  # includes tables.h

@@ -25,8 +25,8 @@ from differential.test_timed_formulas import assert_equal as assert_equal_at_tic
 from differential.test_timed_formulas import no, SCALES, SECOND, traces_at, under_timed
 from differential.timed_monitor import TimedMonitor
 from fret_monitor.logic.formula import (
-    Aggregate, Ago, Binary, BinaryOperator, Constant, Conversion, Formula, Held, Once, Over,
-    postorder, Previous, Slope, TimeOver, TRUE, Variable, Window, Yesterday,
+    Aggregate, Ago, Binary, BinaryOperator, Constant, Conversion, Formula, Held, MessageSlope,
+    Once, Over, postorder, Previous, Slope, TimeOver, TRUE, Variable, Window, Yesterday,
 )
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace, value_at
 from fret_monitor.model.values import ValueType
@@ -83,7 +83,11 @@ def comparisons(past: int, at: Formula) -> Iterator[Formula]:
         yield less(Held(P, x), y)
         if kind.is_integer:
             yield less(Over(Aggregate.SUM, past, x, at), number(1000, kind))
-    if at is not TRUE:
+    if at is TRUE:
+        time = as_term(Variable('x_int32', ValueType.INT32), ValueType.INT64)
+        yield less(MessageSlope(X, P, time), Y)
+        yield equal(MessageSlope(X, TRUE, time), Previous(number(0.0), Y))
+    else:
         yield less(Slope(X, at), Y)
         yield equal(Slope(Slope(X, at), at), Previous(number(0.0), Slope(X, at)))
     for count in (0, 1, 3, past // 2):

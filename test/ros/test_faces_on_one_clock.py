@@ -31,7 +31,7 @@ from typing import Any
 from bag.random_texts import (
     bundle, Change, expected, INPUTS, lowered, random_value, recorded, TICK_NS, TOPICS, Words,
 )
-from bag.reference import Message
+from bag.reference import last_values, Message
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
@@ -228,9 +228,7 @@ def test_all_faces_find_the_same_on_a_clock_with_ticks(
             assert sorted(item for item in changes if item[1] < end) == due, (name, number)
             if number == 0:
                 assert recorded(path, messages, tmp_path / name) == due
-            carried |= {signal.name: message.value(signal) for message in messages
-                        for signal in specification.signals
-                        if message.topic == signal.topic}
+            carried |= last_values(specification, messages)
             carried |= {signal.name: False for signal in specification.signals
                         if signal.source is InputSource.RECEIVED}
             found += len(due)

@@ -95,7 +95,7 @@ def found(text: str, time: TimeColumn, native: CData | None) -> list[Any]:
     try:
         reader = TraceReader('t.csv', io.BytesIO(text.encode()), INPUTS, time, native)
         for times, columns in reader.blocks():
-            result += zip(times, *(map(repr, column) for column in columns), strict=True)
+            result += zip(times, *(map(repr, column or []) for column in columns), strict=True)
         result.append(reader.first)
     except CompileError as error:
         result.append(str(error))

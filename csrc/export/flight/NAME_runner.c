@@ -22,6 +22,7 @@
 #include "deadlines.c"
 #include "evaluator.c"
 #include "instance.c"
+#include "measures.c"
 #include "steps.c"
 #include "tables.c"
 

@@ -38,6 +38,7 @@ extern "C" {
 #define @UPPER@_N_GROUPS @GROUPS@u
 #define @UPPER@_N_READINGS @READINGS@u  // inputs of groups, summed over the groups
 #define @UPPER@_N_CONSTANT_GROUPS @CONSTANT_GROUPS@u  // groups without inputs
+#define @UPPER@_N_MEASURE_WORDS @MEASURE_WORDS@u  // of rates and periods
 
 /// What fm_evaluator_bytes returns for these monitors, or more.
 #define @UPPER@_PART(count, size) ((((size_t)(count)) * (size) + 15u) / 16u * 16u)
@@ -46,6 +47,7 @@ extern "C" {
     @UPPER@_PART(@UPPER@_N_INPUTS, sizeof(struct fm_input_cell)) + \
     @UPPER@_PART(@UPPER@_N_REQUIREMENTS, sizeof(struct fm_requirement_cell)) + \
     @UPPER@_PART(@UPPER@_N_TOPICS, sizeof(struct fm_topic_cell)) + \
+    @UPPER@_PART(@UPPER@_N_INPUTS, sizeof(uint32_t)) + \
     @UPPER@_PART(@UPPER@_N_GROUPS, sizeof(uint64_t)) + \
     2u * @UPPER@_PART(@UPPER@_N_READINGS, sizeof(uint32_t)) + \
     @UPPER@_PART(@UPPER@_N_CONSTANT_GROUPS * @UPPER@_N_TOPICS, sizeof(uint32_t)) + \
@@ -55,6 +57,7 @@ extern "C" {
     @UPPER@_PART(@NAME@_verdicts, sizeof(bool)) + \
     @UPPER@_PART(@UPPER@_N_REQUIREMENTS, sizeof(bool)) + \
     @UPPER@_PART(1u, sizeof(struct @NAME@_inputs)) + \
+    @UPPER@_PART(@UPPER@_N_MEASURE_WORDS, sizeof(int64_t)) + \
     @UPPER@_PART(1u, sizeof(struct @NAME@_state)))
 
 #endif  // @UPPER@_SIZE_H_
