@@ -17,8 +17,11 @@
 #include "endpoints.h"
 
 #include <rcl/error_handling.h>
+#include <rcl/graph.h>
 #include <rcl/service.h>
 #include <rmw/qos_profiles.h>
+#include <stdlib.h>
+#include <string.h>
 
 bool fm_service_open(
   struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
@@ -82,6 +85,43 @@ bool fm_advertise(
 void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher)
 {
   if (publisher->impl != NULL && rcl_publisher_fini(publisher, &node->node) != RCL_RET_OK) {
+    rcl_reset_error();
+  }
+}
+
+static struct fm_offer offer_of(const rmw_topic_endpoint_info_t * publisher)
+{
+  const rmw_qos_profile_t * profile = &publisher->qos_profile;
+  struct fm_offer offer = {
+    .node = publisher->node_name, .name_space = publisher->node_namespace,
+    .type = publisher->topic_type,
+    .is_reliable = profile->reliability == RMW_QOS_POLICY_RELIABILITY_RELIABLE,
+    .is_durable = profile->durability == RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL};
+  memcpy(offer.gid, publisher->endpoint_gid, FM_GID_BYTES);
+  return offer;
+}
+
+void fm_look_for_publishers(
+  const struct fm_node * node, const char * topic,
+  void (* use)(void * context, const struct fm_offer * offers, uint32_t n), void * context)
+{
+  rmw_topic_endpoint_info_array_t found = rmw_get_zero_initialized_topic_endpoint_info_array();
+  rcl_allocator_t allocator = node->allocator;
+  if (rcl_get_publishers_info_by_topic(&node->node, &allocator, topic, false, &found) !=
+    RCL_RET_OK)
+  {
+    rcl_reset_error();
+    return;
+  }
+  struct fm_offer * offers = calloc(found.size + 1u, sizeof(*offers));
+  if (offers != NULL) {
+    for (size_t k = 0; k < found.size; ++k) {
+      offers[k] = offer_of(&found.info_array[k]);
+    }
+    use(context, offers, (uint32_t)found.size);
+  }
+  free(offers);
+  if (rmw_topic_endpoint_info_array_fini(&found, &allocator) != RMW_RET_OK) {
     rcl_reset_error();
   }
 }

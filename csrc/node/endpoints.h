@@ -20,6 +20,7 @@
 #define ENDPOINTS_H_
 
 #include "log.h"
+#include "subscription.h"
 
 /// Define a function `name` that takes the waiting requests of a service and answers each with
 /// `answer(context, &request, &response)`; a response is initialised before, and freed after. The
@@ -66,5 +67,11 @@ bool fm_advertise(
 /// End a service, or a publisher; does nothing to a zeroed one.
 void fm_service_close(struct fm_node * node, rcl_service_t * service);
 void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher);
+
+/// Call `use` with the publishers on a topic, by its full name; `offers` are valid during the
+/// call. It is not called if rcl fails, or memory is short. O(publishers).
+void fm_look_for_publishers(
+  const struct fm_node * node, const char * topic,
+  void (* use)(void * context, const struct fm_offer * offers, uint32_t n), void * context);
 
 #endif  // ENDPOINTS_H_

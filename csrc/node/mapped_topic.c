@@ -17,11 +17,11 @@
 #include "mapped_topic.h"
 
 #include <rcl/error_handling.h>
-#include <rcl/graph.h>
 #include <rmw/qos_profiles.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "endpoints.h"
 #include "in_place_types.h"
 #include "words.h"
 
@@ -67,6 +67,7 @@ static bool subscribe(
   rcl_subscription_options_t options = rcl_subscription_get_default_options();
   options.qos = profile_of(request);
   intake->receiver = NULL;
+  intake->is_relayed = false;
   intake->subscription = rcl_get_zero_initialized_subscription();
   if (rcl_subscription_init(
       &intake->subscription, &topic->node->node,
@@ -82,9 +83,13 @@ static bool subscribe(
 
 // As subscribe.
 static bool receive(
-  struct fm_mapped_topic * topic, struct fm_intake * intake, struct fm_text * problem)
+  struct fm_mapped_topic * topic, struct fm_intake * intake, struct fm_request request,
+  struct fm_text * problem)
 {
-  if (fm_receiver_start(
+  if (topic->gate != NULL ?
+    fm_node_gate_take(
+      topic->gate, &intake->subscription, request.is_durable, &intake->is_relayed) :
+    fm_receiver_start(
       &intake->receiver, topic->engine, topic->middleware,
       rcl_subscription_get_rmw_handle(&intake->subscription), topic->index,
       topic->in_place != NULL ? FM_LISTEN_IN_PLACE :
@@ -96,14 +101,34 @@ static bool receive(
   return false;
 }
 
+// Mark the present subscription as one that is being replaced.
+static void retire(struct fm_mapped_topic * topic)
+{
+  struct fm_intake * current = &topic->current;
+  if (topic->gate == NULL) {
+    fm_receiver_retire(current->receiver);
+  } else if (!current->is_relayed && !fm_relay_add(
+      topic->gate->relay, rcl_subscription_get_rmw_handle(&current->subscription)))
+  {
+    return;  // there are too many of them already
+  } else {
+    current->is_relayed = true;
+    fm_relay_retire(
+      topic->gate->relay, rcl_subscription_get_rmw_handle(&current->subscription));
+  }
+}
+
 static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake)
 {
   if (intake->receiver != NULL) {
     fm_engine_drain(topic->engine);
   }
-  if (!fm_receiver_stop(&intake->receiver)) {
+  if (!fm_receiver_stop(&intake->receiver) || (intake->is_relayed && !fm_relay_remove(
+      topic->gate->relay, rcl_subscription_get_rmw_handle(&intake->subscription))))
+  {
     return false;
   }
+  intake->is_relayed = false;
   if (intake->subscription.impl != NULL &&
     rcl_subscription_fini(&intake->subscription, &topic->node->node) != RCL_RET_OK)
   {
@@ -117,13 +142,15 @@ bool fm_topic_open(
   const char * name, const struct fm_fixed_qos * fixed, uint32_t index)
 {
   topic->node = node;
-  const char * type = table->report.topics[index].type;
-  topic->support = table->topics[index].support;
-  topic->written = table->report.topics[index].name;
+  const bool is_more = index == table->report.n_topics;  // a gate's, which feeds no input
+  const char * type = is_more ? table->gate->type : table->report.topics[index].type;
+  topic->type = type;
+  topic->support = is_more ? table->gate->from.support : table->topics[index].support;
+  topic->written = is_more ? table->gate->name : table->report.topics[index].name;
   topic->index = index;
   topic->name = name;
-  topic->in_place = fm_in_place_type_of(topic->support());
-  if (topic->in_place == NULL && fm_why_copied()[0] == '\0') {
+  topic->in_place = topic->gate != NULL ? NULL : fm_in_place_type_of(topic->support());
+  if (topic->gate == NULL && topic->in_place == NULL && fm_why_copied()[0] == '\0') {
     fm_log(node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, type);
   }
   struct fm_text problem = {NULL, 0, 0};
@@ -148,7 +175,8 @@ bool fm_topic_start(
   topic->engine = engine;
   topic->middleware = middleware;
   struct fm_text problem = {NULL, 0, 0};
-  const bool is_done = receive(topic, &topic->current, &problem);
+  const bool is_done =
+    receive(topic, &topic->current, fm_subscription_request(topic->state), &problem);
   if (!is_done) {
     fm_log(
       topic->node, FM_ERROR, "cannot take the messages on %s: %s", topic->name,
@@ -200,8 +228,8 @@ static bool replace(
     return false;
   }
   fm_engine_begin_handover(topic->engine, topic->index, request.is_durable);
-  fm_receiver_retire(topic->current.receiver);
-  if (!receive(topic, &new_intake, problem)) {
+  retire(topic);
+  if (!receive(topic, &new_intake, request, problem)) {
     (void)end_intake(topic, &new_intake);
     return false;
   }
@@ -210,9 +238,9 @@ static bool replace(
   return true;
 }
 
-static void follow(
-  struct fm_mapped_topic * topic, const struct fm_offer * offers, uint32_t n_offers)
+static void follow(void * context, const struct fm_offer * offers, uint32_t n_offers)
 {
+  struct fm_mapped_topic * topic = context;
   size_t matched = 0;
   struct fm_text problem = {NULL, 0, 0};
   struct fm_lines lines = {NULL, 0, 0};
@@ -226,6 +254,11 @@ static void follow(
     fm_engine_end_handover(topic->engine, topic->index);
   }
   const bool is_good = !decision.subscribes || replace(topic, decision.request, &problem);
+  if (topic->gate != NULL) {
+    fm_node_gate_review(topic->gate, topic->type, offers, n_offers);
+    (void)fm_node_gate_take(
+      topic->gate, &topic->current.subscription, false, &topic->current.is_relayed);
+  }
   fm_subscription_conclude(
     topic->state, is_good ? NULL : fm_text_get(&problem),
     fm_engine_lost(topic->engine, topic->index), fm_steady_now(), &lines);
@@ -233,41 +266,13 @@ static void follow(
   fm_text_free(&problem);
 }
 
-static struct fm_offer offer_of(const rmw_topic_endpoint_info_t * publisher)
-{
-  const rmw_qos_profile_t * profile = &publisher->qos_profile;
-  struct fm_offer offer = {
-    .node = publisher->node_name, .name_space = publisher->node_namespace,
-    .type = publisher->topic_type,
-    .is_reliable = profile->reliability == RMW_QOS_POLICY_RELIABILITY_RELIABLE,
-    .is_durable = profile->durability == RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL};
-  memcpy(offer.gid, publisher->endpoint_gid, FM_GID_BYTES);
-  return offer;
-}
-
 void fm_topic_review(struct fm_mapped_topic * topic)
 {
-  rmw_topic_endpoint_info_array_t publishers = rmw_get_zero_initialized_topic_endpoint_info_array();
-  if (rcl_get_publishers_info_by_topic(
-      &topic->node->node, &topic->node->allocator, topic->name, false, &publishers) != RCL_RET_OK)
-  {
-    rcl_reset_error();
-    return;
-  }
-  struct fm_offer * offers = calloc(publishers.size + 1u, sizeof(*offers));
-  if (offers != NULL) {
-    for (size_t k = 0; k < publishers.size; ++k) {
-      offers[k] = offer_of(&publishers.info_array[k]);
-    }
-    follow(topic, offers, (uint32_t)publishers.size);
-  }
-  free(offers);
-  if (rmw_topic_endpoint_info_array_fini(&publishers, &topic->node->allocator) != RMW_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_look_for_publishers(topic->node, topic->name, follow, topic);
 }
 
 bool fm_topic_is_settled(const struct fm_mapped_topic * topic)
 {
-  return fm_subscription_is_settled(topic->state, fm_engine_lost(topic->engine, topic->index));
+  return (topic->gate == NULL || fm_node_gate_is_settled(topic->gate)) &&
+         fm_subscription_is_settled(topic->state, fm_engine_lost(topic->engine, topic->index));
 }

@@ -22,6 +22,7 @@
 #define MAPPED_TOPIC_H_
 
 #include "log.h"
+#include "node_gate.h"
 #include "node_table.h"
 #include "receiver.h"
 #include "subscription.h"
@@ -30,17 +31,20 @@
 struct fm_intake
 {
   rcl_subscription_t subscription;
-  struct fm_receiver * receiver;
+  struct fm_receiver * receiver;  // NULL if a gate takes them
+  bool is_relayed;                // the gate's relay takes them
 };
 
-/// A topic. Zeroed before fm_topic_open; fm_topic_close frees all of it.
+/// A topic. Zeroed before fm_topic_open but for `gate`; fm_topic_close frees all of it.
 struct fm_mapped_topic
 {
+  struct fm_node_gate * gate;        // that takes its messages; NULL: the engine does
   struct fm_node * node;
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
   const rosidl_message_type_support_t * (* support)(void);
   const char * written;              // its name in the bundle
+  const char * type;
   const rosidl_message_type_support_t * in_place;  // in_place_types.h; NULL: it is copied
   const char * name;                 // resolved
   uint32_t index;

@@ -148,6 +148,7 @@ static bool activate(void * context)
   log_taking(monitor, rmw_get_implementation_identifier());
   fm_node_actions_describe(&monitor->session.actions);
   log_watching(monitor);
+  fm_node_gate_describe(&monitor->session.gate, monitor->session.gate_source);
   return true;
 }
 
@@ -557,6 +558,7 @@ bool fm_monitor_node_spin_once(struct fm_monitor_node * monitor)
   if (result == RCL_RET_OK) {
     serve_all(monitor);
   }
+  fm_session_serve_clock(&monitor->session);
   run_timers(monitor);
   return true;
 }

@@ -64,10 +64,14 @@ static void look(struct fm_health * health)
   const struct fm_session * session = health->session;
   const struct fm_node_clock * clock = session->clock;
   const struct fm_blackbox_facts written = blackbox_facts(session);
+  if (session->gate.relay != NULL) {
+    health->gate = fm_node_gate_facts(&session->gate);
+  }
   const struct fm_facts facts = {
     .now = fm_steady_now(), .topics = health->topics,
     .actions = session->actions.counts,
     .blackbox = session->blackbox.writer == NULL ? NULL : &written,
+    .gate = session->gate.relay == NULL ? NULL : &health->gate,
     .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
   for (uint32_t k = 0; k < session->n_topics; ++k) {
     const struct fm_subscription * state = session->topics[k].state;

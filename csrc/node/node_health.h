@@ -29,6 +29,7 @@ struct fm_health
   struct fm_session * session;
   struct fm_review * review;
   struct fm_publishers * topics;
+  struct fm_gate_facts gate;  // of the last look, for the review
   struct fm_lines lines;
   struct fm_statuses statuses;
   rcl_publisher_t publisher;

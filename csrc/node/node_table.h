@@ -62,6 +62,18 @@ struct fm_node_topic
   const char * const * definition;  // of the message and of all within it, in pieces; then NULL
 };
 
+/// What a gate on a topic needs beside its report.
+struct fm_node_gate_table
+{
+  const char * name;              // of the source, as written; fm_report_gate has its index
+  const char * type;
+  struct fm_node_topic from;
+  const char * to;                // as written in the bundle
+  const uint8_t * substitute;     // serialized; of no use without FM_SUBSTITUTE
+  size_t substitute_size;
+  int64_t stamp_at;               // as in fm_relay_options
+};
+
 struct fm_node_table
 {
   struct fm_report_table report;
@@ -80,6 +92,7 @@ struct fm_node_table
   uint32_t tf_static;
   const struct fm_graph_source * in_graph;  // names as written, to be resolved by the node
   uint32_t n_in_graph;
+  const struct fm_node_gate_table * gate;  // NULL: the bundle has none, or leaves it to others
   const struct fm_action_type * action_types;  // of each action, without locks
   const uint8_t * reports;   // as in fm_evaluator_options, up to `rooms`
   const uint8_t * sources;

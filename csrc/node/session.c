@@ -97,7 +97,7 @@ static struct fm_use use_of_node(const char * name)
 static bool refuse_shared(const struct fm_session * session)
 {
   const struct fm_report_table * table = &session->table->report;
-  const size_t most = session->n_handlers + (size_t)table->n_locks + table->n_actions + 3u;
+  const size_t most = session->n_handlers + (size_t)table->n_locks + table->n_actions + 4u;
   struct fm_use * uses = calloc(most, sizeof(*uses));
   char * alive = fm_resolved_name(session->node, "~/alive");
   char * health = fm_resolved_name(session->node, "/diagnostics");
@@ -112,6 +112,10 @@ static bool refuse_shared(const struct fm_session * session)
     for (uint32_t k = 0; k < session->n_handlers; ++k) {
       uses[n++] = use_of_node(rcl_publisher_get_topic_name(&session->handlers[k]));
     }
+    if (session->gate_target != NULL) {
+      uses[n++] = (struct fm_use) {
+        "gate", table->gate->name, table->bundle, "publish on", session->gate_target, true};
+    }
     n += fm_node_actions_uses(&session->actions, &uses[n]);
     is_good = !fm_find_shared(&lines, uses, n);
     fm_log_lines(session->node, &lines);
@@ -120,6 +124,27 @@ static bool refuse_shared(const struct fm_session * session)
   free(health);
   free(uses);
   return is_good && !fm_node_actions_call_own(&session->actions);
+}
+
+// Resolve the names of the gate, which must not be one.
+static bool name_gate(struct fm_session * session)
+{
+  const struct fm_node_gate_table * gate = session->table->gate;
+  if (gate == NULL) {
+    return true;
+  }
+  session->gate_source = fm_resolved_name(session->node, gate->name);
+  session->gate_target = fm_resolved_name(session->node, gate->to);
+  if (session->gate_source == NULL || session->gate_target == NULL) {
+    fm_log_failure(session->node, "cannot subscribe or advertise");
+    return false;
+  }
+  if (strcmp(session->gate_source, session->gate_target) == 0) {
+    fm_log(session->node, FM_ERROR, "these gates are a circle: %s -> %s; remap their names to "
+      "different ones", session->gate_source, session->gate_target);
+    return false;
+  }
+  return true;
 }
 
 bool fm_session_configure(
@@ -133,7 +158,8 @@ bool fm_session_configure(
   session->settings = *settings;
   session->is_configured = true;
   if (!fm_node_blackbox_begin(&session->blackbox, node, table, &settings->blackbox) ||
-    !refuse_merged(session) || !advertise_all(session) || !refuse_shared(session))
+    !name_gate(session) || !refuse_merged(session) || !advertise_all(session) ||
+    !refuse_shared(session))
   {
     fm_session_release(session);
     return false;
@@ -153,6 +179,9 @@ void fm_session_release(struct fm_session * session)
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
+  free(session->gate_source);
+  free(session->gate_target);
+  session->gate_source = session->gate_target = NULL;
   session->is_configured = false;
 }
 
@@ -187,8 +216,9 @@ static struct fm_evaluator * make_evaluator(struct fm_session * session)
 static bool make_engine(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
+  struct fm_evaluator * evaluator = make_evaluator(session);
   const struct fm_engine_options options = {
-    .evaluator = make_evaluator(session), .monitor = table->monitor(),
+    .evaluator = evaluator, .monitor = table->monitor(),
     .readers = table->readers == NULL ? NULL : table->readers(),
     .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
     .sources = table->sources,
@@ -201,7 +231,8 @@ static bool make_engine(struct fm_session * session)
     fm_log(session->node, FM_ERROR, "the engine cannot be made: memory is short");
     return false;
   }
-  return true;
+  return fm_node_gate_guard(
+    &session->gate, session->node, table, session->engine, evaluator, session->gate_target);
 }
 
 static bool begin_reporter(struct fm_session * session)
@@ -256,27 +287,42 @@ static bool start_threads(struct fm_session * session)
     fm_log(session->node, FM_ERROR, "no thread can be started");
     return false;
   }
-  return true;
+  return fm_node_gate_start(&session->gate);
+}
+
+// A gate may judge a topic that feeds no input: it comes after the others.
+static bool open_topic(struct fm_session * session, uint32_t k)
+{
+  const struct fm_node_table * table = session->table;
+  const bool is_judged = table->gate != NULL && k == table->report.gate->topic;
+  const bool is_last = k == table->report.n_topics;
+  if (!is_last && table->topics[k].support == NULL) {
+    return true;  // its messages are made
+  }
+  session->topics[k].gate = is_judged ? &session->gate : NULL;
+  return fm_topic_open(
+    &session->topics[k], session->node, table,
+    is_last ? session->gate_source : session->topic_names[k], &session->settings.fixed[k], k);
 }
 
 static bool subscribe_all(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  session->topics = calloc(table->report.n_topics + 1u, sizeof(*session->topics));
+  const bool has_more =
+    table->gate != NULL && table->report.gate->topic == table->report.n_topics;
+  const uint32_t n = table->report.n_topics + (has_more ? 1u : 0u);
+  session->topics = calloc(n + 1u, sizeof(*session->topics));
   if (session->topics == NULL) {
     return false;
   }
-  for (uint32_t k = 0; k < table->report.n_topics; ++k) {
+  for (uint32_t k = 0; k < n; ++k) {
     session->n_topics = k + 1u;
-    if (table->topics[k].support != NULL && !fm_topic_open(
-        &session->topics[k], session->node, table, session->topic_names[k],
-        &session->settings.fixed[k], k))
-    {
+    if (!open_topic(session, k)) {
       return false;
     }
   }
-  for (uint32_t k = 0; k < table->report.n_topics; ++k) {
-    if (table->topics[k].support != NULL &&
+  for (uint32_t k = 0; k < n; ++k) {
+    if (session->topics[k].state != NULL &&
       !fm_topic_start(&session->topics[k], session->engine, fm_node_middleware()))
     {
       return false;
@@ -320,6 +366,7 @@ void fm_session_deactivate(struct fm_session * session)
   free(session->topics);
   session->topics = NULL;
   session->n_topics = 0;
+  fm_node_gate_stop(&session->gate);
   if (session->engine != NULL) {
     fm_engine_close(session->engine);
   }
@@ -330,6 +377,7 @@ void fm_session_deactivate(struct fm_session * session)
   fm_node_blackbox_stop(&session->blackbox);
   if (session->engine != NULL && is_over) {
     fm_engine_destroy(session->engine);
+    fm_node_gate_end(&session->gate);
     free(session->memory);
   }
   session->engine = NULL;
@@ -438,6 +486,13 @@ void fm_session_drain(struct fm_session * session)
   }
 }
 
+void fm_session_serve_clock(struct fm_session * session)
+{
+  if (session->is_active) {
+    fm_engine_serve_clock(session->engine);
+  }
+}
+
 void fm_session_wake(struct fm_session * session)
 {
   if (session->is_active) {
@@ -450,7 +505,8 @@ bool fm_session_turns(const struct fm_session * session, uint64_t * turns)
   const bool has_actions = session->actions.thread != NULL;
   const uint64_t now[FM_SESSION_THREADS] = {
     fm_announcer_turns(session->announcer), fm_detail_thread_turns(session->detail_thread),
-    has_actions ? fm_actions_turns(session->actions.thread) : turns[2] + 1u};
+    has_actions ? fm_actions_turns(session->actions.thread) : turns[2] + 1u,
+    session->gate.relay != NULL ? fm_relay_turns(session->gate.relay) : turns[3] + 1u};
   for (int k = 0; k < FM_SESSION_THREADS; ++k) {
     if (now[k] == turns[k]) {
       return false;

@@ -48,6 +48,9 @@ struct fm_session
   rcl_publisher_t details;
   struct fm_node_actions actions;
   struct fm_node_blackbox blackbox;
+  struct fm_node_gate gate;
+  char * gate_source;                 // full names; NULL: no gate
+  char * gate_target;
   void * memory;                      // of the evaluator
   struct fm_engine * engine;
   struct fm_reporter reporter;
@@ -92,14 +95,16 @@ int64_t fm_session_review(struct fm_session * session);
 /// Reset all step groups between two steps.
 void fm_session_reset(struct fm_session * session);
 
-/// `use_sim_time` is about to be changed, was changed; /clock is about to go back, has moved.
+/// `use_sim_time` is about to be changed, was changed; /clock is about to go back, is served, has
+/// moved.
 void fm_session_leave_clock(struct fm_session * session);
 void fm_session_follow_clock(struct fm_session * session);
 void fm_session_drain(struct fm_session * session);
+void fm_session_serve_clock(struct fm_session * session);
 void fm_session_wake(struct fm_session * session);
 
 /// Threads of a session that are counted by fm_session_turns.
-enum { FM_SESSION_THREADS = 3 };
+enum { FM_SESSION_THREADS = 4 };
 
 /// Whether each thread has looked for work since the counters in `turns` (FM_SESSION_THREADS) were
 /// written, which are written anew if so.

@@ -23,6 +23,7 @@
 
 #include "evaluator.h"
 #include "fret_fields.h"
+#include "gate.h"
 #include "schedule.h"
 
 /// A name of a value of an input. A string input is stored as the index of its name.
@@ -101,6 +102,10 @@ struct fm_report_gate
   int64_t open_after;    // ns without a violation, of a latch; 0: until a reset
   bool passes_silent;    // it stays open while an input of another topic is silent
   bool is_service;       // it judges requests
+  uint32_t otherwise;    // enum fm_otherwise
+  int64_t hold;          // ns; 0: none, as these
+  int64_t period;
+  bool latches;
 };
 
 struct fm_report_table

@@ -190,14 +190,25 @@ static const struct publisher * find(const struct fm_subscription * state, const
   return NULL;
 }
 
+bool fm_offer_is_unnamed(const struct fm_offer * offer)
+{
+  return strcmp(offer->node, UNNAMED) == 0;
+}
+
+void fm_offer_name(struct fm_text * text, const struct fm_offer * offer)
+{
+  if (fm_offer_is_unnamed(offer)) {
+    fm_text_add(text, "a publisher of no known node");
+  } else {
+    fm_text_add(text, "%s/%s", strcmp(offer->name_space, "/") == 0 ? "" : offer->name_space,
+      offer->node);
+  }
+}
+
 static char * who_is(const struct fm_offer * offer)
 {
   struct fm_text name = {NULL, 0, 0};
-  if (strcmp(offer->node, UNNAMED) == 0) {
-    return fm_copy_of("a publisher of no known node");
-  }
-  fm_text_add(&name, "%s/%s", strcmp(offer->name_space, "/") == 0 ? "" : offer->name_space,
-    offer->node);
+  fm_offer_name(&name, offer);
   return name.bytes;
 }
 
@@ -209,7 +220,7 @@ static bool note_publisher(
   const struct publisher * before = find(state, offer->gid);
   *noted = (struct publisher) {
     .who = who_is(offer), .type = fm_copy_of(offer->type),
-    .is_named = strcmp(offer->node, UNNAMED) != 0,
+    .is_named = !fm_offer_is_unnamed(offer),
     .is_ours = strcmp(offer->type, state->type) == 0,
     .is_reliable = offer->is_reliable, .is_durable = offer->is_durable,
     .is_logged = before != NULL && before->is_logged,

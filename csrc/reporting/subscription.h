@@ -102,6 +102,11 @@ struct fm_publishers
 
 struct fm_subscription;
 
+/// Add the full name of a publisher's node, or that it is not known, which
+/// fm_offer_is_unnamed says: the middleware discovers the node a moment later.
+FM_INTERNAL void fm_offer_name(struct fm_text * text, const struct fm_offer * offer);
+FM_INTERNAL bool fm_offer_is_unnamed(const struct fm_offer * offer);
+
 /// Make the state of a topic's subscription, which requests the least at first. `topic` is the
 /// full name, `type` package/msg/Name; both are copied. NULL if memory is short.
 FM_EXPORT struct fm_subscription * fm_subscription_create(

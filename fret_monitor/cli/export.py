@@ -28,6 +28,7 @@ from fret_monitor.export.sizes import measured_sizes, PartSizes
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, missing_packages, pip_install, refuse
+from fret_monitor.model.parts import NodePart
 
 _PROVER = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
@@ -53,6 +54,9 @@ def add_arguments(parser: ArgumentParser) -> None:
                         default=HandlerArguments.NONE.value,
                         help='of copilot: what handlers are called with: nothing (default), or '
                              'the values of the inputs that the requirement reads')
+    parser.add_argument('--gate', metavar='NAME',
+                        help='of ros2: export the node of this gate; default: the node of the '
+                             'requirements that no gate keeps')
     parser.add_argument('--templates', metavar='DIR', type=Path,
                         help='a folder with files of your own in place of some of the export')
     parser.add_argument('--no-proof', action='store_true',
@@ -73,12 +77,15 @@ def run(options: Namespace) -> int:
                        'does: leave --handler-arguments out')
     if options.templates is not None and not options.templates.is_dir():
         options.refuse(f"argument --templates: there is no folder '{options.templates}'")
+    if options.gate is not None and not TARGETS[options.target].acts:
+        options.refuse(f'the target {options.target} runs no gate, only ros2 does: leave --gate '
+                       'out')
     name = options.name if options.name is not None else options.prefix
     if name is not None and not is_name(name):
         options.refuse(f"'{name}' cannot begin names in C: "
                        'use a letter, then at most 99 letters, digits and _')
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
-                   part=TARGETS[options.target].part)
+                   part=_part(options))
     generated = generate_monitor(renamed(reading, name) if name is not None else reading)
     print_diagnostics(generated.warnings)
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))
@@ -98,6 +105,11 @@ def run(options: Namespace) -> int:
     print(_proof_line(options, is_proved=certificate is not None))
     print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
     return 0
+
+
+def _part(options: Namespace) -> NodePart | None:
+    """Return what is exported of the bundle."""
+    return TARGETS[options.target].part if options.gate is None else NodePart(options.gate)
 
 
 def _certificate(generated: GeneratedMonitor) -> str:

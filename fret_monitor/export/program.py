@@ -23,7 +23,7 @@ from pathlib import Path
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.content import csrc_files
 from fret_monitor.export.ros2 import (
-    hand_written_sources, NODE_NAME, NODE_PACKAGES, refuse_inputs_off_ros,
+    hand_written_sources, NODE_PACKAGES, refuse_what_no_node_has,
 )
 from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.native.cache import build_library
@@ -52,11 +52,11 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
     Raises
     ------
     CompileError
-        if an input that a requirement reads has no topic.
+        if an input that a requirement reads has no topic, or a gate is on a service.
     NativeError
         if there are no headers of ROS or no C compiler, it fails, or the cache cannot be written.
     """
-    refuse_inputs_off_ros(generated)
+    refuse_what_no_node_has(generated)
     if not has_headers():
         raise NativeError('the headers of rcl are not installed here')
     headers = {name: text for name, text in csrc_files(*hand_written_sources()).items()
@@ -65,7 +65,7 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
     files = {name: text for name, text in generated.module.files.items() if name.endswith('.c')}
     packages = sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})
     return build_library(
-        {**files, 'node_table.c': node_table(generated, NODE_NAME, origin)},
+        {**files, 'node_table.c': node_table(generated, origin)},
         headers={**headers, header: text}, name='monitor', identity=identity(),
         linking=Linking('{}', tuple(searched()), (str(_same_for_all()),), (
             *linked([*NODE_LIBRARIES, rmw_library()], packages), *LIBRARIES)))

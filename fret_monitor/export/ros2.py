@@ -32,14 +32,11 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import HANDLER_TOPIC
 from fret_monitor.native.cache import csrc_directory, CSRC_ROOMS
 
-NODE_NAME = 'fret_monitor'
-"""As that of the monitor in Python, so that services and topics have the same names."""
-
 NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgraph_msgs',
                  'std_msgs', 'std_srvs', 'type_description_interfaces')
 """The packages of the messages and services that every node has."""
 
-_UNUSED = ('benchmark.c', 'csv.c', 'records.c', 'relay.c', 'thinning.c', 'trials.c')
+_UNUSED = ('benchmark.c', 'csv.c', 'records.c', 'thinning.c', 'trials.c')
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:
@@ -49,20 +46,24 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     Raises
     ------
     CompileError
-        if an input that a requirement reads has no topic, or handlers should have arguments.
+        if an input that a requirement reads has no topic, handlers should have arguments, or the
+        gate is on a service.
     """
     if options.handler_arguments is not HandlerArguments.NONE:
         refuse('handlers of ros2 are topics of std_msgs/msg/Empty, without arguments',
                help='copilot/violations has the values; leave --handler-arguments out')
-    refuse_inputs_off_ros(generated)
+    refuse_what_no_node_has(generated)
     manifest = generated.manifest
     files = {**csrc_files(*hand_written_sources()), **generated.module.files}
     sources = {f'src/{name}': text for name, text in files.items()}
-    sources['src/node_table.c'] = node_table(generated, NODE_NAME)
+    sources['src/node_table.c'] = node_table(generated)
+    program = 'gate' if manifest.gate else 'monitor'
     interfaces = sorted({*NODE_PACKAGES, *packages_of(manifest)})
     values = {
         **common_values(generated, options),
-        'PACKAGE': package_name(export_name(generated)),
+        'PACKAGE': package_name(export_name(generated), program),
+        'PROGRAM': program,
+        'NODE': 'fret_gate' if manifest.gate else 'fret_monitor',
         'INTERFACES': ' '.join(interfaces),
         'DEPENDS': '\n  '.join(f'<depend>{name}</depend>' for name in interfaces),
         'NODE_SOURCES': '\n  '.join(name for name in sorted(sources) if name.endswith('.c')),
@@ -71,15 +72,20 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
         'HANDLERS': '\n'.join(_handlers(manifest)),
     }
     return Content(
-        generated=sources, templates=hand_written('ros2'), values=values,
+        generated=sources, templates=_templates(program), values=values,
         parts=(ExportPart('monitors with readers of messages, without the node', tuple(
             f'src/{name}' for name in generated.module.files if name.endswith('.c')), 'src'),))
 
 
-def package_name(name: str) -> str:
+def _templates(program: str) -> dict[str, str]:
+    return {name.replace('monitor.launch', f'{program}.launch'): text
+            for name, text in hand_written('ros2').items()}
+
+
+def package_name(name: str, program: str = 'monitor') -> str:
     """Return the name of the package: lower case, one underscore at a time (REP 144)."""
     word = re.sub('_+', '_', name.lower()).strip('_')
-    return f'{word if word[:1].isalpha() else f"m_{word}"}_monitor'.replace('__', '_')
+    return f'{word if word[:1].isalpha() else f"m_{word}"}_{program}'.replace('__', '_')
 
 
 def hand_written_sources() -> list[str]:
@@ -88,11 +94,24 @@ def hand_written_sources() -> list[str]:
     return sorted(name for name in found if name.rpartition('.')[0] + '.c' not in _UNUSED)
 
 
-def refuse_inputs_off_ros(generated: GeneratedMonitor) -> None:
-    """Refuse inputs that a requirement reads without a topic: `CompileError`."""
+def refuse_what_no_node_has(generated: GeneratedMonitor) -> None:
+    """
+    Refuse inputs that a requirement reads without a topic, and gates on services.
+
+    Raises
+    ------
+    CompileError
+        with all of them.
+    """
     manifest = generated.manifest
     read = {index for group in manifest.groups for index in group.inputs}
     problems = []
+    gate = generated.specification.gate
+    if gate is not None and manifest.gate is not None and manifest.gate.is_service:
+        problems.append(Diagnostic(
+            f"the gate '{gate.name}' is on a service, which only the node in Python has",
+            gate.place, help='ros2 run fret_monitor gate --ros-args -p '
+                             f'spec:={generated.sources[0]}'))
     for index in sorted(read):
         item, signal = manifest.inputs[index], generated.specification.signals[index]
         if item.topic is None or item.message_type is None:

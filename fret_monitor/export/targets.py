@@ -33,7 +33,8 @@ class Target:
     A target: a line for `--help`, and the function that makes its files.
 
     The function raises a `CompileError` with places for a bundle that the target cannot do. `part`
-    is what the target takes of a bundle; None: all requirements. `acts`: it starts its actions.
+    is what the target takes of a bundle; None: all requirements. `acts`: it starts its actions,
+    and runs a gate instead, if one is named.
     """
 
     summary: str

@@ -24,11 +24,18 @@ from typing import Any
 
 from fret_monitor.model.manifest import followed, Manifest, ManifestAction, ManifestInput
 from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS
-from fret_monitor.model.policies import ActionKind, Policy, Report, Severity, Stale, Stamp
+from fret_monitor.model.policies import (
+    ActionKind, Otherwise, Policy, Report, Severity, Stale, Stamp,
+)
 from fret_monitor.model.values import ValueType
 
 type Value = bool | int | float | str | Enumerator | Stored | Elements | Members | None
 """An initializer; `None` is a null pointer."""
+
+
+OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
+             Otherwise.SUBSTITUTE: 'FM_SUBSTITUTE', Otherwise.RESPOND: 'FM_DROP'}
+"""Of a gate (`enum fm_otherwise`); the response of a service is sent by the node."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +156,8 @@ def _gate(manifest: Manifest) -> Elements | None:
     return None if gate is None else _structs('fm_report_gate', [{
         'name': gate.name, 'topic': len(manifest.topics) if gate.topic is None else gate.topic,
         'open_after': gate.open_after, 'passes_silent': gate.is_open_when_stale,
-        'is_service': gate.is_service}])
+        'is_service': gate.is_service, 'latches': gate.latches, 'hold': gate.hold,
+        'period': gate.period, 'otherwise': Enumerator(OTHERWISE[gate.otherwise])}])
 
 
 def _input(item: ManifestInput) -> dict[str, Value]:

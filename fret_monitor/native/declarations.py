@@ -35,9 +35,10 @@ HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h', 'outbox.h',
     'kinds.h', 'scopes.h', 'blackbox.h', 'mcap.h', 'blackbox_file.h', 'states.h', 'transforms.h',
     'schedule.h', 'engine.h', 'scheduling.h', 'blackbox_writer.h', 'snapshot.h', 'records.h',
-    'lines.h', 'blackbox_lines.h', 'subscription.h', 'statuses.h', 'report_table.h',
-    'action_lines.h', 'reporter.h', 'start_lines.h', 'transform_lines.h', 'shared_names.h',
-    'details.h', 'violation_log.h', 'facts.h', 'review.h', 'thinning.h', 'csv.h', 'middleware.h',
+    'lines.h', 'blackbox_lines.h', 'subscription.h', 'gate_target.h', 'statuses.h',
+    'report_table.h', 'gate_lines.h', 'action_lines.h', 'reporter.h', 'start_lines.h',
+    'transform_lines.h', 'shared_names.h', 'details.h', 'violation_log.h', 'facts.h', 'review.h',
+    'thinning.h', 'csv.h', 'middleware.h',
     'serialized.h', 'in_place.h', 'in_place_versions.h', 'receiver.h', 'announcer.h',
     'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',
 )

@@ -24,14 +24,11 @@ from typing import Any
 
 from fret_monitor.model.frozen import frozen
 from fret_monitor.model.manifest import ManifestGate
-from fret_monitor.model.policies import Otherwise
+from fret_monitor.model.report_table import OTHERWISE
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.runtime.evaluator import ALIGNMENT, Evaluator, Violation, violation
-
-_OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
-              Otherwise.SUBSTITUTE: 'FM_SUBSTITUTE', Otherwise.RESPOND: 'FM_DROP'}
 
 
 class Judgement(Enum):
@@ -97,7 +94,7 @@ class MessageGate:
             'topics': options.topics,
             'n_topics': options.n_topics,
             'from': options.n_topics if rules.topic is None else rules.topic,
-            'otherwise': ffi.integer_const(_OTHERWISE[rules.otherwise]),
+            'otherwise': ffi.integer_const(OTHERWISE[rules.otherwise]),
             'hold': rules.hold,
             'period': rules.period,
             'passes_silent': rules.is_open_when_stale,

@@ -105,11 +105,9 @@ class SubscriptionState:
 
     def decide(self, offers: Sequence[Offer], matched: int, now: int) -> Decision:
         """Decide what to do; `matched` is the number of publishers that are matched."""
-        texts = [[ffi.new('char[]', text.encode()) for text in offer[1:4]] for offer in offers]
+        array, _kept = c_offers(offers)
         found = self._library.fm_subscription_decide(
-            self._pointer, ffi.new('struct fm_offer[]', [
-                (offer.gid, *kept, offer.is_reliable, offer.is_durable)
-                for offer, kept in zip(offers, texts)]), len(offers), matched, now)
+            self._pointer, array, len(offers), matched, now)
         return Decision(found.n_ended, found.ends_handover,
                         _request(found.request) if found.subscribes else None)
 
@@ -134,6 +132,14 @@ class SubscriptionState:
         found = self._library.fm_subscription_publishers(self._pointer)
         texts: list[Any] = [ffi.string(text) for text in (found.other_types, found.unmatched)]
         return TopicFacts(found.n, *(text.decode() for text in texts))
+
+
+def c_offers(offers: Sequence[Offer]) -> tuple[Any, Any]:
+    """Return an array of `struct fm_offer`, and what has to live as long."""
+    texts = [[ffi.new('char[]', text.encode()) for text in offer[1:4]] for offer in offers]
+    return ffi.new('struct fm_offer[]', [
+        (offer.gid, *kept, offer.is_reliable, offer.is_durable)
+        for offer, kept in zip(offers, texts)]), texts
 
 
 def _request(found: Any) -> Request:

@@ -84,6 +84,7 @@ def test_what_is_not_proved_is_not_exported_unasked(
     (('--to', 'c99', '--output', ''), 2, 'the name of a folder is missing'),
     (('--to', 'c99', '--output', '.', '--no-proof'), 1, 'holds other files'),
     (('--to', 'c99', '--output', 'out', '--handler-arguments', 'values'), 2, 'calls no handlers'),
+    (('--to', 'c99', '--output', 'out', '--gate', 'g'), 2, 'runs no gate, only ros2 does'),
     (('--to', 'c99', '--output', 'out', '--templates', 'none'), 2, "there is no folder 'none'"),
 ])
 def test_wrong_arguments_are_refused(
@@ -139,3 +140,39 @@ requirements:
     all_kept = here.file('all.yaml', text)
     done = here.run('export', all_kept, '--to', 'ros2', '--output', here.folder / 'none')
     assert done.status == 1 and "gates keep all requirements of 'all' (cmd)" in done.err
+
+
+def test_a_gate_on_a_topic_is_exported_as_a_node_of_its_own(here: Here) -> None:
+    bundle, out = here.file('gated.yaml', """\
+format: 1
+inputs:
+  x: {topic: cmd_in, type: std_msgs/msg/Float32}
+  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+gates:
+  cmd: {from: cmd_in, to: cmd_out, type: std_msgs/msg/Float32, keep: [KEPT]}
+  arm:
+    service: arm
+    to: arm_raw
+    type: std_srvs/srv/SetBool
+    keep: [ARM]
+    otherwise: {respond: {success: false, message: withheld}}
+requirements:
+  - {id: KEPT, ptltl: "x < 1.0"}
+  - {id: ARM, ptltl: "!data"}
+  - {id: OWN, ptltl: "x < 3.0"}
+"""), here.folder / 'out'
+    export = ('export', bundle, '--to', 'ros2', '--no-proof', '--output', out, '--gate')
+    done = here.run(*export, 'cmd')
+    assert done.status == 0 and '1 requirement' in done.out and 'not part of' not in done.err
+    assert '<name>gated_cmd_gate</name>' in (out / 'package.xml').read_text(encoding='utf-8')
+    table = (out / 'src' / 'node_table.c').read_text(encoding='utf-8')
+    assert all(word in table for word in (
+        '"fret_gate"', 'handlerpropKEPT', '"cmd_out"', '.gate = report_gate', '.gate = gate'))
+    assert 'handlerpropOWN' not in table
+    assert 'add_executable(gate' in (out / 'CMakeLists.txt').read_text(encoding='utf-8')
+    launch = (out / 'launch' / 'gate.launch.py').read_text(encoding='utf-8')
+    assert "executable='gate'" in launch and "'name': ('fret_gate'" in launch
+    done = here.run(*export, 'arm')
+    assert done.status == 1 and "the gate 'arm' is on a service, which only the node in Py" \
+        in done.err
+    assert f'ros2 run fret_monitor gate --ros-args -p spec:={bundle}' in done.err

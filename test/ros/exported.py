@@ -40,7 +40,7 @@ from fret_monitor.export.content import Options
 from fret_monitor.export.folder import assemble
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import node_table, packages_of
-from fret_monitor.model.parts import UNGATED
+from fret_monitor.model.parts import NodePart, UNGATED
 from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
 from fret_monitor.native.cache import EVALUATOR_SOURCES
 from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler
@@ -81,7 +81,7 @@ def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> li
 @cache
 def hand_written(flags: tuple[str, ...]) -> list[Path]:
     """Return the object files of all C that is the same for every bundle."""
-    unused = {'csv.c', 'records.c', 'thinning.c', 'relay.c'}
+    unused = {'csv.c', 'records.c', 'thinning.c'}
     rooms = [csrc_directory() / room for room in ('reporting', 'node')]
     sources = [*sorted({*(path for room in rooms for path in room.glob('*.c')),
                         *(csrc_file(name) for name in EVALUATOR_SOURCES if name not in unused)}),
@@ -95,7 +95,7 @@ _BUILT: dict[str, Path] = {}
 
 def exported_node(generated: GeneratedMonitor, flags: tuple[str, ...] = ()) -> Path:
     """Return the program of a bundle's node."""
-    files = {**generated.module.files, 'node_table.c': node_table(generated, 'fret_monitor')}
+    files = {**generated.module.files, 'node_table.c': node_table(generated)}
     key = hashlib.sha256(repr((sorted(files.items()), flags)).encode()).hexdigest()[:20]
     if key not in _BUILT:
         folder = Path(_folder().name) / key
@@ -116,9 +116,10 @@ def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
         '-lm', '-pthread'])
 
 
-def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS) -> Path:
+def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS,
+                    part: NodePart = UNGATED) -> Path:
     """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
-    return exported_node(build.generate_monitor(build.read(bundle, part=UNGATED)), flags)
+    return exported_node(build.generate_monitor(build.read(bundle, part=part)), flags)
 
 
 def exported_parts(bundle: Path, name: str) -> Path:

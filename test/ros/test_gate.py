@@ -444,17 +444,17 @@ def test_another_publisher_of_a_node_of_the_same_name_is_reported(
     try:
         gates = [session._gate for session in node._sessions]
 
-        def others() -> list[tuple[str, ...]]:
+        def others() -> list[str]:
             return [gate._relay.others for gate in gates if gate is not None and gate._relay]
 
         sleep(1.5)
-        assert others() == [(), ()]
+        assert others() == ['', '']
         own = node.create_publisher(Float32, 'b', 1)
-        wait_until(lambda: others() == [('another /fret_gate',), ()], 'a publisher of the node')
+        wait_until(lambda: others() == ['another /fret_gate', ''], 'a publisher of the node')
         node.destroy_publisher(own)
-        wait_until(lambda: others() == [(), ()], 'the end of the publisher')
+        wait_until(lambda: others() == ['', ''], 'the end of the publisher')
         other = GateNode(context=stranger.context, parameter_overrides=[spec])
-        wait_until(lambda: others() == [('another /fret_gate',)] * 2, 'the second node')
+        wait_until(lambda: others() == ['another /fret_gate'] * 2, 'the second node')
     finally:
         for item in filter(None, (node, other)):
             item.destroy_node()

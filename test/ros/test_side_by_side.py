@@ -38,7 +38,7 @@ both, and the next ones are equal, with what has happened since the last report.
 """
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -278,7 +278,8 @@ class Face:
         return found, counts
 
 
-def equal(shown: Callable[[Face], Counter[Any]], faces: list[Face], what: str) -> None:
+def equal[F: Face](
+        shown: Callable[[F], Counter[Any]], faces: Sequence[F], what: str) -> None:
     """Wait until both nodes show the same, or fail with what only one of them shows."""
     try:
         wait_until(lambda: shown(faces[0]) == shown(faces[1]), what, 8.0)
@@ -621,10 +622,10 @@ def both(path: Path, *, is_simulated: bool, is_late: bool) -> Iterator[list[Face
         compare_files(faces)
 
 
-def compare_files(faces: list[Face]) -> None:
+def compare_files(faces: Sequence[Face], least: int = 20) -> None:
     """Compare the messages of the files of the black boxes, which are complete after the end."""
     ours, theirs = map(Face.kept, faces)
-    assert len(ours) > 20
+    assert len(ours) > least
     assert ours == theirs, f'only python: {ours - theirs}\nonly native: {theirs - ours}'
 
 

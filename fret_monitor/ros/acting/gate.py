@@ -18,7 +18,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestGate
-from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.acting.relay import Relay
 from fret_monitor.ros.acting.service_gate import ServiceGate
@@ -28,51 +27,30 @@ from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.ros.settings.shared_names import ends_of
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
-from fret_monitor.runtime.reporting import GateFacts
+from fret_monitor.runtime.reporting import GateFacts, Lines, LogLine, ReportTable
 
 from rclpy.node import Node
 
 
-def gate_of(evaluator: Evaluator, settings: ManifestGate) -> MessageGate:
+def gate_of(evaluator: Evaluator, settings: ManifestGate, table: ReportTable) -> MessageGate:
     """Return the gate of an evaluator; raises `Refusal` if its policy has no step a message."""
     try:
         return MessageGate(evaluator, settings)
     except LibraryError:
-        raise Refusal(
-            f"the gate '{settings.name}' needs a step for each message: "
-            f'it cannot run with the policy {evaluator.policy.value}') from None
+        lines = Lines(evaluator.library)
+        evaluator.library.fm_add_gate_refusal(
+            lines.pointer, table.pointer.gate, evaluator.policy.value.encode())
+        raise Refusal(*(line.text for line in lines.take())) from None
 
 
-def describe_gate(node: Node, manifest: Manifest) -> str:
+def describe_gate(node: Node, manifest: Manifest, table: ReportTable,
+                  library: Any) -> list[LogLine]:
     """Return the log line of a gate at the start."""
-    gate = manifest.gate
-    assert gate is not None
-    source, target = ends_of(node, gate)
-    ids = ', '.join(item.id for item in manifest.requirements)
-    stale = '; OPEN WHILE AN INPUT IS STALE (stale: open)' if gate.is_open_when_stale else ''
-    return (f"gate '{gate.name}': {source} -> {target}, keeps {ids}; "
-            f'otherwise {_otherwise(gate)}{_latch(gate)}{stale}')
-
-
-def _otherwise(gate: ManifestGate) -> str:
-    match gate.otherwise:
-        case Otherwise.DROP:
-            return 'nothing is sent'
-        case Otherwise.HOLD:
-            return f'the last message that passed is sent again, for {gate.hold / 1e9:g} s'
-        case Otherwise.SUBSTITUTE if gate.period:
-            return f'the substitute is sent, at {1e9 / gate.period:g} Hz'
-        case Otherwise.SUBSTITUTE:
-            return 'the substitute is sent, once for each message'
-        case Otherwise.RESPOND:
-            return 'the request is refused'
-
-
-def _latch(gate: ManifestGate) -> str:
-    if not gate.latches:
-        return ''
-    end = f'{gate.open_after / 1e9:g} s without a violation' if gate.open_after else '~/reset'
-    return f'; after a violation closed until {end}'
+    assert manifest.gate is not None
+    lines = Lines(library)
+    library.fm_describe_gate(
+        lines.pointer, table.pointer, *(name.encode() for name in ends_of(node, manifest.gate)))
+    return lines.take()
 
 
 class RunningGate:
@@ -125,4 +103,4 @@ class RunningGate:
                 ', '.join(self._service.others), self._settings.source, self._service.unanswered)
         assert self._relay is not None
         return GateFacts(
-            ', '.join(self._relay.others), self._relay.target, self._relay.unpublished)
+            self._relay.others, self._relay.target, self._relay.unpublished)

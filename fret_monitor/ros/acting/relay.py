@@ -16,49 +16,35 @@
 The relay of a gate: a subscription, a thread of C that judges and publishes, and a publisher.
 
 The feed makes the subscription, as for any topic, and gives it to the relay (`Relay.topic`). The
-publisher follows the publishers of the topic: it is reliable, and transient local if one of them
-is. Its queue is as long as that of the subscription.
+publisher follows the publishers of the topic as C decides (`csrc/reporting/gate_target.h`).
 """
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from threading import Lock
-from time import monotonic
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
+from fret_monitor.ros.intake.feed import offer_of
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription, UNNAMED
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
-from fret_monitor.runtime.subscription import DEFAULT_DEPTH
+from fret_monitor.runtime.gate_target import GateTarget, TargetDecision
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-
-_DURABLE_DEPTH = 10  # messages that a late subscriber receives
-_MATCHED_S = 0.5  # until a new publisher is used, at most; until then the old one is
-_UNNAMED_LOOKS = 8  # at a publisher without the name of its node, until it is reported
-
-
-@dataclass(frozen=True)
-class _Next:
-    """A publisher that replaces the present one: when it is matched, or at a monotonic time."""
-
-    publisher: RclPublisher
-    until: float
 
 
 class Relay:
     """
     Relays the messages of a gate, from its creation until `close`.
 
-    `others` are the nodes that publish on the gate's target, beside it.
+    The feed's thread calls `follow`, `review` and `look_for_others`.
     """
 
     def __init__(self, node: Node, engine: Engine, gate: ManifestGate, middleware: Middleware,
@@ -80,14 +66,15 @@ class Relay:
         self._lock = Lock()  # guards the pointer in `_place`
         self._place: Any = ffi.new('struct fm_relay **')
         topics = engine.monitor.manifest.topics
-        self._fixed = {} if gate.topic is None else dict(topics[gate.topic].qos)
+        fixed = {} if gate.topic is None else dict(topics[gate.topic].qos)
+        self._target = GateTarget(
+            engine.library, node.get_fully_qualified_name(), int(fixed.get('depth', 0)))
         self._substitute = ffi.from_buffer('uint8_t[]', gate.substitute)
-        self._gids: set[bytes] = set()  # of all publishers that it has had
-        self._publisher = self._advertise(is_durable=False)
-        self._next: _Next | None = None
+        self._publisher = self._advertise(self._target.first)
+        self._next: RclPublisher | None = None  # that replaces it
         self._held = ExitStack()
-        self._unnamed_looks = 0
-        self.others: tuple[str, ...] = ()
+        self.others = ''
+        """The nodes that publish on the gate's target, beside it; written by `look_for_others`."""
         with ExitStack() as undo:
             undo.callback(self.close)  # also if a signal interrupts what follows
             self._held.enter_context(self._publisher.handle)
@@ -110,15 +97,13 @@ class Relay:
         if not self._library.fm_relay_start(self._place, options):
             raise Unavailable('no thread can be started')
 
-    def _advertise(self, *, is_durable: bool) -> RclPublisher:
-        usual = _DURABLE_DEPTH if is_durable else DEFAULT_DEPTH
+    def _advertise(self, wanted: TargetDecision) -> RclPublisher:
         publisher = RclPublisher(self._node, self._message_class, self._gate.target, QoSProfile(
-            depth=int(self._fixed.get('depth', usual)),
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if is_durable
+            depth=wanted.depth, reliability=ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if wanted.is_durable
             else DurabilityPolicy.VOLATILE))
         with publisher.handle:
-            self._gids.add(self._middleware.gid(publisher))
+            self._target.note(self._middleware.gid(publisher))
         return publisher
 
     @property
@@ -149,29 +134,34 @@ class Relay:
         """
         Publish with this durability, once `review` finds the new publisher matched.
 
-        Called by the feed's thread only. It does not wait for the match: messages of other topics
-        may be taken in this thread, and without them the gate closes.
+        It does not wait for the match: messages of other topics may be taken in this thread, and
+        without them the gate closes.
         """
-        wanted = self._publisher if self._next is None else self._next.publisher
-        if _is_durable(wanted.qos_profile) is is_durable:
-            return
-        self._drop_next()
-        if wanted is self._publisher:
-            self._next = _Next(
-                self._advertise(is_durable=is_durable), monotonic() + _MATCHED_S)
+        decision = self._target.follow(is_durable=is_durable)
+        if decision.drops_next:
+            self._drop_next()
+        if decision.advertises:
+            with ExitStack() as undo:
+                undo.callback(self._target.fail)
+                self._next = self._advertise(decision)
+                undo.pop_all()
 
     @property
     def is_changing(self) -> bool:
         """Whether a new publisher is not used yet."""
         return self._next is not None
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether no publisher is being replaced, and the node of each other one is known."""
+        return self._target.is_settled
+
     def review(self) -> None:
-        """Use the new publisher, if due; called periodically, by the feed's thread only."""
-        if self._next is None or (
-                self._next.publisher.subscriptions < self._publisher.subscriptions
-                and monotonic() < self._next.until):
+        """Use the new publisher, if due."""
+        if self._next is None or not self._target.review(
+                self._publisher.subscriptions, self._next.subscriptions):
             return
-        old, new, held = self._publisher, self._next.publisher, ExitStack()
+        old, new, held = self._publisher, self._next, ExitStack()
         with self._lock:
             if self._place[0] == ffi.NULL:
                 return
@@ -185,34 +175,14 @@ class Relay:
 
     def _drop_next(self) -> None:
         if self._next is not None:
-            self._next.publisher.close()
+            self._next.close()
             self._next = None
 
     def look_for_others(self) -> None:
-        """Look for other publishers on the target; called by the feed's thread only."""
-        found = self._others(self._node.get_publishers_info_by_topic(self._gate.target))
-        own = self._node.get_fully_qualified_name()
-        names = {_full_name(item) for item in found if item.node_name != UNNAMED}
-        has_unnamed = any(item.node_name == UNNAMED for item in found)
-        self._unnamed_looks = self._unnamed_looks + 1 if has_unnamed else 0
-        if self._unnamed_looks > _UNNAMED_LOOKS:
-            names.add('a publisher of no known node')
-        self.others = tuple(sorted(
-            f'another {name}' if name == own else name for name in names))
-
-    @property
-    def knows_others(self) -> bool:
-        """Whether each other publisher has been reported, or has the name of its node."""
-        return self._unnamed_looks == 0 or self._unnamed_looks > _UNNAMED_LOOKS
-
-    def _others(self, found: Sequence[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
-        """Return the publishers that are not the gate's; they may have the name of its node."""
-        others = [item for item in found if bytes(item.endpoint_gid) not in self._gids]
-        if len(others) < len(found):
-            return others
-        own = self._node.get_fully_qualified_name()  # the middleware lists other ids
-        mine = next((item for item in found if _full_name(item) == own), None)
-        return [item for item in found if item is not mine]
+        """Look for other publishers on the target."""
+        self._target.look([
+            offer_of(item) for item in self._node.get_publishers_info_by_topic(self._gate.target)])
+        self.others = self._target.others
 
     def add(self, subscription: RclSubscription) -> None:
         """Take the messages of a subscription."""
@@ -256,10 +226,6 @@ def _is_durable(profile: QoSProfile) -> bool:
     return profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def _full_name(item: TopicEndpointInfo) -> str:
-    return f'{item.node_namespace.rstrip("/")}/{item.node_name}'
-
-
 class RelayedTopic(EngineTopic):
     """The topic of a gate: the relay takes its messages."""
 
@@ -292,7 +258,7 @@ class RelayedTopic(EngineTopic):
     @property
     def is_settled(self) -> bool:
         """Whether no publisher is being replaced, and the node of each other one is known."""
-        return not self._relay.is_changing and self._relay.knows_others
+        return self._relay.is_settled
 
 
 class RelayReceiver:

@@ -141,7 +141,7 @@ class BundleSession:
         engine = Engine(evaluator)
         if self.manifest.gate is not None:
             from fret_monitor.ros.acting.gate import gate_of
-            engine.guard(gate_of(evaluator, self.manifest.gate))
+            engine.guard(gate_of(evaluator, self.manifest.gate, self._table))
         return engine
 
     def _advertise(self, depth: int) -> None:
@@ -211,6 +211,11 @@ class BundleSession:
     def describe_actions(self) -> list[LogLine]:
         """Return the line about locks and actions at the start; none if there are none."""
         return self._actions.describe()
+
+    def describe_gate(self) -> list[LogLine]:
+        """Return the line about the gate at the start."""
+        from fret_monitor.ros.acting.gate import describe_gate
+        return describe_gate(self._node, self.manifest, self._table, self.library)
 
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are."""

@@ -17,7 +17,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fret_monitor.ros.acting.gate import describe_gate
+from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.nodes.monitor_node import distinct_names, MonitorNode
 from fret_monitor.ros.settings.opened import open_gates, Opened
 from fret_monitor.ros.settings.parameters import Described, GATE_PARAMETERS, Settings
@@ -46,4 +46,4 @@ class GateNode(MonitorNode):
     def _activate(self) -> None:
         super()._activate()
         for session in self._sessions:
-            self.get_logger().info(describe_gate(self, session.manifest))
+            log_lines(self.get_logger(), session.describe_gate())

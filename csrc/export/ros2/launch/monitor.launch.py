@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Start the monitor of @PACKAGE@.
+Start the node of @PACKAGE@.
 
-    ros2 launch @PACKAGE@ monitor.launch.py namespace:=robot1
+    ros2 launch @PACKAGE@ @PROGRAM@.launch.py namespace:=robot1
 
 It is a managed node. With `autostart:=false` it waits until it is configured and activated, by
 `ros2 lifecycle set` or by events of a launch file that includes this one.
@@ -29,7 +29,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 ARGUMENTS = {
     'namespace': ('', 'where relative topics and the handlers lie'),
-    'name': ('fret_monitor', 'the name of the node'),
+    'name': ('@NODE@', 'the name of the node'),
     'use_sim_time': ('false', 'whether time comes from /clock'),
     'log_violations': ('true', 'whether the node logs violations'),
     'handler_depth': ('1000', 'violations that a slow listener may be behind'),
@@ -48,6 +48,6 @@ def generate_launch_description():
     parameters = {name: ParameterValue(LaunchConfiguration(name), value_type=kind)
                   for name, kind in TYPES.items()}
     return LaunchDescription([*arguments, LifecycleNode(
-        package='@PACKAGE@', executable='monitor', name=LaunchConfiguration('name'),
+        package='@PACKAGE@', executable='@PROGRAM@', name=LaunchConfiguration('name'),
         namespace=LaunchConfiguration('namespace'), parameters=[parameters], output='both',
         respawn=LaunchConfiguration('respawn'), respawn_delay=2.0)])
