@@ -34,6 +34,7 @@ ARGUMENTS = {
     'library': ('', 'the folder of a compiled gate, instead of the bundle or with it'),
     'gates': ('', 'the gates to run, a name or a list in brackets; default: all of the bundle'),
     'hot_path': ('', "whether the middleware's callbacks take the messages"),
+    'native': ('', 'whether the gate becomes a node in C, built for the bundle once'),
     'autostart': ('true', 'whether the gate configures and activates itself'),
     'namespace': ('', 'where relative topics and the handlers lie'),
     'name': ('fret_gate', 'the name of the node'),
@@ -43,7 +44,7 @@ ARGUMENTS = {
 }
 RESPAWN_DELAY_S = 1.0  # so that a node that cannot start is not started without pause
 LISTS = ('spec', 'library', 'gates')
-BOOLEANS = ('autostart', 'use_sim_time')
+BOOLEANS = ('native', 'autostart', 'use_sim_time')
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -260,8 +260,8 @@ def test_the_page_on_ros_has_the_parameters_of_each_node() -> None:
     assert {name for name, (of, _) in rows.items() if of == 'both'} == logger | of_all
     assert {name for name, (of, _) in rows.items() if of == 'gate'} == \
         set(parameters.GATE_PARAMETERS) - monitor
-    assert 'no `period`, `rate` or `native`' in rows['gates'][1]
-    assert monitor - set(parameters.GATE_PARAMETERS) == {'native', 'period', 'rate'}
+    assert 'no `period` or `rate`' in rows['gates'][1]
+    assert monitor - set(parameters.GATE_PARAMETERS) == {'period', 'rate'}
 
 
 def test_the_page_on_ros_has_the_defaults_and_least_values_of_parameters() -> None:

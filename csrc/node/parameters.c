@@ -675,7 +675,7 @@ static void warn_of_override(const struct fm_parameters * parameters, const char
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
-    "spec", "library", "policy", "period", "rate", "hot_path", "native"};
+    "spec", "library", "policy", "period", "rate", "hot_path", "native", "gates"};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     const char * dot = strrchr(name, '.');

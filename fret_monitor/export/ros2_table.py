@@ -33,7 +33,6 @@ from fret_monitor.model.report_table import (
 )
 from fret_monitor.model.transforms import TOPICS
 
-
 _END_TYPE = 'std_msgs/msg/Header'  # of the message at the end of a file of the black box
 
 

@@ -28,12 +28,5 @@ def main() -> int:
     from fret_monitor.ros.native_start import become_native
     reason = become_native(sys.argv)
     from fret_monitor.ros.nodes.monitor_node import MonitorNode
-    from fret_monitor.ros.process import run
-
-    def make() -> MonitorNode:
-        node = MonitorNode()
-        if reason:
-            node.get_logger().warning(f'native is not possible, the node runs in Python: {reason}')
-        return node
-
-    return run('monitor', make, stop)
+    from fret_monitor.ros.process import run, telling
+    return run('monitor', telling(MonitorNode, reason), stop)

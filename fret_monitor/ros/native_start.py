@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-`monitor` with `native:=true`: the process becomes the node in C, built once for the bundle.
+`monitor` or `gate` with `native:=true`: the process becomes the node in C, built once.
 
 This comes before rclpy is imported. What the node in C cannot do is done by the node in Python,
 with a line in the log that says why.
@@ -28,14 +28,17 @@ from typing import Any, TYPE_CHECKING
 from fret_monitor.ros.signals import SIGNALS
 
 if TYPE_CHECKING:
+    from fret_monitor.model.parts import NodePart
     from fret_monitor.ros.settings.parameters import Settings
 
-NODE_NAME = 'fret_monitor'
+GATE, MONITOR = 'fret_gate', 'fret_monitor'
 
 
-def become_native(arguments: Sequence[str]) -> str:
+def become_native(arguments: Sequence[str], node: str = MONITOR) -> str:
     """
     Replace this process by the node in C if the arguments ask for that; `arguments` are sys.argv.
+
+    `node` is the name of the node without remapping: `MONITOR` or `GATE`.
 
     Returns why it cannot be done; an empty text if it is not wanted, or if the node in Python has
     errors of the user to report.
@@ -44,13 +47,13 @@ def become_native(arguments: Sequence[str]) -> str:
         return ''
     from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
     try:
-        given = given_parameters(arguments[1:], NODE_NAME)
+        given = given_parameters(arguments[1:], node)
     except NotUnderstood:
         return ''
-    return _become(arguments, given) if given.get('native') is True else ''
+    return _become(arguments, given, node) if given.get('native') is True else ''
 
 
-def _become(arguments: Sequence[str], given: Mapping[str, Any]) -> str:
+def _become(arguments: Sequence[str], given: Mapping[str, Any], node: str) -> str:
     from fret_monitor.model.diagnostics import CompileError
     from fret_monitor.native.errors import NativeError
     from fret_monitor.ros.settings.parameters import read_settings, Refusal
@@ -58,7 +61,10 @@ def _become(arguments: Sequence[str], given: Mapping[str, Any]) -> str:
         settings = read_settings(given)
         if reason := _missing(settings):
             return reason
-        program = _program(settings)
+        part = _part(settings, node)
+        if isinstance(part, str):
+            return part
+        program = _program(settings, part)
     except (Refusal, CompileError):
         return ''
     except NativeError as error:
@@ -84,8 +90,23 @@ def _missing(settings: 'Settings') -> str:
     return ''
 
 
-def _program(settings: 'Settings') -> Path:
-    from fret_monitor.model.parts import UNGATED
+def _part(settings: 'Settings', node: str) -> 'NodePart | str':
+    """Return what of the bundle the node runs, or why the node in C cannot."""
+    from fret_monitor.model.parts import NodePart, UNGATED
+    if node == MONITOR:
+        return UNGATED
+    names = settings.gates
+    if not names:
+        from fret_monitor.build import gate_names
+        spec = settings.origins[0].spec
+        assert spec is not None
+        names = gate_names(spec)
+    if len(names) > 1:
+        return 'it runs one gate only: name it with -p gates:=NAME'
+    return NodePart(names[0]) if names else ''  # the node in Python reports that there is none
+
+
+def _program(settings: 'Settings', part: 'NodePart') -> Path:
     from fret_monitor.native.ros_files import identity
     from fret_monitor.start import start_program
     spec = settings.origins[0].spec
@@ -93,8 +114,12 @@ def _program(settings: 'Settings') -> Path:
 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import node_program
+        from fret_monitor.native.errors import NativeError
+        gate = generated.manifest.gate
+        if gate is not None and gate.is_service:
+            raise NativeError(f"'{gate.name}' is a gate on a service, which Python serves")
         return node_program(generated, f'{spec}, native')
 
     return start_program(
         spec, make, identity(), policy=settings.policy, period=settings.period,
-        constants=settings.constants, part=UNGATED)
+        constants=settings.constants, part=part)

@@ -96,6 +96,17 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         stop.end()
 
 
+def telling(make_node: Callable[[], Node], reason: str) -> Callable[[], Node]:
+    """Return a function that makes the node, which logs why it is not the one in C, if at all."""
+    def make() -> Node:
+        node = make_node()
+        if reason:
+            node.get_logger().warning(f'native is not possible, the node runs in Python: {reason}')
+        return node
+
+    return make
+
+
 def _usage(name: str) -> str:
     """Return the usage text, with the command by which this process was started."""
     script = Path(sys.argv[0])

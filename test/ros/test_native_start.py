@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`monitor` with `native:=true`: the process becomes the node in C, or says why it does not."""
+"""`monitor`, `gate` with `native:=true`: the process becomes the node in C, or says why not."""
 
 from collections.abc import Callable, Iterator, Sequence
 import os
@@ -24,7 +24,7 @@ from typing import Any
 
 from bundles import write_bundle
 from fret_monitor.native import cache, ros_files
-from fret_monitor.ros.native_start import become_native
+from fret_monitor.ros.native_start import become_native, GATE, MONITOR
 from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -44,13 +44,13 @@ requirements:
 NATIVE = ('-p', 'native:=true')
 
 
-def program_of(spec: Path, *more: str) -> str:
+def program_of(spec: Path, *more: str, node: str = MONITOR) -> str:
     """Return what the process would become; build it first, however long that takes."""
     found: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, 'execv', lambda program, arguments: found.append(str(program)))
         assert not become_native(
-            ['monitor', '--ros-args', '-p', f'spec:={spec}', *NATIVE, *more])
+            ['monitor', '--ros-args', '-p', f'spec:={spec}', *NATIVE, *more], node)
     program, = found
     return program
 
@@ -155,6 +155,60 @@ def test_a_node_that_cannot_be_native_runs_in_python_and_says_why(
     with started('monitor', '-p', f'spec:={bundle}', *NATIVE, '-p', 'hot_path:=on') as node:
         node.wait_for('native is not possible, the node runs in Python: it has no hot_path:=on')
         assert not is_native(node, bundle)
+
+
+GATES = """
+format: 1
+evaluation: {policy: relevant_message}
+inputs:
+  speed: {topic: raw, type: std_msgs/msg/Float32}
+  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+requirements:
+  - {id: SLOW, ptltl: "speed <= 1.0"}
+  - {id: ARM, ptltl: "!data"}
+gates:
+  drive: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [SLOW]}
+  arm:
+    service: arm
+    to: arm_raw
+    type: std_srvs/srv/SetBool
+    keep: [ARM]
+    otherwise: {respond: {success: false, message: withheld}}
+"""
+
+
+def test_a_gate_on_a_topic_becomes_native(
+    partner: Partner, tmp_path: Path, no_exec: pytest.MonkeyPatch,
+) -> None:
+    spec = write_bundle(tmp_path, GATES)
+
+    def reason(*more: str) -> str:
+        return become_native(['gate', '--ros-args', '-p', f'spec:={spec}', *NATIVE, *more], GATE)
+
+    assert reason() == 'it runs one gate only: name it with -p gates:=NAME'
+    assert reason('-p', 'gates:=arm') == "'arm' is a gate on a service, which Python serves"
+    assert reason('-p', 'gates:=none') == ''  # the node in Python reports it
+    drive = ('-p', 'gates:=drive')
+    program = program_of(spec, *drive, node=GATE)  # built before the node is waited for
+    with started('gate', '-p', f'spec:={spec}', *NATIVE, *drive) as node:
+        node.wait_for("gate 'drive': /raw -> /out, keeps SLOW; otherwise nothing is sent")
+        assert os.readlink(f'/proc/{node.process.pid}/exe') == program
+        received: list[float] = []
+
+        def receive(message: Any) -> None:
+            received.append(message.data)
+
+        partner.node.create_subscription(Float32, '/out', receive, RELIABLE)
+        raw = partner.publisher(Float32, '/raw', RELIABLE)
+
+        def passes(value: float) -> bool:
+            raw.publish(Float32(data=value))
+            return value in received
+
+        wait_until(lambda: passes(0.5), 'a message')  # until all have matched
+        raw.publish(Float32(data=1.5))
+        wait_until(lambda: passes(0.75), 'the last message')
+        assert 1.5 not in received
 
 
 @pytest.fixture

@@ -84,7 +84,7 @@ GATE_PARAMETERS = {
     'gates': Described('', 'the gates of the bundles to run, a name or a list; empty for all; '
                            'read by `configure`'),
     **{name: item for name, item in MONITOR_PARAMETERS.items()
-       if name not in ('period', 'rate', 'native')},
+       if name not in ('period', 'rate')},
 }
 LOGGER_PARAMETERS = {
     'spec': Described('', _SPEC, read_only=True),
