@@ -46,7 +46,7 @@ format: 1
 evaluation: {POLICY}
 inputs:
   speed: {topic: /cmd, type: std_msgs/msg/Float32}
-  near: {topic: /near, type: std_msgs/msg/Bool, timeout: 4}
+  near: {topic: /near, type: std_msgs/msg/Bool, timeout: 20}
 requirements:
   - id: SLOW
     ptltl: "H (near -> speed <= 1.0)"
@@ -193,12 +193,13 @@ def test_both_gates_pass_and_withhold_the_same(
         if latch:
             for gate in gates:
                 partner.reset(f'/{gate.name}/fret_gate/reset')
+        feeder.near(True)  # it is not silent before the commands are judged, however slow it is
         feeder.command(1.0)
         feeder.command(1.75)
         feeder.settle()
-        for gate in gates:
-            gate.process.wait_for("gate 'drive' is closed")
-        sleep(4.5)  # `near` is silent: closed
+        for gate in gates:  # `near` is silent
+            wait_until(lambda: 'no message for near' in gate.process.output,  # noqa: B023
+                       f'{gate.name} is closed', 60.0)
         feeder.command(0.5)
         feeder.settle()
         equal(lambda gate: Counter(enumerate(gate.sent)), gates, 'messages that were sent')
