@@ -69,7 +69,7 @@ SCENARIOS = {
     'substitute': ('policy: relevant_message', '{substitute: {data: 0.25}}', '    latch: true\n'),
 }
 NODES = ('python', 'native')
-_OF_STATE = re.compile(r"^(lock|gate) '\w+' is |more changes? of|is not evaluated yet")
+_OF_STATE = re.compile(r"^(lock|gate) '\w+' is |more changes? of|not evaluated yet")
 
 
 @dataclass
