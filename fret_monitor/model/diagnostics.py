@@ -33,8 +33,6 @@ import sysconfig
 from typing import NoReturn, TypeAlias
 from unicodedata import east_asian_width
 
-from fret_monitor.model.frozen import frozen
-
 _MAX_SHOWN = 160
 
 # Similarities of two words, as `difflib` counts them: a letter more or less in eight gives 0.93.
@@ -139,7 +137,7 @@ class Level(Enum):
     WARNING = 'warning'
 
 
-@frozen
+@dataclass(frozen=True)
 class Diagnostic:
     """
     One problem, in the user's words.

@@ -14,11 +14,14 @@
 
 """Frozen classes that are compiled with their first instance, beside those of `dataclass`."""
 
+import ast
 from copy import copy
 from dataclasses import asdict, dataclass, field, FrozenInstanceError, is_dataclass, replace
+from pathlib import Path
 from threading import Barrier, Thread
 from typing import Any
 
+import fret_monitor
 from fret_monitor.model.frozen import frozen
 import pytest
 
@@ -83,3 +86,15 @@ def test_several_threads_may_make_the_first_instance() -> None:
         for thread in threads:
             thread.join()
         assert found == [kind(1)] * 8
+
+
+def test_no_class_of_the_package_derives_from_a_frozen_one_which_has_no_fields_yet() -> None:
+    classes = [node for path in Path(fret_monitor.__file__).parent.rglob('*.py')
+               for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ClassDef)]
+    lazy = {node.name for node in classes
+            if any(isinstance(item, ast.Name) and item.id == 'frozen'
+                   for item in node.decorator_list)}
+    derived = {node.name for node in classes
+               if any(isinstance(base, ast.Name) and base.id in lazy for base in node.bases)}
+    assert lazy
+    assert not derived
