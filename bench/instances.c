@@ -172,9 +172,9 @@ static int measure(bool is_timed, uint32_t n_keys)
   const struct fm_monitor empty = {
     FM_ABI, 0, 0, 0, 16, 0, NULL, NULL, NULL, "bundle", "", NULL, NULL, 0, NULL};
   const struct fm_evaluator_options bundle = {
-    &empty, NO_INPUTS, 1, policy, NULL, NULL, NULL, 0, 0, NULL, false, NULL};
+    &empty, NO_INPUTS, 1, policy, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
   const struct fm_evaluator_options instance = {
-    &monitor, TOPICS, 1, policy, REPORTS, NULL, NULL, 0, 0, NULL, false, NULL};
+    &monitor, TOPICS, 1, policy, REPORTS, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
   const struct fm_kind kind = {&instance, NULL, CONCERNS, NOT_SHARED, NULL, 0, n_keys, 0};
   const struct fm_scopes_options options = {
     &bundle, &kind, 1, 0, NULL, NULL, NULL, NULL, 0};
@@ -202,7 +202,7 @@ static int measure(bool is_timed, uint32_t n_keys)
   qsort(keyed_rates, ROUNDS, sizeof keyed_rates[0], compare);
   qsort(plain_rates, ROUNDS, sizeof plain_rates[0], compare);
   const struct fm_keys * table = &scopes->kinds[0].pool.keys;
-  const uint64_t bytes = fm_instance_bytes(&monitor) + sizeof(struct fm_key_chunk) +
+  const uint64_t bytes = fm_instance_bytes(&monitor, 0) + sizeof(struct fm_key_chunk) +
     (table->mask + UINT64_C(1)) * sizeof(struct fm_key_entry) / n_keys + fm_heap_bytes(n_keys) /
     n_keys + sizeof(int64_t) + sizeof(uint8_t);
   printf(

@@ -358,7 +358,7 @@ class ViolationLog:
         return self._lines.take()
 
 
-@frozen
+@dataclass(frozen=True)
 class ReceivedDetail:
     """
     A detail that was received: the time of the violation (ns), and its text, as C keeps it.

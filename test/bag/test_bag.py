@@ -461,7 +461,7 @@ def test_a_full_disk_leaves_the_recording_of_violations_as_it_was(
     out.write_text('earlier', encoding='utf-8')
     file = bundle(tmp_path, 'every_message')
     before = sorted(tmp_path.rglob('*'))
-    monkeypatch.setattr('fret_monitor.model.mcap.McapWriter.end', no_room)
+    monkeypatch.setattr('fret_monitor.runtime.mcap.McapWriter.end', no_room)
     assert main(['bag', str(file), str(path), '--mcap', str(out)]) == 1
     assert f"cannot write '{out}': No space left on device" in capsys.readouterr().err
     assert (out.read_text(encoding='utf-8'), sorted(tmp_path.rglob('*'))) == ('earlier', before)

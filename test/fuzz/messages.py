@@ -43,7 +43,7 @@ from strategies import as_term, property_of
 
 HERE = Path(__file__).resolve().parent
 SANITIZERS = ('-fsanitize=address,undefined', '-fno-sanitize-recover=all', '-g1')
-EVALUATOR = ('evaluator', 'deadlines', 'due', 'steps', 'tables', 'instance')
+EVALUATOR = ('evaluator', 'deadlines', 'due', 'measures', 'steps', 'tables', 'instance')
 # Common types, with strings and arrays before numbers, beside those that the tests define.
 TYPES = ('nav_msgs/msg/Odometry', 'sensor_msgs/msg/BatteryState', 'sensor_msgs/msg/JointState',
          'sensor_msgs/msg/LaserScan', 'geometry_msgs/msg/PoseWithCovarianceStamped',

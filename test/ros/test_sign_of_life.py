@@ -24,7 +24,6 @@ from typing import Any
 
 from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fret_monitor.ros.acting.blackbox import BlackBox
 from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
@@ -271,18 +270,17 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     wait_until(lambda: bool(signs), 'a sign of life')
     assert failed() == {}
     with monkeypatch.context() as patch:
-        for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (BlackBox, '_look'),
-                           (Review, 'lines'), (DuplicateNodes, '_check'),
-                           (SignOfLife, 'beat')):
+        for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (Review, 'lines'),
+                           (DuplicateNodes, '_check'), (SignOfLife, 'beat')):
             patch.setattr(kind, name, fail)
-        names = ('black box', 'details', 'feed', 'log', 'node names', 'sign of life')
+        names = ('details', 'feed', 'log', 'node names', 'sign of life')
         wait_until(lambda: sorted(failed()) == [*names], 'what has failed')
         before = len(signs)
     assert {*failed().values()} == {'ValueError: oh'}
     assert {*failed().values()} == {'ValueError: oh'}  # a second later
     assert len(signs) == before
     log = capfd.readouterr().err
-    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 7
+    assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 6
     client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
     wait_until(client.service_is_ready, 'the service')
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
