@@ -158,6 +158,34 @@ uint32_t fm_instance_value_bytes(enum fm_type type)
   return 0;
 }
 
+#define READ(c_type, member) \
+  do { \
+    c_type found; \
+    memcpy(&found, place, sizeof found); \
+    value.member = found; \
+  } while (0)
+
+// A bool is read as a byte and normalised: to read a bool whose byte is neither 0 nor 1 is
+// undefined behaviour.
+union fm_value fm_instance_value(enum fm_type type, const void * place)
+{
+  union fm_value value = {.i = 0};
+  switch (type) {
+    case FM_BOOL: READ(uint8_t, u); value.u = value.u != 0; break;
+    case FM_INT8: READ(int8_t, i); break;
+    case FM_INT16: READ(int16_t, i); break;
+    case FM_INT32: READ(int32_t, i); break;
+    case FM_INT64: READ(int64_t, i); break;
+    case FM_UINT8: READ(uint8_t, u); break;
+    case FM_UINT16: READ(uint16_t, u); break;
+    case FM_UINT32: READ(uint32_t, u); break;
+    case FM_UINT64: READ(uint64_t, u); break;
+    case FM_FLOAT32: READ(float, f); break;
+    case FM_FLOAT64: READ(double, f); break;
+  }
+  return value;
+}
+
 static void * place_of(const struct fm_instance * instance, uint32_t input)
 {
   return (char *)instance->values + instance->monitor->inputs[input].offset;
@@ -208,8 +236,7 @@ void fm_instance_write(
   }
 }
 
-// A bool is read as a byte and normalised: to read a bool whose byte is neither 0 nor 1 is
-// undefined behaviour.
+// As in fm_instance_value, a bool is read as a byte.
 void fm_instance_write_from(
   const struct fm_instance * instance, uint32_t input, const void * value)
 {

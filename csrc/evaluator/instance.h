@@ -117,6 +117,10 @@ FM_INTERNAL void fm_instance_reset(const struct fm_instance * instance);
 /// Bytes of a stored value; 0 for an unknown type. O(1).
 FM_INTERNAL uint32_t fm_instance_value_bytes(enum fm_type type);
 
+/// The value in an object of a type (bool: a byte, true if it is not 0) at any alignment; 0 for an
+/// unknown type. O(1).
+FM_INTERNAL union fm_value fm_instance_value(enum fm_type type, const void * place);
+
 /// Write the value of an input. Integers wrap to the input's type; a bool is i != 0. The second
 /// function takes an object of the input's type (bool: a byte) at any alignment. O(1).
 FM_INTERNAL void fm_instance_write(

@@ -68,53 +68,10 @@ void fm_scopes_store(struct fm_scopes * scopes, uint32_t input, union fm_value v
   }
 }
 
-// The value in an object of an input's type.
 static union fm_value value_from(
   const struct fm_monitor * monitor, uint32_t input, const void * value)
 {
-  union fm_value found = {.i = 0};
-  int8_t i8;
-  int16_t i16;
-  int32_t i32;
-  uint16_t u16;
-  uint32_t u32;
-  float f32;
-  switch ((enum fm_type)monitor->inputs[input].type) {
-    case FM_BOOL:
-    case FM_UINT8:
-      found.u = *(const unsigned char *)value;
-      break;
-    case FM_INT8:
-      memcpy(&i8, value, sizeof i8);
-      found.i = i8;
-      break;
-    case FM_INT16:
-      memcpy(&i16, value, sizeof i16);
-      found.i = i16;
-      break;
-    case FM_INT32:
-      memcpy(&i32, value, sizeof i32);
-      found.i = i32;
-      break;
-    case FM_UINT16:
-      memcpy(&u16, value, sizeof u16);
-      found.u = u16;
-      break;
-    case FM_UINT32:
-      memcpy(&u32, value, sizeof u32);
-      found.u = u32;
-      break;
-    case FM_FLOAT32:
-      memcpy(&f32, value, sizeof f32);
-      found.f = (double)f32;
-      break;
-    case FM_INT64:
-    case FM_UINT64:
-    case FM_FLOAT64:
-      memcpy(&found, value, sizeof found);
-      break;
-  }
-  return found;
+  return fm_instance_value((enum fm_type)monitor->inputs[input].type, value);
 }
 
 void fm_scopes_store_from(struct fm_scopes * scopes, uint32_t input, const void * value)

@@ -89,7 +89,6 @@ static bool make_writer(struct fm_node_blackbox * box)
   if (error != 0) {
     fm_add_blackbox_refusal(&lines, &box->options, error);
     fm_log_lines(box->node, &lines);
-    fm_lines_free(&lines);
   }
   return error == 0;
 }
@@ -133,7 +132,6 @@ void fm_node_blackbox_look(struct fm_node_blackbox * box)
   if (box->writer != NULL) {
     fm_add_blackbox_lines(&lines, box->writer);
     fm_log_lines(box->node, &lines);
-    fm_lines_free(&lines);
   }
 }
 

@@ -20,6 +20,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "instance.h"
+
 enum { HAS_VALUE = 1, IS_STALE = 2 };  // flags of an input (outbox.h)
 
 // The keys of all details, in this order; under the policy timed the first one is another.
@@ -55,32 +57,6 @@ static bool is_float(enum fm_type type)
 static bool is_unsigned(enum fm_type type)
 {
   return type == FM_UINT8 || type == FM_UINT16 || type == FM_UINT32 || type == FM_UINT64;
-}
-
-#define READ(c_type, member) \
-  do { \
-    c_type found; \
-    memcpy(&found, place, sizeof(found)); \
-    value.member = found; \
-  } while (0)
-
-static union fm_value read_value(const uint8_t * place, enum fm_type type)
-{
-  union fm_value value = {0};
-  switch (type) {
-    case FM_BOOL: READ(bool, i); break;
-    case FM_INT8: READ(int8_t, i); break;
-    case FM_INT16: READ(int16_t, i); break;
-    case FM_INT32: READ(int32_t, i); break;
-    case FM_INT64: READ(int64_t, i); break;
-    case FM_UINT8: READ(uint8_t, u); break;
-    case FM_UINT16: READ(uint16_t, u); break;
-    case FM_UINT32: READ(uint32_t, u); break;
-    case FM_UINT64: READ(uint64_t, u); break;
-    case FM_FLOAT32: READ(float, f); break;
-    case FM_FLOAT64: READ(double, f); break;
-  }
-  return value;
 }
 
 static bool are_equal(union fm_value one, union fm_value other, enum fm_type type)
@@ -124,7 +100,7 @@ static void add_input(
   }
   add_value(
     text, &reporter->table->inputs[input],
-    read_value(values_of(detail) + stored->offset, (enum fm_type)stored->type),
+    fm_instance_value((enum fm_type)stored->type, values_of(detail) + stored->offset),
     (enum fm_type)stored->type);
 }
 

@@ -120,9 +120,3 @@ void fm_add_restarted(struct fm_lines * lines, uint64_t groups)
   fm_lines_add(lines, FM_INFO, "restarted %" PRIu64 " step group%s; input values kept", groups,
     groups == 1u ? "" : "s");
 }
-
-void fm_add_unanswered(struct fm_lines * lines, const char * gate, const char * service)
-{
-  fm_lines_add(lines, FM_ERROR, "gate '%s': no server of %s answers; the request is refused", gate,
-    service);
-}

@@ -34,8 +34,4 @@ FM_EXPORT void fm_add_watching(
 /// Add the line of a reset of `groups` step groups. Any thread. O(1).
 FM_EXPORT void fm_add_restarted(struct fm_lines * lines, uint64_t groups);
 
-/// Add the line of a request to a gate that no server of `service` answers. Any thread. O(1).
-FM_EXPORT void fm_add_unanswered(
-  struct fm_lines * lines, const char * gate, const char * service);
-
 #endif  // START_LINES_H_

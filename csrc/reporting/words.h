@@ -27,6 +27,7 @@
 #define FM_WORDS_NAMESAKE \
   "there is another node %s: both watch and announce; give one another name (-r __node:=NAME) " \
   "to tell them apart in /diagnostics, ~/reset and transitions"
+#define FM_WORDS_UNANSWERED "gate '%s': no server of %s answers; the request is refused"
 #define FM_WORDS_NEGATIVE_TIME "a message on /clock is ignored: its time is negative, %.3f s"
 #define FM_WORDS_OWN_SERVICE \
   "the action '%s' calls %s, a service of this node: a violation would end its own monitoring " \

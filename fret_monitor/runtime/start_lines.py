@@ -33,17 +33,8 @@ def watching(reporters: Sequence[Reporter], origins: Sequence[str]) -> list[LogL
 
 def restarted(library: Any, groups: int) -> LogLine:
     """Return the line of a reset of so many step groups; `library` has the functions of csrc."""
-    return _line(library, library.fm_add_restarted, groups)
-
-
-def unanswered(library: Any, gate: str, service: str) -> LogLine:
-    """Return the line of a request to a gate that no server of `service` answers."""
-    return _line(library, library.fm_add_unanswered, _characters(gate), _characters(service))
-
-
-def _line(library: Any, add: Any, *arguments: Any) -> LogLine:
     lines = Lines(library)
-    add(lines.pointer, *arguments)
+    library.fm_add_restarted(lines.pointer, groups)
     line, = lines.take()
     return line
 

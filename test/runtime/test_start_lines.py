@@ -21,7 +21,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import LogLevel, LogLine, Reporter, ReportTable
-from fret_monitor.runtime.start_lines import restarted, unanswered, watching
+from fret_monitor.runtime.start_lines import restarted, watching
 import pytest
 
 ONE = """
@@ -96,5 +96,3 @@ def test_lines_of_no_bundle() -> None:
     library = load_evaluator(evaluator_library())
     assert restarted(library, 1).text == 'restarted 1 step group; input values kept'
     assert restarted(library, 2).text == 'restarted 2 step groups; input values kept'
-    assert unanswered(library, 'door', '/open') == LogLine(
-        LogLevel.ERROR, "gate 'door': no server of /open answers; the request is refused")

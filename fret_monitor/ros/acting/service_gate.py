@@ -25,12 +25,11 @@ from time import monotonic, time_ns
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
+from fret_monitor.native import words
 from fret_monitor.ros.intake.fields import message_class
 from fret_monitor.ros.intake.throttle import Throttle
-from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.runtime import Engine, Judgement
-from fret_monitor.runtime.start_lines import unanswered
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -98,8 +97,7 @@ class ServiceGate:
     def _unanswered(self) -> Any:
         self.unanswered += 1
         if self._throttle.passes():
-            log_lines(self._node.get_logger(), [
-                unanswered(self._engine.library, self._name, self.target)])
+            self._node.get_logger().error(words.UNANSWERED % (self._name, self.target))
         return self._refusal
 
     @property
