@@ -42,6 +42,7 @@ _USE_OF_MATH_H = re.compile(rf'\b({"|".join(sorted(OF_MATH_H))})\b')
 _USE_OF_WINDOWS_H = re.compile(r'\bfm_(number|of_key|exact|time_over|slope)_')
 WINDOWS_HEADER = 'fret_windows.h'
 """The runtime header of the cells of numbers over time, which includes the others."""
+_HEADERS = ('fret_monitor.h', 'fret_cells.h', WINDOWS_HEADER)
 _HASH_FIELD = '\0'  # replaced by the hash; cannot occur in text of a bundle
 
 
@@ -68,6 +69,12 @@ class CModule:
     def files(self) -> dict[str, str]:
         """All texts by file name, the header first."""
         return dict((self.header, *self.sources))
+
+    @property
+    def runtime_headers(self) -> tuple[str, ...]:
+        """The names of the headers of the runtime that are included."""
+        has_windows = any(f'"{WINDOWS_HEADER}"' in text for _, text in self.sources)
+        return _HEADERS if has_windows else _HEADERS[:-1]
 
 
 def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModule:

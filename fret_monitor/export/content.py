@@ -23,7 +23,6 @@ from fret_monitor import __version__
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.comments import safe
 from fret_monitor.codegen.inputs import meaning
-from fret_monitor.codegen.module import WINDOWS_HEADER
 from fret_monitor.model.diagnostics import counted, Diagnostic, Problems, refuse, Source, Span
 from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.model.parts import judged_by_gates
@@ -125,9 +124,7 @@ def csrc_files(*names: str) -> dict[str, str]:
 
 def runtime_files(generated: GeneratedMonitor) -> dict[str, str]:
     """Return the headers that the generated monitors include."""
-    names = ('fret_monitor.h', 'fret_cells.h', WINDOWS_HEADER)
-    has_windows = any(f'"{WINDOWS_HEADER}"' in text for _, text in generated.module.sources)
-    return csrc_files(*names if has_windows else names[:-1])
+    return csrc_files(*generated.module.runtime_headers)
 
 
 def structs(*names: str) -> dict[str, str]:

@@ -268,11 +268,11 @@ class Greatest:
 @dataclass(frozen=True)
 class Total:
     """
-    The sum of the numbers at the steps of the window at which `at` holds; past > 0.
+    The sum of the numbers at the steps of the window at which `at` holds; past >= 0.
 
-    The sum of integers is modulo 2^64. That of float64 is exact, and only read by `Rounded`. A
-    ring of numbers, and a sum; `at` holds always, but in a group that steps at ticks. `room` as
-    in ValueAgo.
+    By steps past > 0. The sum of integers is modulo 2^64. That of float64 is exact, and only read
+    by `Rounded`. A ring of numbers, and a sum; `at` holds always, but in a group that steps at
+    ticks. `room` as in ValueAgo.
     """
 
     past: int
@@ -356,8 +356,8 @@ class FeedbackRead:
 Pure: TypeAlias = Read | Literal | Convert | ApplyUnary | ApplyBinary | Power | Choose
 BitCell: TypeAlias = FirstStep | OnceEver | AlwaysSoFar | SinceEver | TriggeredEver
 CounterCell: TypeAlias = OnceWithin | AlwaysWithin | OnceBefore | SinceWithin | SinceBefore
-WindowCell: TypeAlias = (ValueAgo | Greatest | Total | Rounded | Tally | TimeAtLeast
-                         | SlopeBetween | Hold)
+WindowState: TypeAlias = ValueAgo | Greatest | Total | TimeAtLeast | SlopeBetween
+WindowCell: TypeAlias = WindowState | Rounded | Tally | Hold
 Cell: TypeAlias = (BitCell | CounterCell | WindowCell | Delay | SinceBetween | Overflowed
                    | PreviousNumber | FeedbackRead)
 Operation: TypeAlias = Pure | Cell

@@ -24,7 +24,7 @@ from fret_monitor.logic.formula import BinaryOperator
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.policies import Policy
 from fret_monitor.program.monitor_program import (
-    ApplyBinary, ApplyUnary, Equation, MonitorProgram, PreviousNumber, SinceBetween,
+    ApplyBinary, ApplyUnary, Equation, MonitorProgram, PreviousNumber, SinceBetween, WindowState,
 )
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.queues import PROVED_CAPACITY
@@ -48,6 +48,8 @@ _SAME = ('fm_same_f32 and fm_same_f64 compare the bits of two numbers (they read
          'is not modelled here; tested)')
 _QUEUE = (f'fm_since_between_at with more than {PROVED_CAPACITY} intervals (windows [a,b] with a '
           'above about half of b) and fm_overflowed_at: tested against the reference, not proved')
+_WINDOWS = ('the windows of numbers (fret_windows.h) compute what the program says: tested '
+            'against the reference, not proved; that they are called rightly is proved')
 _LIBRARY = ('the functions of mathematics are those of the C library, and give the same value for '
             'the same arguments; what they compute is not proved')
 _PROVED = ('For every trace of inputs, each verdict of the C is that of the program, and no',
@@ -80,9 +82,15 @@ class Certificate:
         """Return the assumptions of the proof and the parts that it does not cover."""
         program = self.generated.program
         found = [_LIBRARY] if _uses_library(program) else []
+        found += [_WINDOWS] if _has_windows(program) else []
         if program.policy is Policy.TIMED:
             found += [_TICKS, *_trusted_cells(program)]
         return (*ASSUMED[:3], *found, *ASSUMED[3:])
+
+
+def _has_windows(program: MonitorProgram) -> bool:
+    return any(isinstance(equation.operation, WindowState)
+               for group in program.groups for equation in group.equations)
 
 
 def _uses_library(program: MonitorProgram) -> bool:

@@ -25,9 +25,9 @@ from typing import Any
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout, StateField
-from fret_monitor.program.monitor_program import MonitorProgram, SinceBetween
+from fret_monitor.program.monitor_program import MonitorProgram, room_of
 from fret_monitor.proving.c_source import (
-    ArithmeticType, Array, CProgram, integer, LONG, shown, Struct, Type, Unreadable,
+    ArithmeticType, Array, CProgram, integer, LONG, shown, SIZE, Struct, Type, Unreadable,
 )
 from fret_monitor.proving.execution import sort_of
 from fret_monitor.smt import numbers
@@ -91,8 +91,9 @@ def wrong_types_of_state(code: CProgram, layout: GroupLayout, tag: str) -> list[
 def _holds(kind: Type, wanted: StateField) -> bool:
     if wanted.kind is FieldKind.RING:
         return isinstance(kind, Array) and kind.item == ArithmeticType('int', 8)
-    if wanted.kind is FieldKind.QUEUE:
-        return kind == Array(LONG, wanted.length)
+    if wanted.kind in (FieldKind.QUEUE, FieldKind.WINDOW, FieldKind.SUM):
+        item = SIZE if wanted.kind is FieldKind.SUM else LONG
+        return kind == Array(item, wanted.length)
     if wanted.kind in _EXACT or wanted.type is ValueType.INT64:
         return _is(kind, wanted.type)
     return isinstance(kind, ArithmeticType) and kind.kind == 'int' and not kind.is_signed
@@ -137,9 +138,9 @@ def _wanted(code: CProgram, program: MonitorProgram, layouts: tuple[GroupLayout,
     if more:
         yield 'occurrences', [more.get(place, place)
                               for place, _ in enumerate(program.properties)]
-    can_overflow = any(isinstance(equation.operation, SinceBetween)
-                       and equation.operation.room.may_overflow
-                       for layout in layouts for equation in layout.group.equations)
+    rooms = (room_of(equation.operation) for layout in layouts
+             for equation in layout.group.equations)
+    can_overflow = any(room is not None and room.may_overflow for room in rooms)
     step = f'{prefix}_step_any' if len(layouts) > 1 else f'{prefix}_group_0_step'
     yield 'monitor', [
         2, len(program.signals), len(layouts), len(program.properties),

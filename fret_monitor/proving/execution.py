@@ -38,6 +38,7 @@ Path: TypeAlias = tuple[str | int, ...]
 Memory: TypeAlias = dict[Path, Term]
 
 _BYTE = c.ArithmeticType('int', 8)
+_WORDS = (c.LONG, c.SIZE)  # the items of arrays that are one value
 _LONGEST_LOOP = 100_000
 _ARITHMETIC = {'+': ('add', 'fadd'), '-': ('sub', 'fsub'), '*': ('mul', 'fmul')}
 _BITWISE = {'&': 'bitand', '|': 'bitor', '^': 'bitxor'}
@@ -96,18 +97,18 @@ def sort_of(kind: c.Type) -> Sort:
             return t.word(bits)
         case c.Array(item, length) if item == _BYTE:
             return t.ring(length)
-        case c.Array(item, length) if item == c.LONG:
+        case c.Array(item, length) if item in _WORDS:
             return t.word(64 * length)
         case _:
             raise c.Unreadable(f'no value: {kind}')
 
 
 def places(program: c.CProgram, kind: c.Type, path: Path = ()) -> Iterator[tuple[Path, c.Type]]:
-    """Yield the path and type of each scalar, ring and queue in an object."""
+    """Yield the path and type of each scalar, ring and array of words in an object."""
     if isinstance(kind, c.Struct):
         for name, inner in program.structs[kind.tag]:
             yield from places(program, inner, (*path, name))
-    elif isinstance(kind, c.Array) and kind.item not in (_BYTE, c.LONG):
+    elif isinstance(kind, c.Array) and kind.item not in (_BYTE, *_WORDS):
         for number in range(kind.length):
             yield from places(program, kind.item, (*path, number))
     else:
@@ -806,6 +807,16 @@ def _widened(value: Value, kind: c.ArithmeticType) -> Term:
 def promoted_type(kind: c.ArithmeticType) -> c.ArithmeticType:
     """Return the type after integer promotion."""
     return c.INT if kind.kind == 'bool' or (kind.kind == 'int' and kind.bits < 32) else kind
+
+
+def whole_array(machine: Machine, place: Reference) -> Term:
+    """Return an array of words as one value, and record that it is read and written."""
+    array = machine.memory.get(place.path)
+    if array is None or array.sort != t.word(64 * place.length) \
+            or place.index is not t.number(0, 64):
+        raise c.Unreadable('a queue or window that is no array of a group')
+    machine.record_access(place.path)
+    return array
 
 
 def filled(kind: c.Type, byte: int) -> Term:

@@ -20,19 +20,24 @@ in C, the same as in the contract of its C function. Everything else is the tran
 `smt` builds. The layout gives the places of the state in C; if one is wrong, a proof fails.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout
 from fret_monitor.program.monitor_program import (
-    AlwaysWithin, CounterCell, Delay, OnceWithin, Operation, Overflowed, SinceBetween,
+    AlwaysWithin, CounterCell, Delay, Greatest, OnceWithin, Operation, Overflowed, room_of,
+    SinceBetween, SlopeBetween, TimeAtLeast, Total, ValueAgo, WindowState,
 )
 from fret_monitor.proving.contracts import cell_terms
 from fret_monitor.proving.execution import Memory, Path
 from fret_monitor.proving.timed_cells import (
     all_fits, is_bound, queue_fits, timed_start, timed_terms,
 )
+from fret_monitor.proving.windows import (
+    as_key, as_word, CELLS, lengths_fit, of_key, of_word, rounded, window_terms,
+)
+from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import line_fits, WIDTH
 from fret_monitor.smt.terms import Sort, Term
@@ -176,6 +181,48 @@ class _ContractBuilder(SystemBuilder):
                           and (operation.room.may_overflow or all_fits(*numbers))))
         return out
 
+    def window(self, index: int, operation: WindowState, type: ValueType,
+               arguments: list[Term]) -> Term:
+        name, kinds = _cell_of(operation, type)
+        cell, constants = CELLS[name], _constants(operation)
+        states = [self._field(kind, index) for kind in kinds]
+        found = window_terms(cell, states, *(t.number(item, 64) for item in constants),
+                             *self._words(operation, type, arguments),
+                             *([self.tick] if cell.is_timed else []))
+        for kind, now, after in zip(kinds, states, found.after, strict=True):
+            self.add(kind, index, now, numbers.constant(0.0, type) if kind is FieldKind.NUMBER
+                     else t.constant(0, now.sort), after)
+        if found.due is not None:
+            self.dues.append((index, found.due))
+            self._queues[index] = found.after[-1]
+        self.fits.append((f'window_{index}', _window_fits(operation, name, states, constants)))
+        if found.out is None:
+            return found.after[0]
+        match operation:
+            case Greatest():
+                return of_key(found.out, type, operation.is_least)
+            case ValueAgo() | Total():
+                return of_word(found.out, type)
+            case _:
+                return found.out
+
+    def _words(self, operation: WindowState, type: ValueType,
+               arguments: list[Term]) -> list[Term]:
+        """Return the operands as the C function takes them."""
+        match operation:
+            case Greatest():
+                return [as_key(arguments[0], type, operation.is_least)]
+            case ValueAgo():
+                return [as_word(arguments[0], type)]
+            case Total():
+                word = as_word(arguments[0], self.type_of(operation.argument))
+                return [word] if operation.room is None else [arguments[1], word]
+            case _:
+                return arguments
+
+    def rounded(self, total: Term, is_mean: bool) -> Term:
+        return rounded(total, is_mean)
+
     def overflowed(self, index: int, queue: int) -> Term:
         out, _, due = timed_terms('overflowed', self._queues[queue], self.tick)
         self.dues.append((index, due))
@@ -196,6 +243,55 @@ class _ContractBuilder(SystemBuilder):
         self.add(FieldKind.RING, index, ring, start, after)
         self.fits.append((f'ring_{index}', ring.sort == start.sort))
         return out
+
+
+def _cell_of(operation: WindowState, type: ValueType) -> tuple[str, tuple[FieldKind, ...]]:
+    """Return the name of the C function of a cell, and the fields of its state."""
+    suffix = '' if room_of(operation) is None else '_at'
+    queue = (FieldKind.QUEUE,)
+    match operation:
+        case ValueAgo():
+            return f'ago{suffix}', queue
+        case Greatest():
+            return f'greatest{suffix}', (FieldKind.WINDOW, *(queue if suffix else ()))
+        case Total() if type.is_float:
+            return f'exact_sum{suffix}', (FieldKind.SUM, *queue)
+        case Total():
+            return f'sum{suffix}', queue
+        case TimeAtLeast():
+            return 'time_over_at', queue
+        case SlopeBetween():
+            return 'slope_at', (FieldKind.NUMBER, *queue)
+
+
+def _constants(operation: WindowState) -> list[int]:
+    """Return the constants that the C function is called with."""
+    room = room_of(operation)
+    capacity = 0 if room is None else room.capacity or 0
+    match operation:
+        case ValueAgo() | Total() | Greatest() if room is None:
+            return [operation.past + {ValueAgo: 0, Total: 1, Greatest: 2}[type(operation)]]
+        case Greatest():
+            return [capacity + 1, operation.past]
+        case ValueAgo() | Total():
+            return [capacity, operation.past]
+        case TimeAtLeast():
+            return [capacity, operation.past, operation.least]
+        case SlopeBetween():
+            return []
+
+
+def _window_fits(operation: WindowState, name: str, states: Sequence[Term],
+                 constants: Sequence[int]) -> bool:
+    """Whether the fields are long enough, and nothing is lost that `Overflowed` does not see."""
+    lengths = [max(1, item.sort[1] // 64) for item in states]
+    room = room_of(operation)
+    if not lengths_fit(name, lengths, constants) or room is None or room.may_overflow \
+            or isinstance(operation, SlopeBetween):
+        return lengths_fit(name, lengths, constants)
+    # Intervals are apart; a change or a message can come at every tick.
+    most = operation.past // 2 if isinstance(operation, TimeAtLeast) else operation.past
+    return (room.capacity or 0) > most
 
 
 class _NextTick(SystemBuilder):
@@ -224,7 +320,7 @@ class _NextTick(SystemBuilder):
 
     def _value(self, index: int, operation: Operation, type: ValueType) -> Term:
         was = self._system.values[index]
-        if not isinstance(operation, CounterCell | SinceBetween | Overflowed):
+        if not isinstance(operation, CounterCell | SinceBetween | Overflowed | WindowState):
             self._lasting.append(t.same(super()._value(index, operation, type), was))
         return was
 
@@ -233,3 +329,6 @@ class _NextTick(SystemBuilder):
 
     def current_bit(self, index: int) -> Term:
         return self._stored[FieldKind.FLAG, index]
+
+    def rounded(self, total: Term, is_mean: bool) -> Term:
+        return rounded(total, is_mean)

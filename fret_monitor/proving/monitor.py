@@ -40,6 +40,7 @@ from fret_monitor.proving.execution import (
 from fret_monitor.proving.group_contract import group_contract, GroupContract, same_or_false
 from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.timed_cells import AskedTicks
+from fret_monitor.proving.windows import WINDOWS
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.solver import ProofAnswer, prove, PROVED, shown_values
 from fret_monitor.smt.terms import Term
@@ -47,6 +48,7 @@ from fret_monitor.smt.transition import earlier, NEVER, TransitionSystem
 
 ALL = -1  # the functions that step or reset all groups
 ANY = -2  # likewise, with the step function in the description (`step_any`)
+_CONTRACTS = {**ARITHMETIC, **CELLS, **WINDOWS}
 _TYPES = 'the program needs a field of another type'
 _STATIC = ('description: ', 'inputs: ')  # no trace can refute these
 
@@ -168,7 +170,7 @@ def prove_group(subject: ProofSubject, group: int, seconds: float) -> GroupProof
         subject, group, seconds, lambda: group_contract(
             subject.layouts[group], group, subject.state([group]), subject.signals(),
             subject.tick),
-        {**ARITHMETIC, **CELLS})
+        _CONTRACTS)
 
 
 def prove_contract(subject: ProofSubject, group: int, seconds: float,
@@ -287,10 +289,9 @@ def _positions(subject: ProofSubject) -> list[Term]:
 def _whole_goals(subject: ProofSubject) -> Iterator[tuple[str, Term]]:
     groups = range(len(subject.layouts))
     state, inputs = subject.state(groups), subject.inputs()
-    contracts = {**ARITHMETIC, **CELLS}
 
     def ran(call: Callable[[Machine], None], memory: Memory) -> Machine:
-        machine = Machine(subject.code, memory, contracts)
+        machine = Machine(subject.code, memory, _CONTRACTS)
         call(machine)
         return machine
 
@@ -329,7 +330,7 @@ def _equal_at(subject: ProofSubject, memory: Memory) -> Iterator[tuple[str, Term
     name = f'{subject.prefix}_step_at'
     machines, dues = [], []
     for groups in ([ALL], range(len(subject.layouts))):
-        contracts = {**ARITHMETIC, **CELLS, **AskedTicks(subject.tick).contracts}
+        contracts = {**_CONTRACTS, **AskedTicks(subject.tick).contracts}
         machine = Machine(subject.code, memory, contracts)
         found = [subject.call_step(machine, group) for group in groups]
         dues.append([item.term for item in found if isinstance(item, Value)])

@@ -39,8 +39,11 @@ from fret_monitor.program.monitor_program import (
     AlwaysWithin, CounterCell, OnceBefore, OnceWithin, SinceBefore,
 )
 from fret_monitor.proving.c_source import BOOL, CProgram, LONG, Unreadable
-from fret_monitor.proving.execution import Contract, Machine, Reference, Result, Value
+from fret_monitor.proving.execution import (
+    Contract, Machine, Reference, Result, Value, whole_array,
+)
 from fret_monitor.proving.obligations import anything, called, Proof, settled
+from fret_monitor.proving.windows import called_window, CELLS, WindowCell
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.cells import at_most, CounterModel, COUNTERS, WIDTH
 from fret_monitor.smt.terms import Term
@@ -113,6 +116,8 @@ class AskedTicks:
             **{f'fm_{name}_at': partial(self._counter, name) for name in COUNTERS},
             'fm_since_between_at': self._queue,
             'fm_overflowed_at': self._overflowed,
+            **{f'fm_{cell.name}': partial(self._window, cell) for cell in CELLS.values()
+               if cell.is_timed},
             **dict.fromkeys(('fm_same_f32', 'fm_same_f64'), _same),
         }
 
@@ -141,7 +146,7 @@ class AskedTicks:
 
     def _queue(self, machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
         place, values, following = _taken(arguments)
-        queue = _whole_queue(machine, place)
+        queue = whole_array(machine, place)
         capacity, low, high, tick = (*values[:3], values[-1])
         if not all(t.is_constant(item) for item in (capacity, low, high)):
             raise Unreadable('fm_since_between_at with a window that is not constant')
@@ -155,27 +160,30 @@ class AskedTicks:
     def _overflowed(self, machine: Machine, arguments: Sequence[Value | Reference]) -> Result:
         place, [tick], following = _taken(arguments)
         machine.require('overflowed: the tick', is_tick(tick))
-        out, _, due = timed_terms('overflowed', _whole_queue(machine, place), tick)
+        out, _, due = timed_terms('overflowed', whole_array(machine, place), tick)
         return self._returned(machine, out, due, following)
+
+    def _window(self, cell: WindowCell, machine: Machine,
+                arguments: Sequence[Value | Reference]) -> Result:
+        _, values, following = _taken([arguments[0], *arguments[cell.arrays:]])
+        found = called_window(machine, cell, arguments, values)
+        assert found.due is not None
+        self._lowers(machine, found.due, following)
+        return None if cell.result is None or found.out is None \
+            else Value(cell.result, found.out)
 
     def _returned(self, machine: Machine, out: Term, due: Term, following: Reference) -> Result:
         """Lower the next tick, and return the result of a cell."""
+        self._lowers(machine, due, following)
+        return Value(BOOL, out)
+
+    def _lowers(self, machine: Machine, due: Term, following: Reference) -> None:
         known = machine.load(following)
         machine.store(following, Value(known.type, earlier(known.term, self._asks(due))))
-        return Value(BOOL, out)
 
     def _asks(self, item: Term) -> Term:
         self.asked.append(item)
         return asked_variable(len(self.asked) - 1, item)
-
-
-def _whole_queue(machine: Machine, place: Reference) -> Term:
-    """Return a queue as one word, and record that it is read and written."""
-    queue = machine.memory.get(place.path)
-    if queue is None or queue.sort != t.word(64 * place.length) or place.index is not _ZERO:
-        raise Unreadable('a queue that is no array of a group')
-    machine.record_access(place.path)
-    return queue
 
 
 def _taken(arguments: Sequence[Value | Reference]) -> tuple[Reference, list[Term], Reference]:

@@ -25,9 +25,7 @@ import time
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.cache import runtime_headers
-from fret_monitor.program.monitor_program import (
-    Greatest, SinceBetween, SlopeBetween, TimeAtLeast, Total, ValueAgo,
-)
+from fret_monitor.program.monitor_program import SinceBetween
 from fret_monitor.proving.c_source import read_program, Unreadable
 from fret_monitor.proving.contracts import prove_cells
 from fret_monitor.proving.monitor import ALL, ProofSubject, prove_group, prove_whole, wrong_types
@@ -85,7 +83,7 @@ class Verification:
 def proved_files(generated: GeneratedMonitor) -> dict[str, str]:
     """Return the C files to be proved, by name: all except those that decode messages."""
     module, runtime = generated.module, runtime_headers()
-    return {**{name: runtime[name] for name in _RUNTIME}, **dict([module.header]),
+    return {**{name: runtime[name] for name in module.runtime_headers}, **dict([module.header]),
             **{name: text for name, text in module.sources if not name.endswith(_FIELDS)}}
 
 
@@ -116,9 +114,6 @@ def verify(generated: GeneratedMonitor, *, seconds: float = 30.0,
     `progress` is called with the part of the groups that is done, None during the cells.
     """
     before = time.perf_counter()
-    windows = _with_windows(generated)
-    if windows:
-        return Verification((), (), None, f'no windows of numbers are proved: {windows}', 0.0)
     try:
         subject = read_subject(generated)
     except Unreadable as error:
@@ -137,15 +132,6 @@ def verify(generated: GeneratedMonitor, *, seconds: float = 30.0,
                  'all groups' if group == ALL else f'group {number + 1} of {count}')
         groups.append(verify_group(subject, group, seconds))
     return Verification(cells, tuple(groups), subject, '', time.perf_counter() - before)
-
-
-def _with_windows(generated: GeneratedMonitor) -> str:
-    """Return the ids of the requirements of the groups that have windows of numbers."""
-    program = generated.program
-    return ', '.join(
-        program.properties[number].id for group in program.groups for number in group.properties
-        if any(isinstance(item.operation, ValueAgo | Greatest | Total | TimeAtLeast | SlopeBetween)
-               for item in group.equations))
 
 
 @cache

@@ -36,7 +36,7 @@ from fret_monitor.program.monitor_program import (
     Delay, FeedbackRead, FirstStep, Greatest, Hold, Literal, OnceBefore, OnceEver, OnceWithin,
     Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read, Rounded, SinceBefore,
     SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally, TimeAtLeast, Total,
-    TriggeredEver, ValueAgo,
+    TriggeredEver, ValueAgo, WindowState,
 )
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
@@ -261,6 +261,10 @@ class SystemBuilder:
         value = t.TRUE if operand.is_constant else self._values[operand.value]
         return t.negation(value) if operand.negated else value
 
+    def type_of(self, operand: Operand) -> ValueType:
+        """Return the type of an operand."""
+        return self._group.equations[operand.value].type
+
     def _value(self, index: int, operation: Operation, type: ValueType) -> Term:
         match operation:
             case Read():
@@ -293,9 +297,11 @@ class SystemBuilder:
                 return before
             case Tally() | Hold():
                 return self._kept(index, operation, type)
-            case ValueAgo() | Greatest() | Total() | Rounded() | TimeAtLeast() \
-                    | SlopeBetween():
-                raise NotModelled('windows of numbers')
+            case ValueAgo() | Greatest() | Total() | TimeAtLeast() | SlopeBetween():
+                return self.window(index, operation, type,
+                                   [self._operand(item) for item in operands(operation)])
+            case Rounded():
+                return self.rounded(self._operand(operation.total), operation.is_mean)
             case FeedbackRead():
                 return self._feedback[operation.index]
             case SinceBetween():
@@ -374,6 +380,15 @@ class SystemBuilder:
     def queue(self, index: int, operation: SinceBetween, arguments: list[Term]) -> Term:
         """Add a queue, and return what the cell returns."""
         raise NotModelled('queues')
+
+    def window(self, index: int, operation: WindowState, type: ValueType,
+               arguments: list[Term]) -> Term:
+        """Add a window of numbers, and return what the cell returns; an exact sum: its state."""
+        raise NotModelled('windows of numbers')
+
+    def rounded(self, total: Term, is_mean: bool) -> Term:
+        """Return the sum or mean of an exact sum."""
+        raise NotModelled('windows of numbers')
 
     def overflowed(self, index: int, queue: int) -> Term:
         """Return whether the queue of equation `queue` lacks an interval at this tick."""

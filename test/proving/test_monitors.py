@@ -72,13 +72,13 @@ def test_the_bundles_of_this_repository_are_proved(path: Path) -> None:
 
 @pytest.mark.parametrize('seed', range(EXAMPLES // 16))
 def test_random_formulas_are_proved(seed: int) -> None:
-    maker = FormulaMaker(Random(seed).randrange, has_windows=False)
+    maker = FormulaMaker(Random(seed).randrange)
     monitor = generated([maker.formula(50) for _ in range(20)])
     assert failures(settled(monitor)) == []
 
 
 def test_a_group_of_many_parts_is_proved() -> None:
-    maker = FormulaMaker(Random(5).randrange, INPUTS[:3], has_windows=False)
+    maker = FormulaMaker(Random(5).randrange, INPUTS[:3])
     monitor = generated([maker.formula(60) for _ in range(100)])
     assert max(len(item.parts) for item in monitor.layouts) > 2
     assert failures(settled(monitor)) == []

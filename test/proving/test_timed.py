@@ -29,7 +29,8 @@ from codegen.workbench import specify
 from differential.compiled import compile_c, CSRC, gcc
 from fret_monitor.build import generate_monitor, GeneratedMonitor, Reading
 from fret_monitor.logic.formula import (
-    Formula, Historically, Once, Since, Variable, Window, Yesterday,
+    Aggregate, Ago, Binary, BinaryOperator, Constant, Formula, Historically, Once, Over, Since,
+    Slope, TimeOver, Variable, Window, Yesterday,
 )
 from fret_monitor.model.policies import Policy, Report
 from fret_monitor.model.values import ValueType
@@ -63,8 +64,8 @@ def proofs(monitor: GeneratedMonitor, old: str = '', new: str = '') -> list[Proo
     subject = read_subject(monitor)
     groups = range(len(subject.layouts))
     wrong = [proof for group in groups for proof in wrong_types(subject, group)]
-    found = [prove_group(subject, group, 10.0) for group in groups]
-    return [*wrong, *(proof for item in [*found, prove_whole(subject, 10.0)]
+    found = [prove_group(subject, group, 60.0) for group in groups]
+    return [*wrong, *(proof for item in [*found, prove_whole(subject, 60.0)]
                       for proof in item.proofs)]
 
 
@@ -74,7 +75,7 @@ def failures(found: list[Proof]) -> list[str]:
 
 @pytest.mark.parametrize('seed', range(3))
 def test_random_formulas_are_proved(seed: int) -> None:
-    maker = FormulaMaker(Random(seed).randrange, has_windows=False)
+    maker = FormulaMaker(Random(seed).randrange)
     found = proofs(generated([maker.formula(50) for _ in range(20)]))
     assert failures(found) == []
     names = {proof.name.partition(': ')[2] for proof in found}
@@ -82,7 +83,7 @@ def test_random_formulas_are_proved(seed: int) -> None:
 
 
 def test_a_group_of_many_parts_is_proved() -> None:
-    maker = FormulaMaker(Random(5).randrange, INPUTS[:3], has_windows=False)
+    maker = FormulaMaker(Random(5).randrange, INPUTS[:3])
     monitor = generated([maker.formula(60) for _ in range(60)])
     assert max(len(item.parts) for item in monitor.layouts) > 1
     assert failures(proofs(monitor)) == []
@@ -103,6 +104,15 @@ def test_the_verdict_of_an_occurrence_is_proved(policy: Policy) -> None:
 
 WITHIN = Once(Window(0, 5), P)
 BETWEEN = Since(Window(2, 5), P, Q)
+D, TRUE = Variable('d', ValueType.FLOAT64), Constant(True, ValueType.BOOL)
+
+
+def below_one(number: Formula) -> Formula:
+    return Binary(BinaryOperator.LT, number, Constant(1.0, ValueType.FLOAT64))
+
+
+GREATEST = below_one(Over(Aggregate.GREATEST, 5, D, TRUE))
+MEAN = below_one(Over(Aggregate.MEAN, 5, D, P))
 
 
 @pytest.mark.parametrize(('formula', 'old', 'new', 'said'), [
@@ -124,6 +134,16 @@ BETWEEN = Since(Window(2, 5), P, Q)
     (Yesterday(P), 'unsettled |= ', 'unsettled &= ', 'next tick'),
     (BETWEEN, 'INT64_C(2), INT64_C(2)', 'INT64_C(2), INT64_C(3)', 'verdict'),
     (BETWEEN, 'INT64_C(2), INT64_C(2)', 'INT64_C(3), INT64_C(2)', 'defined'),
+    (GREATEST, 'INT64_C(5)', 'INT64_C(6)', 'verdict of R-0'),
+    (GREATEST, 'INT64_C(8)', 'INT64_C(9)', 'defined'),
+    (GREATEST, 'in->d, false', 'in->d, true', 'verdict of R-0'),
+    (GREATEST, 'tick, &next), false)', 'tick, &next), true)', 'verdict of R-0'),
+    (MEAN, 'in->p, fm_word', 'true, fm_word', 'verdict of R-0'),
+    (MEAN, 'fm_exact_mean(s->sum_2)', 'fm_exact_quotient(s->sum_2, 1u)', 'verdict of R-0'),
+    (below_one(Ago(5, D)), 'tick, &next)', 'tick - 1, &next)', 'verdict of R-0'),
+    (below_one(Slope(D, P)), 'in->p, tick', 'true, tick', 'verdict of R-0'),
+    (TimeOver(5, 2, P), 'INT64_C(2)', 'INT64_C(3)', 'verdict of R-0'),
+    (TimeOver(5, 2, P), '  return next;', '  return FM_NEVER;', 'next tick'),
 ])
 def test_wrong_c_is_not_proved(formula: Formula, old: str, new: str, said: str) -> None:
     monitor = generated([formula])
