@@ -28,7 +28,8 @@ from pathlib import Path
 from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.constants import override_constants
 from fret_monitor.bundle.reader import survey_bundle, USUAL_REORDER_S
-from fret_monitor.codegen.describe import describe, with_kinds
+from fret_monitor.codegen.describe import describe, described_topics, with_kinds
+from fret_monitor.codegen.extractors import Feed
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.restrict import restrict
@@ -48,7 +49,7 @@ from fret_monitor.messages.installed import find_message as find_installed, fing
 from fret_monitor.model.diagnostics import (
     by_place, CompileError, Diagnostic, Level, Problems, Text,
 )
-from fret_monitor.model.manifest import FORMAT, Manifest
+from fret_monitor.model.manifest import FORMAT, Manifest, ManifestTopic
 from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
@@ -274,11 +275,13 @@ def generate_monitor(reading: Reading, *,
     program = lower(specification)
     layouts = tuple(lay_out(group) for group in program.groups)
     check_bounds(program, layouts, max_state_bytes)
-    module = generate(program, layouts)
+    scopes = instance_scopes(reading.specification)
+    keyed = [item.specification.signals for item in scopes]
+    module = generate(program, layouts, keyed)
+    topics = described_topics(program.signals, keyed)
     manifest = describe(program, layouts, module, specification, reading.bundle_hash,
-                        reading.constants)
-    kinds = tuple(_generate_kind(scope, reading, max_state_bytes)
-                  for scope in instance_scopes(reading.specification))
+                        reading.constants, topics)
+    kinds = tuple(_generate_kind(scope, reading, max_state_bytes, topics) for scope in scopes)
     if reading.specification.instance_variables:
         manifest = with_kinds(manifest, [(item.scope, item.manifest) for item in kinds],
                               reading.specification)
@@ -289,16 +292,17 @@ def generate_monitor(reading: Reading, *,
                             reading.paths, kinds)
 
 
-def _generate_kind(scope: InstanceScope, reading: Reading, max_state_bytes: int) -> GeneratedKind:
+def _generate_kind(scope: InstanceScope, reading: Reading, max_state_bytes: int,
+                   topics: Mapping[Feed, ManifestTopic]) -> GeneratedKind:
     program = lower(scope.specification)
     layouts = tuple(lay_out(group) for group in program.groups)
     check_bounds(program, layouts, max_state_bytes)
     check_instances(program, layouts, ', '.join(scope.variables), math.prod(
         item.most for item in reading.specification.instance_variables
         if item.name in scope.variables))
-    module = generate(program, layouts)
+    module = generate(program, layouts, None)
     manifest = describe(program, layouts, module, scope.specification, reading.bundle_hash,
-                        reading.constants)
+                        reading.constants, topics)
     return GeneratedKind(scope, program, layouts, module, manifest)
 
 

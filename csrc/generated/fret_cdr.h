@@ -348,6 +348,38 @@ static inline struct fm_field fm_field_name(
   return field;
 }
 
+/// A number as a key: its digits, after a minus if it is negative.
+struct fm_cdr_digits
+{
+  uint8_t bytes[20];
+  uint32_t first;  // index of the first one; they go to the end
+};
+
+static inline struct fm_cdr_digits fm_cdr_digits(uint64_t amount, bool is_negative)
+{
+  struct fm_cdr_digits digits = {{0u}, 20u};
+  do {
+    digits.first -= 1u;
+    digits.bytes[digits.first] = (uint8_t)('0' + amount % 10u);
+    amount /= 10u;
+  } while (amount > 0u);
+  if (is_negative) {
+    digits.first -= 1u;
+    digits.bytes[digits.first] = (uint8_t)'-';
+  }
+  return digits;
+}
+
+static inline struct fm_cdr_digits fm_cdr_digits_i(int64_t value)
+{
+  return fm_cdr_digits(value < 0 ? 0u - (uint64_t)value : (uint64_t)value, value < 0);
+}
+
+static inline struct fm_cdr_digits fm_cdr_digits_u(uint64_t value)
+{
+  return fm_cdr_digits(value, false);
+}
+
 static inline bool fm_cdr_is_wide(
   const struct fm_cdr_text * text, const struct fm_cdr_wide_name * name)
 {

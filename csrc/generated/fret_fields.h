@@ -47,6 +47,13 @@ struct fm_field
   uint32_t length;
 };
 
+/// Takes a part of a message: the values of the instance of a key, of a kind of instances.
+/// `fields` are those of the kind's inputs on the topic, in the order of the manifest. All is
+/// valid until it returns.
+typedef void (* fm_part_sink)(
+  void * context, uint32_t kind, const uint8_t * key, size_t key_size,
+  const struct fm_field * fields);
+
 /// The reader of a topic.
 struct fm_reader
 {
@@ -59,6 +66,16 @@ struct fm_reader
   /// Read the stamp in the message's header, in nanoseconds: with `stamp: header`, otherwise NULL.
   /// Fails as `read`.
   bool (* stamp)(const uint8_t * message, size_t size, int64_t * stamp);
+  /// Find out whether a message is one of the topic: with `where`, otherwise NULL. Fails as
+  /// `read`.
+  bool (* selects)(const uint8_t * message, size_t size, bool * is_selected);
+  /// Hand over the parts of a message that are of instances, in the order of its elements; NULL if
+  /// none is. `key` is the one in the topic's name; NULL: none. Fails as `read`, perhaps after
+  /// some parts: call it without a sink first, to find out whether it can be read. O(fields up to
+  /// the last one needed, and elements).
+  bool (* parts)(
+    const uint8_t * message, size_t size, const uint8_t * key, size_t key_size,
+    fm_part_sink sink, void * context);
 };
 
 /// The readers of a bundle, one for each topic, in the order of the manifest. If the bundle has

@@ -14,9 +14,11 @@
 
 """The manifest of a monitor program."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
-from fret_monitor.codegen.extractors import topics_of
+from fret_monitor.codegen.extractors import Feed, topics_of
 from fret_monitor.codegen.inputs import described_input
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.printing import to_smv
@@ -36,16 +38,21 @@ _LONGEST_FORMULA = 10_000
 
 def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
              specification: Specification, bundle_hash: str,
-             constants: tuple[tuple[str, str], ...] = ()) -> Manifest:
+             constants: tuple[tuple[str, str], ...] = (),
+             topics: Mapping[Feed, ManifestTopic] | None = None) -> Manifest:
     """
     Return the manifest of a program and its generated C.
 
-    The program was lowered from the specification; see `Manifest` for the `constants`.
+    The program was lowered from the specification; see `Manifest` for the `constants`. `topics`
+    are those of the whole bundle, of which the program is a part; None: those of its inputs.
     """
     used = {name for item in program.properties for name in (*item.on_violation, *item.on_end)}
     actions = tuple(item for item in specification.actions if item.name in used)
     action_of = {item.name: index for index, item in enumerate(actions)}
-    topics = _topics(program.signals)
+    fed = topics_of(program.signals)
+    all_topics = tuple(
+        replace(item, inputs=tuple(fed.get(feed, ()))) for feed, item in
+        (described_topics(program.signals) if topics is None else topics).items())
     group_of = {number: index for index, group in enumerate(program.groups)
                 for number in group.properties}
     values = {signal.name: signal.values for signal in program.signals if signal.values}
@@ -59,7 +66,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         policy=program.policy,
         period=program.period,
         inputs=tuple(described_input(signal) for signal in program.signals),
-        topics=topics,
+        topics=all_topics,
         groups=tuple(ManifestGroup(layout.group.signals, layout.group.properties, layout.size,
                                    layout.operations) for layout in layouts),
         requirements=tuple(
@@ -76,7 +83,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         reorder=program.reorder,
         constants=constants,
         actions=actions,
-        gate=_gate(specification.gate, topics) if specification.gate else None,
+        gate=_gate(specification.gate, all_topics) if specification.gate else None,
         kept=specification.kept,
         outputs=module.outputs,
     )
@@ -109,12 +116,22 @@ def _gate(gate: Gate, topics: tuple[ManifestTopic, ...]) -> ManifestGate:
     return replace(gate.settings, topic=names.index(source) if source in names else None)
 
 
-def _topics(signals: tuple[Signal, ...]) -> tuple[ManifestTopic, ...]:
-    return tuple(
-        ManifestTopic(name, signals[fed[0]].message_type or '', tuple(fed), signals[fed[0]].qos,
-                      signals[fed[0]].made)
-        if fed else ManifestTopic(name, LINKS, (), QOS[name])
-        for name, fed in topics_of(signals).items())
+def described_topics(signals: Sequence[Signal],
+                     kinds: Sequence[Sequence[Signal]] = ()) -> dict[Feed, ManifestTopic]:
+    """Return the topics of a bundle as the manifest has them, without their inputs."""
+    first: dict[Feed, Signal] = {}
+    for signal in chain(signals, *kinds):
+        if signal.topic is not None:
+            first.setdefault((signal.topic, signal.where), signal)
+    return {feed: _topic(feed, first.get(feed)) for feed in topics_of(signals, kinds)}
+
+
+def _topic(feed: Feed, first: Signal | None) -> ManifestTopic:
+    name, where = feed
+    if first is None:
+        return ManifestTopic(name, LINKS, (), QOS[name])
+    return ManifestTopic(name, first.message_type or '', (), first.qos, first.made,
+                         str(where or ''))
 
 
 def _requirement(item: Property, group: int, signal_of: dict[str, int],

@@ -27,7 +27,7 @@ from fret_monitor.codegen.comments import comment
 from fret_monitor.codegen.message_sizes import STRINGS
 from fret_monitor.codegen.skippers import array_bound, Skippers, unsigned
 from fret_monitor.logic.specification import Signal
-from fret_monitor.messages.field_path import SCAN_ANGLES
+from fret_monitor.messages.field_path import key_type, SCAN_ANGLES
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
 from fret_monitor.model.manifest import ANGLES, SECONDS
@@ -48,6 +48,7 @@ class Need:
     `is_kept` means that code further on uses the value, `wanted` are the strings whose indices in
     this array it uses. Generated code leaves the value in the variable `local`, the indices in the
     variables of `wanted`, and the place of the first element of an array in `begin`.
+    An element of `found` whose name is a variable stands for all elements, each with its key.
     """
 
     whole: list[tuple[int, Signal]] = field(default_factory=list)
@@ -69,7 +70,9 @@ class Need:
                 case int():
                     need = need.items.setdefault(step, Need())
                 case LookUp():
-                    if step.is_parallel:
+                    if step.is_parallel and step.variable:
+                        parent.at(step.key).is_kept = True
+                    elif step.is_parallel:
                         parent.at(step.key).wanted.setdefault(step.name, '')
                     need = need.found.setdefault(step, Need())
                 case Sector():
@@ -90,9 +93,14 @@ class Need:
 class ExtractorWriter:
     """Writes the body of one extractor, whose cursor is the variable `c`."""
 
-    def __init__(self, skippers: Skippers) -> None:
-        """Start an empty body; `skippers` collects the functions that it calls."""
+    def __init__(self, skippers: Skippers, kind: int | None = None) -> None:
+        """
+        Start an empty body; `skippers` collects the functions that it calls.
+
+        `kind` is that of the instances to which it hands over.
+        """
         self._skippers = skippers
+        self._kind = kind
         self._locals = 0
 
     def lines(self, layout: MessageLayout, need: Need) -> Iterator[str]:
@@ -100,6 +108,18 @@ class ExtractorWriter:
         yield from _indented(self._received(need.whole))
         if need.fields:
             yield from _indented(self._message(layout, need, '', is_last=True))
+
+    def hand_over(self, base: str, local: str) -> Iterator[str]:
+        """Yield C that hands over the fields, with a key of a type that was read before."""
+        key, size = f'{local}.bytes', f'{local}.length'
+        yield 'if (c.ok && sink != NULL) {'
+        if base not in STRINGS:
+            digits = self._local('digits')
+            member = 'i' if ValueType.of_field(base).is_signed else 'u'
+            yield f'  const struct fm_cdr_digits {digits} = fm_cdr_digits_{member}({local});'
+            key, size = f'{digits}.bytes + {digits}.first', f'20u - {digits}.first'
+        yield f'  sink(context, {self._kind}u, {key}, {size}, fields);'
+        yield '}'
 
     def _received(self, whole: Sequence[tuple[int, Signal]]) -> Iterator[str]:
         """Set the inputs that are fed by the fact that a message came."""
@@ -130,6 +150,7 @@ class ExtractorWriter:
 
     def _deferred(self, layout: MessageLayout, need: Need, path: str) -> Iterator[str]:
         """Compute what needs several fields of a message, after all of them were read."""
+        keyed: list[tuple[MessageField, Need, LookUp]] = []
         for item in layout.fields:
             inner = need.fields.get(item.name, Need())
             for place, signal in inner.whole:
@@ -138,10 +159,15 @@ class ExtractorWriter:
                     yield from self._sector(item.type.base, inner.local, angles, place, signal,
                                             sector, path + item.name)
             for part, found in inner.found.items():
-                if part.is_parallel:
+                if part.is_parallel and part.variable:
+                    keyed.append((item, inner, part))
+                elif part.is_parallel:
                     index = need.fields[part.key[0]].wanted[part.name]
                     yield from self._parallel(layout, item, inner, found, index,
                                               f'{path}{item.name}[{part}]')
+
+        if keyed:
+            yield from self._each_index(layout, need, keyed, path)
 
     def _past(self, layout: MessageLayout, fields: Sequence[MessageField],
               path: str) -> Iterator[str]:
@@ -211,6 +237,7 @@ class ExtractorWriter:
             found = layout.find_field(name)
             assert found is not None, name
             kind = ValueType.of_field(found.type.base)
+            inner.local = local[name]
             yield from _explain(inner.whole, f'{path}.{name}')
             yield from (f'fields[{place}] = {_field_of(kind, local[name])};'
                         for place, _ in inner.whole)
@@ -345,10 +372,15 @@ class ExtractorWriter:
             else:
                 yield f'fields[{place}] = fm_field_u({count});'
         searched = {part: inner for part, inner in need.found.items() if not part.is_parallel}
+        keyed = next((part for part in searched if part.variable), None)
+        if keyed is not None:
+            yield from self._each(layout, kind, keyed, searched[keyed], path, count)
+            return
         # The length is valid only if the message contains all elements.
-        is_whole = not is_last or bool(need.whole) or len(searched) < len(need.found)
+        is_whole = not is_last or bool(need.whole) or len(searched) < len(need.found) \
+            or need.is_kept
         has_search = bool(searched or need.wanted)
-        if len(searched) < len(need.found) or has_search and need.items:
+        if len(searched) < len(need.found) or has_search and need.items or need.is_kept:
             need.begin = self._local('begin')
             yield f'const size_t {need.begin} = c.at;'
         done = self._local('done')
@@ -422,6 +454,76 @@ class ExtractorWriter:
         if is_whole:
             yield f'c.at = {end};'
 
+    def _each(self, layout: MessageLayout, kind: FieldType, part: LookUp, need: Need, path: str,
+              count: str) -> Iterator[str]:
+        """Read all elements, each with its key and what is needed of it, and hand them over."""
+        key = need.at(part.key)
+        key.is_kept = True
+        key_kind = key_type(nested_layout(layout, kind), part.key)
+        assert key_kind is not None, part
+        yield from comment(f'{path}: each, with {part}')
+        yield f'for (uint32_t k = 0u; k < {count} && c.ok; ++k) {{'
+        yield from _indented(self._element(layout, FieldType(kind.base), need, f'{path}[k]',
+                                           False))
+        yield from _indented(self.hand_over(key_kind.base, key.local))
+        yield '}'
+
+    def _each_index(self, layout: MessageLayout, need: Need,
+                    keyed: Sequence[tuple[MessageField, Need, LookUp]],
+                    path: str) -> Iterator[str]:
+        """Hand over elements of arrays, each with its key, which is in an array beside them."""
+        part = keyed[0][2]
+        found = layout.find_field(part.key[0])
+        assert found is not None, part
+        keys, base, end = need.fields[part.key[0]], found.type.base, self._local('end')
+        yield from comment(f'{path}{part.key[0]}: each, with its elements of other arrays')
+        yield f'const size_t {end} = c.at;'
+        count = keys.local if base in STRINGS else f'{keys.local}.count'
+        places = {id(inner): self._local('next') for item, inner, _ in keyed
+                  if _is_long(item.type)}
+        if base in STRINGS:
+            key_place = self._local('next')
+            yield f'size_t {key_place} = {keys.begin};'
+        for _, inner, _ in keyed:
+            if id(inner) in places:
+                yield f'size_t {places[id(inner)]} = {inner.begin};'
+        yield f'for (uint32_t k = 0u; k < {count} && c.ok; ++k) {{'
+        for item, inner, look_up in keyed:
+            yield from _indented(self._at_index(
+                layout, item, inner, look_up, places.get(id(inner), ''), path))
+        key = self._local('key')
+        if base in STRINGS:
+            yield f'  c.at = {key_place};'
+            yield f'  const struct fm_cdr_text {key} = fm_cdr_{base}(&c);'
+            yield f'  {key_place} = c.at;'
+        else:
+            kind = ValueType.of_field(base)
+            yield f'  const {kind.c_name} {key} = fm_cdr_{kind.value}_at(&{keys.local}, k);'
+        yield from _indented(self.hand_over(base, key))
+        yield '}'
+        yield f'c.at = {end};'
+
+    def _at_index(self, layout: MessageLayout, item: MessageField, need: Need, part: LookUp,
+                  place_of: str, path: str) -> Iterator[str]:
+        """Read the element of an array at the index of the key; `place_of` is that of the next."""
+        found, shown = need.found[part], f'{path}{item.name}[{part}]'
+        if not place_of:
+            kind = ValueType.of_field(item.type.base)
+            read = _field_of(kind, f'fm_cdr_{kind.value}_at(&{need.local}, k)')
+            yield from _explain(found.whole, shown)
+            for place, _ in found.whole:
+                yield f'fields[{place}] = k < {need.local}.count ?'
+                yield f'  {read} : fm_field_absent(k, {need.local}.count);'
+            return
+        yield f'if (k < {need.local}) {{'
+        yield f'  c.at = {place_of};'
+        yield from _indented(self._element(layout, FieldType(item.type.base), found, shown, False))
+        yield f'  {place_of} = c.at;'
+        yield '} else {'
+        yield from (f'  fields[{place}] = fm_field_absent(k, {need.local});'
+                    for place in found.places())
+        yield '}'
+
     def _loop(self, count: str, wanted: Sequence[str], nothing: str, is_whole: bool,
               body: Iterable[str]) -> Iterator[str]:
         """Yield a loop over elements; unless all must be in the message, until all are found."""
@@ -438,6 +540,11 @@ class ExtractorWriter:
             yield from self._skippers.elements(layout, kind, index - before, '&c')
         element = FieldType(kind.base)
         yield from self._element(layout, element, need, f'{path}[{index}]', is_last)
+
+
+def _is_long(kind: FieldType) -> bool:
+    """Whether the elements of an array have no place that follows from their index."""
+    return kind.is_message or kind.base in STRINGS
 
 
 def _indented(lines: Iterable[str]) -> Iterator[str]:

@@ -31,6 +31,7 @@ from fret_monitor.codegen.inputs import described_input, meaning, origin
 from fret_monitor.codegen.names import field, Names
 from fret_monitor.codegen.operations import OF_MATH_H
 from fret_monitor.codegen.step import PartWriter
+from fret_monitor.logic.specification import Signal
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FM_NEVER, GroupLayout, StateField
@@ -77,15 +78,22 @@ class CModule:
         return _HEADERS if has_windows else _HEADERS[:-1]
 
 
-def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> CModule:
-    """Write the C of a program; `layouts` are those of its groups, in order."""
+def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
+             kinds: Sequence[Sequence[Signal]] | None = ()) -> CModule:
+    """
+    Write the C of a program; `layouts` are those of its groups, in order.
+
+    `kinds` are the inputs of the kinds of instances, for the extractors; None: without extractors,
+    since the module is that of a kind.
+    """
     names = Names(program.name, (item.name for item in program.signals),
                   (item.id for item in program.properties),
                   (name for name, _ in program.definitions))
     writer = _ModuleWriter(program, layouts, names)
     header = '\n'.join(writer.header()) + '\n'
     texts = [(name, '\n'.join(lines) + '\n') for name, lines in writer.sources()]
-    readers = list(generate_extractors(names, program.name, program.signals, program.stamp))
+    readers = [] if kinds is None else list(generate_extractors(
+        names, program.name, program.signals, program.stamp, kinds))
     if readers:
         texts.append((names.fields_source, '\n'.join(readers) + '\n'))
     digest = hashlib.sha256('\0'.join([header, *(text for _, text in texts)]).encode()).hexdigest()

@@ -21,6 +21,7 @@ from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.paths import LookUp, path_text
 from fret_monitor.model.policies import InputSource
 
 _MOST_VARIABLES = 2
@@ -38,6 +39,7 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     inputs = {item.name: item for item in signals}
     for item in properties:
         _check(item, inputs, problems)
+    _check_keys(inputs.values(), problems)
     for signal in inputs.values() if bundle.instance_variables else ():
         if signal.source.is_measured:
             problems.error(
@@ -46,6 +48,39 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     for gate in bundle.gates if bundle.instance_variables else ():
         problems.error("a bundle with 'for_each' has no gates yet", gate.name.span,
                        'not supported', 'gate the topics of each key in a bundle of its own')
+
+
+def _check_keys(signals: Iterable[Signal], problems: Problems) -> None:
+    """Report inputs of which a message could have more than one part for a key."""
+    first: dict[tuple[object, ...], Signal] = {}
+    for signal in signals:
+        if len(signal.variables) != 1:
+            continue  # such inputs are not read yet
+        keys = _keys(signal)
+        if len(keys) > 1:
+            problems.error(
+                f"'{signal.name}' mentions '{signal.variables[0]}' in two places", signal.place,
+                ' and '.join(keys),
+                'one of them is enough to select it; two are not supported yet')
+        feed = (signal.topic, signal.where, signal.variables)
+        other = first.setdefault(feed, signal)
+        if keys != _keys(other):
+            problems.error(
+                f"'{other.name}' and '{signal.name}' look up their keys in two ways", signal.place,
+                f'{_keys(other)[0]} and {keys[0]}', 'in one message each key is looked up in one '
+                'way: declare another instance variable for one of them')
+
+
+def _keys(signal: Signal) -> list[str]:
+    """Return where an input mentions its variable: in its topic, in `where`, in its field."""
+    found = [f'in the topic {signal.topic}'] if '{' in (signal.topic or '') else []
+    if signal.where is not None and signal.where.variable:
+        found.append(f'where {signal.where}')
+    for place, step in enumerate(signal.path):
+        if isinstance(step, LookUp) and step.variable:
+            end = place - 1 if step.is_parallel else place
+            found.append(f'{path_text(signal.path[:end])}[{step}]')
+    return found
 
 
 def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> None:

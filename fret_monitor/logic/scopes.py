@@ -118,7 +118,5 @@ def _part(specification: Specification, name: str, signals: list[Signal],
     names = {item.name for item in signals}
     definitions = tuple((word, formula) for word, formula in specification.definitions
                         if all(item.name in names for item in variables(formula)))
-    # Messages of these inputs are not read yet: no extractors.
-    return replace(specification, name=name, properties=tuple(properties),
-                   signals=tuple(replace(item, layout=None) for item in signals),
+    return replace(specification, name=name, properties=tuple(properties), signals=tuple(signals),
                    definitions=definitions, instance_variables=(), aggregates=())

@@ -37,7 +37,7 @@ from fret_monitor.model.policies import (
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 10
+FORMAT = 11
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -154,7 +154,9 @@ class ManifestTopic:
     """
     A mapped topic: its type, the indices of its inputs, and the bundle's `qos` for it.
 
-    `made` is what the monitor makes its messages of; None: they are received.
+    `made` is what the monitor makes its messages of; None: they are received. `where` is what
+    selects its messages, as written, '' without; several topics may then have one name. The name
+    may contain an instance variable in braces.
     """
 
     name: str
@@ -162,6 +164,12 @@ class ManifestTopic:
     inputs: tuple[int, ...]
     qos: tuple[tuple[str, str | int], ...]
     made: Made | None = None
+    where: str = ''
+
+    @property
+    def is_keyed(self) -> bool:
+        """Whether its name contains an instance variable: it is many topics of ROS."""
+        return '{' in self.name
 
 
 @dataclass(frozen=True)
@@ -673,6 +681,7 @@ def _topic(item: _Value, inputs: int) -> ManifestTopic:
         inputs=item['inputs'].indices(inputs),
         qos=tuple((key.text(), value.text_or_whole()) for key, value in item['qos'].pairs()),
         made=None if item['made'].found is None else _made(item['made']),
+        where=item['where'].text(),
     )
 
 

@@ -66,11 +66,12 @@ def read_fields(monitor: Monitor, topic: int, message: bytes) -> tuple[FieldRead
     fields = ffi.new('struct fm_field[]', len(inputs))
     if not readers.topics[topic].read(ffi.from_buffer('uint8_t[]', message), len(message), fields):
         return None
-    return tuple(_reading(fields[place], monitor.manifest.inputs[index])
+    return tuple(part_reading(fields[place], monitor.manifest.inputs[index])
                  for place, index in enumerate(inputs))
 
 
-def _reading(field: CData, item: ManifestInput) -> FieldReading:
+def part_reading(field: CData, item: ManifestInput) -> FieldReading:
+    """Return a `struct fm_field` of an input."""
     outcome, kind = ReadOutcome(field.outcome), item.value_type
     if outcome is not ReadOutcome.READ:
         return FieldReading(outcome, None, int(field.length))

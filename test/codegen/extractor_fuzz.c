@@ -45,12 +45,38 @@ static void add_fields(const struct fm_field * fields, uint32_t count)
   }
 }
 
+static void take(
+  void * context, uint32_t kind, const uint8_t * key, size_t key_size,
+  const struct fm_field * fields)
+{
+  (void)context;
+  add(&kind, sizeof(kind));
+  add(key, key_size);
+  add_fields(fields, 1u);
+}
+
+static void read_others(const struct fm_reader * reader, const uint8_t * message, size_t size)
+{
+  bool is_read = false;
+  bool is_selected = false;
+  if (reader->selects != NULL) {
+    is_read = reader->selects(message, size, &is_selected);
+    add(&is_read, sizeof(is_read));
+    add(&is_selected, sizeof(is_selected));
+  }
+  if (reader->parts != NULL) {
+    is_read = reader->parts(message, size, NULL, 0u, NULL, NULL);
+    add(&is_read, sizeof(is_read));
+    (void)reader->parts(message, size, NULL, 0u, take, NULL);
+  }
+}
+
 /// Read a message that ends at the end of its allocation, `shift` bytes after an aligned address.
 static bool read_at(
   const struct fm_reader * reader, const uint8_t * message, size_t size, size_t shift)
 {
   uint8_t * const memory = malloc(shift + size);
-  struct fm_field * const fields = malloc(sizeof(*fields) * reader->n_inputs);
+  struct fm_field * const fields = malloc(sizeof(*fields) * (reader->n_inputs + 1u));
   if ((memory == NULL && shift + size != 0u) || fields == NULL) {
     abort();
   }
@@ -62,6 +88,7 @@ static bool read_at(
   if (is_read) {
     add_fields(fields, reader->n_inputs);
   }
+  read_others(reader, memory + shift, size);
   free(fields);
   free(memory);
   return is_read;

@@ -309,7 +309,8 @@ def _place_of(step: LookUp, beside: Any, array: Any) -> int | None:
     """Return the index of the first element of a name."""
     names = getattr(beside, step.key[0]) if step.is_parallel \
         else [attrgetter('.'.join(step.key))(element) for element in array]
-    return list(names).index(step.name) if step.name in names else None
+    texts = list(map(str, names))
+    return texts.index(step.name) if step.name in texts else None
 
 
 def in_sector(least: float, increment: float, count: int, sector: Sector) -> list[int]:

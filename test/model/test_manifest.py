@@ -177,7 +177,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 10: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 11: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),
