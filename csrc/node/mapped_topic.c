@@ -25,17 +25,27 @@
 #include "in_place_types.h"
 #include "words.h"
 
-char * fm_resolved_name(const struct fm_node * node, const char * name)
+static char * resolve(const struct fm_node * node, const char * name, bool is_service)
 {
   char * resolved = NULL;
   if (rcl_node_resolve_name(
-      &node->node, name, node->allocator, false, false, &resolved) != RCL_RET_OK)
+      &node->node, name, node->allocator, is_service, false, &resolved) != RCL_RET_OK)
   {
     return NULL;
   }
   char * copy = fm_copy_of(resolved);
   node->allocator.deallocate(resolved, node->allocator.state);
   return copy;
+}
+
+char * fm_resolved_name(const struct fm_node * node, const char * name)
+{
+  return resolve(node, name, false);
+}
+
+char * fm_resolved_service(const struct fm_node * node, const char * name)
+{
+  return resolve(node, name, true);
 }
 
 char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic)

@@ -60,6 +60,9 @@ struct fm_mapped_topic
 /// if it is not valid; the error of rcl is set.
 char * fm_resolved_name(const struct fm_node * node, const char * name);
 
+/// The same, of a service.
+char * fm_resolved_service(const struct fm_node * node, const char * name);
+
 /// As fm_resolved_name, of a topic of the table; one whose messages are made has its own name.
 char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic);
 

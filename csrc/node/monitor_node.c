@@ -148,7 +148,7 @@ static bool activate(void * context)
   log_taking(monitor, rmw_get_implementation_identifier());
   fm_node_actions_describe(&monitor->session.actions);
   log_watching(monitor);
-  fm_node_gate_describe(&monitor->session.gate, monitor->session.gate_source);
+  fm_node_gate_describe(&monitor->session.gate);
   return true;
 }
 
@@ -339,7 +339,7 @@ static bool begin_services(struct fm_monitor_node * monitor)
     &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), "~/reset",
     &rmw_qos_profile_services_default) &&
          rcl_wait_set_init(
-    &monitor->wait_set, 1, 1, 0, 0, WAITS, 0, &monitor->node.context, monitor->node.allocator) ==
+    &monitor->wait_set, 1, 1, 0, 1, WAITS + 1, 0, &monitor->node.context, monitor->node.allocator) ==
          RCL_RET_OK;
 }
 
@@ -426,6 +426,7 @@ static bool fill_wait_set(struct fm_monitor_node * monitor)
   is_good = is_good && rcl_wait_set_add_guard_condition(
     &monitor->wait_set, rcl_node_get_graph_guard_condition(&monitor->node.node), NULL) ==
     RCL_RET_OK;
+  is_good = is_good && fm_service_gate_wait(&monitor->session.gate.service, &monitor->wait_set);
   return is_good && (!monitor->clock.is_simulated || rcl_wait_set_add_subscription(
            &monitor->wait_set, &monitor->clock.subscription, NULL) == RCL_RET_OK);
 }
@@ -472,6 +473,7 @@ static void serve_all(struct fm_monitor_node * monitor)
     fm_parameter_services_serve(&monitor->parameter_services);
     fm_lifecycle_serve(&monitor->lifecycle);
   }
+  fm_session_serve_requests(&monitor->session);
 }
 
 // ---- timers ------------------------------------------------------------------------------------

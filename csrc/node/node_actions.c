@@ -198,16 +198,9 @@ static bool is_own(const struct fm_node_actions * actions, const char * service)
   static const char * const own[] = {"~/reset", "~/change_state"};
   bool is_found = false;
   for (size_t k = 0; k < sizeof(own) / sizeof(own[0]); ++k) {
-    const rcl_node_t * node = &actions->node->node;
-    char * name = NULL;
-    if (rcl_node_resolve_name(node, own[k], actions->node->allocator, true, false, &name) !=
-      RCL_RET_OK)
-    {
-      rcl_reset_error();
-      continue;
-    }
-    is_found = is_found || strcmp(name, service) == 0;
-    actions->node->allocator.deallocate(name, actions->node->allocator.state);
+    char * name = fm_resolved_service(actions->node, own[k]);
+    is_found = is_found || (name != NULL && strcmp(name, service) == 0);
+    free(name);
   }
   return is_found;
 }

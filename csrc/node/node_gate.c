@@ -51,7 +51,8 @@ static bool log_refusal(const struct fm_node * node, const struct fm_report_gate
 
 bool fm_node_gate_guard(
   struct fm_node_gate * gate, struct fm_node * node, const struct fm_node_table * table,
-  struct fm_engine * engine, struct fm_evaluator * evaluator, const char * target)
+  struct fm_engine * engine, struct fm_evaluator * evaluator, const char * source,
+  const char * target)
 {
   memset(gate, 0, sizeof(*gate));
   if (table->gate == NULL) {
@@ -61,6 +62,7 @@ bool fm_node_gate_guard(
   const uint64_t bytes = fm_gate_bytes(&options);
   gate->node = node;
   gate->table = table;
+  gate->source = source;
   gate->target = target;
   gate->engine = engine;
   gate->memory = bytes == 0 ? NULL : malloc((size_t)bytes + ALIGNMENT);
@@ -169,10 +171,18 @@ static bool start_relay(struct fm_node_gate * gate)
   return true;
 }
 
-bool fm_node_gate_start(struct fm_node_gate * gate)
+static bool is_on_service(const struct fm_node_gate * gate)
+{
+  return gate->table->report.gate->is_service;
+}
+
+bool fm_node_gate_start(struct fm_node_gate * gate, const struct fm_node_clock * clock)
 {
   if (gate->table == NULL) {
     return true;
+  }
+  if (is_on_service(gate)) {
+    return fm_service_gate_open(&gate->service, gate->node, gate->table, clock, gate->engine);
   }
   const char * node = rcl_node_get_fully_qualified_name(&gate->node->node);
   gate->state = fm_gate_target_create(node, gate->table->gate->from.qos.depth);
@@ -183,9 +193,15 @@ bool fm_node_gate_start(struct fm_node_gate * gate)
          start_relay(gate);
 }
 
+bool fm_node_gate_is_running(const struct fm_node_gate * gate)
+{
+  return gate->relay != NULL || gate->service.engine != NULL;
+}
+
 void fm_node_gate_stop(struct fm_node_gate * gate)
 {
-  if (gate->table != NULL) {
+  fm_service_gate_close(&gate->service);
+  if (gate->table != NULL && !is_on_service(gate)) {
     fm_relay_stop(&gate->relay);
     fm_publisher_close(gate->node, &gate->next);
     fm_publisher_close(gate->node, &gate->publisher);
@@ -242,15 +258,20 @@ bool fm_node_gate_is_settled(const struct fm_node_gate * gate)
 
 struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate)
 {
+  if (is_on_service(gate)) {
+    return (struct fm_gate_facts) {
+      fm_service_gate_has_other(&gate->service) ? "another server" : "", gate->source,
+      gate->service.unanswered};
+  }
   return (struct fm_gate_facts) {
     fm_gate_target_others(gate->state), gate->target, fm_relay_unpublished(gate->relay)};
 }
 
-void fm_node_gate_describe(const struct fm_node_gate * gate, const char * source)
+void fm_node_gate_describe(const struct fm_node_gate * gate)
 {
   struct fm_lines lines = {NULL, 0, 0};
   if (gate->table != NULL) {
-    fm_describe_gate(&lines, &gate->table->report, source, gate->target);
+    fm_describe_gate(&lines, &gate->table->report, gate->source, gate->target);
     fm_log_lines(gate->node, &lines);
     fm_lines_free(&lines);
   }

@@ -12,8 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_gate.h: the gate of the bundle on the node: its relay (relay.h), and its publisher, which
-/// follows what gate_target.h decides. The main thread only.
+/// node_gate.h: the gate of the bundle on the node. On a topic: its relay (relay.h), and its
+/// publisher, which follows what gate_target.h decides. On a service: service_gate.h. The main
+/// thread only.
 
 #ifndef NODE_GATE_H_
 #define NODE_GATE_H_
@@ -26,6 +27,7 @@
 #include "log.h"
 #include "node_table.h"
 #include "relay.h"
+#include "service_gate.h"
 
 /// Zeroed before fm_node_gate_guard. Without a gate in the table, all of it stays zero, and all
 /// functions do nothing.
@@ -33,23 +35,30 @@ struct fm_node_gate
 {
   struct fm_node * node;
   const struct fm_node_table * table;
-  const char * target;             // its full name
+  const char * source;             // their full names
+  const char * target;
   struct fm_engine * engine;
   void * memory;                   // of the gate
   struct fm_gate_target * state;
   rcl_publisher_t publisher;
   rcl_publisher_t next;            // that replaces it; zeroed: none
-  struct fm_relay * relay;         // NULL: nothing is judged
+  struct fm_relay * relay;         // NULL: it relays nothing
+  struct fm_service_gate service;
 };
 
-/// Let the gate of the table judge for an engine of this evaluator; `target` outlives the gate.
+/// Let the gate of the table judge for an engine of this evaluator; the names outlive the gate.
 /// Returns false, with the reason logged. O(bytes).
 bool fm_node_gate_guard(
   struct fm_node_gate * gate, struct fm_node * node, const struct fm_node_table * table,
-  struct fm_engine * engine, struct fm_evaluator * evaluator, const char * target);
+  struct fm_engine * engine, struct fm_evaluator * evaluator, const char * source,
+  const char * target);
 
-/// Advertise the target, and start to judge. Returns false, with the reason logged.
-bool fm_node_gate_start(struct fm_node_gate * gate);
+/// Advertise the target, or offer the service, and start to judge. Returns false, with the reason
+/// logged.
+bool fm_node_gate_start(struct fm_node_gate * gate, const struct fm_node_clock * clock);
+
+/// Whether it judges.
+bool fm_node_gate_is_running(const struct fm_node_gate * gate);
 
 /// Take the messages of a subscription to the source, with this durability, unless that has to
 /// wait: then `*is_taken` stays false, and it is called again at a review. Returns false if the
@@ -69,7 +78,7 @@ bool fm_node_gate_is_settled(const struct fm_node_gate * gate);
 struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate);
 
 /// Log what the gate does, at the start.
-void fm_node_gate_describe(const struct fm_node_gate * gate, const char * source);
+void fm_node_gate_describe(const struct fm_node_gate * gate);
 
 /// End the thread, and withdraw the target; its subscriptions were closed before.
 void fm_node_gate_stop(struct fm_node_gate * gate);

@@ -58,24 +58,32 @@ void fm_health_end(struct fm_health * health)
   memset(health, 0, sizeof(*health));
 }
 
+// The requests of a gate on a service come from this node.
+static struct fm_publishers publishers_of(const struct fm_session * session, uint32_t topic)
+{
+  const struct fm_report_gate * gate = session->table->report.gate;
+  const struct fm_subscription * state = session->topics[topic].state;
+  const uint32_t n = gate != NULL && gate->is_service && gate->topic == topic ? 1u : 0u;
+  return state != NULL ? fm_subscription_publishers(state) : (struct fm_publishers) {n, "", ""};
+}
+
 static void look(struct fm_health * health)
 {
-  const struct fm_publishers nobody = {0, "", ""};
   const struct fm_session * session = health->session;
   const struct fm_node_clock * clock = session->clock;
   const struct fm_blackbox_facts written = blackbox_facts(session);
-  if (session->gate.relay != NULL) {
+  const bool has_gate = fm_node_gate_is_running(&session->gate);
+  if (has_gate) {
     health->gate = fm_node_gate_facts(&session->gate);
   }
   const struct fm_facts facts = {
     .now = fm_steady_now(), .topics = health->topics,
     .actions = session->actions.counts,
     .blackbox = session->blackbox.writer == NULL ? NULL : &written,
-    .gate = session->gate.relay == NULL ? NULL : &health->gate,
+    .gate = has_gate ? &health->gate : NULL,
     .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
   for (uint32_t k = 0; k < session->n_topics; ++k) {
-    const struct fm_subscription * state = session->topics[k].state;
-    health->topics[k] = state == NULL ? nobody : fm_subscription_publishers(state);
+    health->topics[k] = publishers_of(session, k);
   }
   (void)fm_review_look(health->review, &facts);
 }
@@ -84,6 +92,7 @@ void fm_health_review(struct fm_health * health)
 {
   size_t listeners = 0;
   fm_node_actions_look(&health->session->actions);
+  fm_service_gate_review(&health->session->gate.service);
   fm_node_blackbox_look(&health->session->blackbox);
   look(health);
   fm_review_log(health->review, &health->lines);

@@ -62,16 +62,18 @@ struct fm_node_topic
   const char * const * definition;  // of the message and of all within it, in pieces; then NULL
 };
 
-/// What a gate on a topic needs beside its report.
+/// What a gate needs beside its report. Of one on a service, `from` is zeroed.
 struct fm_node_gate_table
 {
   const char * name;              // of the source, as written; fm_report_gate has its index
   const char * type;
   struct fm_node_topic from;
   const char * to;                // as written in the bundle
-  const uint8_t * substitute;     // serialized; of no use without FM_SUBSTITUTE
+  const uint8_t * substitute;     // serialized; the response of a gate on a service
   size_t substitute_size;
   int64_t stamp_at;               // as in fm_relay_options
+  const rosidl_service_type_support_t * (* service)(void);  // NULL: it is on a topic
+  int64_t timeout;                // ns, for which a request waits for its answer
 };
 
 struct fm_node_table

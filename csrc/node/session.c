@@ -23,6 +23,7 @@
 
 #include "endpoints.h"
 #include "in_place_types.h"
+#include "words.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
 #define ALIGNMENT 16u
@@ -113,8 +114,10 @@ static bool refuse_shared(const struct fm_session * session)
       uses[n++] = use_of_node(rcl_publisher_get_topic_name(&session->handlers[k]));
     }
     if (session->gate_target != NULL) {
+      const bool is_service = table->gate->is_service;
       uses[n++] = (struct fm_use) {
-        "gate", table->gate->name, table->bundle, "publish on", session->gate_target, true};
+        "gate", table->gate->name, table->bundle, is_service ? "offer" : "publish on",
+        is_service ? session->gate_source : session->gate_target, true};
     }
     n += fm_node_actions_uses(&session->actions, &uses[n]);
     is_good = !fm_find_shared(&lines, uses, n);
@@ -133,15 +136,19 @@ static bool name_gate(struct fm_session * session)
   if (gate == NULL) {
     return true;
   }
-  session->gate_source = fm_resolved_name(session->node, gate->name);
-  session->gate_target = fm_resolved_name(session->node, gate->to);
+  char * (* const resolve)(const struct fm_node *, const char *) =
+    gate->service != NULL ? fm_resolved_service : fm_resolved_name;
+  session->gate_source = resolve(session->node, gate->name);
+  session->gate_target = resolve(session->node, gate->to);
   if (session->gate_source == NULL || session->gate_target == NULL) {
     fm_log_failure(session->node, "cannot subscribe or advertise");
     return false;
   }
   if (strcmp(session->gate_source, session->gate_target) == 0) {
-    fm_log(session->node, FM_ERROR, "these gates are a circle: %s -> %s; remap their names to "
-      "different ones", session->gate_source, session->gate_target);
+    struct fm_text way = {NULL, 0, 0};
+    fm_text_add(&way, "%s -> %s", session->gate_source, session->gate_target);
+    fm_log(session->node, FM_ERROR, FM_WORDS_CIRCLE, fm_text_get(&way));
+    fm_text_free(&way);
     return false;
   }
   return true;
@@ -232,7 +239,8 @@ static bool make_engine(struct fm_session * session)
     return false;
   }
   return fm_node_gate_guard(
-    &session->gate, session->node, table, session->engine, evaluator, session->gate_target);
+    &session->gate, session->node, table, session->engine, evaluator, session->gate_source,
+    session->gate_target);
 }
 
 static bool begin_reporter(struct fm_session * session)
@@ -287,7 +295,7 @@ static bool start_threads(struct fm_session * session)
     fm_log(session->node, FM_ERROR, "no thread can be started");
     return false;
   }
-  return fm_node_gate_start(&session->gate);
+  return fm_node_gate_start(&session->gate, session->clock);
 }
 
 // A gate may judge a topic that feeds no input: it comes after the others.
@@ -296,6 +304,9 @@ static bool open_topic(struct fm_session * session, uint32_t k)
   const struct fm_node_table * table = session->table;
   const bool is_judged = table->gate != NULL && k == table->report.gate->topic;
   const bool is_last = k == table->report.n_topics;
+  if (is_judged && table->report.gate->is_service) {
+    return true;  // the gate receives the requests
+  }
   if (!is_last && table->topics[k].support == NULL) {
     return true;  // its messages are made
   }
@@ -308,8 +319,8 @@ static bool open_topic(struct fm_session * session, uint32_t k)
 static bool subscribe_all(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  const bool has_more =
-    table->gate != NULL && table->report.gate->topic == table->report.n_topics;
+  const bool has_more = table->gate != NULL && !table->report.gate->is_service &&
+    table->report.gate->topic == table->report.n_topics;
   const uint32_t n = table->report.n_topics + (has_more ? 1u : 0u);
   session->topics = calloc(n + 1u, sizeof(*session->topics));
   if (session->topics == NULL) {
@@ -497,6 +508,13 @@ void fm_session_wake(struct fm_session * session)
 {
   if (session->is_active) {
     fm_engine_wake(session->engine);
+  }
+}
+
+void fm_session_serve_requests(struct fm_session * session)
+{
+  if (session->gate.service.engine != NULL) {
+    fm_service_gate_serve(&session->gate.service);
   }
 }
 

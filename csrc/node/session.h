@@ -103,6 +103,9 @@ void fm_session_drain(struct fm_session * session);
 void fm_session_serve_clock(struct fm_session * session);
 void fm_session_wake(struct fm_session * session);
 
+/// Serve what a gate on a service has received.
+void fm_session_serve_requests(struct fm_session * session);
+
 /// Threads of a session that are counted by fm_session_turns.
 enum { FM_SESSION_THREADS = 4 };
 

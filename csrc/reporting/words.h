@@ -33,6 +33,11 @@
   "the action '%s' calls %s, a service of this node: a violation would end its own monitoring " \
   "or begin it anew; choose a service of another node"
 
+// ---- a gate ------------------------------------------------------------------------------------
+
+#define FM_WORDS_CIRCLE \
+  "these gates are a circle: %s; remap their names to different ones"
+
 // ---- how messages are taken --------------------------------------------------------------------
 
 #define FM_WORDS_WAKES "messages are taken in C, in a thread of its own: "

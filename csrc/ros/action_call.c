@@ -32,7 +32,8 @@ bool fm_action_call_make(
   }
   return action->kind == FM_ACTION_TRANSITION ?
          fm_call_make(&call->calls[1], functions, &ends->services[1]) :
-         fm_call_read_request(&call->calls[0], action->payload, action->payload_size);
+         fm_message_read(
+    &call->calls[0].request, functions, action->payload, action->payload_size);
 }
 
 void fm_action_call_free(struct fm_action_call * call)

@@ -39,7 +39,7 @@ static const struct fm_message_members * members_of(const struct fm_type_support
   return found == NULL ? NULL : (const void *)found->data;
 }
 
-static bool make_message(
+bool fm_message_make(
   struct fm_typed_message * message, const struct fm_type_support * support)
 {
   message->support = support;
@@ -51,13 +51,30 @@ static bool make_message(
   return message->memory != NULL;
 }
 
-static void free_message(struct fm_typed_message * message)
+void fm_message_free(struct fm_typed_message * message)
 {
   if (message->memory != NULL) {
     message->members->fini(message->memory);
     free(message->memory);
   }
   memset(message, 0, sizeof(*message));
+}
+
+bool fm_message_read(
+  struct fm_typed_message * message, const struct fm_service_functions * functions,
+  const uint8_t * payload, size_t size)
+{
+  struct fm_serialized bytes = {malloc(size + 1u), size, size, fm_malloc_allocator()};
+  if (bytes.buffer == NULL) {
+    return false;
+  }
+  memcpy(bytes.buffer, payload, size);
+  const bool is_read = functions->deserialize(&bytes, message->support, message->memory) == 0;
+  if (!is_read) {
+    functions->forget_error();
+  }
+  free(bytes.buffer);
+  return is_read;
 }
 
 static const struct fm_message_member * find_member(
@@ -105,8 +122,8 @@ bool fm_call_make(
 {
   call->functions = functions;
   call->service = service;
-  const bool is_made = make_message(&call->request, service->support->request_typesupport) &&
-    make_message(&call->response, service->support->response_typesupport);
+  const bool is_made = fm_message_make(&call->request, service->support->request_typesupport) &&
+    fm_message_make(&call->response, service->support->response_typesupport);
   if (!is_made) {
     functions->forget_error();
   }
@@ -115,24 +132,8 @@ bool fm_call_make(
 
 void fm_call_free(struct fm_call * call)
 {
-  free_message(&call->request);
-  free_message(&call->response);
-}
-
-bool fm_call_read_request(struct fm_call * call, const uint8_t * payload, size_t size)
-{
-  struct fm_serialized message = {malloc(size + 1u), size, size, fm_malloc_allocator()};
-  if (message.buffer == NULL) {
-    return false;
-  }
-  memcpy(message.buffer, payload, size);
-  const bool is_read =
-    call->functions->deserialize(&message, call->request.support, call->request.memory) == 0;
-  if (!is_read) {
-    call->functions->forget_error();
-  }
-  free(message.buffer);
-  return is_read;
+  fm_message_free(&call->request);
+  fm_message_free(&call->response);
 }
 
 void fm_call_begin(struct fm_call * call, int64_t until)

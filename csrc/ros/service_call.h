@@ -136,16 +136,25 @@ struct fm_call
   bool is_sent;
 };
 
+/// Make an empty message of a type. False if the type has no fields to be found, or memory is
+/// short. O(size of the message).
+FM_INTERNAL bool fm_message_make(
+  struct fm_typed_message * message, const struct fm_type_support * support);
+
+/// Free a message, and zero it.
+FM_INTERNAL void fm_message_free(struct fm_typed_message * message);
+
+/// Read a message from its serialized form. False if the middleware cannot. O(size).
+FM_INTERNAL bool fm_message_read(
+  struct fm_typed_message * message, const struct fm_service_functions * functions,
+  const uint8_t * payload, size_t size);
+
 /// Make an empty request and response. The arguments outlive the call. False if the types have no
 /// fields to be found, or memory is short. O(size of the messages).
 FM_INTERNAL bool fm_call_make(
   struct fm_call * call, const struct fm_service_functions * functions,
   const struct fm_service_client * service);
 FM_INTERNAL void fm_call_free(struct fm_call * call);
-
-/// Read the request from a serialized one. False if the middleware cannot. O(size).
-FM_INTERNAL bool fm_call_read_request(
-  struct fm_call * call, const uint8_t * payload, size_t size);
 
 /// Begin a call; it ends at a time of CLOCK_MONOTONIC, or before. O(1).
 FM_INTERNAL void fm_call_begin(struct fm_call * call, int64_t until);

@@ -52,7 +52,7 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
     Raises
     ------
     CompileError
-        if an input that a requirement reads has no topic, or a gate is on a service.
+        if an input that a requirement reads has no topic.
     NativeError
         if there are no headers of ROS or no C compiler, it fails, or the cache cannot be written.
     """

@@ -46,8 +46,7 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     Raises
     ------
     CompileError
-        if an input that a requirement reads has no topic, handlers should have arguments, or the
-        gate is on a service.
+        if an input that a requirement reads has no topic, or handlers should have arguments.
     """
     if options.handler_arguments is not HandlerArguments.NONE:
         refuse('handlers of ros2 are topics of std_msgs/msg/Empty, without arguments',
@@ -96,7 +95,7 @@ def hand_written_sources() -> list[str]:
 
 def refuse_what_no_node_has(generated: GeneratedMonitor) -> None:
     """
-    Refuse inputs that a requirement reads without a topic, and gates on services.
+    Refuse inputs that a requirement reads without a topic.
 
     Raises
     ------
@@ -106,12 +105,6 @@ def refuse_what_no_node_has(generated: GeneratedMonitor) -> None:
     manifest = generated.manifest
     read = {index for group in manifest.groups for index in group.inputs}
     problems = []
-    gate = generated.specification.gate
-    if gate is not None and manifest.gate is not None and manifest.gate.is_service:
-        problems.append(Diagnostic(
-            f"the gate '{gate.name}' is on a service, which only the node in Python has",
-            gate.place, help='ros2 run fret_monitor gate --ros-args -p '
-                             f'spec:={generated.sources[0]}'))
     for index in sorted(read):
         item, signal = manifest.inputs[index], generated.specification.signals[index]
         if item.topic is None or item.message_type is None:

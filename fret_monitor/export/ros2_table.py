@@ -69,7 +69,9 @@ def _lines(generated: GeneratedMonitor, origin: str) -> Iterator[str]:
     for name in sorted({*(topic.message_type for topic in manifest.subscribed),
                         *acting[ActionKind.PUBLISH]}):
         yield f'FM_DECLARE_TYPE_SUPPORT({_arguments(name)});'
-    for name in sorted(acting[ActionKind.CALL]):
+    gate = manifest.gate
+    for name in sorted(acting[ActionKind.CALL] | (
+            {gate.interface} if gate is not None and gate.is_service else set())):
         yield f'FM_DECLARE_SERVICE_SUPPORT({_arguments(name)});'
     if manifest.readers:
         yield f'const struct fm_readers * {manifest.readers}(void);'
@@ -134,13 +136,20 @@ def _topic(item: ManifestTopic, definition: str) -> str:
 
 
 def _gate(manifest: Manifest, gate: ManifestGate) -> Iterator[str]:
-    source = manifest.subscribed[-1] if gate.topic is None else manifest.topics[gate.topic]
     yield from _array('uint8_t', 'substitute', (f'{byte}u' for byte in gate.substitute))
+    service = f'FM_SERVICE_SUPPORT({_arguments(gate.interface)})' if gate.is_service else 'NULL'
     yield from _array('struct fm_node_gate_table', 'gate', [', '.join((
-        f'{{{_text(source.name)}', _text(source.message_type),
-        _topic(source, _definitions(manifest)[source.message_type]), _text(gate.target),
-        'substitute', f'{len(gate.substitute)}u',
-        f'INT64_C({-1 if gate.stamp_at is None else gate.stamp_at})}}'))])
+        f'{{{_text(gate.source)}', _text(gate.interface), _gate_topic(manifest, gate),
+        _text(gate.target), 'substitute', f'{len(gate.substitute)}u',
+        f'INT64_C({-1 if gate.stamp_at is None else gate.stamp_at})', service,
+        f'INT64_C({gate.timeout})}}'))])
+
+
+def _gate_topic(manifest: Manifest, gate: ManifestGate) -> str:
+    if gate.is_service:
+        return '{NULL, {0}, NULL}'
+    source = manifest.subscribed[-1] if gate.topic is None else manifest.topics[gate.topic]
+    return _topic(source, _definitions(manifest)[source.message_type])
 
 
 def _action_type(item: ManifestAction) -> str:

@@ -26,6 +26,7 @@ NAMESAKE = 'there is another node %s: both watch and announce; give one another 
 UNANSWERED = "gate '%s': no server of %s answers; the request is refused"
 NEGATIVE_TIME = 'a message on /clock is ignored: its time is negative, %.3f s'
 OWN_SERVICE = "the action '%s' calls %s, a service of this node: a violation would end its own monitoring or begin it anew; choose a service of another node"
+CIRCLE = 'these gates are a circle: %s; remap their names to different ones'
 WAKES = 'messages are taken in C, in a thread of its own: '
 UNKNOWN_CALLBACKS = 'the callbacks of %s are not known to allow it'
 TAKES = 'messages are taken in C, inside %s%s%s'

@@ -114,10 +114,6 @@ def _program(settings: 'Settings', part: 'NodePart') -> Path:
 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import node_program
-        from fret_monitor.native.errors import NativeError
-        gate = generated.manifest.gate
-        if gate is not None and gate.is_service:
-            raise NativeError(f"'{gate.name}' is a gate on a service, which Python serves")
         return node_program(generated, f'{spec}, native')
 
     return start_program(

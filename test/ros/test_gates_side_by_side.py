@@ -36,10 +36,13 @@ from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.parts import NodePart
 import pytest
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
 from ros.exported import exported_bundle, ExportedNode
 from ros.harness import LATCHED, NodeProcess, Partner, RELIABLE, wait_until
 from ros.test_side_by_side import compare_files, equal, Face
 from std_msgs.msg import Bool, Empty, Float32
+from std_srvs.srv import SetBool
 
 BUNDLE = """
 format: 1
@@ -83,8 +86,9 @@ class Gate(Face):
         """Subscribe to what it publishes."""
         make = partner.node.create_subscription
         make(Float32, f'/{self.name}/out', self._receive, RELIABLE)
-        make(Empty, f'/{self.name}/copilot/handlerpropSLOW', partial(self._count, 'SLOW'),
-             RELIABLE)
+        for name in ('SLOW', 'ARMED'):
+            make(Empty, f'/{self.name}/copilot/handlerprop{name}', partial(self._count, name),
+                 RELIABLE)
         report: Any = self.take_report  # rclpy gives two arguments to whoever takes two
         make(DiagnosticArray, '/diagnostics', report, 10)
         make(Bool, f'/{self.name}/braked', self._brake, RELIABLE)
@@ -107,13 +111,13 @@ class Gate(Face):
 
 
 @contextmanager
-def both_gates(path: Path) -> Iterator[list[Gate]]:
-    """Run both gates; they must end well if the test succeeds."""
+def both_gates(path: Path, name: str = 'drive') -> Iterator[list[Gate]]:
+    """Run the gate of a bundle in both nodes; they must end well if the test succeeds."""
     with ExitStack() as stack:
         boxes = {name: path.parent / f'blackbox_{name}' for name in NODES}
         options = {name: ('-r', f'__ns:=/{name}', '-p', f'blackbox:={boxes[name]}')
                    for name in NODES}
-        program = exported_bundle(path, part=NodePart('drive'))
+        program = exported_bundle(path, part=NodePart(name))
         gates = [Gate('python', NodeProcess('gate', '-p', f'spec:={path}', *options['python']),
                       is_simulated=False, is_late=False, blackbox=boxes['python']),
                  Gate('native', ExportedNode(program, *options['native']),
@@ -215,6 +219,118 @@ def test_both_gates_pass_and_withhold_the_same(
         sent = [value for value in gates[1].sent if value == 0.25]
         assert (len(sent) > 3) == (name == 'substitute')
     compare_files(gates, least=8)
+
+
+ON_SERVICE = """
+format: 1
+evaluation: {policy: relevant_message}
+inputs:
+  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+  safe: {topic: /safe, type: std_msgs/msg/Bool, timeout: 60}
+requirements:
+  - {id: ARMED, ptltl: "data -> safe", on_violation: [stop]}
+actions:
+  stop: {lock: {topic: e_stop, rate: 10}}
+gates:
+  arm:
+    service: arm
+    to: arm_raw
+    type: std_srvs/srv/SetBool
+    keep: [ARMED]
+    timeout: 2
+    otherwise: {respond: {success: false, message: withheld}}
+"""
+
+
+@dataclass
+class ServiceGate(Gate):
+    """A gate on a service, with its callers and the real server."""
+
+    asked: list[bool] = field(default_factory=list)
+    answers: list[str] = field(default_factory=list)
+
+    def call(self, partner: Partner) -> None:
+        """Make the client of the gate, once it offers its service."""
+        self.client = partner.node.create_client(SetBool, f'/{self.name}/arm')
+        wait_until(self.client.service_is_ready, f'the service of {self.name}')
+
+    def serve(self, partner: Partner) -> Any:
+        """Offer the real service, and wait until the gate has found it."""
+        place = f'/{self.name}/arm_raw'
+        service = partner.node.create_service(
+            SetBool, place, self._serve, callback_group=ReentrantCallbackGroup())
+        wait_until(lambda: partner.node.count_clients(place) == 1, 'the client of the gate')
+        return service
+
+    async def _serve(self, request: Any, response: Any) -> Any:
+        self.asked.append(request.data)
+        if len(self.asked) > 2:
+            await Future()  # it hangs
+        response.success, response.message = True, 'done'
+        return response
+
+    def ask(self, data: bool) -> Future:
+        """Send a request."""
+        answer = self.client.call_async(SetBool.Request(data=data))
+        answer.add_done_callback(lambda done: self.answers.append(done.result().message))
+        return answer
+
+
+def test_both_gates_on_a_service_answer_the_same(
+    partner: Partner, stranger: Partner, tmp_path: Path,
+) -> None:
+    path = write_bundle(tmp_path, ON_SERVICE)
+    with both_gates(path, 'arm') as faces:
+        gates = [ServiceGate(gate.name, gate.process, is_simulated=False, is_late=False,
+                             blackbox=gate.blackbox) for gate in faces]
+
+        def ask(*requests: bool) -> None:
+            for data in requests:
+                answers = [gate.ask(data) for gate in gates]
+                wait_until(lambda: all(answer.done() for answer in answers),  # noqa: B023
+                           'answers')
+
+        for gate in gates:
+            gate.connect(partner)
+            gate.call(partner)
+        wait_until(lambda: all(gate.reports for gate in gates), 'reports')
+        ask(False)  # no server
+        servers = [gate.serve(stranger) for gate in gates]
+        ask(False)  # closed: nothing is known of `safe`
+        safe = partner.publisher(Bool, '/safe', RELIABLE)
+        wait_until(lambda: safe.get_subscription_count() == 2, 'subscriptions')
+        safe.publish(Bool(data=False))
+        for gate in gates:
+            wait_until(lambda: gate.counts('topic /safe')['received'] == '1',  # noqa: B023
+                       'the message')
+        ask(True, False)
+        safe.publish(Bool(data=True))
+        for gate in gates:
+            wait_until(lambda: gate.counts('topic /safe')['received'] == '2',  # noqa: B023
+                       'the message')
+        ask(True, True)  # the second of these hangs, for 2 s
+        waiting = [gate.ask(False) for gate in gates]
+        wait_until(lambda: all(len(gate.asked) == 4 for gate in gates), 'requests')
+        for server in servers:  # they go while a request waits
+            stranger.node.destroy_service(server)
+        wait_until(lambda: all(answer.done() for answer in waiting), 'answers')
+        for gate in gates:
+            other = stranger.node.create_service(SetBool, f'/{gate.name}/arm', gate._serve)
+            gate.process.wait_for(f"gate 'arm': /{gate.name}/arm has another server")
+            stranger.node.destroy_service(other)
+        wait_until(lambda: [gate.counts('gate arm')['not answered'] for gate in gates] == [
+            '3', '3'], 'counts')
+        assert gates[0].answers == ['withheld', 'withheld', 'withheld', 'done', 'done',
+                                    'withheld', 'withheld']
+        assert gates[0].answers == gates[1].answers
+        assert gates[0].asked == gates[1].asked == [False, True, True, False]
+        equal(lambda gate: gate.violations, gates, 'violations')
+        equal(lambda gate: Counter(gate.counts('gate arm').items()), gates, 'counts')
+        equal(Gate.gate_lines, gates, 'lines')
+        equal(lambda gate: gate.verdicts()[1], gates, 'violations in lines')
+        assert gates[1].counts('gate arm')['passed'] == '4'
+    kept = [len(gate.kept()) for gate in gates]  # the stamps of the events differ
+    assert kept[0] == kept[1] > 5
 
 
 def test_a_gate_in_c_follows_the_durability_of_the_source_and_names_others(

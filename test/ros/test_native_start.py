@@ -186,7 +186,6 @@ def test_a_gate_on_a_topic_becomes_native(
         return become_native(['gate', '--ros-args', '-p', f'spec:={spec}', *NATIVE, *more], GATE)
 
     assert reason() == 'it runs one gate only: name it with -p gates:=NAME'
-    assert reason('-p', 'gates:=arm') == "'arm' is a gate on a service, which Python serves"
     assert reason('-p', 'gates:=none') == ''  # the node in Python reports it
     drive = ('-p', 'gates:=drive')
     program = program_of(spec, *drive, node=GATE)  # built before the node is waited for

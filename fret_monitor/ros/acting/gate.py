@@ -100,7 +100,7 @@ class RunningGate:
         """Return what is around the gate, for the log and diagnostics."""
         if self._service is not None:
             return GateFacts(
-                ', '.join(self._service.others), self._settings.source, self._service.unanswered)
+                self._service.others, self._service.source, self._service.unanswered)
         assert self._relay is not None
         return GateFacts(
             self._relay.others, self._relay.target, self._relay.unpublished)

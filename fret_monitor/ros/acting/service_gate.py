@@ -76,6 +76,11 @@ class ServiceGate:
         """The full name of the service that is called."""
         return str(self._client.service_name)
 
+    @property
+    def source(self) -> str:
+        """The full name of the service that is offered."""
+        return str(self._service.service_name)
+
     async def _serve(self, request: Any, response: Any) -> Any:
         if not self._client.service_is_ready():  # not judged: a request that passes is a step
             return self._unanswered()
@@ -101,10 +106,10 @@ class ServiceGate:
         return self._refusal
 
     @property
-    def others(self) -> tuple[str, ...]:
-        """The other servers of the source, if there are any."""
-        count = self._node.count_services(self._service.service_name)
-        return ('another server',) if count > 1 else ()
+    def others(self) -> str:
+        """Who else offers the source; an empty text: nobody."""
+        count = self._node.count_services(self.source)
+        return 'another server' if count > 1 else ''
 
     def review(self) -> None:
         """

@@ -67,8 +67,7 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any)
     for is_service in (False, True):
         ends = [ends_of(node, gate) for gate in gates if gate.is_service is is_service]
         for way in cycles(ends):
-            raise Refusal(f"these gates are a circle: {' -> '.join(way)}; remap their names to "
-                          'different ones')
+            raise Refusal(words.CIRCLE % ' -> '.join(way))
     used = [*_own_names(node, manifests),
             *(item for manifest in manifests for item in _used_names(node, manifest))]
     if lines := find_shared(library, used):
