@@ -30,7 +30,9 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.elaboration.durations import approximate
 from fret_monitor.logic.printing import to_smv
-from fret_monitor.logic.specification import Gate, Property, Signal, Specification
+from fret_monitor.logic.specification import (
+    Gate, Property, Signal, Specification, written_input,
+)
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
     by_place, CompileError, counted, Diagnostic, missing_packages, Text,
@@ -39,8 +41,9 @@ from fret_monitor.model.manifest import ManifestAction
 from fret_monitor.model.policies import InputSource, Policy, Stamp
 from fret_monitor.model.times import time_text
 from fret_monitor.native.errors import NativeError
-from fret_monitor.program.layout import instance_bytes, lay_out, state_bytes
+from fret_monitor.program.layout import GroupLayout, instance_bytes, lay_out, state_bytes
 from fret_monitor.program.lower import lower
+from fret_monitor.program.window_sizes import window_sizes, WindowSize
 from fret_monitor.traces.gated import doubtful_gates, Repair
 
 _STEPS = {
@@ -142,6 +145,9 @@ def _as_dict(item: _Checked) -> dict[str, object]:
                        'bytes': instance_bytes(kind.program, kind.layouts)}
                       for kind in item.generated.kinds],
         'requirements': list(map(_requirement_as_dict, _requirements(item.generated))),
+        'windows': [{'window': found.text, 'state_bytes': found.bytes, 'room': found.room,
+                     'filled_by': found.filled_by, 'requirements': found.ids}
+                    for found in _windows(item.generated)],
         'gates': list(map(_gate_as_dict, specification.gates)),
         'actions': [{'name': action.name, 'kind': action.kind.value, 'target': action.target,
                      'requirements': users} for action, users in _users(specification)],
@@ -239,8 +245,56 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     yield ''
     of = ('of each',) if generated.kinds else ()
     yield from _table([('id', *of, 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])
+    windows = [*_windows(generated)]
+    if windows:
+        yield ''
+        yield from _table([('window', 'state', 'room for', 'requirements'), *(
+            (item.text, f'{item.bytes:,} B', item.filled_by, ', '.join(item.ids))
+            for item in windows)])
     acting = [*_acting(generated.specification)]
     yield from ['', *acting] if acting else []
+
+
+class _Window(NamedTuple):
+    """What `check` says about a window of numbers, or a rate of messages."""
+
+    text: str
+    bytes: int
+    room: int
+    filled_by: str
+    ids: list[str]
+
+
+def _windows(generated: GeneratedMonitor) -> Iterator[_Window]:
+    """Yield the windows of all scopes, each once."""
+    yield from _windows_of(generated.specification, generated.layouts)
+    for kind in generated.kinds:
+        yield from _windows_of(kind.scope.specification, kind.layouts)
+
+
+def _windows_of(specification: Specification,
+                layouts: tuple[GroupLayout, ...]) -> Iterator[_Window]:
+    signals, properties = specification.signals, specification.properties
+    values = {signal.name: signal.values for signal in signals if signal.values}
+    is_timed = specification.policy is Policy.TIMED
+    for found in (item for layout in layouts for item in window_sizes(layout)):
+        text = ', '.join(to_smv(item, _FORMULA_WIDTH, values, is_timed=is_timed)
+                         for item in found.formulas)
+        yield _Window(text, found.bytes, found.entries, _filled_by(found, signals),
+                      [properties[number].id for number in found.properties])
+    for signal in signals:
+        if signal.source is InputSource.RATE:
+            filled = f'{counted(signal.room, "message")}: max_rate x {time_text(signal.window)}'
+            yield _Window(f'{signal.name}: rate({time_text(signal.window)})', 8 * signal.room,
+                          signal.room, filled,
+                          [item.id for item in properties if signal.name in item.inputs])
+
+
+def _filled_by(found: WindowSize, signals: tuple[Signal, ...]) -> str:
+    entries = counted(found.entries, found.entry)
+    names = ', '.join(dict.fromkeys(
+        written_input(signals, signals[number]).name for number in found.signals))
+    return f'{entries}: max_rate of {names} x {time_text(found.past)}' if names else entries
 
 
 def _acting(specification: Specification) -> Iterator[str]:

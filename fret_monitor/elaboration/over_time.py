@@ -60,6 +60,10 @@ def _number(call: Application, kind: ValueType | None = None) -> Formula:
 
 def _messages(call: Application, formula: Formula) -> Formula:
     """Return when a message comes on a topic that a formula reads."""
+    if isinstance(formula, Constant):
+        refuse(f'{call.quoted} takes a condition that an input changes', call.arguments[-1].span,
+               f'this is {"TRUE" if formula.value else "FALSE"} at every message',
+               'write a comparison of an input, as in x > 0')
     found = call.implied.messages(formula) if call.implied else None
     if found is None:
         refuse(f'{call.quoted} takes what the messages of an input say', call.arguments[-1].span,

@@ -19,6 +19,7 @@ The elaborated bundle: typed inputs, and one formula for each requirement.
 It is the input of all later stages.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -96,6 +97,13 @@ class Signal:
     def is_never_negative(self) -> bool:
         """Whether it is a float that may be NaN, but not less than 0."""
         return self.reduction == 'norm'
+
+
+def written_input(signals: Iterable[Signal], signal: Signal) -> Signal:
+    """Return the input of the bundle for which an implied one was added; else the input itself."""
+    if signal.place is None:
+        return signal
+    return next(item for item in signals if item.place == signal.place)
 
 
 @dataclass(frozen=True)

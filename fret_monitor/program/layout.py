@@ -30,7 +30,7 @@ from enum import Enum
 from functools import cached_property
 
 from fret_monitor.logic.formula import NUMBERS_OVER_TIME, postorder
-from fret_monitor.logic.specification import Property
+from fret_monitor.logic.specification import Property, written_input
 from fret_monitor.model.diagnostics import Diagnostic, Problems
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import time_text
@@ -282,8 +282,9 @@ def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> N
             room = room_of(cell)
             if room is not None and room.capacity is None:
                 item = program.properties[_owner(group, index)]
-                slow = [program.signals[one].name for one in room.signals
-                        if program.signals[one].max_rate is None]
+                slow = dict.fromkeys(
+                    written_input(program.signals, program.signals[one]).name
+                    for one in room.signals if program.signals[one].max_rate is None)
                 exactly = 'exactly ' if isinstance(cell, SinceBetween) else ''
                 problems.extend([Diagnostic(
                     f'{item.id} looks back {exactly}{time_text(_past(cell))}, for which each '

@@ -14,6 +14,7 @@
 
 """`check`: all problems of each bundle, or a table of it; the tables are golden files."""
 
+import json
 from pathlib import Path
 import shutil
 
@@ -32,6 +33,25 @@ def test_a_bundle_is_shown_as_a_table(here: Here, monkeypatch: pytest.MonkeyPatc
     done = here.run('check', case.name)
     assert done.status == 0
     golden.check(case, done.out + done.err)
+
+
+@pytest.mark.parametrize('case', golden.cases('windows'), ids=lambda path: path.stem)
+def test_a_window_that_has_no_room_is_refused(here: Here, monkeypatch: pytest.MonkeyPatch,
+                                              case: Path) -> None:
+    shutil.copy(case, here.folder)
+    monkeypatch.chdir(here.folder)
+    done = here.run('check', case.name)
+    assert (done.status, done.out) == (1, '')
+    golden.check(case, done.err)
+
+
+def test_windows_are_listed_as_json_too(here: Here) -> None:
+    case = golden.FOLDER / 'check' / 'windows.yaml'
+    found = json.loads(here.run('check', case, '--json').out)['bundles'][0]['windows']
+    assert found[0] == {
+        'window': 'meanOver(10 s, current), sumOver(10 s, current)', 'state_bytes': 3912,
+        'room': 222, 'filled_by': '222 messages: max_rate of current x 10 s',
+        'requirements': ['CURRENT', 'CHARGE']}
 
 
 def test_there_is_a_table_for_every_policy() -> None:
