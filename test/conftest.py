@@ -22,6 +22,7 @@ from pathlib import Path
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 from typing import Any
 
@@ -44,6 +45,12 @@ _LONG = (r'/test_(lint|extractors|parts|engine|hostile|numbers|cells|mutants|rea
          r'clean_c|shape|layout|worst_case|shared_data|fretish_oracle|\w+_formulas)')
 _WORKER = 'PYTEST_XDIST_WORKER'
 _HOME = pytest.StashKey[str]()
+_RUN = pytest.StashKey['tempfile.TemporaryDirectory[str]']()
+_LIBRARY = pytest.StashKey['subprocess.Popen[bytes]']()
+_BUILD = """
+from fret_monitor.native.cache import evaluator_library
+evaluator_library()
+"""
 # Domain ids 0 to 101 give ports outside the ephemeral range; 0 is the default of all nodes.
 _DOMAINS = range(1, 101)
 _turns = 0
@@ -58,10 +65,28 @@ def pytest_configure(config: pytest.Config) -> None:
     if home is None:
         home = config.stash[_HOME] = tempfile.mkdtemp(prefix='fret_monitor-test-')
     os.environ['ROS_HOME'] = home
+    config.stash[_RUN] = tempfile.TemporaryDirectory(prefix='fret_monitor-test-run-')
+    os.environ['FRET_MONITOR_TEST_RUN'] = config.stash[_RUN].name
     os.environ['ROS_LOG_DIR'] = os.path.join(home, 'log')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # Hundreds of Python processes start: let the next one load what the first one compiled.
     os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+    if config.getoption('numprocesses', None) and \
+            config.args_source is config.ArgsSource.TESTPATHS:  # all tests
+        config.stash[_LIBRARY] = _begin_library()
+
+
+def _begin_library() -> 'subprocess.Popen[bytes]':
+    """Compile the library of csrc while the first worker collects; a lock is free afterwards."""
+    with _library_lock().open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # the process has it, too, until it ends
+        return subprocess.Popen(
+            [sys.executable, '-c', _BUILD], cwd=ROOT, pass_fds=[lock.fileno()],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def _library_lock() -> Path:
+    return Path(os.environ['FRET_MONITOR_TEST_RUN'], 'library.lock')
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -73,7 +98,7 @@ def pytest_collection() -> Iterator[None]:
     """
     if _WORKER not in os.environ:
         return (yield)
-    first = Path(os.environ['ROS_HOME'], 'first-worker')
+    first = Path(os.environ['FRET_MONITOR_TEST_RUN'], 'first-worker')
     with first.open('a', encoding='utf-8') as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         if first.stat().st_size == 0:
@@ -87,10 +112,18 @@ def pytest_collection_finish() -> None:
     """Let the garbage collector skip the thousands of tests, which stay until the end."""
     gc.freeze()
     gc.enable()
+    if _WORKER in os.environ:  # otherwise all workers would compile the library
+        with _library_lock().open('a') as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove what `pytest_configure` made."""
+    if _LIBRARY in config.stash:
+        config.stash[_LIBRARY].kill()
+        config.stash[_LIBRARY].wait()
+    if _RUN in config.stash:
+        config.stash[_RUN].cleanup()
     if _HOME in config.stash:
         shutil.rmtree(config.stash[_HOME], ignore_errors=True)
 

@@ -111,7 +111,9 @@ make_venv() {
   printf '%s\n' "$PWD|$ros" >"$venv/.base"
 }
 
+# For the tests, no module is compiled before it is imported: most of the tools' never are.
 pip_install() {
+  if test "$purpose" = test; then set -- --no-compile "$@"; fi
   "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
 }
 

@@ -24,14 +24,14 @@ from differential import compiled
 from differential.compiled import WARNINGS, ZIG
 import fret_monitor
 from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
-from fret_monitor.native.cache import EVALUATOR_SOURCES
+import objects
 import pytest
 from rosbags.rosbag2 import Reader
 from strategies import EXAMPLES, thorough
 
 HERE = Path(__file__).parent
 PAUSE = HERE / 'engine_pause.h'
-SOURCES = [csrc_file(name) for name in EVALUATOR_SOURCES]
+SOURCES = objects.engine_sources()
 INCLUDES = csrc_includes()
 
 # The names that csrc/ros gives to types of the middleware, and their names in its headers.
@@ -95,49 +95,40 @@ def run(*command: object, folder: Path | None = None) -> 'subprocess.CompletedPr
 class Sanitized:
     """The engine compiled with a sanitizer, for the programs of this folder."""
 
-    def __init__(self, folder: Path, sanitizer: str) -> None:
+    def __init__(self, folder: Path, flags: tuple[str, ...]) -> None:
         """Compile to objects; skip the test if a program cannot be built here."""
         self._folder = folder
-        gcc = compiled.gcc() or pytest.skip('no gcc')
-        # The address sanitizer finds as much without optimising, in half the time.
-        level = '-O1' if sanitizer == 'thread' else '-O0'
-        self._command = (*gcc, '-std=c99', level, '-g1', *WARNINGS, f'-fsanitize={sanitizer}',
-                         '-fno-sanitize-recover=undefined', *INCLUDES)
+        self._command = objects.command(flags)
         (folder / 'empty.c').write_text('int main(void) {return 0;}\n', encoding='utf-8')
         if run(*self._command, folder / 'empty.c', '-o', folder / 'empty').returncode != 0:
-            pytest.skip('this gcc has no such sanitizer')
-        self._objects = {source: self._object(source) for source in SOURCES}
+            pytest.skip('this compiler has no such sanitizer')
+        self._objects = objects.engine(flags)
 
     def program(self, name: str, *flags: object, is_preempted: bool = False) -> Path:
         """Build a program of this folder, with pauses in the engine if it is preempted."""
-        objects = dict(self._objects)
+        parts = dict(self._objects)
         if is_preempted:
             changed = [source for source in SOURCES
                        if 'FM_PAUSE' in source.read_text(encoding='utf-8')]
             assert changed
-            objects.update({source: self._object(source, '-include', PAUSE) for source in changed})
+            parts.update(zip(changed, objects.compiled(
+                changed, self._folder, [*self._command, '-include', str(PAUSE)])))
             flags = ('-include', PAUSE, *flags)
         program = self._folder / name
-        built = run(*self._command, *flags, HERE / f'{name}.c', *objects.values(), '-o', program,
+        built = run(*self._command, *flags, HERE / f'{name}.c', *parts.values(), '-o', program,
                     '-lm', '-pthread')
         assert (built.returncode, built.stdout) == (0, '')
         return program
 
-    def _object(self, source: Path, *flags: object) -> Path:
-        made = self._folder / f'{source.stem}{len(flags)}.o'
-        done = run(*self._command, *flags, '-c', source, '-o', made)
-        assert (done.returncode, done.stdout) == (0, '')
-        return made
-
 
 @pytest.fixture(scope='module')
 def threads(tmp_path_factory: pytest.TempPathFactory) -> Sanitized:
-    return Sanitized(tmp_path_factory.mktemp('threads'), 'thread')
+    return Sanitized(tmp_path_factory.mktemp('threads'), ('-fsanitize=thread', '-g1'))
 
 
 @pytest.fixture(scope='module')
 def addresses(tmp_path_factory: pytest.TempPathFactory) -> Sanitized:
-    return Sanitized(tmp_path_factory.mktemp('addresses'), 'address,undefined')
+    return Sanitized(tmp_path_factory.mktemp('addresses'), compiled.SANITIZERS)
 
 
 @pytest.fixture(params=['threads', 'addresses'])

@@ -15,11 +15,10 @@
 """
 The node that `export --to ros2` writes, built here by `cc` against the wheels or an installation.
 
-The hand-written C is compiled once in a process of tests, and each bundle's own C once.
+The hand-written C is compiled once in a run of tests, and each bundle's own C once.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 import hashlib
@@ -35,24 +34,20 @@ from tempfile import TemporaryDirectory, TemporaryFile
 import bench.ros
 from differential.compiled import SANITIZERS
 from fret_monitor import build
-from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.content import Options
 from fret_monitor.export.folder import assemble
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
 from fret_monitor.export.ros2_table import node_table, packages_of
 from fret_monitor.model.parts import NodePart, UNGATED
-from fret_monitor.native import csrc_directory, csrc_file, csrc_includes
-from fret_monitor.native.cache import EVALUATOR_SOURCES
-from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler
+from fret_monitor.native import csrc_directory
 from fret_monitor.native.ros_files import (
     linked, NODE_LIBRARIES, prefixes, rmw_library, searched,
 )
+import objects
 from ros import forked
 from ros.harness import NodeProcess
 
 ROOT = Path(__file__).resolve().parents[2]
-_FLAGS = (*(flag for flag in COMPILE_FLAGS if flag not in (
-    '-O2', '-fPIC', '-fvisibility=hidden')), '-O1', '-Werror')
 
 
 @cache
@@ -60,66 +55,48 @@ def _folder() -> 'TemporaryDirectory[str]':
     return TemporaryDirectory(prefix='exported-')
 
 
-def _compiled(sources: Iterable[Path], folder: Path, flags: Sequence[str]) -> list[Path]:
-    """Compile C files with all warnings as errors."""
-    includes = [*csrc_includes(), f'-I{folder}']
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def compiled(source: Path) -> Path:
-        made = folder / f'{source.stem}.o'
-        done = subprocess.run(
-            [*find_compiler().command, *_FLAGS, *flags, *includes, *searched(),
-             '-c', source, '-o', made],
-            capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        return made
-
-    with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(compiled, sources))
+def _command(flags: Sequence[str], folder: Path) -> list[str]:
+    return [*objects.command(flags), f'-I{folder}', *searched()]
 
 
 @cache
-def hand_written(flags: tuple[str, ...]) -> list[Path]:
+def hand_written() -> list[Path]:
     """Return the object files of all C that is the same for every bundle."""
     unused = {'csv.c', 'records.c', 'thinning.c'}
-    rooms = [csrc_directory() / room for room in ('reporting', 'node')]
-    sources = [*sorted({*(path for room in rooms for path in room.glob('*.c')),
-                        *(csrc_file(name) for name in EVALUATOR_SOURCES if name not in unused)}),
-               ROOT / 'bench' / 'ros' / 'no_python.c']
-    folder = Path(_folder().name) / f'hand-{"".join(flags) or "plain"}'
-    return _compiled(sources, folder, flags)
+    engine = objects.engine(SANITIZERS)
+    node = sorted({path for room in ('reporting', 'node')
+                   for path in (csrc_directory() / room).glob('*.c')} - {*engine})
+    return [
+        *(made for source, made in engine.items() if source.name not in unused),
+        *objects.compiled_once([*node, ROOT / 'bench' / 'ros' / 'no_python.c'],
+                               [*objects.command(SANITIZERS), *searched()])]
 
 
 _BUILT: dict[str, Path] = {}
 
 
-def exported_node(generated: GeneratedMonitor, flags: tuple[str, ...] = ()) -> Path:
-    """Return the program of a bundle's node."""
+def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
+    """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
+    generated = build.generate_monitor(build.read(bundle, part=part))
     files = {**generated.module.files, 'node_table.c': node_table(generated)}
-    key = hashlib.sha256(repr((sorted(files.items()), flags)).encode()).hexdigest()[:20]
+    key = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:20]
     if key not in _BUILT:
         folder = Path(_folder().name) / key
         folder.mkdir(exist_ok=True)  # it is left behind by C that does not compile
         for name, text in files.items():
             (folder / name).write_text(text, encoding='utf-8')
-        objects = _compiled(sorted(folder.glob('*.c')), folder, flags)
+        made = objects.compiled(sorted(folder.glob('*.c')), folder, _command(SANITIZERS, folder))
         packages = sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})
-        _BUILT[key] = _linked([*objects, *hand_written(flags)], packages, folder / 'node', flags)
+        _BUILT[key] = _linked([*made, *hand_written()], packages, folder / 'node', SANITIZERS)
     return _BUILT[key]
 
 
-def _linked(objects: Sequence[Path], packages: Sequence[str], program: Path,
+def _linked(files: Sequence[Path], packages: Sequence[str], program: Path,
             flags: Sequence[str]) -> Path:
     return bench.ros.compiled(program, [
-        *flags, *map(str, objects),
+        *flags, *map(str, files),
         *linked([*NODE_LIBRARIES, rmw_library()], packages),
         '-lm', '-pthread'])
-
-
-def exported_bundle(bundle: Path, flags: tuple[str, ...] = SANITIZERS,
-                    part: NodePart = UNGATED) -> Path:
-    """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
-    return exported_node(build.generate_monitor(build.read(bundle, part=part)), flags)
 
 
 def exported_parts(bundle: Path, name: str) -> Path:
@@ -128,10 +105,11 @@ def exported_parts(bundle: Path, name: str) -> Path:
     flags = (*SANITIZERS, '-Wno-reserved-identifier')
     source = ROOT / 'test' / 'csrc' / f'{name}.c'
     wrapped = sorted(set(re.findall(r'__wrap_(\w+)\(', source.read_text(encoding='utf-8'))))
-    program, = _compiled([source], node.parent / 'parts', flags)
-    objects = [*node.parent.glob('*.o'), *(
-        item for item in hand_written(SANITIZERS) if item.stem != 'main')]
-    return _linked([program, *objects], sorted({*NODE_PACKAGES, 'sensor_msgs'}),
+    folder = node.parent / 'parts'
+    program, = objects.compiled([source], folder, _command(flags, folder))
+    others = [*node.parent.glob('*.o'), *(
+        item for item in hand_written() if item.stem != 'main')]
+    return _linked([program, *others], sorted({*NODE_PACKAGES, 'sensor_msgs'}),
                    node.parent / name,
                    (*SANITIZERS, *(f'-Wl,--wrap={function}' for function in wrapped)))
 
