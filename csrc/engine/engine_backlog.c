@@ -257,11 +257,12 @@ static void take_next(const struct fm_engine * engine, struct fm_queue * queue)
   }
 }
 
+// Of messages of one instant, that of the queue that was added first: the bundle's first topic.
 static struct fm_queue * earliest(const struct fm_engine * engine)
 {
   struct fm_queue * found = NULL;
   for (struct fm_queue * queue = engine->queues; queue != NULL; queue = queue->next) {
-    if (is_of_round(engine, queue) && (found == NULL || queue->received < found->received)) {
+    if (is_of_round(engine, queue) && (found == NULL || queue->received <= found->received)) {
       found = queue;
     }
   }

@@ -41,38 +41,46 @@ static bool still_holds_locked(struct fm_engine * engine)
   return holds;
 }
 
-// How much the system time is ahead of the steady clock. Readings may be far apart if the thread
-// is preempted, so that they only give limits. What was found before holds while it is within
-// them: the stamps of periods are then exactly a period apart.
+// Read both clocks once. The readings may be far apart if the thread is preempted, so that they
+// only give limits, which a difference may miss by `most`. Returns how far they are apart.
+static int64_t compare_clocks_locked(struct fm_engine * engine, int64_t most)
+{
+  const int64_t before = fm_steady_time();
+  FM_PAUSE();
+  const int64_t system = fm_read_clock(CLOCK_REALTIME);
+  FM_PAUSE();
+  const int64_t after = fm_steady_time();
+  if (engine->system_ahead < system - after - most) {
+    engine->system_ahead = system - after;
+  } else if (engine->system_ahead > system - before + most) {
+    engine->system_ahead = system - before;
+  }
+  engine->ahead_read = before;
+  return after - before;
+}
+
+// The difference only changes when somebody sets the system time. What was found first therefore
+// holds, also if later readings were closer: a stamp is then exactly as much after the reception
+// of a message as the instant is.
 int64_t fm_engine_system_ahead_locked(struct fm_engine * engine)
 {
   if (still_holds_locked(engine)) {
     return engine->system_ahead;
   }
-  int64_t before;
-  int64_t system;
-  int64_t after;
+  const int64_t found = engine->system_ahead;
+  const int64_t last_read = engine->ahead_read;
+  const bool is_first = last_read == 0;
+  int64_t apart;
   int readings = 0;
   do {
-    before = fm_steady_time();
-    FM_PAUSE();
-    system = fm_read_clock(CLOCK_REALTIME);
-    FM_PAUSE();
-    after = fm_steady_time();
+    apart = compare_clocks_locked(engine, is_first ? 0 : FM_CLOSE_NS);
     readings += 1;
-  } while (after - before > FM_CLOSE_NS && readings < MOST_READINGS);
-  const int64_t found = engine->system_ahead;
-  if (found < system - after) {
-    engine->system_ahead = system - after;
-  } else if (found > system - before) {
-    engine->system_ahead = system - before;
-  }
+  } while ((is_first || apart > FM_CLOSE_NS) && readings < MOST_READINGS);
   const int64_t change = fm_between(found, engine->system_ahead);
-  if (engine->ahead_read == 0 || change > FM_SET_NS || change < -FM_SET_NS) {
-    engine->ahead_before = engine->ahead_read == 0 ? engine->system_ahead : found;
-    engine->set_after = engine->ahead_read;
+  if (is_first || change > FM_SET_NS || change < -FM_SET_NS) {
+    engine->ahead_before = is_first ? engine->system_ahead : found;
+    engine->set_after = last_read;
   }
-  engine->ahead_read = before;
   return engine->system_ahead;
 }
 

@@ -66,21 +66,6 @@ static void deliver_stamped_locked(
   }
 }
 
-// Under FM_TIMED: a message that was received at a time of the system, `now` by the source.
-static void deliver_timed_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields,
-  const struct fm_reading * reading, int64_t received, int64_t now)
-{
-  fm_engine_note_restart_locked(engine, now);
-  if (engine->options.uses_header_stamps) {
-    deliver_stamped_locked(engine, topic, fields, reading->stamp, now);
-    return;
-  }
-  const int64_t instant = fm_engine_instant_locked(engine, received, now);
-  const int64_t taken = fm_engine_put_locked(engine, topic, fields, instant);
-  fm_engine_take_due_after_locked(engine, taken, now);
-}
-
 // A message that is a step, if it is one, when it is delivered. Under FM_TIMED a step is an
 // instant of the evaluator.
 static void deliver_step_locked(
@@ -94,23 +79,58 @@ static void deliver_step_locked(
     fm_between(instant, stamp));
 }
 
+// Under FM_TIMED: a message that takes effect at an instant, `now` by the source.
+static void deliver_timed_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  int64_t instant, int64_t now)
+{
+  if (engine->options.uses_header_stamps) {
+    deliver_stamped_locked(engine, topic, fields, stamp, now);
+  } else {
+    const int64_t taken = fm_engine_put_locked(engine, topic, fields, instant);
+    fm_engine_take_due_after_locked(engine, taken, now);
+  }
+}
+
+// The time of a message, for its age and the black box. Under FM_TIMED it is that at which the
+// message takes effect: a recording then has the times by which the node judged.
+static int64_t time_of_locked(
+  struct fm_engine * engine, int64_t received, bool has_time, bool is_timed, int64_t instant)
+{
+  if (engine->source == FM_CLOCK) {
+    return has_time ? fm_later(instant, engine->options.reorder) : 0;
+  }
+  const bool is_converted = is_timed && received > 0 && engine->source == FM_STEADY &&
+    !fm_engine_uses_headers(engine);
+  return is_converted ?
+         fm_later(fm_evaluator_arrival(engine->options.evaluator, instant), engine->system_ahead) :
+         received;
+}
+
 static void deliver_fields_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
   const int64_t received = origin->received;
-  int64_t now;
+  int64_t now = 0;
   const bool has_time = fm_engine_read_for_message_locked(engine, received, &now);
-  const int64_t stamp = engine->source != FM_CLOCK ? received :
-    has_time ? fm_later(now, engine->options.reorder) : 0;
+  const bool has_begun = has_time && engine->has_begun;
+  const bool is_timed = has_begun && fm_evaluator_is_timed(evaluator);
+  int64_t instant = now;
+  if (is_timed) {
+    fm_engine_note_restart_locked(engine, now);
+    instant = fm_engine_uses_headers(engine) ? now :
+      fm_engine_instant_locked(engine, received, now);
+  }
+  const int64_t stamp = time_of_locked(engine, received, has_time, is_timed, instant);
   const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
   fm_engine_keep_message_locked(engine, topic, reading, stamp, origin->sent);
-  if (!has_time || !engine->has_begun) {
+  if (!has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
     deliver_step_locked(engine, topic, fields, stamp, now);
-  } else if (fm_evaluator_is_timed(evaluator)) {
-    deliver_timed_locked(engine, topic, fields, reading, received, now);
+  } else if (is_timed) {
+    deliver_timed_locked(engine, topic, fields, reading->stamp, instant, now);
   } else {
     if (engine->in_round) {
       now = fm_engine_instant_locked(engine, received, now);

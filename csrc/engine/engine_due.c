@@ -57,7 +57,7 @@ void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now)
 void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now)
 {
   const int64_t next = fm_later(instant, 1);
-  if (engine->source == FM_STEADY && next <= now &&
+  if (engine->source == FM_STEADY && !engine->in_round && next <= now &&
     fm_evaluator_wake(engine->options.evaluator) <= next)
   {
     fm_engine_take_due_before_locked(engine, fm_later(next, 1));

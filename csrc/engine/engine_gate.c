@@ -85,6 +85,9 @@ static struct gated_step begin_gated_locked(struct fm_engine * engine, int64_t r
     }
     step.now = fm_evaluator_arrival(evaluator, now);
     fm_engine_take_due_before_locked(engine, step.now);
+    if (fm_evaluator_is_timed(evaluator) && engine->source == FM_STEADY) {
+      step.stamp = fm_later(step.now, fm_engine_stamps_ahead_locked(engine));
+    }
   }
   return step;
 }

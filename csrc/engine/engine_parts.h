@@ -241,7 +241,7 @@ void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now);
 
 /// Take what a message at an instant has made due a nanosecond later, such as the end of its
 /// reception, if that has passed by the steady clock. Otherwise each message would wake the thread
-/// that waits.
+/// that waits. Not within a round: a message of that nanosecond may wait in another queue.
 void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant, int64_t now);
 
 /// Let the waiting messages take effect whose time has come, and take what is due by `now`.

@@ -165,6 +165,7 @@ struct inputs
   bool y;
 };
 
+static int64_t window = WINDOW;
 static int64_t cost_ms = 0;  // of reading a message
 static bool works = false;   // for so long, and does not only stand still
 static int64_t reorder = 0;  // if not 0: stamps of headers count
@@ -177,8 +178,8 @@ static int64_t answer_at(void * state, const void * inputs, bool * verdicts, int
   int64_t * asked = state;
   const struct inputs * in = inputs;
   *asked = in->y ? -1 : in->x && *asked < 0 ? tick : *asked;
-  verdicts[ANSWER] = *asked < 0 || tick - *asked <= WINDOW;
-  return *asked >= 0 && verdicts[ANSWER] ? *asked + WINDOW + 1 : FM_NEVER;
+  verdicts[ANSWER] = *asked < 0 || tick - *asked <= window;
+  return *asked >= 0 && verdicts[ANSWER] ? *asked + window + 1 : FM_NEVER;
 }
 
 static void step_answer(void * state, const void * inputs, bool * verdicts)
@@ -215,7 +216,7 @@ static const struct fm_monitor monitor = {
   FM_ABI, N_TOPICS, 2, N_REQUIREMENTS, sizeof(int64_t), sizeof(struct inputs), inputs, groups,
   requirements, "backlog", "", NULL, NULL, 0, NULL};
 static const struct fm_topic topics[] = {{&numbers[X], 1}, {&numbers[Y], 1}};
-static const uint8_t reports[] = {FM_ONSET, FM_ONSET};
+static uint8_t reports[] = {FM_ONSET, FM_ONSET};
 static const bool violates[] = {false, true};
 
 static bool read_message(const uint8_t * message, size_t size, struct fm_field * fields)
@@ -413,6 +414,80 @@ static void callbacks_that_only_wake_leave_all_in_order(void)
   CHECK(n_taken == 0 && subscriptions[X].taken == 1 && subscriptions[Y].taken == 2);
   taking = FM_LISTEN;
   destroy(engine);
+}
+
+// Whether an answer that is so many nanoseconds late violates, if both messages wait.
+static bool is_late_in_a_queue(int64_t late)
+{
+  window = 0;
+  struct fm_engine * engine = make(FM_TIMED, 0);
+  sleep_ms(1);
+  arrive(Y, false);
+  sleep_ms(1);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  receive(Y, true, asked + late);
+  sleep_ms(1);
+  fm_engine_drain(engine);
+  announce(engine);
+  const bool is_late = n_taken == 1 && taken[0].stamp == asked + 1;
+  CHECK(n_taken == (is_late ? 1u : 0u));
+  window = WINDOW;
+  destroy(engine);
+  return is_late;
+}
+
+static void an_answer_that_waits_is_late_only_after_the_last_nanosecond(void)
+{
+  CHECK(!is_late_in_a_queue(0));
+  CHECK(!is_late_in_a_queue(1));
+  CHECK(is_late_in_a_queue(2));
+}
+
+// Two messages of one instant, each of which violates: the stamps, less the instant.
+static void find_both(uint32_t policy, bool waits, int64_t * stamps)
+{
+  struct fm_engine * engine = make(policy, 0);
+  woken = NULL;
+  sleep_ms(1);
+  receive(Y, false, system_now());
+  fm_engine_drain(engine);
+  sleep_ms(1);
+  const int64_t received = system_now();
+  for (uint32_t topic = 0; topic < N_TOPICS; ++topic) {
+    receive(topic, topic == X, received);
+    if (!waits) {
+      call_back(topic);
+    }
+  }
+  sleep_ms(1);
+  fm_engine_drain(engine);
+  announce(engine);
+  CHECK(n_taken == N_TOPICS);
+  for (uint32_t k = 0; k < N_TOPICS; ++k) {
+    stamps[k] = taken[k].stamp - received;
+  }
+  destroy(engine);
+}
+
+static void messages_of_one_instant_are_announced_alike_whoever_takes_them(void)
+{
+  const uint32_t policies[] = {FM_EVERY_MESSAGE, FM_RELEVANT_MESSAGE, FM_TIMED};
+  window = -1;
+  forbids_x = true;
+  reports[ANSWER] = FM_EVERY_STEP;
+  for (uint32_t k = 0; k < 3; ++k) {
+    for (uint32_t way = 0; way < 3; ++way) {  // in callbacks, in a round, woken by callbacks
+      int64_t stamps[N_TOPICS] = {-1, -1};
+      taking = way == 2 ? FM_WAKE : FM_LISTEN;
+      find_both(policies[k], way == 1, stamps);
+      CHECK(stamps[0] == 0 && stamps[1] == (policies[k] == FM_TIMED ? 1 : 0));
+    }
+  }
+  taking = FM_LISTEN;
+  window = WINDOW;
+  forbids_x = false;
+  reports[ANSWER] = FM_ONSET;
 }
 
 static void a_flood_does_not_suspend_a_deadline(void)
@@ -942,7 +1017,10 @@ int main(void)
   a_message_that_waits_for_its_stamp_takes_effect_in_time();
   a_header_counts_however_late_its_message_is_processed();
   a_gate_knows_what_was_received_before_its_message();
+  an_answer_that_waits_is_late_only_after_the_last_nanosecond();
   taking = FM_LISTEN;
+  an_answer_that_waits_is_late_only_after_the_last_nanosecond();
+  messages_of_one_instant_are_announced_alike_whoever_takes_them();
   nothing_is_overdue_while_an_answer_waits();
   an_input_is_not_silent_while_its_message_waits(FM_TIMED);
   an_input_is_not_silent_while_its_message_waits(FM_RELEVANT_MESSAGE);

@@ -263,7 +263,9 @@ static void play(struct fm_engine * engine, const struct event * events, size_t 
 // The linker puts it in place of clock_gettime: a system time that the test sets back, and clocks
 // that stand.
 static int64_t set_back = 0;
-static int64_t stands_at = 0;  // by CLOCK_MONOTONIC; 0: the clocks run
+// Volatile: the compiler takes for granted that clock_gettime does not read it.
+static volatile int64_t stands_at = 0;  // by CLOCK_MONOTONIC; 0: the clocks run
+static int64_t takes = 0;      // ns, for each reading of a clock that stands
 static uint32_t n_readings = 0;
 
 int __real_clock_gettime(clockid_t clock, struct timespec * out);
@@ -273,6 +275,7 @@ int __wrap_clock_gettime(clockid_t clock, struct timespec * out)
 {
   const int result = __real_clock_gettime(clock, out);
   n_readings += 1;
+  stands_at += stands_at != 0 ? takes : 0;
   const int64_t back = clock == CLOCK_REALTIME ? set_back : 0;
   const int64_t read = (int64_t)out->tv_sec * 1000 * MS + (int64_t)out->tv_nsec;
   const int64_t time = (stands_at != 0 ? stands_at : read) - back;
@@ -688,6 +691,70 @@ SCENARIO(a_system_time_that_is_set_back_by_little_lets_what_waits_take_effect)
   CHECK(requirement_counts_of(engine, ANSWER).steps == 2);
   set_back = 0;
   destroy(engine);
+}
+
+// The times of the messages that a black box keeps. Returns their number.
+static uint32_t times_in(struct fm_blackbox * box, int64_t * times)
+{
+  uint8_t bytes[1024];
+  uint64_t begin;
+  const uint64_t n_bytes = fm_blackbox_copy(box, 0, bytes, sizeof(bytes), &begin);
+  uint32_t n = 0;
+  for (uint64_t at = 0; at < n_bytes; ++n) {
+    struct fm_kept kept;
+    memcpy(&kept, &bytes[at], sizeof(kept));
+    times[n] = kept.time;
+    at += sizeof(kept) + kept.size;
+  }
+  return n;
+}
+
+// The clocks are compared more closely while the answer is awaited.
+SCENARIO(a_deadline_is_stamped_with_a_reception_and_its_bound_to_the_nanosecond)
+{
+  struct fm_engine * engine = make(-1);
+  set_back = MS;
+  stands_at = time_of(CLOCK_MONOTONIC);
+  takes = 70;
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  stands_at += MS;
+  const int64_t asked = time_of(CLOCK_REALTIME);
+  stands_at += MS;
+  PLAY(engine, Y_OF(false, 0, asked - 1000), X_OF(true, 0, asked));
+  for (takes = 30; takes > 0; takes -= 10) {
+    PLAY(engine, X_OF(true, 0, asked + MS / 2 + takes));
+  }
+  stands_at += MS;
+  take(engine, 0);
+  CHECK(is_taken(ANSWER, asked + 100, 100));
+  stands_at = 0;
+  takes = 0;
+  set_back = 0;
+  destroy(engine);
+}
+
+// Threads deliver messages of different topics in another order than that of their receptions.
+SCENARIO(a_message_is_kept_with_the_time_at_which_it_takes_effect)
+{
+  struct fm_engine * engine = make(-1);
+  struct fm_blackbox * box = fm_blackbox_create(1024, MS);
+  int64_t times[3] = {0, 0, 0};
+  fm_engine_keep_messages(engine, box);
+  fm_engine_follow_steady(engine);
+  fm_engine_begin(engine);
+  const struct timespec pause = {0, 3 * MS};
+  nanosleep(&pause, NULL);
+  const int64_t now = time_of(CLOCK_REALTIME) - MS;
+  PLAY(
+    engine, Y_OF(true, 0, now), X_OF(true, now - MS, now), Y_OF(false, 0, now - MS / 2), TAKE);
+  CHECK(times_in(box, times) == 3);
+  CHECK(times[0] == now && times[1] == now + 1 && times[2] == now + 3);
+  CHECK(is_taken(ANSWER, now + 103, 103) || is_taken(ANSWER, now + 103, 102));
+  double age = 0.0;
+  CHECK(value_of(engine, AGE, &age) && age == (double)(MS + 1) / 1e9);
+  destroy(engine);
+  fm_blackbox_destroy(box);
 }
 
 // Whether y, received too late by half a millisecond before the system time was set forward, and
