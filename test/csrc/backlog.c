@@ -239,7 +239,8 @@ static bool read_stamp(const uint8_t * message, size_t size, int64_t * stamp)
 }
 
 static const struct fm_reader reader[] = {
-  {read_message, 1, read_stamp}, {read_message, 1, read_stamp}};
+  {.read = read_message, .n_inputs = 1, .stamp = read_stamp},
+  {.read = read_message, .n_inputs = 1, .stamp = read_stamp}};
 static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- a bench -----------------------------------------------------------------------------------

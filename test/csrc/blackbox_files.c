@@ -153,7 +153,7 @@ static bool read_x(const uint8_t * message, size_t size, struct fm_field * out)
   return size == 8;
 }
 
-static const struct fm_reader reader = {read_x, 1, NULL};
+static const struct fm_reader reader = {.read = read_x, .n_inputs = 1};
 static const struct fm_readers readers = {FM_ABI, 1, &reader};
 
 static void * deliver(void * engine)

@@ -213,7 +213,9 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
   return true;
 }
 
-static const struct fm_reader reader[] = {{read_message, 1, NULL}, {read_message, 1, NULL}};
+static const struct fm_reader reader[] = {
+  {.read = read_message, .n_inputs = 1},
+  {.read = read_message, .n_inputs = 1}};
 static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- the load ----------------------------------------------------------------------------------

@@ -63,7 +63,7 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
   return size > 0;
 }
 
-static const struct fm_reader reader[] = {{read_message, 1, NULL}};
+static const struct fm_reader reader[] = {{.read = read_message, .n_inputs = 1}};
 static const struct fm_readers readers = {FM_ABI, 1, reader};
 
 // ---- an engine ---------------------------------------------------------------------------------
@@ -368,7 +368,7 @@ SCENARIO(an_engine_of_another_abi_is_refused)
   struct fm_evaluator * evaluator = fm_evaluator_init(memory, &options);
   const struct fm_readers misfits[] = {
     {FM_ABI + 1, 1, reader}, {FM_ABI, 2, reader}, {FM_ABI, 0, reader},
-    {FM_ABI, 1, (const struct fm_reader[]) {{read_message, 2, NULL}}}};
+    {FM_ABI, 1, (const struct fm_reader[]) {{.read = read_message, .n_inputs = 2}}}};
   for (size_t k = 0; k < sizeof(misfits) / sizeof(*misfits); ++k) {
     const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1,
       NULL, false, 0, false};

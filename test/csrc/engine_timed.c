@@ -150,7 +150,9 @@ static bool read_x(const uint8_t * message, size_t size, struct fm_field * field
   return read_y(message, size, fields) && read_stamp(message, size, &fields[2].value.i);
 }
 
-static const struct fm_reader reader[] = {{read_x, 3, read_stamp}, {read_y, 1, read_stamp}};
+static const struct fm_reader reader[] = {
+  {.read = read_x, .n_inputs = 3, .stamp = read_stamp},
+  {.read = read_y, .n_inputs = 1, .stamp = read_stamp}};
 static const struct fm_readers readers = {FM_ABI, N_TOPICS, reader};
 
 // ---- helpers -----------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ static bool read(const uint8_t * message, size_t size, struct fm_field * out)
   return size == 1;
 }
 
-static const struct fm_reader reader = {read, 1, NULL};
+static const struct fm_reader reader = {.read = read, .n_inputs = 1};
 static const struct fm_readers readers = {FM_ABI, 1, &reader};
 
 static void deliver(struct fm_engine * engine, uint8_t value)

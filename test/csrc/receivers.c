@@ -101,7 +101,7 @@ static bool read_message(const uint8_t * message, size_t size, struct fm_field *
   return true;
 }
 
-static const struct fm_reader reader[] = {{read_message, 0, NULL}};
+static const struct fm_reader reader[] = {{.read = read_message, .n_inputs = 0}};
 static const struct fm_readers readers = {FM_ABI, 1, reader};
 
 static void * memory;

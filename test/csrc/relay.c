@@ -221,7 +221,9 @@ static bool read_level(const uint8_t * message, size_t size, struct fm_field * f
   return size > 4;
 }
 
-static const struct fm_reader reader[] = {{read_level, 1, NULL}, {read_level, 1, NULL}};
+static const struct fm_reader reader[] = {
+  {.read = read_level, .n_inputs = 1},
+  {.read = read_level, .n_inputs = 1}};
 static const struct fm_readers readers = {FM_ABI, 2, reader};
 
 // ---- a gate ------------------------------------------------------------------------------------
