@@ -36,7 +36,7 @@ from bench.equivalence import verify_edited
 from bench.source_mutants import OPERATORS
 from fret_monitor.build import generate_monitor, GeneratedMonitor, read
 from fret_monitor.proving.c_source import CFunction, CProgram, shown
-from fret_monitor.proving.contracts import prove_function
+from fret_monitor.proving.contracts import cell_attempts
 from fret_monitor.proving.monitor import ALL, ProofSubject
 from fret_monitor.proving.verification import GroupResult, read_subject
 from fret_monitor.smt.cells import COUNTERS
@@ -322,10 +322,12 @@ TICK_FUNCTIONS = ['fm_lower', *(f'fm_{name}_at' for name in COUNTERS)]
 
 def judged_cell(code: CProgram, mutant: Mutant, seconds: float = _SECONDS) -> str:
     """Return the result for a mutant of a cell: equivalent if all its callers are proved."""
+    proofs = cell_attempts()
     for name in _standing_on(code, mutant.function):
-        proof = prove_function(mutant.code, name, seconds)
-        if proof is not None and proof.answer is not ProofAnswer.PROVED:
-            return 'refuted' if proof.answer is ProofAnswer.REFUTED else 'undecided'
+        prove = proofs.get(name)
+        answer = prove(mutant.code, seconds).answer if prove else ProofAnswer.PROVED
+        if answer is not ProofAnswer.PROVED:
+            return 'refuted' if answer is ProofAnswer.REFUTED else 'undecided'
     return 'equivalent'
 
 

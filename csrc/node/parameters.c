@@ -41,6 +41,7 @@
 #define WHOLE(number) {.type = FM_WHOLE, .integer_value = (number), TEXT("", 0)}
 #define REAL(number) {.type = FM_REAL, .double_value = (number), TEXT("", 0)}
 #define WORD(text) {.type = FM_WORD, TEXT(text, strlen(text))}
+#define NO_WORD {.type = FM_WORD, TEXT("", 0)}
 #define LIST {.type = FM_WORD + 1, TEXT("", 0)}
 
 static void add_value(struct fm_text * text, const fm_parameter_value * value)
@@ -238,109 +239,88 @@ static void refuse_value(
   fm_text_add(reason, ", and has to be %s", wanted);
 }
 
-static bool check_count(
-  const char * name, const fm_parameter_value * value, struct fm_text * reason)
+struct described
 {
-  const bool is_good =
-    value->type == FM_WHOLE && value->integer_value >= 1 && value->integer_value <= INT32_MAX;
-  if (!is_good) {
-    refuse_value(name, value, FM_WORDS_COUNT, reason);
-  }
-  return is_good;
-}
+  const char * name;
+  const char * description;
+  enum fm_settable settable;
+  fm_parameter_value usual;
+  const char * wanted;  // NULL: true or false
+  int64_t least;        // of a number
+  int64_t most;
+};
 
-// The parameters of the black box that are numbers.
-static const struct {const char * name; const char * unit; int64_t least;} sizes[] = {
-  {"blackbox_bytes", "bytes", 4096}, {"blackbox_files", "files", 1},
-  {"blackbox_disk_bytes", "bytes", 1 << 20}};
-enum { N_SIZES = sizeof(sizes) / sizeof(sizes[0]) };
+#define BYTES(name, least) "a number of bytes, at least " #least ": -p " name ":=" #least
+#define MOST (INT64_C(1) << 62)
 
-static bool check_size(
-  size_t k, const fm_parameter_value * value, struct fm_text * reason)
+static const struct described described[] = {
+  {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, TRUTH(false), NULL, 0, 0},
+  {"log_level", FM_WORDS_LOG_LEVEL, FM_ALWAYS, NO_WORD, "one of debug, info, warn, error, fatal",
+    0, 0},
+  {"handler_depth", FM_WORDS_HANDLER_DEPTH, FM_UNCONFIGURED, WHOLE(1000), FM_WORDS_COUNT, 1,
+    INT32_MAX},
+  {"log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, TRUTH(true), NULL, 0, 0},
+  {"autostart", FM_WORDS_AUTOSTART, FM_AT_START, TRUTH(true), NULL, 0, 0},
+  {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, NO_WORD, "the path of a folder", 0, 0},
+  {"blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS),
+    "a number above 0 (seconds, say 10.0)", 0, 1000000000},
+  {"blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, FM_UNCONFIGURED, WHOLE(64 << 20),
+    BYTES("blackbox_bytes", 4096), 4096, MOST},
+  {"blackbox_files", FM_WORDS_BLACKBOX_FILES, FM_UNCONFIGURED, WHOLE(20),
+    "a number of files, at least 1: -p blackbox_files:=1", 1, MOST},
+  {"blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, FM_UNCONFIGURED, WHOLE(1 << 30),
+    BYTES("blackbox_disk_bytes", 1048576), 1048576, MOST},
+  {"priority", FM_WORDS_PRIORITY, FM_UNCONFIGURED, WHOLE(0), FM_WORDS_ANY_PRIORITY, 0, 99},
+  {"processors", FM_WORDS_PROCESSORS, FM_UNCONFIGURED, NO_WORD, FM_WORDS_SOME_PROCESSORS, 0, 0},
+  {"lock_memory", FM_WORDS_LOCK_MEMORY, FM_UNCONFIGURED, TRUTH(false), NULL, 0, 0},
+  {"start_type_description_service", "whether the node offers ~/get_type_description",
+    FM_AT_START, TRUTH(true), NULL, 0, 0}};
+enum { N_DESCRIBED = sizeof(described) / sizeof(described[0]) };
+
+static const struct described * description_of(const char * name)
 {
-  struct fm_text wanted = {NULL, 0, 0};
-  const bool is_good = value->type == FM_WHOLE && value->integer_value >= sizes[k].least &&
-    value->integer_value < INT64_C(1) << 62;
-  if (!is_good) {
-    fm_text_add(&wanted, "a number of %s, at least %" PRId64 ": -p %s:=%" PRId64, sizes[k].unit,
-      sizes[k].least, sizes[k].name, sizes[k].least);
-    refuse_value(sizes[k].name, value, fm_text_get(&wanted), reason);
-    fm_text_free(&wanted);
-  }
-  return is_good;
-}
-
-static bool check_seconds(
-  const char * name, const fm_parameter_value * value, struct fm_text * reason)
-{
-  const bool is_good = (value->type == FM_WHOLE && value->integer_value >= 0) ||
-    (value->type == FM_REAL && value->double_value >= 0 && value->double_value < 1e9);
-  if (!is_good) {
-    refuse_value(name, value, "a number above 0 (seconds, say 10.0)", reason);
-  }
-  return is_good;
-}
-
-static bool check_priority(
-  const char * name, const fm_parameter_value * value, struct fm_text * reason)
-{
-  const bool is_good =
-    value->type == FM_WHOLE && value->integer_value >= 0 && value->integer_value <= 99;
-  if (!is_good) {
-    refuse_value(name, value, FM_WORDS_ANY_PRIORITY, reason);
-  }
-  return is_good;
-}
-
-static bool check_type(
-  const char * name, const fm_parameter_value * value, enum fm_parameter_type type,
-  const char * wanted, struct fm_text * reason)
-{
-  if (value->type != type) {
-    refuse_value(name, value, wanted, reason);
-  }
-  return value->type == type;
-}
-
-static bool check_level(
-  const char * name, const fm_parameter_value * value, struct fm_text * reason)
-{
-  const bool is_good = value->type == FM_WORD && (value->string_value.size == 0 ||
-    is_among(value->string_value.data, levels, sizeof(levels) / sizeof(levels[0])));
-  if (!is_good) {
-    refuse_value(name, value, "one of debug, info, warn, error, fatal", reason);
-  }
-  return is_good;
-}
-
-static bool check(
-  const char * name, const fm_parameter_value * value, struct fm_text * reason)
-{
-  if (strcmp(name, "handler_depth") == 0) {
-    return check_count(name, value, reason);
-  }
-  if (strcmp(name, "log_level") == 0) {
-    return check_level(name, value, reason);
-  }
-  if (strcmp(name, "blackbox") == 0) {
-    return check_type(name, value, FM_WORD, "the path of a folder", reason);
-  }
-  if (strcmp(name, "processors") == 0) {
-    return value->type == FM_WHOLE ||
-           check_type(name, value, FM_WORD, FM_WORDS_SOME_PROCESSORS, reason);
-  }
-  if (strcmp(name, "priority") == 0) {
-    return check_priority(name, value, reason);
-  }
-  if (strcmp(name, "blackbox_seconds") == 0) {
-    return check_seconds(name, value, reason);
-  }
-  for (size_t k = 0; k < N_SIZES; ++k) {
-    if (strcmp(name, sizes[k].name) == 0) {
-      return check_size(k, value, reason);
+  for (size_t k = 0; k < N_DESCRIBED; ++k) {
+    if (strcmp(described[k].name, name) == 0) {
+      return &described[k];
     }
   }
-  return check_type(name, value, FM_TRUTH, "true or false", reason);
+  return NULL;
+}
+
+static bool is_good_word(const char * name, const char * word)
+{
+  return strcmp(name, "log_level") != 0 || *word == '\0' ||
+         is_among(word, levels, sizeof(levels) / sizeof(levels[0]));
+}
+
+static bool is_good(const struct described * item, const fm_parameter_value * value)
+{
+  const bool is_whole = value->type == FM_WHOLE && value->integer_value >= item->least &&
+    value->integer_value <= item->most;
+  switch (item->usual.type) {
+    case FM_WHOLE:
+      return is_whole;
+    case FM_REAL:
+      return is_whole || (value->type == FM_REAL && value->double_value >= (double)item->least &&
+             value->double_value < (double)item->most);
+    case FM_WORD:
+      return value->type == FM_WORD ? is_good_word(item->name, value->string_value.data) :
+             value->type == FM_WHOLE && strcmp(item->name, "processors") == 0;
+    default:
+      return value->type == FM_TRUTH;
+  }
+}
+
+// Whether a value is one of a parameter, possibly under another name; adds a line if not.
+static bool check(
+  const struct described * item, const char * name, const fm_parameter_value * value,
+  struct fm_text * reason)
+{
+  const bool found = is_good(item, value);
+  if (!found) {
+    refuse_value(name, value, item->wanted == NULL ? "true or false" : item->wanted, reason);
+  }
+  return found;
 }
 
 void fm_parameter_refuse(
@@ -357,7 +337,7 @@ void fm_parameter_refuse(
   } else if (found->settable == FM_UNCONFIGURED && parameters->is_configured) {
     fm_text_add(reason, FM_WORDS_READ_ONCE, name);
   } else {
-    (void)check(name, value, reason);
+    (void)check(description_of(name), name, value, reason);
   }
 }
 
@@ -427,7 +407,7 @@ static void apply(
   }
   if (strcmp(name, "depth") != 0) {
     refuse(problems, FM_WORDS_NO_POLICY, given->name);
-  } else if (check_count(given->name, value, problems)) {
+  } else if (check(description_of("handler_depth"), given->name, value, problems)) {
     fixed->depth = (uint32_t)value->integer_value;
   }
 }
@@ -552,22 +532,15 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
 
 // ---- declarations ------------------------------------------------------------------------------
 
-struct described
-{
-  const char * name;
-  const char * description;
-  enum fm_settable settable;
-  fm_parameter_value usual;
-};
-
 static void declare(
   struct fm_parameters * parameters, const struct described * item, struct fm_text * problems)
 {
   const struct fm_parameter * given =
     find(parameters->given, parameters->n_given, item->name);
-  const bool is_good = given != NULL && check(item->name, &given->value, problems);
+  const bool is_used =
+    given != NULL && check(item, item->name, &given->value, problems);
   put(&parameters->declared, &parameters->n_declared, item->name, item->description,
-    item->settable, is_good ? &given->value : &item->usual);
+    item->settable, is_used ? &given->value : &item->usual);
 }
 
 static void declare_constant(
@@ -619,26 +592,10 @@ void fm_parameters_begin(
   struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_table * table,
   struct fm_text * problems)
 {
-  const struct described described[] = {
-    {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, TRUTH(false)},
-    {"log_level", FM_WORDS_LOG_LEVEL, FM_ALWAYS, WORD("")},
-    {"handler_depth", FM_WORDS_HANDLER_DEPTH, FM_UNCONFIGURED, WHOLE(1000)},
-    {"log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, TRUTH(true)},
-    {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, WORD("")},
-    {"blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS)},
-    {"blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, FM_UNCONFIGURED, WHOLE(64 << 20)},
-    {"blackbox_files", FM_WORDS_BLACKBOX_FILES, FM_UNCONFIGURED, WHOLE(20)},
-    {"blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, FM_UNCONFIGURED, WHOLE(1 << 30)},
-    {"priority", FM_WORDS_PRIORITY, FM_UNCONFIGURED, WHOLE(0)},
-    {"processors", FM_WORDS_PROCESSORS, FM_UNCONFIGURED, WORD("")},
-    {"lock_memory", FM_WORDS_LOCK_MEMORY, FM_UNCONFIGURED, TRUTH(false)},
-    {"start_type_description_service", "whether the node offers ~/get_type_description",
-      FM_AT_START, TRUTH(true)},
-    {"autostart", FM_WORDS_AUTOSTART, FM_AT_START, TRUTH(true)}};
   parameters->node = node;
   parameters->table = table;
   read_given(parameters);
-  for (size_t k = 0; k < sizeof(described) / sizeof(described[0]); ++k) {
+  for (size_t k = 0; k < N_DESCRIBED; ++k) {
     declare(parameters, &described[k], problems);
   }
   for (uint32_t k = 0; k < table->report.n_constants; ++k) {
@@ -672,6 +629,17 @@ static void warn_of_override(const struct fm_parameters * parameters, const char
   free(topic);
 }
 
+static void warn_of_unknown(const struct fm_parameters * parameters, const char * name)
+{
+  struct fm_text names = {NULL, 0, 0};
+  for (size_t k = 0; k < N_DESCRIBED; ++k) {
+    fm_text_list(&names, ", ", described[k].name);
+  }
+  fm_log(parameters->node, FM_WARN, "ignored parameter '%s': this node has %s, " CONSTANTS "NAME",
+    name, fm_text_get(&names));
+  fm_text_free(&names);
+}
+
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
@@ -698,11 +666,7 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, last);
     } else {
-      fm_log(parameters->node, FM_WARN,
-        "ignored parameter '%s': this node has use_sim_time, log_level, handler_depth, "
-        "log_violations, autostart, blackbox, blackbox_seconds, blackbox_bytes, blackbox_files, "
-        "blackbox_disk_bytes, priority, processors, lock_memory, "
-        "start_type_description_service, " CONSTANTS "NAME", name);
+      warn_of_unknown(parameters, name);
     }
   }
 }

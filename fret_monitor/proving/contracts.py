@@ -170,17 +170,11 @@ CELLS: dict[str, Contract] = {
 def prove_cells(program: CProgram, seconds: float) -> list[Proof]:
     """Prove the claims of the operators, and each function of `fret_cells.h` with a contract."""
     return [*_operators(seconds),
-            *(attempt(program, seconds) for attempt in _attempts().values())]
+            *(attempt(program, seconds) for attempt in cell_attempts().values())]
 
 
-def prove_function(program: CProgram, name: str, seconds: float) -> Proof | None:
-    """Prove one function of `fret_cells.h`; return None if it has no contract."""
-    attempt = _attempts().get(name)
-    return None if attempt is None else attempt(program, seconds)
-
-
-def _attempts() -> dict[str, _Attempt]:
-    """Return the proof of each function, by its name."""
+def cell_attempts() -> dict[str, _Attempt]:
+    """Return what proves each function of `fret_cells.h` with a contract, by its name."""
     found: dict[str, _Attempt] = {}
     for name, item in _PURE.items():
         found[name] = partial(_guarded, name, partial(_prove_pure, name, item))

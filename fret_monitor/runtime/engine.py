@@ -202,11 +202,6 @@ class Engine:
             -1 if stamp_at is None else stamp_at, ffi.new('int64_t *'))
         return bytes(sent) if is_sent else None
 
-    @property
-    def replacement_due(self) -> int:
-        """When a replacement is due by the steady clock; `NEVER` if none is."""
-        return int(self._library.fm_engine_replacement_due(self.pointer))
-
     def message(self, topic: int, message: bytes, received: int, *, sent: int = 0,
                 sequence: int = 0, gid: Any = ffi.NULL, is_retired: bool = False) -> Receipt:
         """

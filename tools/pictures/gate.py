@@ -94,7 +94,7 @@ class Run:
         self._engine.advance(_time(end))
 
     def _look(self, now: float) -> None:
-        if self._engine.replacement_due == NEVER:
+        if self._engine.library.fm_engine_replacement_due(self._engine.pointer) == NEVER:
             self._due = NEVER
         elif self._due == NEVER:  # at once, later at the rate: the engine's own is in real time
             self._due = _time(now)
