@@ -259,72 +259,98 @@ static inline int64_t fm_place_after(int64_t place, int64_t length)
   return place + 1 == length ? 0 : place + 1;
 }
 
-static inline void fm_window_turn(int64_t * window, int64_t length)
+/// The places, in registers while a word enters or leaves: for a compiler, a word that is written
+/// may be one of them.
+struct fm_places
 {
-  int64_t * const words = &window[FM_WINDOW_HEAD];
-  if (window[FM_L] == window[FM_B]) {
-    window[FM_L] = window[FM_BEGIN];
-    window[FM_R] = window[FM_B];
-    window[FM_A] = window[FM_END];
-    window[FM_B] = window[FM_END];
-    window[FM_MIDDLE] = window[FM_BACK];
-    window[FM_BACK] = INT64_MIN;
-  }
-  const int64_t b = window[FM_B];
-  if (window[FM_BEGIN] == b) {
-    window[FM_MIDDLE] = INT64_MIN;
-    window[FM_BACK] = INT64_MIN;
-    return;
-  }
-  int64_t a = window[FM_A];
-  if (a != window[FM_R]) {
-    const int64_t rest = a == b ? INT64_MIN : words[a];
-    a = a == 0 ? length - 1 : a - 1;
-    words[a] = fm_greater(words[a], rest);
-    window[FM_A] = a;
-  }
-  const int64_t l = window[FM_L];
-  window[FM_L] = fm_place_after(l, length);
-  if (l != window[FM_R]) {
-    words[l] = fm_greater(words[l], window[FM_MIDDLE]);
-    return;
-  }
-  a = window[FM_L];
-  window[FM_R] = a;
-  window[FM_A] = a;
-  window[FM_MIDDLE] = a == b ? INT64_MIN : words[a];
+  int64_t begin, end, l, r, a, b, middle, back;
+};
+
+static inline struct fm_places fm_places_of(const int64_t * window)
+{
+  const struct fm_places at = {
+    window[FM_BEGIN], window[FM_END], window[FM_L], window[FM_R], window[FM_A], window[FM_B],
+    window[FM_MIDDLE], window[FM_BACK]};
+  return at;
 }
 
-static inline void fm_window_insert(int64_t * window, int64_t length, int64_t word)
+static inline void fm_keep_places(int64_t * window, struct fm_places at)
 {
-  const bool is_empty = window[FM_BEGIN] == window[FM_END];
-  window[FM_BACK] = is_empty ? word : fm_greater(window[FM_BACK], word);
-  window[FM_WINDOW_HEAD + window[FM_END]] = word;
-  window[FM_END] = fm_place_after(window[FM_END], length);
-  fm_window_turn(window, length);
+  window[FM_BEGIN] = at.begin;
+  window[FM_END] = at.end;
+  window[FM_L] = at.l;
+  window[FM_R] = at.r;
+  window[FM_A] = at.a;
+  window[FM_B] = at.b;
+  window[FM_MIDDLE] = at.middle;
+  window[FM_BACK] = at.back;
 }
 
-static inline void fm_window_evict(int64_t * window, int64_t length)
+static inline struct fm_places fm_window_turn(
+  struct fm_places at, int64_t * words, int64_t length)
 {
-  window[FM_BEGIN] = fm_place_after(window[FM_BEGIN], length);
-  fm_window_turn(window, length);
+  if (at.l == at.b) {
+    at.l = at.begin;
+    at.r = at.b;
+    at.a = at.end;
+    at.b = at.end;
+    at.middle = at.back;
+    at.back = INT64_MIN;
+  }
+  if (at.begin == at.b) {
+    at.middle = INT64_MIN;
+    at.back = INT64_MIN;
+    return at;
+  }
+  if (at.a != at.r) {
+    const int64_t rest = at.a == at.b ? INT64_MIN : words[at.a];
+    at.a = at.a == 0 ? length - 1 : at.a - 1;
+    words[at.a] = fm_greater(words[at.a], rest);
+  }
+  const int64_t l = at.l;
+  at.l = fm_place_after(l, length);
+  if (l != at.r) {
+    words[l] = fm_greater(words[l], at.middle);
+    return at;
+  }
+  at.r = at.l;
+  at.a = at.l;
+  at.middle = at.l == at.b ? INT64_MIN : words[at.l];
+  return at;
 }
 
-static inline int64_t fm_window_greatest(const int64_t * window)
+static inline struct fm_places fm_window_insert(
+  struct fm_places at, int64_t * words, int64_t length, int64_t word)
 {
-  const int64_t begin = window[FM_BEGIN];
-  return begin == window[FM_B] ? window[FM_BACK]
-    : fm_greater(window[FM_WINDOW_HEAD + begin], window[FM_BACK]);
+  at.back = at.begin == at.end ? word : fm_greater(at.back, word);
+  words[at.end] = word;
+  at.end = fm_place_after(at.end, length);
+  return fm_window_turn(at, words, length);
+}
+
+static inline struct fm_places fm_window_evict(
+  struct fm_places at, int64_t * words, int64_t length)
+{
+  at.begin = fm_place_after(at.begin, length);
+  return fm_window_turn(at, words, length);
+}
+
+static inline int64_t fm_window_greatest(struct fm_places at, const int64_t * words)
+{
+  return at.begin == at.b ? at.back : fm_greater(words[at.begin], at.back);
 }
 
 /// The greatest of the last length - 1 words.
 static inline int64_t fm_greatest(int64_t * window, int64_t length, int64_t word)
 {
-  if (fm_place_after(window[FM_END], length) == window[FM_BEGIN]) {
-    fm_window_evict(window, length);
+  int64_t * const words = &window[FM_WINDOW_HEAD];
+  struct fm_places at = fm_places_of(window);
+  if (fm_place_after(at.end, length) == at.begin) {
+    at = fm_window_evict(at, words, length);
   }
-  fm_window_insert(window, length, word);
-  return fm_window_greatest(window);
+  at = fm_window_insert(at, words, length, word);
+  fm_keep_places(window, at);
+  return fm_window_greatest(at, words);
 }
 
 /// The greatest word at the ticks of a window. queue[4 + k]: the tick from which the word at place
@@ -333,27 +359,30 @@ static inline int64_t fm_greatest_at(
   int64_t * window, int64_t * queue, int64_t length, int64_t past, int64_t word, int64_t tick,
   int64_t * next)
 {
+  int64_t * const words = &window[FM_WINDOW_HEAD];
   const int64_t * const since = &queue[4];
-  int64_t second = fm_place_after(window[FM_BEGIN], length);
-  const bool is_empty = window[FM_BEGIN] == window[FM_END];
-  if (!is_empty && second != window[FM_END] && since[second] <= tick - past) {
-    fm_window_evict(window, length);
+  struct fm_places at = fm_places_of(window);
+  int64_t second = fm_place_after(at.begin, length);
+  const bool is_empty = at.begin == at.end;
+  if (!is_empty && second != at.end && since[second] <= tick - past) {
+    at = fm_window_evict(at, words, length);
     second = fm_place_after(second, length);
   }
   if (is_empty || queue[0] != word) {
-    if (fm_place_after(window[FM_END], length) == window[FM_BEGIN]) {
-      const int64_t missed = (second != window[FM_END] ? since[second] : tick) + past - 1;
+    if (fm_place_after(at.end, length) == at.begin) {
+      const int64_t missed = (second != at.end ? since[second] : tick) + past - 1;
       queue[2] = missed > queue[2] ? missed : queue[2];
       queue[3] += 1;
-      fm_window_evict(window, length);
+      at = fm_window_evict(at, words, length);
       second = fm_place_after(second, length);
     }
-    queue[4 + window[FM_END]] = tick;
+    queue[4 + at.end] = tick;
     queue[0] = word;
-    fm_window_insert(window, length, word);
+    at = fm_window_insert(at, words, length, word);
   }
-  fm_lower(next, second != window[FM_END], since[second] + past);
-  return fm_window_greatest(window);
+  fm_keep_places(window, at);
+  fm_lower(next, second != at.end, since[second] + past);
+  return fm_window_greatest(at, words);
 }
 
 // ---- exact sums --------------------------------------------------------------------------------
