@@ -38,6 +38,10 @@ static uint32_t most_inputs(const struct fm_engine_options * options)
   for (uint32_t t = 0; t < options->n_topics; ++t) {
     most = options->topics[t].n_inputs > most ? options->topics[t].n_inputs : most;
   }
+  for (uint32_t k = 0; options->scopes != NULL && fm_scopes_kind(options->scopes, k) != NULL; ++k) {
+    const uint32_t n = fm_scopes_kind(options->scopes, k)->options->monitor->n_inputs;
+    most = n > most ? n : most;
+  }
   return most;
 }
 
@@ -95,6 +99,22 @@ static bool make_locks(struct fm_engine * engine)
   return n_made == n;
 }
 
+static uint64_t bytes_of_inputs(const struct fm_monitor * monitor)
+{
+  return monitor->inputs_bytes + monitor->n_inputs;
+}
+
+static struct fm_outbox_size size_of_outbox(const struct fm_engine * engine)
+{
+  uint64_t most = bytes_of_inputs(engine->options.monitor);
+  for (uint32_t k = 0; k < engine->n_kinds; ++k) {
+    const struct fm_kind * kind = fm_scopes_kind(engine->options.scopes, k);
+    const uint64_t bytes = bytes_of_inputs(kind->options->monitor);
+    most = bytes > most ? bytes : most;
+  }
+  return (struct fm_outbox_size) {engine->n_requirements, most, engine->options.scopes != NULL};
+}
+
 static bool make_memory(struct fm_engine * engine)
 {
   const struct fm_engine_options * options = &engine->options;
@@ -105,8 +125,9 @@ static bool make_memory(struct fm_engine * engine)
   // One more: of a gate whose topic feeds no input.
   engine->topics = calloc(options->n_topics + (size_t)1, sizeof(struct fm_engine_topic));
   engine->are_violated =
-    calloc(options->monitor->n_requirements + (size_t)1, sizeof(*engine->are_violated));
-  return fm_outbox_init(&engine->outbox, options->monitor) && engine->fields != NULL &&
+    calloc(engine->n_requirements + (size_t)1, sizeof(*engine->are_violated));
+  const struct fm_outbox_size size = size_of_outbox(engine);
+  return fm_outbox_init(&engine->outbox, &size) && engine->fields != NULL &&
          engine->prepared != NULL && engine->found != NULL && engine->topics != NULL &&
          engine->are_violated != NULL && fm_states_init(&engine->states, options->monitor) &&
          (!fm_evaluator_is_timed(options->evaluator) || !options->uses_header_stamps ||
@@ -127,6 +148,7 @@ static void free_memory(struct fm_engine * engine)
   free(engine->found);
   free(engine->topics);
   free(engine->are_violated);
+  free(engine->numbers);
   fm_states_free(&engine->states);
   free(engine);
 }
@@ -152,7 +174,8 @@ struct fm_engine * fm_engine_create(const struct fm_engine_options * options)
   engine->options.reorder = options->uses_header_stamps ? options->reorder : 0;
   engine->wakes_at = INT64_MIN;
   engine->released = INT64_MIN;
-  if (!make_memory(engine) || !make_locks(engine)) {
+  engine->later = FM_NEVER;
+  if (!fm_engine_number_scopes(engine) || !make_memory(engine) || !make_locks(engine)) {
     free_memory(engine);
     return NULL;
   }
@@ -240,10 +263,17 @@ static void wait_for_violation_locked(struct fm_engine * engine, uint32_t millis
 uint32_t fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds)
 {
+  return fm_engine_take_keyed(engine, out, NULL, room, milliseconds);
+}
+
+uint32_t fm_engine_take_keyed(
+  struct fm_engine * engine, struct fm_violation * out, uint8_t * keys, uint32_t room,
+  uint32_t milliseconds)
+{
   fm_engine_lock(engine);
   wait_for_violation_locked(engine, milliseconds);
   fm_engine_look_for_hang_locked(engine);
-  const uint32_t n = fm_outbox_take(&engine->outbox, out, room);
+  const uint32_t n = fm_outbox_take(&engine->outbox, out, keys, room);
   engine->taken_changes = engine->states.changes;
   fm_engine_unlock(engine);
   return n;
@@ -280,6 +310,11 @@ void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t
   fm_engine_unlock(engine);
 }
 
+size_t fm_engine_detail_bytes(struct fm_engine * engine)
+{
+  return fm_outbox_detail_bytes(&engine->outbox);
+}
+
 bool fm_engine_take_detail(
   struct fm_engine * engine, struct fm_detail * out, uint32_t milliseconds)
 {
@@ -298,7 +333,7 @@ bool fm_engine_take_detail(
 void fm_engine_detail_counts(struct fm_engine * engine, struct fm_detail_counts * out)
 {
   fm_engine_lock(engine);
-  for (uint32_t r = 0; r < engine->options.monitor->n_requirements; ++r) {
+  for (uint32_t r = 0; r < engine->n_requirements; ++r) {
     out[r] = fm_outbox_counts(&engine->outbox, r);
     out[r].is_violated = engine->are_violated[r];
   }
@@ -384,7 +419,7 @@ void fm_engine_reset(struct fm_engine * engine)
   fm_engine_begin_order(engine);
   fm_engine_lock(engine);
   fm_engine_take_due_now_locked(engine);
-  fm_evaluator_reset(engine->options.evaluator);
+  fm_engine_reset_locked(engine);
   fm_engine_forget_violations_locked(engine);
   if (engine->gate != NULL) {
     fm_gate_reset(engine->gate);

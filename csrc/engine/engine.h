@@ -43,6 +43,7 @@
 #include "gate.h"
 #include "handover.h"
 #include "outbox.h"
+#include "scopes.h"
 #include "states.h"
 #include "transforms.h"
 
@@ -51,12 +52,14 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 27u
+#define FM_ENGINE_ABI 28u
 
 struct fm_engine;
 
 /// What an engine runs. The caller owns all of it, keeps it until the engine is destroyed, and
-/// does not call the evaluator in the meantime.
+/// does not call the evaluator in the meantime. With instances, what is not of a kind is of the
+/// bundle's scope, and requirements have numbers in this order: those of the bundle's scope, then
+/// of each kind those that are reported. It has then neither a gate, nor states, nor a black box.
 struct fm_engine_options
 {
   struct fm_evaluator * evaluator;
@@ -68,6 +71,7 @@ struct fm_engine_options
   bool uses_header_stamps;            // under FM_TIMED: see below
   int64_t reorder;                    // ns; 0 or more
   bool takes_recoveries;              // with the violations; if the evaluator reports them
+  struct fm_scopes * scopes;          // NULL: no instances; the engine sets its sink
 };
 
 // Under FM_TIMED a message takes effect when it was received, by the source's time. With
@@ -94,7 +98,8 @@ enum fm_receipt
 {
   FM_RECEIVED = 0,
   FM_UNDECODABLE = 1,  // counted; no step
-  FM_REPEATED = 2      // received before, by another subscription; not counted, no step
+  FM_REPEATED = 2,     // received before, by another subscription; not counted, no step
+  FM_UNRELATED = 3     // none of the topic, whose `where` does not select it; not counted, no step
 };
 
 /// FM_ENGINE_ABI of this library. A program made with another one must call no other function.
@@ -283,6 +288,14 @@ FM_EXPORT void fm_engine_end_handover(struct fm_engine * engine, uint32_t topic)
 /// order. O(room + inputs + what is due).
 FM_EXPORT uint32_t fm_engine_take(
   struct fm_engine * engine, struct fm_violation * out, uint32_t room, uint32_t milliseconds);
+
+/// The same, with the keys of the instances: as fm_outbox_take.
+FM_EXPORT uint32_t fm_engine_take_keyed(
+  struct fm_engine * engine, struct fm_violation * out, uint8_t * keys, uint32_t room,
+  uint32_t milliseconds);
+
+/// The bytes of a detail with all that follows it.
+FM_EXPORT size_t fm_engine_detail_bytes(struct fm_engine * engine);
 
 /// As fm_outbox_want_details.
 FM_EXPORT void fm_engine_want_details(

@@ -110,10 +110,10 @@ void fm_engine_remove_queue(struct fm_engine * engine, struct fm_queue * queue)
 static bool is_due_locked(struct fm_engine * engine)
 {
   int64_t now;
-  return engine->has_begun && fm_evaluator_wake(engine->options.evaluator) != FM_NEVER &&
+  return engine->has_begun && fm_engine_wakes_at_locked(engine) != FM_NEVER &&
          fm_engine_read_now_locked(engine, 0, &now) &&
-         fm_evaluator_wake(engine->options.evaluator) < now &&
-         fm_evaluator_deadline(engine->options.evaluator) < now;
+         fm_engine_wakes_at_locked(engine) < now &&
+         fm_engine_next_due_locked(engine) < now;
 }
 
 // Whether somebody catches up, who looks at `has_left` afterwards.

@@ -127,12 +127,18 @@ static int64_t steady_of_locked(struct fm_engine * engine, int64_t received, int
          fm_between(engine->ahead_before, received) : instant;
 }
 
+int64_t fm_engine_time_locked(const struct fm_engine * engine)
+{
+  return engine->options.scopes == NULL ? fm_evaluator_now(engine->options.evaluator) :
+         fm_scopes_now(engine->options.scopes);
+}
+
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now)
 {
   if (engine->source != FM_STEADY || received <= 0) {
     return now;
   }
-  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  const int64_t earliest = fm_engine_time_locked(engine);
   return fm_within(steady_of_locked(engine, received, now), earliest, now);
 }
 
@@ -176,7 +182,7 @@ static const struct fm_clock_mark * mark_at_locked(const struct fm_engine * engi
 // by nanoseconds: messages that came while the clock stood.
 int64_t fm_engine_clock_at_locked(const struct fm_engine * engine, int64_t received)
 {
-  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  const int64_t earliest = fm_engine_time_locked(engine);
   const struct fm_clock_mark * mark = received > 0 ? mark_at_locked(engine, received) : NULL;
   const int64_t clock = mark != NULL ? mark->clock :
     received > 0 && engine->n_marks > 0 ? earliest : engine->round;
@@ -187,7 +193,7 @@ int64_t fm_engine_clock_at_locked(const struct fm_engine * engine, int64_t recei
 // that is delivered in a round.
 int64_t fm_engine_stamps_at_locked(const struct fm_engine * engine, int64_t received)
 {
-  const int64_t now = fm_evaluator_now(engine->options.evaluator);
+  const int64_t now = fm_engine_time_locked(engine);
   const int64_t earliest = now < engine->released ? engine->released : now;
   const int64_t then =
     received <= 0 ? engine->round : fm_later(received, -engine->options.reorder);

@@ -24,17 +24,20 @@
 #define FEWEST_AHEAD_NS INT64_C(100000000)
 
 // A message waits for others with earlier stamps. If there is no room for it, the one with the
-// earliest stamp takes effect now.
+// earliest stamp takes effect now; if there is no memory for its bytes, it does.
 static void wait_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
-  int64_t now)
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t stamp, int64_t now)
 {
+  const uint32_t n_inputs = engine->options.topics[delivery->topic].n_inputs;
+  const bool has_parts = fm_engine_reader(engine, delivery->topic)->parts != NULL;
   if (engine->waiting.n == engine->waiting.capacity) {
-    engine->topics[fm_reorder_first(&engine->waiting)->topic].counts.overflows += 1;
+    engine->topics[fm_reorder_first(&engine->waiting)->delivery.topic].counts.overflows += 1;
     fm_engine_put_waiting_locked(engine, now);
   }
-  fm_reorder_add(
-    &engine->waiting, topic, stamp, fields, engine->options.topics[topic].n_inputs);
+  if (!fm_reorder_add(&engine->waiting, delivery, stamp, n_inputs, has_parts)) {
+    engine->topics[delivery->topic].counts.overflows += 1;
+    (void)fm_engine_put_locked(engine, delivery, now);
+  }
   fm_engine_release_locked(engine, now);
 }
 
@@ -50,30 +53,34 @@ static void count_ahead(struct fm_order_counts * counts, int64_t ahead, int64_t 
 // A message with a stamp in its header. One that comes too late takes effect now: what waits, and
 // what is due, until then comes first.
 static void deliver_stamped_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
-  int64_t now)
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t stamp, int64_t now)
 {
+  struct fm_order_counts * counts = &engine->topics[delivery->topic].counts;
   const bool is_late = stamp < now;
-  engine->topics[topic].counts.late += is_late ? 1u : 0u;
+  counts->late += is_late ? 1u : 0u;
   count_ahead(
-    &engine->topics[topic].counts, stamp - fm_later(now, engine->options.reorder),
+    counts, stamp - fm_later(now, engine->options.reorder),
     engine->options.reorder);
   if (is_late) {
     fm_engine_release_locked(engine, now);
-    (void)fm_engine_put_locked(engine, topic, fields, now);
+    (void)fm_engine_put_locked(engine, delivery, now);
   } else {
-    wait_locked(engine, topic, fields, stamp, now);
+    wait_locked(engine, delivery, stamp, now);
   }
 }
 
 // A message that is a step, if it is one, when it is delivered. Under FM_TIMED a step is an
 // instant of the evaluator.
 static void deliver_step_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
-  int64_t now)
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t stamp, int64_t now)
 {
   const int64_t instant = fm_evaluator_is_timed(engine->options.evaluator) ? now : stamp;
-  fm_engine_store_locked(engine, topic, fields, now);
+  const uint32_t topic = delivery->topic;
+  if (engine->options.scopes != NULL) {
+    (void)fm_engine_step_scopes_locked(engine, delivery, now, fm_between(now, stamp));
+    return;
+  }
+  fm_engine_store_locked(engine, topic, delivery->fields, now);
   fm_engine_announce_locked(
     engine, fm_evaluator_message(engine->options.evaluator, topic, instant, engine->found),
     fm_between(instant, stamp));
@@ -81,13 +88,13 @@ static void deliver_step_locked(
 
 // Under FM_TIMED: a message that takes effect at an instant, `now` by the source.
 static void deliver_timed_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t stamp,
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t stamp,
   int64_t instant, int64_t now)
 {
   if (engine->options.uses_header_stamps) {
-    deliver_stamped_locked(engine, topic, fields, stamp, now);
+    deliver_stamped_locked(engine, delivery, stamp, now);
   } else {
-    const int64_t taken = fm_engine_put_locked(engine, topic, fields, instant);
+    const int64_t taken = fm_engine_put_locked(engine, delivery, instant);
     fm_engine_take_due_after_locked(engine, taken, now);
   }
 }
@@ -102,9 +109,9 @@ static int64_t time_of_locked(
   }
   const bool is_converted = is_timed && received > 0 && engine->source == FM_STEADY &&
     !fm_engine_uses_headers(engine);
-  return is_converted ?
-         fm_later(fm_evaluator_arrival(engine->options.evaluator, instant), engine->system_ahead) :
-         received;
+  const int64_t taken = !is_converted || engine->options.scopes != NULL ? instant :
+    fm_evaluator_arrival(engine->options.evaluator, instant);
+  return is_converted ? fm_later(taken, engine->system_ahead) : received;
 }
 
 static void deliver_fields_locked(
@@ -124,13 +131,15 @@ static void deliver_fields_locked(
       fm_engine_instant_locked(engine, received, now);
   }
   const int64_t stamp = time_of_locked(engine, received, has_time, is_timed, instant);
-  const struct fm_field * fields = fm_engine_prepare_locked(engine, topic, reading->fields, stamp);
+  const struct fm_delivery delivery = {
+    topic, origin->key_size, fm_engine_prepare_locked(engine, topic, reading->fields, stamp),
+    reading->message, reading->size, origin->key, stamp};
   fm_engine_keep_message_locked(engine, topic, reading, stamp, origin->sent);
   if (!has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
-    deliver_step_locked(engine, topic, fields, stamp, now);
+    deliver_step_locked(engine, &delivery, stamp, now);
   } else if (is_timed) {
-    deliver_timed_locked(engine, topic, fields, reading->stamp, instant, now);
+    deliver_timed_locked(engine, &delivery, reading->stamp, instant, now);
   } else {
     if (engine->in_round) {
       now = fm_engine_instant_locked(engine, received, now);
@@ -139,7 +148,7 @@ static void deliver_fields_locked(
     if (fm_evaluator_measures(evaluator)) {
       (void)fm_evaluator_arrival(evaluator, fm_engine_instant_locked(engine, received, now));
     }
-    deliver_step_locked(engine, topic, fields, stamp, now);
+    deliver_step_locked(engine, &delivery, stamp, now);
   }
 }
 
@@ -164,7 +173,10 @@ bool fm_engine_accept_locked(
     fm_engine_keep_message_locked(
       engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin->sent);
   }
-  return reading->is_decoded;
+  if (reading->is_unrelated) {
+    *receipt = FM_UNRELATED;
+  }
+  return *receipt == FM_RECEIVED;
 }
 
 void fm_engine_deliver_locked(

@@ -27,6 +27,10 @@ static void advance_locked(struct fm_engine * engine, int64_t now, bool stands)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
   const int64_t last = stands ? fm_later(now, -1) : now;
+  if (engine->options.scopes != NULL) {
+    fm_engine_advance_scopes_locked(engine, now, stands);
+    return;
+  }
   do {
     const uint32_t n = stands ?
       fm_evaluator_advance_to(evaluator, now, engine->found) :
@@ -47,6 +51,8 @@ void fm_engine_take_due_before_locked(struct fm_engine * engine, int64_t now)
   struct fm_evaluator * evaluator = engine->options.evaluator;
   if (!fm_evaluator_has_begun(evaluator)) {
     advance_locked(engine, now, true);  // begins the time
+  } else if (engine->options.scopes != NULL && fm_evaluator_is_timed(evaluator)) {
+    advance_locked(engine, now, true);  // an instance may have taken a message at this time
   } else if (now != fm_evaluator_now(evaluator)) {
     advance_locked(engine, fm_later(now, -1), false);
   } else if (!fm_evaluator_is_timed(evaluator) && engine->source != FM_CLOCK) {
@@ -58,7 +64,7 @@ void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant,
 {
   const int64_t next = fm_later(instant, 1);
   if (engine->source == FM_STEADY && !engine->in_round && next <= now &&
-    fm_evaluator_wake(engine->options.evaluator) <= next)
+    fm_engine_wakes_at_locked(engine) <= next)
   {
     fm_engine_take_due_before_locked(engine, fm_later(next, 1));
   }
@@ -66,13 +72,17 @@ void fm_engine_take_due_after_locked(struct fm_engine * engine, int64_t instant,
 
 // Under FM_TIMED: let a message take effect at an instant. Returns when it does.
 int64_t fm_engine_put_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t instant)
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t instant)
 {
   struct fm_evaluator * evaluator = engine->options.evaluator;
+  if (engine->options.scopes != NULL) {
+    fm_engine_take_due_before_locked(engine, instant);
+    return fm_engine_step_scopes_locked(engine, delivery, instant, FM_NEVER);
+  }
   const int64_t now = fm_evaluator_arrival(evaluator, instant);
   fm_engine_take_due_before_locked(engine, now);
-  fm_engine_store_locked(engine, topic, fields, now);
-  const uint32_t n = fm_evaluator_message(evaluator, topic, now, engine->found);
+  fm_engine_store_locked(engine, delivery->topic, delivery->fields, now);
+  const uint32_t n = fm_evaluator_message(evaluator, delivery->topic, now, engine->found);
   fm_engine_announce_locked(engine, n, n > 0 ? fm_engine_stamps_ahead_locked(engine) : 0);
   return now;
 }
@@ -80,9 +90,9 @@ int64_t fm_engine_put_locked(
 void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now)
 {
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
-  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  const int64_t earliest = fm_engine_time_locked(engine);
   const int64_t instant = first->stamp < earliest ? earliest : first->stamp;
-  (void)fm_engine_put_locked(engine, first->topic, first->fields, instant < now ? instant : now);
+  (void)fm_engine_put_locked(engine, &first->delivery, instant < now ? instant : now);
   fm_reorder_remove_first(&engine->waiting);
 }
 
@@ -90,7 +100,7 @@ void fm_engine_put_waiting_locked(struct fm_engine * engine, int64_t now)
 // takes effect at its end, so that nothing is due that has never come.
 void fm_engine_release_all_locked(struct fm_engine * engine)
 {
-  const int64_t earliest = fm_evaluator_now(engine->options.evaluator);
+  const int64_t earliest = fm_engine_time_locked(engine);
   const int64_t end = engine->released < earliest ? earliest : engine->released;
   while (fm_reorder_first(&engine->waiting) != NULL) {
     fm_engine_put_waiting_locked(engine, end);
@@ -135,7 +145,7 @@ static void note_set_back_locked(struct fm_engine * engine)
   engine->ahead_noted = fm_engine_system_ahead_locked(engine);
   const int64_t step = fm_between(engine->ahead_noted, before);
   if (engine->has_begun && !engine->is_new_source && step > FM_CLOSE_NS) {
-    const int64_t now = fm_evaluator_now(engine->options.evaluator);
+    const int64_t now = fm_engine_time_locked(engine);
     fm_engine_take_due_by_locked(engine, fm_later(now, -step));
   }
 }
@@ -143,10 +153,9 @@ static void note_set_back_locked(struct fm_engine * engine)
 // Shift the evaluator's times to a source that is read for the first time.
 static void join_source_locked(struct fm_engine * engine, int64_t now)
 {
-  struct fm_evaluator * evaluator = engine->options.evaluator;
   note_set_back_locked(engine);
   if (engine->is_new_source && engine->has_begun) {
-    fm_evaluator_shift(evaluator, fm_between(fm_evaluator_now(evaluator), now));
+    fm_engine_shift_locked(engine, fm_between(fm_engine_time_locked(engine), now));
     engine->is_new_source = false;
   }
   FM_PAUSE();
@@ -175,7 +184,7 @@ bool fm_engine_read_for_message_locked(struct fm_engine * engine, int64_t receiv
 int64_t fm_engine_deadline_locked(struct fm_engine * engine)
 {
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
-  const int64_t deadline = fm_evaluator_deadline(engine->options.evaluator);
+  const int64_t deadline = fm_engine_next_due_locked(engine);
   return first != NULL && first->stamp < deadline ? first->stamp : deadline;
 }
 
@@ -194,7 +203,7 @@ void fm_engine_end_wait_if_earlier_locked(struct fm_engine * engine)
 {
   const struct fm_waiting * first = fm_reorder_first(&engine->waiting);
   if (engine->source == FM_STEADY &&
-    (fm_evaluator_wake(engine->options.evaluator) < engine->wakes_at ||
+    (fm_engine_wakes_at_locked(engine) < engine->wakes_at ||
     (first != NULL && first->stamp < engine->wakes_at)))
   {
     pthread_cond_signal(&engine->violation_queued);

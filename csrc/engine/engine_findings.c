@@ -23,20 +23,18 @@
 #include "instance.h"
 #include "thread.h"
 
-// Note those that begin: a requirement may be violated at each step for hours.
-static void note_occurrences_locked(struct fm_engine * engine, uint32_t n)
+// Note one that begins: a requirement may be violated at each step for hours.
+static void note_occurrence_locked(struct fm_engine * engine, const struct fm_violation * found)
 {
   const bool is_used = engine->blackbox != NULL || engine->has_states || engine->gate != NULL;
-  for (uint32_t k = 0; k < n; ++k) {
-    const uint32_t requirement = engine->found[k].requirement;
-    if (is_used && !engine->found[k].is_recovery && !engine->are_violated[requirement]) {
-      fm_states_begin_violation(&engine->states, requirement);
-      if (engine->blackbox != NULL) {
-        fm_blackbox_note(engine->blackbox, requirement, fm_steady_time());
-      }
+  const uint32_t requirement = found->requirement;
+  if (is_used && !found->is_recovery && !engine->are_violated[requirement]) {
+    fm_states_begin_violation(&engine->states, requirement);
+    if (engine->blackbox != NULL) {
+      fm_blackbox_note(engine->blackbox, requirement, fm_steady_time());
     }
-    engine->are_violated[requirement] = !engine->found[k].is_recovery;
   }
+  engine->are_violated[requirement] = !found->is_recovery;
 }
 
 void fm_engine_note_conditions_locked(struct fm_engine * engine)
@@ -68,19 +66,30 @@ void fm_engine_update_states_locked(struct fm_engine * engine)
   }
 }
 
-void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
+void fm_engine_queue_of_locked(
+  struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
+  const struct fm_outbox_scope * scope, uint32_t first, int64_t later)
 {
   const uint32_t n_details = engine->outbox.n_details;
   for (uint32_t k = 0; k < n; ++k) {
-    engine->found[k].stamp = fm_later(engine->found[k].stamp, later);
-    fm_outbox_add(&engine->outbox, &engine->found[k], engine->options.evaluator);
+    struct fm_violation violation = found[k];
+    violation.stamp = fm_later(violation.stamp, later);
+    violation.requirement += first;
+    fm_outbox_add(&engine->outbox, &violation, scope);
+    note_occurrence_locked(engine, &violation);
   }
-  note_occurrences_locked(engine, n);
+  pthread_cond_signal(&engine->violation_queued);
+  if (engine->outbox.n_details != n_details) {
+    pthread_cond_signal(&engine->detail_queued);
+  }
+}
+
+void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
+{
+  const struct fm_outbox_scope scope =
+  {engine->options.evaluator, engine->options.monitor, {NULL, 0}};
   if (n > 0) {
-    pthread_cond_signal(&engine->violation_queued);
-    if (engine->outbox.n_details != n_details) {
-      pthread_cond_signal(&engine->detail_queued);
-    }
+    fm_engine_queue_of_locked(engine, engine->found, n, &scope, 0, later);
   }
 }
 
@@ -103,7 +112,7 @@ void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t la
 
 void fm_engine_forget_violations_locked(struct fm_engine * engine)
 {
-  memset(engine->are_violated, 0, engine->options.monitor->n_requirements);
+  memset(engine->are_violated, 0, engine->n_requirements);
   if (engine->gate != NULL) {
     fm_gate_forget_violations(engine->gate);
   }

@@ -45,11 +45,13 @@ void fm_engine_on_due(struct fm_engine * engine, void (* on_due)(void * argument
 static const struct fm_field * read_gated_locked(
   struct fm_engine * engine, const uint8_t * message, size_t size, int64_t stamp)
 {
-  int64_t unused;
+  struct fm_reading reading;
   if (engine->gated == engine->options.n_topics) {
     return engine->fields;
   }
-  if (!fm_engine_read(engine, engine->gated, message, size, engine->fields, &unused)) {
+  if (!fm_engine_read(engine, engine->gated, message, size, engine->fields, &reading) ||
+    reading.is_unrelated)
+  {
     return NULL;
   }
   return fm_engine_prepare_locked(engine, engine->gated, engine->fields, stamp);
@@ -120,7 +122,7 @@ static void keep_gated_locked(
   struct fm_engine * engine, const uint8_t * message, size_t size,
   const struct fm_origin * origin, const struct gated_step * step, bool is_read)
 {
-  const struct fm_reading reading = {engine->fields, message, size, 0, is_read};
+  const struct fm_reading reading = {engine->fields, message, size, 0, is_read, false};
   if (engine->gated < engine->options.n_topics) {
     const bool has_time = step->source != INT64_MIN || engine->source != FM_CLOCK;
     fm_engine_keep_message_locked(

@@ -45,7 +45,7 @@ bool fm_engine_observe(
   fm_engine_lock(engine);
   struct fm_observed * const observed = &engine->topics[topic].observed;
   if (!observed->has_value || observed->value != value) {
-    const struct fm_origin origin = {received, received, 0, NULL, false};
+    const struct fm_origin origin = {received, received, 0, NULL, false, NULL, 0};
     const size_t size = serialize(is_truth, value, bytes);
     is_new = true;
     *observed = (struct fm_observed) {value, true, observed->was_there || value != 0};

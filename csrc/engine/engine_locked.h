@@ -37,21 +37,23 @@ struct fm_reading
   const struct fm_field * fields;
   const uint8_t * message;
   size_t size;
-  int64_t stamp;     // of its header, if these count
+  int64_t stamp;      // of its header, if these count
   bool is_decoded;
+  bool is_unrelated;  // decoded, and none of the topic: its `where` does not select it
 };
 
-/// Whether fm_reading must have the bytes of a message that was decoded: messages are kept, some
-/// field cannot be used, or the message has links between frames. Any thread, without the lock.
-/// O(fields).
+/// Whether fm_reading must have the bytes of a message: it cannot be decoded, messages are kept,
+/// some field cannot be used, or the message has links between frames, or parts for instances. Any
+/// thread, without the lock. O(fields).
 bool fm_engine_needs_bytes(
-  const struct fm_engine * engine, uint32_t topic, const struct fm_field * fields);
+  const struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading);
 
-/// Read a message of a topic: its fields, and its stamp. Returns whether it can be decoded; if
-/// not, what was written is unspecified. Any thread, without the lock. O(fields to read).
+/// Read a message of a topic: its fields, and its stamp. `reading` then refers to the fields and
+/// the message. Returns whether it can be decoded; if not, the fields are unspecified. Any thread,
+/// without the lock. O(fields to read).
 bool fm_engine_read(
   const struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
-  struct fm_field * fields, int64_t * stamp);
+  struct fm_field * fields, struct fm_reading * reading);
 
 /// As fm_engine_message, for a message that was read already. Call it with the lock held. `topic`
 /// must be in range.

@@ -24,9 +24,10 @@
 #include "instance.h"
 #include "thread.h"
 
-static void keep_evidence(
-  struct fm_engine_topic * topic, const uint8_t * message, size_t size)
+void fm_engine_keep_evidence_locked(
+  struct fm_engine * engine, uint32_t number, const uint8_t * message, size_t size)
 {
+  struct fm_engine_topic * topic = &engine->topics[number];
   if (topic->evidence == NULL && size > 0) {
     topic->evidence = malloc(size);
     if (topic->evidence != NULL) {
@@ -52,10 +53,12 @@ bool fm_engine_has_links(const struct fm_engine * engine, uint32_t topic)
 }
 
 bool fm_engine_needs_bytes(
-  const struct fm_engine * engine, uint32_t topic, const struct fm_field * fields)
+  const struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading)
 {
-  return engine->blackbox != NULL || fm_engine_has_links(engine, topic) ||
-         !all_are_read(fields, engine->options.topics[topic].n_inputs);
+  return !reading->is_decoded || (!reading->is_unrelated && (
+           engine->blackbox != NULL || fm_engine_has_links(engine, topic) ||
+           fm_engine_reader(engine, topic)->parts != NULL ||
+           !all_are_read(reading->fields, engine->options.topics[topic].n_inputs)));
 }
 
 void fm_engine_keep_message_locked(
@@ -65,7 +68,7 @@ void fm_engine_keep_message_locked(
   if (reading->is_decoded &&
     !all_are_read(reading->fields, engine->options.topics[topic].n_inputs))
   {
-    keep_evidence(&engine->topics[topic], reading->message, reading->size);
+    fm_engine_keep_evidence_locked(engine, topic, reading->message, reading->size);
   }
   if (engine->blackbox != NULL) {
     const struct fm_kept kept =
@@ -97,27 +100,48 @@ const struct fm_reader * fm_engine_reader(const struct fm_engine * engine, uint3
   return &engine->options.readers->topics[topic];
 }
 
+static bool read_message(
+  const struct fm_engine * engine, const struct fm_reader * reader, const uint8_t * message,
+  size_t size, struct fm_field * fields, struct fm_reading * reading)
+{
+  bool is_selected = true;
+  if (reader->selects != NULL && !reader->selects(message, size, &is_selected)) {
+    return false;
+  }
+  reading->is_unrelated = !is_selected;
+  return !is_selected || (
+    reader->read(message, size, fields) &&
+    (reader->parts == NULL || reader->parts(message, size, NULL, 0, NULL, NULL)) &&
+    (!engine->options.uses_header_stamps || reader->stamp(message, size, &reading->stamp)));
+}
+
 bool fm_engine_read(
   const struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
-  struct fm_field * fields, int64_t * stamp)
+  struct fm_field * fields, struct fm_reading * reading)
 {
   const struct fm_reader * reader = fm_engine_reader(engine, topic);
-  *stamp = 0;
-  return reader->read(message, size, fields) &&
-         (!engine->options.uses_header_stamps || reader->stamp(message, size, stamp));
+  const struct fm_reading unread = {fields, message, size, 0, false, false};
+  *reading = unread;
+  reading->is_decoded = read_message(engine, reader, message, size, fields, reading);
+  return reading->is_decoded;
 }
 
 const struct fm_field * fm_engine_prepare_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t received)
 {
-  const struct fm_topic * fed = &engine->options.topics[topic];
-  if (!engine->topics[topic].has_sources) {
-    return fields;
-  }
+  return !engine->topics[topic].has_sources ? fields :
+         fm_engine_prepare_inputs_locked(
+    engine, &engine->options.topics[topic], engine->options.sources, fields, received);
+}
+
+const struct fm_field * fm_engine_prepare_inputs_locked(
+  struct fm_engine * engine, const struct fm_topic * fed, const uint8_t * sources,
+  const struct fm_field * fields, int64_t received)
+{
   memcpy(engine->prepared, fields, fed->n_inputs * sizeof(*fields));
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     struct fm_field * field = &engine->prepared[k];
-    const uint8_t source = engine->options.sources[fed->inputs[k]];
+    const uint8_t source = sources[fed->inputs[k]];
     if (source == FM_RECEPTION) {
       field->value.i = 1;
       field->outcome = FM_FIELD_READ;

@@ -14,7 +14,7 @@
 
 /// engine_parts.h: the struct of an engine, and the functions that its files share. For
 /// engine_*.c, and those that read the struct: records.c and thinning.c. A file calls only those
-/// before it: clock < findings < message < due < backlog < delivery < transforms <
+/// before it: clock < findings < message < scopes < due < backlog < delivery < transforms <
 /// graph < gate < engine.
 ///
 /// One mutex guards the whole struct. Functions whose names end in _locked need it held.
@@ -88,6 +88,12 @@ struct fm_engine
   struct fm_field * prepared;   // of the message being read, with receptions and ages
   struct fm_violation * found;  // violations of the steps of one message
   struct fm_engine_topic * topics;
+  uint32_t * numbers;           // a kind: that of its first requirement; last, n_requirements
+  uint32_t n_kinds;
+  uint32_t n_requirements;      // of all scopes
+  const struct fm_delivery * delivery;  // whose parts are being taken by instances
+  int64_t later;                // than found are the stamps of violations of a message; FM_NEVER:
+                                // as stamps are later than the evaluator's times
   struct fm_reorder waiting;    // under FM_TIMED: messages of later stamps
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
@@ -169,6 +175,9 @@ bool fm_engine_hangs_locked(const struct fm_engine * engine, int64_t nanoseconds
 /// Until when messages were received that belong to the round: system time.
 int64_t fm_engine_round_received_by_locked(struct fm_engine * engine);
 
+/// The evaluator's time; with instances, also while the bundle's scope is ahead of it.
+int64_t fm_engine_time_locked(const struct fm_engine * engine);
+
 /// When a message was received, by the source's time: between the evaluator's and `now`.
 int64_t fm_engine_instant_locked(struct fm_engine * engine, int64_t received, int64_t now);
 
@@ -186,6 +195,12 @@ int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);
 
 /// Keep what locks and the gate depend on, if it has changed. O(requirements + inputs).
 void fm_engine_note_conditions_locked(struct fm_engine * engine);
+
+/// Queue violations of a scope, whose stamps are `later` than found; `first` is the number of its
+/// first requirement.
+void fm_engine_queue_of_locked(
+  struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
+  const struct fm_outbox_scope * scope, uint32_t first, int64_t later);
 
 /// Queue the violations of engine->found, whose stamps are `later` than found.
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);
@@ -211,6 +226,16 @@ void fm_engine_look_for_hang_locked(struct fm_engine * engine);
 /// Whether the messages of a topic have links between frames.
 bool fm_engine_has_links(const struct fm_engine * engine, uint32_t topic);
 
+/// Keep a message as evidence that a field of its topic cannot be used, if none is kept.
+void fm_engine_keep_evidence_locked(
+  struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size);
+
+/// The fields of inputs, with those that are no fields, of a message that was received at a ROS
+/// time; they are valid until the next call.
+const struct fm_field * fm_engine_prepare_inputs_locked(
+  struct fm_engine * engine, const struct fm_topic * fed, const uint8_t * sources,
+  const struct fm_field * fields, int64_t received);
+
 /// Store the fields of a message in the inputs of the evaluator.
 void fm_engine_store_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t now);
@@ -225,6 +250,27 @@ const struct fm_field * fm_engine_prepare_locked(
 void fm_engine_keep_message_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
   int64_t sent);
+
+// ---- engine_scopes.c ---------------------------------------------------------------------------
+
+/// Number the requirements of all scopes, and take what the instances report. Returns false if
+/// memory is short, or the scopes do not fit the topics.
+bool fm_engine_number_scopes(struct fm_engine * engine);
+
+/// With instances: let a message take effect `now`; the stamps of its violations are `later` than
+/// found, as in struct fm_engine. Returns when it takes effect in the bundle's scope.
+int64_t fm_engine_step_scopes_locked(
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t now, int64_t later);
+
+/// With instances: take what is due by `now`, or before it if the clock `stands` at `now`.
+void fm_engine_advance_scopes_locked(struct fm_engine * engine, int64_t now, bool stands);
+
+/// As fm_evaluator_wake, fm_evaluator_deadline, fm_evaluator_shift and fm_evaluator_reset, of all
+/// scopes.
+int64_t fm_engine_wakes_at_locked(const struct fm_engine * engine);
+int64_t fm_engine_next_due_locked(struct fm_engine * engine);
+void fm_engine_shift_locked(struct fm_engine * engine, int64_t by);
+void fm_engine_reset_locked(struct fm_engine * engine);
 
 // ---- engine_due.c ------------------------------------------------------------------------------
 
@@ -259,7 +305,7 @@ void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now);
 
 /// Let a message take effect at an instant, after what is due before it.
 int64_t fm_engine_put_locked(
-  struct fm_engine * engine, uint32_t topic, const struct fm_field * fields, int64_t instant);
+  struct fm_engine * engine, const struct fm_delivery * delivery, int64_t instant);
 
 /// Let the first message that waits take effect at its stamp, or the evaluator's time if that is
 /// later, but not after `now`.

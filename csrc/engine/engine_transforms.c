@@ -116,12 +116,12 @@ static bool is_new(struct fm_tree * tree, struct fm_engine_transform * made)
 static void deliver_transform_locked(
   struct fm_engine * engine, struct fm_engine_transform * made, const struct fm_origin * origin)
 {
-  const struct fm_origin unnumbered = {origin->received, origin->sent, 0, NULL, false};
-  struct fm_reading reading = {made->fields, made->message, made->size, 0, false};
+  const struct fm_origin unnumbered = {origin->received, origin->sent, 0, NULL, false, NULL, 0};
+  struct fm_reading reading;
   uint32_t receipt;
   memcpy(made->message, made->next, made->size);
-  reading.is_decoded = fm_engine_read(
-    engine, made->options.topic, made->message, made->size, made->fields, &reading.stamp);
+  (void)fm_engine_read(
+    engine, made->options.topic, made->message, made->size, made->fields, &reading);
   if (fm_engine_accept_locked(engine, made->options.topic, &reading, &unnumbered, &receipt)) {
     fm_engine_deliver_locked(engine, made->options.topic, &reading, &unnumbered);
   }
@@ -183,9 +183,8 @@ uint32_t fm_engine_message_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin)
 {
-  struct fm_reading reading = {engine->fields, message, size, 0, false};
-  reading.is_decoded =
-    fm_engine_read(engine, topic, message, size, engine->fields, &reading.stamp);
+  struct fm_reading reading;
+  (void)fm_engine_read(engine, topic, message, size, engine->fields, &reading);
   return fm_engine_receive_locked(engine, topic, &reading, origin);
 }
 

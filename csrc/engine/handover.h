@@ -43,6 +43,8 @@ struct fm_origin
   uint64_t sequence;   // its number, counted by its publisher from 1; 0 or UINT64_MAX: none
   const uint8_t * gid; // of the publisher, FM_GID_BYTES; NULL: not known
   bool is_retired;     // received by a subscription that is being replaced
+  const uint8_t * key; // of an instance, in the topic's name; NULL: none
+  uint32_t key_size;   // bytes
 };
 
 struct fm_publisher

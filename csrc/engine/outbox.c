@@ -39,12 +39,12 @@ struct fm_quota
   uint64_t violations;  // with and without details
 };
 
-bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor)
+bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_outbox_size * size)
 {
   memset(outbox, 0, sizeof(*outbox));
-  outbox->monitor = monitor;
+  outbox->size = *size;
   outbox->violations = calloc(FIRST_CAPACITY, sizeof(*outbox->violations));
-  outbox->quotas = calloc(monitor->n_requirements + (size_t)1, sizeof(*outbox->quotas));
+  outbox->quotas = calloc((size_t)size->n_requirements + 1, sizeof(*outbox->quotas));
   outbox->capacity = FIRST_CAPACITY;
   return outbox->violations != NULL && outbox->quotas != NULL;
 }
@@ -52,6 +52,7 @@ bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor
 void fm_outbox_free(struct fm_outbox * outbox)
 {
   free(outbox->violations);
+  free(outbox->keys);
   free(outbox->quotas);
   free(outbox->details);
 }
@@ -81,24 +82,80 @@ static bool grow(struct fm_outbox * outbox)
   return true;
 }
 
-static void add_violation(struct fm_outbox * outbox, const struct fm_violation * violation)
+// Room for one more key: those that were taken are overwritten, or it doubles.
+static bool make_room_for_key(struct fm_outbox * outbox)
 {
-  if (outbox->n_violations == outbox->capacity && !grow(outbox)) {
+  if (outbox->keys_end + FM_KEY_ROOM <= outbox->keys_room) {
+    return true;
+  }
+  if (outbox->keys_begin > outbox->keys_room / 2) {
+    outbox->keys_end -= outbox->keys_begin;
+    memmove(outbox->keys, outbox->keys + outbox->keys_begin, outbox->keys_end);
+    outbox->keys_begin = 0;
+    return true;
+  }
+  const size_t room = outbox->keys_room == 0 ? 16u * FM_KEY_ROOM : 2u * outbox->keys_room;
+  uint8_t * keys = realloc(outbox->keys, room);
+  if (keys == NULL) {
+    return false;
+  }
+  outbox->keys = keys;
+  outbox->keys_room = room;
+  return true;
+}
+
+static size_t write_key(uint8_t * out, const struct fm_key * key)
+{
+  out[0] = (uint8_t)key->size;
+  if (key->size > 0) {
+    memcpy(out + 1, key->bytes, key->size);
+  }
+  return key->size + (size_t)1;
+}
+
+static void add_violation(
+  struct fm_outbox * outbox, const struct fm_violation * violation, const struct fm_key * key)
+{
+  if ((outbox->n_violations == outbox->capacity && !grow(outbox)) ||
+    (outbox->size.has_keys && !make_room_for_key(outbox)))
+  {
     outbox->unpublished += 1;
     return;
   }
   outbox->violations[place_of(outbox, outbox->n_violations)] = *violation;
   outbox->n_violations += 1;
+  if (outbox->size.has_keys) {
+    outbox->keys_end += write_key(outbox->keys + outbox->keys_end, key);
+  }
 }
 
-uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, uint32_t room)
+static void take_key(struct fm_outbox * outbox, uint8_t * out)
+{
+  const uint8_t * kept = outbox->keys + outbox->keys_begin;
+  if (out != NULL) {
+    memcpy(out, kept, kept[0] + (size_t)1);
+  }
+  outbox->keys_begin += kept[0] + (size_t)1;
+}
+
+uint32_t fm_outbox_take(
+  struct fm_outbox * outbox, struct fm_violation * out, uint8_t * keys, uint32_t room)
 {
   const uint32_t n = outbox->n_violations < room ? outbox->n_violations : room;
   for (uint32_t k = 0; k < n; ++k) {
     out[k] = outbox->violations[place_of(outbox, k)];
+    if (outbox->size.has_keys) {
+      take_key(outbox, keys == NULL ? NULL : keys + k * FM_KEY_ROOM);
+    } else if (keys != NULL) {
+      keys[k * FM_KEY_ROOM] = 0;
+    }
   }
   outbox->begin = place_of(outbox, n);
   outbox->n_violations -= n;
+  if (outbox->n_violations == 0) {
+    outbox->keys_begin = 0;
+    outbox->keys_end = 0;
+  }
   return n;
 }
 
@@ -114,19 +171,18 @@ static bool is_within_limit(const struct fm_outbox * outbox, struct fm_quota * q
   return quota->used < outbox->most_details_per_s && outbox->n_details < outbox->detail_slots;
 }
 
-static void write_flags(
-  uint8_t * flags, const struct fm_monitor * monitor, const struct fm_evaluator * evaluator)
+static void write_flags(uint8_t * flags, const struct fm_outbox_scope * scope)
 {
-  for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
-    const unsigned has_value = fm_evaluator_has_value(evaluator, i) ? 1u : 0u;
-    const unsigned is_stale = fm_evaluator_is_stale(evaluator, i) ? 2u : 0u;
+  for (uint32_t i = 0; i < scope->monitor->n_inputs; ++i) {
+    const unsigned has_value = fm_evaluator_has_value(scope->evaluator, i) ? 1u : 0u;
+    const unsigned is_stale = fm_evaluator_is_stale(scope->evaluator, i) ? 2u : 0u;
     flags[i] = (uint8_t)(has_value | is_stale);
   }
 }
 
 static void add_detail(
   struct fm_outbox * outbox, const struct fm_violation * violation,
-  const struct fm_evaluator * evaluator)
+  const struct fm_outbox_scope * scope)
 {
   struct fm_quota * quota = &outbox->quotas[violation->requirement];
   if (!is_within_limit(outbox, quota)) {
@@ -134,12 +190,16 @@ static void add_detail(
     return;
   }
   const struct fm_detail detail = {*violation, quota->suppressed, quota->violations};
-  const size_t inputs_bytes = (size_t)outbox->monitor->inputs_bytes;
+  const size_t inputs_bytes = (size_t)scope->monitor->inputs_bytes;
   const uint32_t place = (outbox->detail_begin + outbox->n_details) % outbox->detail_slots;
   uint8_t * slot = outbox->details + place * outbox->detail_slot_bytes;
   memcpy(slot, &detail, sizeof(detail));
-  memcpy(slot + sizeof(detail), fm_evaluator_inputs(evaluator), inputs_bytes);
-  write_flags(slot + sizeof(detail) + inputs_bytes, outbox->monitor, evaluator);
+  memcpy(slot + sizeof(detail), fm_evaluator_inputs(scope->evaluator), inputs_bytes);
+  write_flags(slot + sizeof(detail) + inputs_bytes, scope);
+  if (outbox->size.has_keys) {
+    (void)write_key(
+      slot + sizeof(detail) + inputs_bytes + scope->monitor->n_inputs, &scope->key);
+  }
   quota->used += 1;
   quota->queued += 1;
   outbox->n_details += 1;
@@ -147,26 +207,26 @@ static void add_detail(
 
 void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
-  const struct fm_evaluator * evaluator)
+  const struct fm_outbox_scope * scope)
 {
   outbox->quotas[violation->requirement].violations += violation->is_recovery ? 0u : 1u;
   if (!violation->is_recovery || outbox->keeps_recoveries) {
-    add_violation(outbox, violation);
+    add_violation(outbox, violation, &scope->key);
   }
   if (outbox->wants_details) {
-    add_detail(outbox, violation, evaluator);
+    add_detail(outbox, violation, scope);
   }
 }
 
-static size_t detail_bytes(const struct fm_outbox * outbox)
+size_t fm_outbox_detail_bytes(const struct fm_outbox * outbox)
 {
-  const struct fm_monitor * monitor = outbox->monitor;
-  return sizeof(struct fm_detail) + (size_t)monitor->inputs_bytes + monitor->n_inputs;
+  return sizeof(struct fm_detail) + (size_t)outbox->size.inputs_bytes +
+         (outbox->size.has_keys ? FM_KEY_ROOM : 0u);
 }
 
 static bool make_details(struct fm_outbox * outbox)
 {
-  outbox->detail_slot_bytes = (detail_bytes(outbox) + 15u) & ~(size_t)15u;
+  outbox->detail_slot_bytes = (fm_outbox_detail_bytes(outbox) + 15u) & ~(size_t)15u;
   const size_t slots = DETAIL_MEMORY_BYTES / outbox->detail_slot_bytes + 1u;
   outbox->detail_slots = slots > MOST_DETAILS ? MOST_DETAILS : (uint32_t)slots;
   outbox->details = malloc(outbox->detail_slots * outbox->detail_slot_bytes);
@@ -175,7 +235,7 @@ static bool make_details(struct fm_outbox * outbox)
 
 static void drop_details(struct fm_outbox * outbox)
 {
-  for (uint32_t r = 0; outbox->n_details > 0 && r < outbox->monitor->n_requirements; ++r) {
+  for (uint32_t r = 0; outbox->n_details > 0 && r < outbox->size.n_requirements; ++r) {
     outbox->quotas[r].queued = 0;
   }
   outbox->n_details = 0;
@@ -198,7 +258,7 @@ bool fm_outbox_take_detail(struct fm_outbox * outbox, struct fm_detail * out)
   }
   memcpy(
     out, outbox->details + outbox->detail_begin * outbox->detail_slot_bytes,
-    detail_bytes(outbox));
+    fm_outbox_detail_bytes(outbox));
   outbox->detail_begin = (outbox->detail_begin + 1u) % outbox->detail_slots;
   outbox->n_details -= 1;
   outbox->quotas[out->violation.requirement].queued -= 1;

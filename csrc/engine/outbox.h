@@ -22,10 +22,14 @@
 #ifndef OUTBOX_H_
 #define OUTBOX_H_
 
-#include "evaluator.h"
+#include "kinds.h"
 
-/// One violation in detail, followed in memory by the values of the inputs (the module's struct),
-/// and by a byte of flags for each input: 1 if it has a value, 2 if it is stale.
+/// Bytes of a key that is kept: its size, then the bytes. The size is 0 for the bundle's scope.
+#define FM_KEY_ROOM 256u
+
+/// One violation in detail, followed in memory by the values of the inputs (the struct of the
+/// module of its scope), and by a byte of flags for each input: 1 if it has a value, 2 if it is
+/// stale. With instances, a key of FM_KEY_ROOM bytes follows.
 struct fm_detail
 {
   struct fm_violation violation;
@@ -43,13 +47,33 @@ struct fm_detail_counts
 
 struct fm_quota;
 
+/// What an outbox is for.
+struct fm_outbox_size
+{
+  uint64_t n_requirements;
+  uint64_t inputs_bytes;       // with the flags, of the scope with most
+  bool has_keys;               // of instances
+};
+
+/// The scope of a violation.
+struct fm_outbox_scope
+{
+  const struct fm_evaluator * evaluator;
+  const struct fm_monitor * monitor;
+  struct fm_key key;           // of an instance; size 0: the bundle's scope
+};
+
 struct fm_outbox
 {
-  const struct fm_monitor * monitor;
+  struct fm_outbox_size size;
   struct fm_violation * violations;  // a ring; the capacity is a power of two
   uint32_t begin;
   uint32_t n_violations;
   uint32_t capacity;
+  uint8_t * keys;              // of the violations, one after another, if there are any
+  size_t keys_begin;
+  size_t keys_end;
+  size_t keys_room;
   uint64_t unpublished;        // violations that were dropped or could not be published
   struct fm_quota * quotas;    // and counters, by requirement
   uint8_t * details;           // a ring of slots
@@ -63,8 +87,8 @@ struct fm_outbox
 };
 
 /// Make an empty outbox. Returns false if memory is short; the caller must call fm_outbox_free
-/// even then. The monitor outlives the outbox. O(requirements).
-bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_monitor * monitor);
+/// even then. O(requirements).
+bool fm_outbox_init(struct fm_outbox * outbox, const struct fm_outbox_size * size);
 
 /// Free its memory. A zeroed outbox may be freed. O(1).
 void fm_outbox_free(struct fm_outbox * outbox);
@@ -75,10 +99,12 @@ void fm_outbox_free(struct fm_outbox * outbox);
 /// violation is counted as unpublished.
 void fm_outbox_add(
   struct fm_outbox * outbox, const struct fm_violation * violation,
-  const struct fm_evaluator * evaluator);
+  const struct fm_outbox_scope * scope);
 
-/// Take up to `room` violations, oldest first. Returns their number. O(room).
-uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, uint32_t room);
+/// Take up to `room` violations, oldest first, and their keys, FM_KEY_ROOM bytes for each; `keys`
+/// NULL: not. Returns their number. O(room).
+uint32_t fm_outbox_take(
+  struct fm_outbox * outbox, struct fm_violation * out, uint8_t * keys, uint32_t room);
 
 /// Queue details from now on, at most `most_per_s` a second for each requirement, and 1024 at a
 /// time; the others are counted (fm_detail.suppressed). With `are_wanted` false, no details are
@@ -87,8 +113,11 @@ uint32_t fm_outbox_take(struct fm_outbox * outbox, struct fm_violation * out, ui
 void fm_outbox_want_details(
   struct fm_outbox * outbox, bool are_wanted, uint32_t most_per_s);
 
-/// Take the oldest detail: fm_detail, the inputs (monitor->inputs_bytes), the flags
-/// (monitor->n_inputs). Returns whether there was one. O(bytes of the inputs).
+/// The bytes of a detail with all that follows it. O(1).
+size_t fm_outbox_detail_bytes(const struct fm_outbox * outbox);
+
+/// Take the oldest detail, fm_outbox_detail_bytes. Returns whether there was one. O(bytes of the
+/// inputs).
 bool fm_outbox_take_detail(struct fm_outbox * outbox, struct fm_detail * out);
 
 /// The counts of a requirement, all but `is_violated`. O(1).

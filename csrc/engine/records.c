@@ -48,16 +48,20 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
     const uint32_t topic = records->topics[k];
     const uint8_t * message = records->bytes + records->place;
     const size_t size = (size_t)records->sizes[k];
+    const uint32_t key_size = records->keys == NULL ? 0 : records->key_sizes[k];
+    const uint8_t * key = key_size == 0 ? NULL : records->keys + records->key_place;
     if (topic < engine->options.n_topics) {
       if (!take_all_due_locked(engine, fm_later(time, -engine->options.reorder), most, &left)) {
         break;
       }
-      const struct fm_origin origin = {time, 0, 0, NULL, false};
-      (void)fm_engine_message_locked(engine, topic, message, size, &origin);
-      records->counts[topic] += 1;
+      const struct fm_origin origin = {time, 0, 0, NULL, false, key, key_size};
+      const uint32_t receipt =
+        fm_engine_message_locked(engine, topic, message, size, &origin);
+      records->counts[topic] += receipt == FM_UNRELATED ? 0u : 1u;
     }
     records->next += 1;
     records->place += size;
+    records->key_place += key_size;
     left = FM_MOST_BETWEEN_RECORDS;
   }
   const bool are_all = records->next == records->n;

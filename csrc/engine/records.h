@@ -28,16 +28,19 @@ extern "C" {
 #endif
 
 /// Messages of a recording, in the order of their times, one after another in `bytes`. The caller
-/// owns all of it; only `next`, `place` and `counts` are written.
+/// owns all of it; only `next`, `place`, `key_place` and `counts` are written.
 struct fm_records
 {
   const uint32_t * topics;  // of the engine; an index out of range is passed over
   const int64_t * times;    // ns: when each was received
   const uint64_t * sizes;   // of each, in bytes
   const uint8_t * bytes;
+  const uint8_t * keys;      // in the names of their topics, one after another; NULL: none has one
+  const uint32_t * key_sizes;  // of each, in bytes
   uint64_t n;
   uint64_t next;            // the one to deliver next; 0 at first
   uint64_t place;           // where it begins in `bytes`; 0 at first
+  uint64_t key_place;       // where its key begins in `keys`; 0 at first
   uint64_t * counts;        // a topic: how many were delivered so far
 };
 

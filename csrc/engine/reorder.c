@@ -43,16 +43,43 @@ bool fm_reorder_init(struct fm_reorder * reorder, uint32_t most_fields)
 
 void fm_reorder_free(struct fm_reorder * reorder)
 {
+  for (uint32_t k = 0; reorder->slots != NULL && k < reorder->capacity; ++k) {
+    free(reorder->slots[k].bytes);
+  }
   free(reorder->slots);
   free(reorder->fields);
   free(reorder->order);
 }
 
-void fm_reorder_add(
-  struct fm_reorder * reorder, uint32_t topic, int64_t stamp, const struct fm_field * fields,
-  uint32_t n_fields)
+static bool copy_bytes(struct fm_waiting * waiting)
+{
+  struct fm_delivery * delivery = &waiting->delivery;
+  waiting->bytes = malloc(delivery->size + delivery->key_size + 1u);
+  if (waiting->bytes == NULL) {
+    return false;
+  }
+  if (delivery->size > 0) {
+    memcpy(waiting->bytes, delivery->message, delivery->size);
+  }
+  delivery->message = waiting->bytes;
+  if (delivery->key != NULL) {
+    memcpy(waiting->bytes + delivery->size, delivery->key, delivery->key_size);
+    delivery->key = waiting->bytes + delivery->size;
+  }
+  return true;
+}
+
+bool fm_reorder_add(
+  struct fm_reorder * reorder, const struct fm_delivery * delivery, int64_t stamp,
+  uint32_t n_fields, bool has_parts)
 {
   const uint32_t slot = reorder->order[reorder->n];
+  struct fm_waiting * waiting = &reorder->slots[slot];
+  waiting->delivery = *delivery;
+  waiting->delivery.fields = waiting->fields;
+  if (has_parts && !copy_bytes(waiting)) {
+    return false;
+  }
   uint32_t place = reorder->n;
   while (place > 0 && reorder->slots[reorder->order[place - 1]].stamp > stamp) {
     reorder->order[place] = reorder->order[place - 1];
@@ -60,11 +87,11 @@ void fm_reorder_add(
   }
   reorder->order[place] = slot;
   reorder->n += 1;
-  reorder->slots[slot].topic = topic;
-  reorder->slots[slot].stamp = stamp;
+  waiting->stamp = stamp;
   if (n_fields > 0) {
-    memcpy(reorder->slots[slot].fields, fields, n_fields * sizeof(*fields));
+    memcpy(waiting->fields, delivery->fields, n_fields * sizeof(*delivery->fields));
   }
+  return true;
 }
 
 const struct fm_waiting * fm_reorder_first(const struct fm_reorder * reorder)
@@ -75,6 +102,8 @@ const struct fm_waiting * fm_reorder_first(const struct fm_reorder * reorder)
 void fm_reorder_remove_first(struct fm_reorder * reorder)
 {
   const uint32_t slot = reorder->order[0];
+  free(reorder->slots[slot].bytes);
+  reorder->slots[slot].bytes = NULL;
   reorder->n -= 1;
   memmove(&reorder->order[0], &reorder->order[1], reorder->n * sizeof(*reorder->order));
   reorder->order[reorder->n] = slot;

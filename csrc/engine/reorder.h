@@ -19,7 +19,7 @@
 /// equal stamps, in the order of arrival.
 ///
 /// Not thread-safe: the caller holds a mutex. The caller owns the struct; the buffer owns its
-/// memory, which does not grow.
+/// memory, which does not grow, but for the bytes of messages with parts for instances.
 
 #ifndef REORDER_H_
 #define REORDER_H_
@@ -29,12 +29,25 @@
 /// The messages that wait at most; fewer if these take more than 4 MiB.
 #define FM_MOST_WAITING 1024
 
+/// A message that takes effect. The owner keeps all that it points to.
+struct fm_delivery
+{
+  uint32_t topic;
+  uint32_t key_size;
+  const struct fm_field * fields;  // of the topic's inputs in the bundle's scope
+  const uint8_t * message;         // with parts for instances, otherwise not used
+  size_t size;
+  const uint8_t * key;             // in the name of its topic; NULL: none
+  int64_t received;                // by ROS time
+};
+
 /// A message that waits.
 struct fm_waiting
 {
   int64_t stamp;             // ns
-  uint32_t topic;
-  struct fm_field * fields;  // of the topic's inputs
+  struct fm_delivery delivery;
+  struct fm_field * fields;  // those of the delivery
+  uint8_t * bytes;           // its message, then its key; NULL: neither
 };
 
 struct fm_reorder
@@ -53,10 +66,12 @@ bool fm_reorder_init(struct fm_reorder * reorder, uint32_t most_fields);
 /// Free its memory. A zeroed buffer may be freed. O(1).
 void fm_reorder_free(struct fm_reorder * reorder);
 
-/// Add a message; the buffer must not be full. O(n_fields + messages with later stamps).
-void fm_reorder_add(
-  struct fm_reorder * reorder, uint32_t topic, int64_t stamp, const struct fm_field * fields,
-  uint32_t n_fields);
+/// Add a message; the buffer must not be full. With `has_parts` its bytes and its key are copied,
+/// for which memory is allocated. Returns false if it is short. O(n_fields + bytes + messages with
+/// later stamps).
+bool fm_reorder_add(
+  struct fm_reorder * reorder, const struct fm_delivery * delivery, int64_t stamp,
+  uint32_t n_fields, bool has_parts);
 
 /// The message with the earliest stamp; NULL if none waits. Valid until the next add. O(1).
 const struct fm_waiting * fm_reorder_first(const struct fm_reorder * reorder);

@@ -124,6 +124,7 @@ struct fm_violation
   uint32_t requirement;  // index
   bool is_recovery;      // only with fm_evaluator_options.reports_recoveries
   bool is_withheld;      // by a message that a gate withheld
+  bool is_end;           // a recovery: the instance ended while it was violated (scopes.h)
 };
 
 /// Counters of a requirement. They count on through a reset.

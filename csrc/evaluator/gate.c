@@ -331,7 +331,7 @@ static uint32_t add_recoveries(
       const struct fm_instance_group * cell = &evaluator->instance.groups[group];
       const uint64_t number = evaluator->policy == FM_TIMED ?
         (uint64_t)fm_since(cell->start, stamp) : cell->steps - 1;
-      found[n] = (struct fm_violation) {number, stamp, r, true, false};
+      found[n] = (struct fm_violation) {number, stamp, r, true, false, false};
       n += 1;
     }
     gate->was_withheld[r] = false;

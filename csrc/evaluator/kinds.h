@@ -49,6 +49,7 @@ struct fm_kind
   const struct fm_evaluator_options * options;  // of its monitor; policy and topics as the bundle
   const struct fm_outputs * outputs;            // operands of aggregates; NULL: none
   const uint8_t * concerns;                     // a topic: enum fm_concern
+  const struct fm_topic * keyed;  // a topic: the inputs with a key that it feeds
   const uint32_t * shared;  // an input: the same in the bundle's scope; UINT32_MAX: it has a key
   const struct fm_key * listed;  // instances from the start
   uint32_t n_listed;
@@ -83,7 +84,7 @@ struct fm_pool_counts
   uint64_t begun;
   uint64_t ended;
   uint64_t open;    // of those that ended, how many had a deadline
-  uint64_t beyond;  // elements of messages whose key found no room, or has too many bytes
+  uint64_t beyond;  // parts of messages whose key found no room, or has too many bytes or none
 };
 
 #ifdef __cplusplus

@@ -30,7 +30,7 @@ struct layout
   uint64_t keys;
   uint64_t due;
   uint64_t lasts;
-  uint64_t marks;
+  uint64_t turns;
   uint64_t blocks;
   struct fm_block block;
 };
@@ -46,7 +46,7 @@ static struct layout lay_out(const struct fm_evaluator_options * options, uint64
   layout.keys = fm_block_append(&layout.block, fm_keys_bytes(most), 1);
   layout.due = fm_block_append(&layout.block, fm_heap_bytes(most), 1);
   layout.lasts = fm_block_append(&layout.block, most, sizeof(int64_t));
-  layout.marks = fm_block_append(&layout.block, most, sizeof(uint8_t));
+  layout.turns = fm_block_append(&layout.block, most, sizeof(uint16_t));
   layout.blocks = fm_block_append(
     &layout.block, most,
     evaluator > 0 ? fm_instance_bytes(options->monitor, fm_measure_words(options)) : 1);
@@ -78,7 +78,8 @@ bool fm_pool_make(
   pool->keys = fm_keys_make(bytes + layout.keys, most, seed);
   pool->due = fm_heap_make(bytes + layout.due, most);
   pool->lasts = (int64_t *)(void *)(bytes + layout.lasts);
-  pool->marks = (uint8_t *)bytes + layout.marks;
+  pool->turns = (uint16_t *)(void *)(bytes + layout.turns);
+  pool->turn = 1;
   pool->violated = (uint64_t *)(void *)(bytes + layout.violated);
   pool->forget = forget;
   pool->entered = FM_NO_SLOT;
@@ -202,6 +203,15 @@ static void note_due(struct fm_pool * pool)
   }
 }
 
+void fm_pool_begin_turn(struct fm_pool * pool)
+{
+  pool->turn = (uint16_t)(pool->turn + 1u);
+  if (pool->turn == 0) {
+    memset(pool->turns, 0, pool->keys.end * sizeof(*pool->turns));
+    pool->turn = 1;
+  }
+}
+
 static void enter_blank(struct fm_pool * pool)
 {
   pool->entered = FM_NO_SLOT;
@@ -246,7 +256,7 @@ void fm_pool_end(struct fm_pool * pool, uint32_t slot)
   pool->counts.open += has_deadline(pool, slot) ? 1u : 0u;
   pool->counts.ended += 1;
   pool->counts.alive -= 1;
-  pool->marks[slot] = 0;
+  pool->turns[slot] = 0;
   fm_heap_remove(&pool->due, slot);
   fm_keys_remove(&pool->keys, slot);
 }

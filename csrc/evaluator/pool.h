@@ -39,7 +39,8 @@ struct fm_pool
   struct fm_keys keys;
   struct fm_heap due;    // not after the deadline of the instance
   int64_t * lasts;       // an instance: the time of the last message of its key
-  uint8_t * marks;       // an instance: it has taken the message
+  uint16_t * turns;      // an instance: the turn in which it took a message last
+  uint16_t turn;         // that of the message that is being taken; not 0
   uint64_t * violated;   // a requirement: the instances whose violation goes on
   int64_t forget;        // ns; 0: never
   uint32_t entered;      // FM_NO_SLOT: none, the evaluator has the blank
@@ -54,6 +55,9 @@ FM_INTERNAL uint64_t fm_pool_bytes(const struct fm_evaluator_options * options, 
 FM_INTERNAL bool fm_pool_make(
   struct fm_pool * pool, void * memory, const struct fm_evaluator_options * options,
   uint32_t most, int64_t forget, const uint64_t seed[2]);
+
+/// Begin a message: no instance has taken it. O(1), and O(slots in use) once in 65,535 calls.
+FM_INTERNAL void fm_pool_begin_turn(struct fm_pool * pool);
 
 /// Enter an instance, which is alive; any other is left. It gets the time of the bundle's scope.
 /// O(groups + requirements).

@@ -32,6 +32,9 @@ static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
   message->topic = topic;
   message->n_staged = 0;
   message->kind = FM_BUNDLE;
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    fm_pool_begin_turn(&scopes->kinds[k].pool);
+  }
 }
 
 void fm_scopes_begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
@@ -162,10 +165,10 @@ static uint32_t find_or_begin(
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   uint32_t slot = fm_keys_find(&pool->keys, key, size);
-  if (slot != FM_NO_SLOT) {
+  if (slot != FM_NO_SLOT || scopes->kinds[kind].options.n_listed > 0) {
     return slot;
   }
-  slot = fm_keys_add(&pool->keys, key, size);
+  slot = size > 0 ? fm_keys_add(&pool->keys, key, size) : FM_NO_SLOT;
   if (slot == FM_NO_SLOT) {
     pool->counts.beyond += 1;
     fm_scopes_report(scopes, FM_SCOPE_BEYOND, kind, slot, scopes->message.now, 0);
@@ -184,15 +187,14 @@ uint32_t fm_scopes_enter(
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   step_entered(scopes);
   const uint32_t slot = find_or_begin(scopes, kind, key, size);
-  if (slot != FM_NO_SLOT) {
-    if (pool->forget > 0) {
-      pool->lasts[slot] = scopes->message.now;
-    }
-    if (is_for_all(scopes, kind)) {
-      pool->marks[slot] = 1;
-    }
-    enter(scopes, kind, slot);
+  if (slot == FM_NO_SLOT || pool->turns[slot] == pool->turn) {
+    return FM_NO_SLOT;
   }
+  if (pool->forget > 0) {
+    pool->lasts[slot] = scopes->message.now;
+  }
+  pool->turns[slot] = pool->turn;
+  enter(scopes, kind, slot);
   return slot;
 }
 
@@ -225,11 +227,10 @@ static void step_others(struct fm_scopes * scopes, uint32_t kind)
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-    if (fm_keys_has(&pool->keys, slot) && pool->marks[slot] == 0u) {
+    if (fm_keys_has(&pool->keys, slot) && pool->turns[slot] != pool->turn) {
       enter(scopes, kind, slot);
       step_entered(scopes);
     }
-    pool->marks[slot] = 0;
   }
 }
 
@@ -319,6 +320,10 @@ const struct fm_evaluator * fm_scopes_look(
   if (kind == FM_BUNDLE) {
     return slot == 0 ? scopes->bundle : NULL;
   }
+  if (kind < scopes->n_kinds && slot == FM_NO_SLOT) {
+    fm_pool_leave(&scopes->kinds[kind].pool);
+    return scopes->kinds[kind].pool.evaluator;
+  }
   if (kind >= scopes->n_kinds || !fm_keys_has(&scopes->kinds[kind].pool.keys, slot)) {
     return NULL;
   }
@@ -328,6 +333,23 @@ const struct fm_evaluator * fm_scopes_look(
 struct fm_evaluator * fm_scopes_bundle(struct fm_scopes * scopes)
 {
   return scopes->bundle;
+}
+
+int64_t fm_scopes_now(const struct fm_scopes * scopes)
+{
+  const struct fm_instance_time * time = scopes->bundle->instance.time;
+  return scopes->options.policy == FM_TIMED ? time->clock : time->now;
+}
+
+const struct fm_kind * fm_scopes_kind(const struct fm_scopes * scopes, uint32_t kind)
+{
+  return kind < scopes->n_kinds ? &scopes->kinds[kind].options : NULL;
+}
+
+void fm_scopes_listen(struct fm_scopes * scopes, fm_scopes_sink sink, void * context)
+{
+  scopes->sink = sink;
+  scopes->context = context;
 }
 
 uint32_t fm_scopes_find(

@@ -124,7 +124,8 @@ FM_EXPORT void fm_scopes_unusable(struct fm_scopes * scopes, uint32_t input);
 
 /// The message has a part for the instance of a key; the values of that part follow. The instance
 /// that was entered before steps now. An instance begins if there is none with the key. Returns
-/// its slot, or FM_NO_SLOT: there is no room for the key, and the part is left out. O(1) expected,
+/// its slot, or FM_NO_SLOT, and the part is left out: there is no room for the key, it is none of
+/// the listed keys, or the message had a part for it before. O(1) expected,
 /// O(log n) if a deadline comes forward, and the operations of a step.
 FM_EXPORT uint32_t fm_scopes_enter(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size);
@@ -169,13 +170,24 @@ FM_EXPORT const struct fm_stepped * fm_scopes_stepped(
   const struct fm_scopes * scopes, uint32_t * n);
 FM_EXPORT void fm_scopes_clear(struct fm_scopes * scopes);
 
-/// An evaluator for reading: the bundle's scope (FM_BUNDLE), or an instance, which is alive. Valid
-/// until the next call. Its counters are those of all instances. NULL: there is none. O(1).
+/// An evaluator for reading: the bundle's scope (FM_BUNDLE), an instance that is alive, or with
+/// FM_NO_SLOT a kind, for its counters, which are those of all its instances with each of them.
+/// Valid until the next call. NULL: there is none. O(log n).
 FM_EXPORT const struct fm_evaluator * fm_scopes_look(
   struct fm_scopes * scopes, uint32_t kind, uint32_t slot);
 
 /// The evaluator of the bundle's scope.
 FM_EXPORT struct fm_evaluator * fm_scopes_bundle(struct fm_scopes * scopes);
+
+/// The time: the latest that was told, also where the bundle's scope is ahead of it; 0 before.
+FM_INTERNAL int64_t fm_scopes_now(const struct fm_scopes * scopes);
+
+/// The options of a kind; NULL: there is none.
+FM_INTERNAL const struct fm_kind * fm_scopes_kind(const struct fm_scopes * scopes, uint32_t kind);
+
+/// Call a sink from now on, in place of that of the options.
+FM_INTERNAL void fm_scopes_listen(
+  struct fm_scopes * scopes, fm_scopes_sink sink, void * context);
 
 /// The slot of a key; FM_NO_SLOT: none. O(1) expected.
 FM_EXPORT uint32_t fm_scopes_find(

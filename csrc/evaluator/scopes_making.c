@@ -266,7 +266,9 @@ static bool begin_listed(struct fm_scope_kind * kind)
 {
   for (uint32_t n = 0; n < kind->options.n_listed; ++n) {
     const struct fm_key * key = &kind->options.listed[n];
-    if (fm_keys_find(&kind->pool.keys, key->bytes, key->size) != FM_NO_SLOT) {
+    if (key->size == 0 ||
+      fm_keys_find(&kind->pool.keys, key->bytes, key->size) != FM_NO_SLOT)
+    {
       return false;
     }
     const uint32_t slot = fm_keys_add(&kind->pool.keys, key->bytes, key->size);

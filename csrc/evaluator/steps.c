@@ -29,6 +29,7 @@ static void announce(
     report->out[report->n].requirement = requirement;
     report->out[report->n].is_recovery = is_recovery;
     report->out[report->n].is_withheld = false;
+    report->out[report->n].is_end = false;
   }
   report->n += 1;
 }

@@ -83,9 +83,8 @@ static void copy_message(struct fm_serialized * copy, const uint8_t * message, s
 
 static void read_fields(struct fm_receiver * receiver, const uint8_t * message, size_t size)
 {
-  receiver->reading.is_decoded = fm_engine_read(
-    receiver->engine, receiver->topic, message, size, receiver->fields,
-    &receiver->reading.stamp);
+  (void)fm_engine_read(
+    receiver->engine, receiver->topic, message, size, receiver->fields, &receiver->reading);
 }
 
 const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * receiver)
@@ -96,9 +95,7 @@ const struct fm_in_place * fm_receiver_in_place(const struct fm_receiver * recei
 void fm_receiver_read(struct fm_receiver * receiver, const uint8_t * message, size_t size)
 {
   read_fields(receiver, message, size);
-  if (!receiver->reading.is_decoded ||
-    fm_engine_needs_bytes(receiver->engine, receiver->topic, receiver->fields))
-  {
+  if (fm_engine_needs_bytes(receiver->engine, receiver->topic, &receiver->reading)) {
     copy_message(&receiver->message, message, size);
   }
 }
@@ -131,7 +128,7 @@ static struct fm_origin origin_of(const struct fm_receiver * receiver)
   const struct fm_message_info * info = &receiver->info.info;
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
-    info->gid, receiver->is_retired};
+    info->gid, receiver->is_retired, NULL, 0};
   return origin;
 }
 

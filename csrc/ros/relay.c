@@ -166,7 +166,7 @@ static void pass_on(struct fm_relay * relay, bool is_retired, void * publisher)
   const struct fm_message_info * info = &relay->info.info;
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
-    info->gid, is_retired};
+    info->gid, is_retired, NULL, 0};
   const uint32_t judgement = fm_engine_judge(
     relay->options.engine, relay->message.buffer, relay->message.length, &origin, &relay->due);
   if (judgement == FM_PASSED) {

@@ -87,13 +87,15 @@ static void thin_locked(
   const struct fm_thinning * thinning)
 {
   const struct fm_engine_options * options = &engine->options;
-  int64_t stamp;
-  if (!fm_engine_read(engine, topic, message, size, engine->fields, &stamp)) {
+  struct fm_reading reading;
+  if (!fm_engine_read(engine, topic, message, size, engine->fields, &reading) ||
+    reading.is_unrelated)
+  {
     return;
   }
   const struct fm_field * fields =
     fm_engine_prepare_locked(engine, topic, engine->fields, time);
-  const int64_t at = options->uses_header_stamps ? stamp : time;
+  const int64_t at = options->uses_header_stamps ? reading.stamp : time;
   for (uint32_t k = 0; k < options->topics[topic].n_inputs; ++k) {
     const uint32_t input = options->topics[topic].inputs[k];
     const bool is_measured =

@@ -32,10 +32,10 @@ import tempfile
 from fret_monitor.native.cache import csrc_file
 
 HEADERS = (
-    'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h', 'outbox.h',
-    'kinds.h', 'scopes.h', 'blackbox.h', 'mcap.h', 'blackbox_file.h', 'states.h', 'transforms.h',
-    'schedule.h', 'engine.h', 'scheduling.h', 'blackbox_writer.h', 'snapshot.h', 'records.h',
-    'lines.h', 'blackbox_lines.h', 'subscription.h', 'gate_target.h', 'statuses.h',
+    'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h',
+    'kinds.h', 'scopes.h', 'outbox.h', 'blackbox.h', 'mcap.h', 'blackbox_file.h', 'states.h',
+    'transforms.h', 'schedule.h', 'engine.h', 'scheduling.h', 'blackbox_writer.h', 'snapshot.h',
+    'records.h', 'lines.h', 'blackbox_lines.h', 'subscription.h', 'gate_target.h', 'statuses.h',
     'report_table.h', 'gate_lines.h', 'action_lines.h', 'reporter.h', 'start_lines.h',
     'transform_lines.h', 'shared_names.h', 'details.h', 'violation_log.h', 'facts.h', 'review.h',
     'thinning.h', 'csv.h', 'middleware.h',

@@ -138,7 +138,8 @@ static void test_thread(void)
     NULL, NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1,
+    NULL, false, 0, false, NULL};
   struct fm_engine * engine = fm_engine_create(&options);
   fm_engine_follow_states(engine);
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
@@ -158,7 +159,7 @@ static void test_thread(void)
   struct fm_actions * thread = NULL;
   CHECK(fm_actions_start(&thread, &settings));
   const uint8_t gid[FM_GID_BYTES] = {1};
-  const struct fm_origin origin = {0, 0, 1, gid, false};
+  const struct fm_origin origin = {0, 0, 1, gid, false, NULL, 0};
   const uint8_t bad = 1;
   CHECK(fm_engine_message(engine, 0, &bad, 1, &origin) == FM_RECEIVED);
   struct fm_action_facts counts = before;

@@ -263,7 +263,7 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&evaluator)) == 0);
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, N_TOPICS, NULL, reorder > 0,
-    reorder, false};
+    reorder, false, NULL};
   struct fm_engine * engine = fm_engine_create(&options);
   memset(subscriptions, 0, sizeof(subscriptions));
   n_taken = 0;
@@ -852,7 +852,7 @@ static uint32_t judge(struct fm_engine * engine)
   static uint64_t sequence = 0;
   sequence += 1;
   static const uint8_t gid[FM_GID_BYTES] = {1};
-  const struct fm_origin origin = {system_now(), 0, sequence, gid, false};
+  const struct fm_origin origin = {system_now(), 0, sequence, gid, false, NULL, 0};
   int64_t due;
   return fm_engine_judge(engine, gid, 1, &origin, &due);
 }

@@ -161,7 +161,7 @@ static void * deliver(void * engine)
   const struct timespec pause = {0, 100000};
   for (int k = 0; k < N_MESSAGES; ++k) {
     const uint8_t message[8] = {0, 1, 0, 0, (uint8_t)(k % 50 == 0), 0, 0, 0};
-    const struct fm_origin origin = {(k + 1) * SECOND_NS / 100, 0, 0, NULL, false};
+    const struct fm_origin origin = {(k + 1) * SECOND_NS / 100, 0, 0, NULL, false, NULL, 0};
     CHECK(fm_engine_message(engine, 0, message, sizeof(message), &origin) == FM_RECEIVED);
     nanosleep(&pause, NULL);
   }
@@ -208,7 +208,8 @@ static void test_writer(const char * root)
     NULL, NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options made = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1,
+    NULL, false, 0, false, NULL};
   options.folder = in_folder(root, "writer");
   options.memory = 4096;  // less than what is delivered between two looks
   options.poll = 5000000;

@@ -100,7 +100,7 @@ int main(int argc, char ** argv)
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0,
-    NULL, false, 0, false};
+    NULL, false, 0, false, NULL};
   struct fm_engine * engine = fm_engine_create(&options);
   fm_engine_advance(engine, 1);
   int publisher = 0;

@@ -153,7 +153,7 @@ static struct fm_engine * make(void ** memory, int64_t fed_ms)
   CHECK(posix_memalign(memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
     fm_evaluator_init(*memory, &options), &monitor, &readers, topics, N_TOPICS,
-    NULL, false, 0, false};
+    NULL, false, 0, false, NULL};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;
@@ -162,7 +162,7 @@ static struct fm_engine * make(void ** memory, int64_t fed_ms)
 static void deliver(struct fm_engine * engine, uint32_t topic)
 {
   const uint8_t message[] = {1};
-  const struct fm_origin origin = {steady(), 0, 0, NULL, false};
+  const struct fm_origin origin = {steady(), 0, 0, NULL, false, NULL, 0};
   CHECK(fm_engine_message(engine, topic, message, sizeof(message), &origin) == FM_RECEIVED);
 }
 
@@ -295,8 +295,8 @@ static uint64_t check_order(void)
   uint64_t beats = 0;
   uint64_t first_steps = 0;
   uint64_t clocks = 0;
-  struct fm_violation last = {0, 0, 0, false, false};
-  struct fm_violation beat = {0, 0, 0, false, false};
+  struct fm_violation last = {0, 0, 0, false, false, false};
+  struct fm_violation beat = {0, 0, 0, false, false, false};
   for (uint32_t k = 0; k < n_taken; ++k) {
     const struct fm_violation now = taken[k];
     const bool is_changed = is_other(now.stamp) != is_other(last.stamp);

@@ -316,7 +316,7 @@ static struct fm_receiver * renew(
 static void disturb(struct fm_engine * engine, struct fm_receiver ** receivers)
 {
   uint8_t room[64] = {0};
-  const struct fm_origin origin = {0, 0, 0, NULL, false};
+  const struct fm_origin origin = {0, 0, 0, NULL, false, NULL, 0};
   for (int k = 0; k < N_RENEWALS; ++k) {
     for (uint32_t t = 0; t < N_TOPICS; ++t) {
       receivers[t] = renew(engine, t, 1 - k % 2, receivers[t]);
@@ -393,7 +393,7 @@ int main(void)
   void * memory;
   const struct fm_engine_options options = {
     make_evaluator(&memory), &monitor, &readers, fed, N_TOPICS,
-    NULL, false, 0, false};
+    NULL, false, 0, false, NULL};
   struct fm_engine * engine = fm_engine_create(&options);
   CHECK(engine != NULL);
   void * publishers[] = {(void *)(uintptr_t)&numbers[0], (void *)(uintptr_t)&numbers[1]};

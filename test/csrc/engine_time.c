@@ -81,7 +81,7 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout, int64_t patienc
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
     fm_evaluator_init(memory, &options), &monitor, &readers, topics, 1,
-    NULL, false, 0, false};
+    NULL, false, 0, false, NULL};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;
@@ -96,7 +96,7 @@ static void destroy(struct fm_engine * engine)
 static uint32_t deliver_to(struct fm_engine * engine, uint32_t topic, bool value, int64_t received)
 {
   const uint8_t message[] = {value};
-  const struct fm_origin origin = {received, 0, 0, NULL, false};
+  const struct fm_origin origin = {received, 0, 0, NULL, false, NULL, 0};
   return fm_engine_message(engine, topic, message, sizeof(message), &origin);
 }
 
@@ -371,11 +371,11 @@ SCENARIO(an_engine_of_another_abi_is_refused)
     {FM_ABI, 1, (const struct fm_reader[]) {{.read = read_message, .n_inputs = 2}}}};
   for (size_t k = 0; k < sizeof(misfits) / sizeof(*misfits); ++k) {
     const struct fm_engine_options made = {evaluator, &monitor, &misfits[k], topics, 1,
-      NULL, false, 0, false};
+      NULL, false, 0, false, NULL};
     CHECK(fm_engine_create(&made) == NULL);
   }
   const struct fm_engine_options none = {
-    evaluator, &monitor, NULL, topics, 1, NULL, false, 0, false};
+    evaluator, &monitor, NULL, topics, 1, NULL, false, 0, false, NULL};
   CHECK(fm_engine_create(&none) == NULL);
   free(memory);
 }

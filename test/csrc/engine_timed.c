@@ -172,7 +172,7 @@ static struct fm_engine * make(int64_t reorder)
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
     fm_evaluator_init(memory, &options), &monitor, &readers, topics, N_TOPICS, sources,
-    reorder >= 0, reorder < 0 ? 0 : reorder, false};
+    reorder >= 0, reorder < 0 ? 0 : reorder, false, NULL};
   struct fm_engine * engine = fm_engine_create(&made);
   CHECK(engine != NULL);
   return engine;
@@ -191,7 +191,7 @@ static void deliver(
   memset(&message, 0, sizeof(message));
   message.stamp = stamp;
   message.value = value;
-  const struct fm_origin origin = {received, 0, 0, NULL, false};
+  const struct fm_origin origin = {received, 0, 0, NULL, false, NULL, 0};
   CHECK(fm_engine_message(
       engine, topic, (const uint8_t *)&message, sizeof(message), &origin) == FM_RECEIVED);
 }
@@ -475,10 +475,10 @@ static uint32_t deliver_in_callback(
 {
   struct fm_field fields[N_INPUTS];
   const struct message message = {0, value};
-  const struct fm_origin origin = {received, 0, 0, NULL, false};
-  struct fm_reading reading = {fields, NULL, 0, 0, false};
-  reading.is_decoded = fm_engine_read(
-    engine, topic, (const uint8_t *)&message, sizeof(message), fields, &reading.stamp);
+  const struct fm_origin origin = {received, 0, 0, NULL, false, NULL, 0};
+  struct fm_reading reading;
+  (void)fm_engine_read(
+    engine, topic, (const uint8_t *)&message, sizeof(message), fields, &reading);
   CHECK(fm_engine_begin_taking(engine));
   const uint32_t before = n_readings;
   fm_engine_deliver_locked(engine, topic, &reading, &origin);
@@ -652,7 +652,7 @@ SCENARIO(a_message_without_a_stamp_cannot_be_decoded)
 {
   struct fm_engine * engine = make(50);
   const uint8_t message[] = {1};
-  const struct fm_origin origin = {1, 0, 0, NULL, false};
+  const struct fm_origin origin = {1, 0, 0, NULL, false, NULL, 0};
   CHECK(fm_engine_message(engine, TOPIC_Y, message, sizeof(message), &origin) == FM_UNDECODABLE);
   CHECK(topic_counts_of(engine, TOPIC_Y).undecodable == 1);
   destroy(engine);

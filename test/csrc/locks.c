@@ -149,7 +149,7 @@ static void deliver(struct fm_engine * engine, uint8_t value)
   static uint64_t sequence = 0;
   const uint8_t gid[FM_GID_BYTES] = {1};
   sequence += 1;
-  const struct fm_origin origin = {0, 0, sequence, gid, false};
+  const struct fm_origin origin = {0, 0, sequence, gid, false, NULL, 0};
   CHECK(fm_engine_message(engine, 0, &value, 1, &origin) == FM_RECEIVED);
 }
 
@@ -176,7 +176,8 @@ int main(void)
     NULL, NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1, NULL, false, 0, false};
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1,
+    NULL, false, 0, false, NULL};
   struct fm_engine * engine = fm_engine_create(&options);
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
   int handler = 0;

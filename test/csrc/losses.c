@@ -44,7 +44,7 @@ static void note(struct fm_arrivals * losses, uint32_t publisher, uint64_t numbe
 {
   uint8_t gid[FM_GID_BYTES] = {1, 2, 3};
   gid[FM_GID_BYTES - 1] = (uint8_t)publisher;
-  const struct fm_origin origin = {0, 0, number, gid, false};
+  const struct fm_origin origin = {0, 0, number, gid, false, NULL, 0};
   fm_arrivals_note(losses, &origin);
 }
 
@@ -164,7 +164,7 @@ static void a_repetition_in_a_handover_does_not_reduce_the_losses(void)
 static bool is_repeated(const struct fm_arrivals * arrivals, uint64_t number, bool is_retired)
 {
   const uint8_t gid[FM_GID_BYTES] = {1, 2, 3, [FM_GID_BYTES - 1] = 1};
-  const struct fm_origin origin = {0, 0, number, gid, is_retired};
+  const struct fm_origin origin = {0, 0, number, gid, is_retired, NULL, 0};
   return fm_arrivals_is_repeated(arrivals, &origin);
 }
 

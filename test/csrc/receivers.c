@@ -112,7 +112,8 @@ static struct fm_engine * make_engine(void)
     &monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
   memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1, NULL, false, 0, false};
+    fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1,
+    NULL, false, 0, false, NULL};
   return fm_engine_create(&options);
 }
 

@@ -238,7 +238,7 @@ struct bench
 
 static void give_flag(struct fm_engine * engine, bool flag)
 {
-  const struct fm_origin origin = {0, 0, 0, NULL, false};
+  const struct fm_origin origin = {0, 0, 0, NULL, false, NULL, 0};
   uint8_t message[MESSAGE_BYTES];
   write_message(message, flag ? 1u : 0u, 0);
   (void)fm_engine_message(engine, FLAG, message, sizeof(message), &origin);
@@ -253,7 +253,7 @@ static struct bench begin(enum fm_otherwise otherwise, int64_t period)
   bench.memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   struct fm_evaluator * made = fm_evaluator_init(bench.memory, &evaluator);
   const struct fm_engine_options options = {
-    made, &monitor, &readers, topics, 2, NULL, false, 0, false};
+    made, &monitor, &readers, topics, 2, NULL, false, 0, false, NULL};
   bench.engine = fm_engine_create(&options);
   const struct fm_gate_options rules = {
     made, &monitor, topics, 2, LEVEL, (uint32_t)otherwise, 1000000000, period, false, false, 0};

@@ -30,7 +30,8 @@ ORDER = {
                   'scopes_making', 'scopes'),
     'engine': ('thread', 'scheduling', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox',
                'mcap', 'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message',
-               'engine_due', 'engine_backlog', 'engine_delivery', 'engine_transforms',
+               'engine_scopes', 'engine_due', 'engine_backlog', 'engine_delivery',
+               'engine_transforms',
                'engine_graph', 'engine_gate', 'engine', 'blackbox_writer', 'schedule',
                'snapshot', 'records'),
 }

@@ -175,6 +175,11 @@ def test_time_that_is_told_or_of_a_clock(addresses: Sanitized) -> None:
     assert (done.returncode, done.stdout) == (0, '')
 
 
+def test_an_engine_with_instances(addresses: Sanitized) -> None:
+    done = run(addresses.program('engine_instances'))
+    assert (done.returncode, done.stdout) == (0, '')
+
+
 def test_messages_that_wait_in_the_queues_of_the_middleware(addresses: Sanitized) -> None:
     done = run(addresses.program(
         'backlog', '-Wl,--wrap=clock_gettime,--wrap=fm_engine_begin_order'))
