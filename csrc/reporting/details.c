@@ -28,7 +28,10 @@ enum { HAS_VALUE = 1, IS_STALE = 2 };  // flags of an input (outbox.h)
 enum { PLACE, STAMP, SUPPRESSED, SILENT };
 static const char * const OF_ALL[FM_OF_ALL_DETAILS] = {"step", "stamp", "suppressed", "silent"};
 static const char OF_TIMES[] = "time";
-static const char WITHHELD_BY[] = "withheld by";  // the last; no input has such a name
+// The last; no input has such a name.
+static const char ABOUT_STEP[] = "about step";
+static const char ABOUT_TIME[] = "about time";
+static const char WITHHELD_BY[] = "withheld by";
 // Before the name of an input or a constant that has the name of such a key.
 static const char INPUT[] = "input ";
 static const char CONSTANT[] = "constant ";
@@ -156,16 +159,41 @@ static enum fm_status_level level_of(
          FM_STATUS_ERROR;
 }
 
+// Add a step, or the time of a tick since the start.
+static void add_place(struct fm_text * text, const struct fm_reporter * reporter, uint64_t step)
+{
+  if (reporter->table->policy == FM_TIMED) {
+    fm_text_add_short_seconds(text, (int64_t)step);
+  } else {
+    fm_text_add(text, "%" PRIu64, step);
+  }
+}
+
+// Add the step that a verdict is about, of a requirement that speaks of the future.
+static void add_about(
+  struct fm_status * status, const struct fm_reporter * reporter, const struct fm_detail * detail)
+{
+  const uint64_t horizon =
+    (uint64_t)reporter->table->requirements[detail->violation.requirement].horizon;
+  struct fm_text text = {NULL, 0, 0};
+  if (horizon == 0 || detail->violation.step < horizon) {
+    return;
+  }
+  add_place(&text, reporter, detail->violation.step - horizon);
+  fm_status_value(
+    status, reporter->table->policy == FM_TIMED ? ABOUT_TIME : ABOUT_STEP, "%s",
+    fm_text_get(&text));
+  fm_text_free(&text);
+}
+
 static void add_of_all(
   struct fm_status * status, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
   struct fm_text text = {NULL, 0, 0};
-  if (reporter->table->policy == FM_TIMED) {
-    fm_text_add_short_seconds(&text, (int64_t)detail->violation.step);
-    fm_status_value(status, OF_TIMES, "%s", fm_text_get(&text));
-  } else {
-    fm_status_value(status, OF_ALL[PLACE], "%" PRIu64, detail->violation.step);
-  }
+  add_place(&text, reporter, detail->violation.step);
+  fm_status_value(
+    status, reporter->table->policy == FM_TIMED ? OF_TIMES : OF_ALL[PLACE], "%s",
+    fm_text_get(&text));
   fm_text_clear(&text);
   fm_text_add_seconds(&text, detail->violation.stamp);
   fm_status_value(status, OF_ALL[STAMP], "%s", fm_text_get(&text));
@@ -195,6 +223,7 @@ void fm_add_detail(
     const struct fm_constant * constant = &table->constants[requirement->constants[k]];
     add_named(status, CONSTANT, constant->name, constant->value);
   }
+  add_about(status, reporter, detail);
   if (detail->violation.is_withheld && table->gate != NULL) {
     fm_status_value(status, WITHHELD_BY, "%s", table->gate->name);
   }
@@ -265,26 +294,42 @@ bool fm_read_detail(const struct fm_status * status, struct fm_received_detail *
   return true;
 }
 
+// The value of one of the keys behind the inputs and constants; NULL: there is none.
+static const char * find_value(const struct fm_status * detail, const char * key)
+{
+  for (uint32_t k = FM_OF_ALL_DETAILS; k < detail->n_values; ++k) {
+    if (strcmp(detail->values[k].key, key) == 0) {
+      return detail->values[k].value;
+    }
+  }
+  return NULL;
+}
+
 void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
 {
   const struct fm_key_value * values = detail->values;
-  const char * gate = NULL;
-  if (detail->n_values < FM_OF_ALL_DETAILS) {
+  const char * gate = find_value(detail, WITHHELD_BY);
+  const char * step = find_value(detail, ABOUT_STEP);
+  const char * time = find_value(detail, ABOUT_TIME);
+  uint32_t n = detail->n_values;
+  if (n < FM_OF_ALL_DETAILS) {
     return;
   }
+  n -= (uint32_t)((gate != NULL) + (step != NULL) + (time != NULL));
   fm_text_add(text, " [%s%s%s", is_of_times(detail) ? "" : "step ", values[PLACE].value,
     is_of_times(detail) ? " s after its start" : "");
+  if (step != NULL) {
+    fm_text_add(text, ", about step %s", step);
+  } else if (time != NULL) {
+    fm_text_add(text, ", about %s s after its start", time);
+  }
   if (values[SILENT].value[0] != '\0') {
     fm_text_add(text, ", no message for %s", values[SILENT].value);
   }
   fm_text_add(text, ": ");
-  for (uint32_t k = FM_OF_ALL_DETAILS; k < detail->n_values; ++k) {
-    if (strcmp(values[k].key, WITHHELD_BY) == 0) {
-      gate = values[k].value;
-    } else {
-      fm_text_add(
-        text, "%s%s = %s", k == FM_OF_ALL_DETAILS ? "" : ", ", name_of(values[k].key), values[k].value);
-    }
+  for (uint32_t k = FM_OF_ALL_DETAILS; k < n; ++k) {
+    fm_text_add(
+      text, "%s%s = %s", k == FM_OF_ALL_DETAILS ? "" : ", ", name_of(values[k].key), values[k].value);
   }
   fm_text_add(text, "]");
   if (gate != NULL) {

@@ -73,6 +73,7 @@ struct fm_report_requirement
   uint32_t n_inputs;
   const uint32_t * constants;  // that its text names, itself or in definitions
   uint32_t n_constants;
+  int64_t horizon;        // its verdict is about so many steps ago; FM_TIMED: ns
   bool is_warning;        // its severity; otherwise error
   bool shows_verdict;     // in /diagnostics: it reports occurrences
 };

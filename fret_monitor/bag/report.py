@@ -36,7 +36,7 @@ from fret_monitor.explain.report import Meaning, meanings
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.output import open_output
-from fret_monitor.model.policies import InputSource
+from fret_monitor.model.policies import InputSource, Policy
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import iso_time, short_seconds
 from fret_monitor.model.values import ValueType
@@ -145,7 +145,7 @@ class _Report:
                 yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
             yield f'</dl>{self._count(index)}'
             for number, occurrence in enumerate(self._occurrences[index], 1):
-                yield from self._figure(number, occurrence, place)
+                yield from self._figure(number, occurrence, place, requirement.horizon)
                 place += 1
             yield from self._others(index)
             yield '</article>'
@@ -160,11 +160,20 @@ class _Report:
         return (f'<p><strong>{counted(item.occurrences, "occurrence")}</strong>{steps}, '
                 f'the longest {short_seconds(item.longest)} s.</p>')
 
-    def _figure(self, number: int, item: Occurrence, place: int) -> Iterator[str]:
+    def _figure(self, number: int, item: Occurrence, place: int,
+                horizon: int) -> Iterator[str]:
         yield '<figure><figcaption>'
         yield from self._open(item) if item.is_open else self._occurred(number, item)
+        if horizon and not item.is_open:
+            yield f'<br>It is about {self._about(item, horizon)}.'
         yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
                f'aria-label="inputs and propositions around it"></svg></figure>')
+
+    def _about(self, item: Occurrence, horizon: int) -> str:
+        """Return the step or time that a verdict on the future is about."""
+        if self._manifest.policy is Policy.TIMED:
+            return self._since(item.start.time - horizon)
+        return f'step {item.start.step - horizon:,}, {counted(horizon, "step")} before'
 
     def _open(self, item: Occurrence) -> Iterator[str]:
         due = item.start.time

@@ -41,6 +41,7 @@ class Language(Enum):
     FRETISH = 'fretish'
     PTLTL = 'ptltl'
     COCOSPEC = 'cocospec'
+    MLTL = 'mltl'
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ FORMULA_KEYS = tuple(language.value for language in Language)
 FORMULA_SLIPS = {
     'formula': 'ptltl', 'smv': 'ptltl', 'ltl': 'ptltl', 'mtl': 'ptltl', 'ptmtl': 'ptltl',
     'pastltl': 'ptltl', 'lustre': 'cocospec', 'text': 'fretish', 'sentence': 'fretish',
-    'name': 'id', 'reqid': 'id',
+    'c2po': 'mltl', 'r2u2': 'mltl', 'future': 'mltl', 'name': 'id', 'reqid': 'id',
 }
 """Keys that people write instead of the right ones."""
 _COMMENT = re.compile(r'[ \t]+(#[^\r\n]*)')

@@ -143,6 +143,7 @@ _VALUES: Values = {
     'fretish': (_TEXT, 'a sentence in FRETish'),
     'ptltl': (_TEXT, 'a formula of past-time MTL, as FRET writes it for SMV'),
     'cocospec': (_TEXT, 'a formula in CoCoSpec (Lustre)'),
+    'mltl': (_TEXT, 'a formula with bounded operators of the future, as for R2U2'),
 }
 _ACTION_VALUES: Values = {
     'topic': (_TEXT, 'the topic that is published'),

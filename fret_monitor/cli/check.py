@@ -39,7 +39,7 @@ from fret_monitor.model.diagnostics import (
 )
 from fret_monitor.model.manifest import ManifestAction
 from fret_monitor.model.policies import InputSource, Policy, Stamp
-from fret_monitor.model.times import time_text
+from fret_monitor.model.times import known_text, time_text
 from fret_monitor.native.errors import NativeError
 from fret_monitor.program.layout import GroupLayout, instance_bytes, lay_out, state_bytes
 from fret_monitor.program.lower import lower
@@ -225,7 +225,8 @@ def _requirement_as_dict(found: _Requirement) -> dict[str, object]:
     item = found.item
     return {'id': item.id, 'title': item.title, 'text': item.text, 'for_each': found.variables,
             'inputs': found.inputs,
-            'state_bytes': found.state_bytes, 'bounds': item.bounds, 'formula': found.formula}
+            'state_bytes': found.state_bytes, 'bounds': item.bounds, 'horizon': item.horizon,
+            'formula': found.formula}
 
 
 def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
@@ -251,6 +252,10 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
         yield from _table([('window', 'state', 'room for', 'requirements'), *(
             (item.text, f'{item.bytes:,} B', item.filled_by, ', '.join(item.ids))
             for item in windows)])
+    is_timed = manifest.policy is Policy.TIMED
+    late = [f'{item.id}: known {known_text(item.horizon, is_timed=is_timed)}'
+            for item, *_ in _requirements(generated) if item.horizon]
+    yield from ['', *late] if late else []
     acting = [*_acting(generated.specification)]
     yield from ['', *acting] if acting else []
 

@@ -24,7 +24,9 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import painted, print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, refuse
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
+from fret_monitor.model.times import known_text
 from fret_monitor.start import start
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate
@@ -64,13 +66,16 @@ def run(options: Namespace) -> int:
         summary = simulate(compiled.monitor, options.trace, verdicts, compiled.sources,
                            options.until, report)
     is_timed = compiled.monitor.manifest.policy is Policy.TIMED
+    horizons = _horizons(compiled.monitor.manifest)
+    for name, horizon in horizons.items():
+        print(f'{name}: known {known_text(horizon, is_timed=is_timed)}', file=sys.stderr)
     for item in summary.beyond:
         print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' beyond most: {item.most} "
               'not evaluated', file=sys.stderr)
     if options.json:
-        print_document(_as_dict(summary, is_timed), compiled.warnings)
+        print_document(_as_dict(summary, is_timed, horizons), compiled.warnings)
     elif verdicts is not None:
-        print(_shown(summary, is_timed))
+        print(_shown(summary, is_timed, horizons))
     return 1 if options.fail_on_violation and any(summary.violations.values()) else 0
 
 
@@ -81,12 +86,23 @@ def _seconds(text: str) -> int:
         raise ArgumentTypeError(f"'{text}' is no time: {error}") from None
 
 
-def _shown(summary: Summary, is_timed: bool) -> str:
+def _horizons(manifest: Manifest) -> dict[str, int]:
+    """Return how long before a verdict is what it is about, of requirements that look ahead."""
+    described = [manifest, *(kind.manifest for kind in manifest.kinds)]
+    return {item.id: item.horizon for part in described for item in part.requirements
+            if item.horizon}
+
+
+def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int]) -> str:
     noun = 'row' if is_timed else 'step'
     lines = [counted(summary.steps, noun)]
     for name, count in summary.violations.items():
         if count:
             when = f' first at {seconds_text(summary.first[name])} s,' if is_timed else ''
+            if name in horizons:
+                first = summary.first[name] - horizons[name]
+                when += f' first about {seconds_text(first)} s,' if is_timed else \
+                    f' first about step {first},'
             verdict = painted('violated', 'violated', sys.stdout)
             lines.append(f'{name}: {verdict}{when} at {counted(count, noun)}')
         elif summary.steps:
@@ -96,11 +112,17 @@ def _shown(summary: Summary, is_timed: bool) -> str:
     return '\n'.join(lines)
 
 
-def _as_dict(summary: Summary, is_timed: bool) -> dict[str, object]:
+def _as_dict(summary: Summary, is_timed: bool,
+             horizons: dict[str, int]) -> dict[str, object]:
     def requirement(name: str, count: int) -> dict[str, object]:
         first = summary.first.get(name)
-        when = {'first_time': None if first is None else seconds_text(first)} if is_timed \
+        when: dict[str, object] = {
+            'first_time': None if first is None else seconds_text(first)} if is_timed \
             else {'first_step': first}
+        if name in horizons and first is not None:
+            about = first - horizons[name]
+            when['about_time' if is_timed else 'about_step'] = \
+                seconds_text(about) if is_timed else about
         return {'id': name, 'violations': count, **when}
 
     return {'rows' if is_timed else 'steps': summary.steps,

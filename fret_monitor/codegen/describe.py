@@ -150,4 +150,5 @@ def _requirement(item: Property, group: int, signal_of: dict[str, int],
         constants=tuple(constant_of[name] for name in item.constants if name in constant_of),
         on_violation=tuple(action_of[name] for name in item.on_violation),
         on_end=tuple(action_of[name] for name in item.on_end),
+        horizon=item.horizon,
     )

@@ -251,8 +251,8 @@ def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
     """
     Refuse what a gate cannot judge by.
 
-    That is `stale: open` for inputs that violate while they are stale, and fields of a service's
-    events that a request has not.
+    That is what speaks of the future, `stale: open` for inputs that violate while they are stale,
+    and fields of a service's events that a request has not.
     """
     known = {signal.name: signal for signal in signals}
     items = {item.id: item for item in properties}
@@ -261,6 +261,12 @@ def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
     for gate in gates:
         read = dict.fromkeys(name for id_ in gate.keep if id_ in items
                              for name in items[id_].inputs)
+        for item, span in zip(map(items.get, gate.keep), gate.keep_places, strict=True):
+            if item is not None and item.horizon:
+                problems.error(
+                    f'the gate {shown(gate.name)} cannot keep {shown(item.id)}: it speaks of the '
+                    'future', span, 'its verdict is about an earlier message',
+                    'keep a requirement of the past, which can be judged before a message passes')
         for name in read if gate.settings.is_service else ():
             place = fields[name]
             if known[name].topic == gate.settings.judged_topic and \

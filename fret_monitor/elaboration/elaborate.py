@@ -40,6 +40,7 @@ from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
+from fret_monitor.elaboration.future import from_step
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.instances import check_instances, described_variable
 from fret_monitor.elaboration.languages import read_expression, read_formula
@@ -49,7 +50,7 @@ from fret_monitor.elaboration.terms import Broken, describe, formula_of, TypedTe
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.sentence import ComponentPhrase, Sentence
-from fret_monitor.logic.formula import Feedback, Formula, postorder
+from fret_monitor.logic.formula import Binary, BinaryOperator, Feedback, Formula, postorder
 from fret_monitor.logic.specification import (
     InstanceAggregate, Property, Signal, Specification,
 )
@@ -216,6 +217,10 @@ class _Reading:
 
     def _define(self, item: Definition, tree: Expression | Equations | None) -> None:
         term = self._term(item.language, item.text, tree, item.name.value)
+        if term.horizon:
+            self.problems.error('a definition cannot refer to the future', term.span,
+                                'this is known later', 'write it in the requirement, under mltl:')
+            term = TypedTerm(Broken(), term.span)
         self._scope.declare(item.name.value, Declaration(Role.DEFINITION, term))
 
     def _uses(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
@@ -263,6 +268,8 @@ class _Reading:
                 "this 'pre' has no value at the first step", term.origin,
                 'false or 0 is used there', 'write its first value, as in 0 -> pre x')
         formula = formula_of(term)
+        if term.horizon:
+            formula = Binary(BinaryOperator.IMPLIES, from_step(term.horizon), formula)
         return Property(
             id=item.id.value,
             handler=item.handler,
@@ -278,6 +285,7 @@ class _Reading:
             id_place=item.id.span,
             is_assumption=item.is_assumption,
             constants=self._constants_of(tree),
+            horizon=term.horizon,
             on_violation=tuple(name.value for name in item.on_violation),
             on_end=tuple(name.value for name in item.on_end),
         )
@@ -340,7 +348,7 @@ class _Reading:
                                   self._scale)
         is_lustre = language is Language.COCOSPEC
         return Elaborator(self._scope, self.problems, is_lustre=is_lustre,
-                          scale=self._scale).term(tree)
+                          scale=self._scale, counters=self._feedback).term(tree)
 
     def _reached(self, formula: Formula) -> tuple[tuple[Feedback, Formula], ...]:
         """Return the equations of all `Feedback` nodes that a formula reaches, transitively."""

@@ -33,6 +33,7 @@ from fret_monitor.elaboration.aggregates import refuse_without_instances
 from fret_monitor.elaboration.application import Application
 from fret_monitor.elaboration.durations import approximate, STEPS, TimeScale
 from fret_monitor.elaboration.functions import choice, COUNTING, FUNCTIONS, previous
+from fret_monitor.elaboration.future import aligned, bounded, FUTURE, future_formula
 from fret_monitor.elaboration.scope import Role, Scope
 from fret_monitor.elaboration.terms import (
     alike, Broken, describe, expect_bool, joined_bounds, TypedTerm, Undeclared, Value, Vocabulary,
@@ -44,8 +45,8 @@ from fret_monitor.language.expression import (
 )
 from fret_monitor.language.fretish_words import TIME
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Choice, Constant, FALSE, Formula, FTP, Historically, Once, Previous,
-    Since, Triggered, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
+    Binary, BinaryOperator, Choice, Constant, FALSE, Feedback, Formula, FTP, Historically, Once,
+    Previous, Since, Triggered, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import (
@@ -144,13 +145,15 @@ class Elaborator:
 
     def __init__(self, scope: Scope, problems: Problems, *, is_lustre: bool = False,
                  cells: Mapping[Expression, Cell] | None = None,
-                 left: Formula | None = FTP, scale: TimeScale = STEPS) -> None:
+                 left: Formula | None = FTP, scale: TimeScale = STEPS,
+                 counters: dict[Feedback, Formula] | None = None) -> None:
         """
         Store the scope of the names and the list for reports.
 
         `is_lustre` enables the warnings for Lustre. `left` holds at the left end of the interval
         in which `persisted`, `occurred` and `prevOcc` look back; None for no left end. `scale`
-        says what counts and times mean.
+        says what counts and times mean. `counters` collects the equations of numbers that count,
+        which operators of the future need.
         """
         self._scope = scope
         self._problems = problems
@@ -158,6 +161,7 @@ class Elaborator:
         self._cells = cells or {}
         self._left = left
         self._scale = scale
+        self._counters = {} if counters is None else counters
         self._done: dict[Expression, TypedTerm] = {}
         self._reported: set[str] = set()
 
@@ -191,15 +195,29 @@ class Elaborator:
         if is_broken or any(map(self._is_broken, _bound_names(node))):
             return TypedTerm(Broken(), node.span)
         try:
-            operands = self._counted(node, operands)
+            operands, horizon = aligned(node, self._counted(node, operands))
+            horizon = self._horizon(node, horizon)
             value, vocabulary = self._meaning(node, operands)
         except CompileError as error:
             self._problems.extend(error.diagnostics)
             return TypedTerm(Broken(), node.span)
         bounds = joined_bounds(self._own_bounds(node, operands),
                                *(term.bounds for term in operands))
-        term = TypedTerm(value, node.span, vocabulary, bounds=bounds)
+        term = TypedTerm(value, node.span, vocabulary, bounds=bounds, horizon=horizon)
         return _with_first_steps(term, node, operands)
+
+    def _horizon(self, node: Expression, of_operands: int) -> int:
+        """Return how many steps later the value of a node is known."""
+        if not isinstance(node, Prefix | Infix) or node.operator not in FUTURE:
+            return of_operands
+        past = window(node.bound, self._constant, self._scale, is_ahead=True)
+        ahead = bounded(node.operator, past, node.operator_span)
+        self._scale.check_longest(ahead + of_operands, node.span)
+        return ahead + of_operands
+
+    def _future(self, operator: str, past: Window, operands: list[Formula]) -> Formula:
+        return future_formula(operator, past, operands,
+                              self._counters if self._scale.is_timed else None)
 
     def _own_bounds(self, node: Expression, operands: list[TypedTerm]) -> Iterator[int]:
         """Yield the numbers of steps in the bound or the arguments of a node itself."""
@@ -375,6 +393,8 @@ class Elaborator:
             return arithmetic.minus(operand), None
         argument = expect_bool(operand, f"'{node.operator}'")
         past = window(node.bound, self._constant, self._scale)
+        if node.operator in FUTURE:
+            return self._future(node.operator, past, [argument]), None
         return _past(node, past, argument), None
 
     def _infix(self, node: Infix, left: TypedTerm,
@@ -406,6 +426,8 @@ class Elaborator:
         if node.operator in _CONNECTIVES:
             return Binary(_CONNECTIVES[node.operator], p, q)
         past = window(node.bound, self._constant, self._scale)
+        if node.operator in FUTURE:
+            return self._future(node.operator, past, [p, q])
         if self._is_lustre and past.low > 0:
             self._problems.warning(
                 "FRET's own Lustre library differs when the lower bound is above 0",

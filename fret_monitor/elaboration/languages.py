@@ -20,6 +20,7 @@ from fret_monitor.bundle.bundle import Language
 from fret_monitor.language.cocospec import parse_cocospec
 from fret_monitor.language.expression import Equations, Expression
 from fret_monitor.language.fretish import parse_fretish, parse_fretish_expression
+from fret_monitor.language.mltl import parse_mltl
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.language.smv import parse_smv
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Text
@@ -53,6 +54,7 @@ def read_formula(language: Language, text: Text, *,
 _KINDS = {
     Language.FRETISH: 'a sentence of FRETish', Language.PTLTL: 'a formula, not a sentence',
     Language.COCOSPEC: 'a formula of CoCoSpec, not a sentence',
+    Language.MLTL: 'a formula of the future, not a sentence',
 }
 _SHALL = re.compile(r'\bshall\b', re.IGNORECASE)
 
@@ -63,8 +65,8 @@ def _language_of(text: Text, tried: Language) -> Language | None:
         return None if tried is Language.FRETISH else Language.FRETISH
     if tried is not Language.FRETISH or text.value.strip().startswith('"'):
         return None  # other languages read quoted text as a name
-    return next((other for other in (Language.PTLTL, Language.COCOSPEC) if _reads(other, text)),
-                None)
+    others = (Language.PTLTL, Language.COCOSPEC, Language.MLTL)
+    return next((other for other in others if _reads(other, text)), None)
 
 
 def _reads(language: Language, text: Text) -> bool:
@@ -89,6 +91,8 @@ def read_expression(language: Language, text: Text) -> Expression | Equations:
             return parse_smv(text)
         case Language.COCOSPEC:
             return parse_cocospec(text)
+        case Language.MLTL:
+            return parse_mltl(text)
         case Language.FRETISH:
             return parse_fretish_expression(text)
         case _:

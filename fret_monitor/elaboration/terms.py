@@ -120,7 +120,7 @@ class TypedTerm:
     `vocabulary` is set if it is an input with names of values, or `pre` or a choice of such
     inputs. `undefined` is the number of initial steps at which it has no value, because of a
     `pre` of Lustre without `->` at the place `origin`. `bounds` are the largest few of the
-    numbers of steps in its text.
+    numbers of steps in its text. `horizon` is how many steps later its value is known.
     """
 
     value: Value
@@ -129,6 +129,7 @@ class TypedTerm:
     undefined: int = 0
     origin: Span | None = None
     bounds: frozenset[int] = frozenset()
+    horizon: int = 0
 
     @property
     def is_broken(self) -> bool:

@@ -26,12 +26,13 @@ from fret_monitor.model.diagnostics import refuse
 _FRETS_EMPTY = Window(0, -1)
 
 
-def window(bound: Bound | None, constant: Callable[[Name], int], scale: TimeScale) -> Window:
+def window(bound: Bound | None, constant: Callable[[Name], int], scale: TimeScale, *,
+           is_ahead: bool = False) -> Window:
     """
     Return the window of a bound; without a bound, the whole past.
 
     `constant` returns the number of a name in the bound; its exceptions are passed on. `scale`
-    says what counts and times mean.
+    says what counts and times mean. It `is_ahead` for operators of the future.
 
     Raises
     ------
@@ -43,7 +44,8 @@ def window(bound: Bound | None, constant: Callable[[Name], int], scale: TimeScal
         return ALWAYS
     low = _end(bound, bound.low, constant, scale)
     if bound.relation == '[]':
-        return _closed(bound, low, _end(bound, bound.high or '', constant, scale), scale)
+        return _closed(bound, low, _end(bound, bound.high or '', constant, scale), scale,
+                       is_ahead)
     result = {
         '<=': Window(0, low),
         '<': Window(0, low - 1),
@@ -51,17 +53,17 @@ def window(bound: Bound | None, constant: Callable[[Name], int], scale: TimeScal
         '>=': Window(low, None),
         '>': Window(low + 1, None),
     }[bound.relation]
-    _check_range(bound, low, scale)
-    _check_range(bound, result.low, scale)
+    _check_range(bound, low, scale, is_ahead)
+    _check_range(bound, result.low, scale, is_ahead)
     return result
 
 
-def _closed(bound: Bound, low: int, high: int, scale: TimeScale) -> Window:
+def _closed(bound: Bound, low: int, high: int, scale: TimeScale, is_ahead: bool) -> Window:
     result = Window(low, high)
     if result == _FRETS_EMPTY:
         return result
-    _check_range(bound, low, scale)
-    _check_range(bound, high, scale)
+    _check_range(bound, low, scale, is_ahead)
+    _check_range(bound, high, scale, is_ahead)
     if result.is_empty:
         low_text, high_text = scale.shown(low), scale.shown(high)
         comma = ', ' if scale.is_timed else ','
@@ -70,10 +72,11 @@ def _closed(bound: Bound, low: int, high: int, scale: TimeScale) -> Window:
     return result
 
 
-def _check_range(bound: Bound, number: int, scale: TimeScale) -> None:
+def _check_range(bound: Bound, number: int, scale: TimeScale, is_ahead: bool) -> None:
     if number < 0:
         refuse('a bound cannot be negative', bound.span,
-               'counts into the past' if scale.is_timed else 'counts steps into the past')
+               f'counts {"" if scale.is_timed else "steps "}into the '
+               f'{"future" if is_ahead else "past"}')
     scale.check_longest(number, bound.span)
 
 

@@ -30,12 +30,14 @@ from fret_monitor.bundle.constants import override_constants
 from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.signals import FindMessage
-from fret_monitor.explain import sentence as fretish
+from fret_monitor.explain import future, sentence as fretish
 from fret_monitor.explain.goals import goals
 from fret_monitor.explain.in_time import confirmed, verdicts_in_time
 from fret_monitor.explain.timeline import drawn, Timeline, timeline, value_lines
 from fret_monitor.explain.words import in_words
+from fret_monitor.language.expression import Expression
 from fret_monitor.language.fretish import parse_fretish
+from fret_monitor.language.mltl import parse_mltl
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Constant, Formula, postorder, Unary, Variable
@@ -45,7 +47,7 @@ from fret_monitor.model.diagnostics import (
     counted, Diagnostic, did_you_mean, Problems, Source, Text,
 )
 from fret_monitor.model.progress import no_progress, Progress
-from fret_monitor.model.times import time_text
+from fret_monitor.model.times import known_text, time_text
 from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
@@ -98,6 +100,7 @@ class _ReportContext:
     """The data that all requirements of a bundle share."""
 
     sentences: dict[str, Sentence]
+    futures: dict[str, Expression]
     goals: dict[str, list[Formula]]
     values: Values
     names: dict[Formula, str]
@@ -207,8 +210,11 @@ def _context(reading: Reading, chosen: set[str],
     sentences = {} if bundle is None else {
         item.id.value: parse_fretish(_on_one_line(item.text)) for item in bundle.requirements
         if item.language is Language.FRETISH and item.id.value in chosen}
+    futures = {} if bundle is None else {
+        item.id.value: parse_mltl(_on_one_line(item.text)) for item in bundle.requirements
+        if item.language is Language.MLTL and item.id.value in chosen}
     return _ReportContext(
-        sentences, goals(bundle, sentences, find_message) if bundle else {},
+        sentences, futures, goals(bundle, sentences, find_message) if bundle else {},
         {signal.name: signal.values for signal in specification.signals if signal.values},
         {formula: name for name, formula in specification.definitions
          if not isinstance(formula, Variable | Constant)},
@@ -239,6 +245,10 @@ def _meaning(item: Property, context: _ReportContext) -> tuple[
         parts = context.sentences[item.id]
         return tuple(fretish.fields(parts)), (
             *fretish.meaning(parts, context.scale), *definitions)
+    if item.horizon:
+        return (), (
+            ('in words', future.in_words(context.futures[item.id], context.scale)),
+            ('known', known_text(item.horizon, is_timed=context.is_timed)), *definitions)
     words = in_words(item.formula, _WORDS, context.values, context.names, context.is_timed)
     return (), (('in words', words), *definitions)
 

@@ -21,7 +21,7 @@ and `FALSE` in any case; `.5`. HTML tags and entities in old exports of FRET are
 FRET's sign is part of a number: `-3 ^ 2` is `(-3) ^ 2`, while `-x ^ 2` is `-(x ^ 2)`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 import re
 from typing import Any, NoReturn
@@ -75,18 +75,24 @@ _REFUSED = {
     ';': 'a formula of this language ends without a semicolon',
     '{': 'write an enumeration as (x = A | x = B)',
 }
+
+
+def _past(write: str, ahead: str) -> str:
+    return f'a monitor sees only the past: {write}; under mltl: it is {ahead}'
+
+
 _FOREIGN = {
     **{word: f'write {_WRITE[word.lower()]}'
        for word in ('AND', 'And', 'OR', 'Or', 'NOT', 'Not', 'implies', 'IMPLIES', 'iff', 'IFF')},
     # Future operators, which FRET's grammar has too, each with the closest past operator.
-    **dict.fromkeys(('G', 'globally', 'always'), 'a monitor sees only the past: '
-                    'write H p, true while p has held at every step so far'),
-    **dict.fromkeys(('F', 'finally', 'eventually'), 'a monitor sees only the past: '
-                    'write O p, true once p has held at some step so far'),
-    **dict.fromkeys(('X', 'next'), 'a monitor sees only the past: write Y p, p one step ago'),
-    **dict.fromkeys(('U', 'UI', 'until'), 'a monitor sees only the past: '
-                    'write p S q, p at every step since q held'),
-    **dict.fromkeys(('V', 'R', 'release'), 'a monitor sees only the past: write p T q'),
+    **dict.fromkeys(('G', 'globally', 'always'), _past(
+        'write H p, true while p has held at every step so far', 'G[0,n] p')),
+    **dict.fromkeys(('F', 'finally', 'eventually'), _past(
+        'write O p, true once p has held at some step so far', 'F[0,n] p')),
+    **dict.fromkeys(('X', 'next'), _past('write Y p, p one step ago', 'X p')),
+    **dict.fromkeys(('U', 'UI', 'until'), _past(
+        'write p S q, p at every step since q held', 'p U[0,n] q')),
+    **dict.fromkeys(('V', 'R', 'release'), _past('write p T q', 'p R[0,n] q')),
     **dict.fromkeys(('historically', 'Historically', 'HISTORICALLY'),
                     'write H p, or H[a,b] p for the steps from b to a steps ago'),
     **dict.fromkeys(('once', 'Once', 'ONCE'),
@@ -114,7 +120,10 @@ def _pattern(blank: str) -> re.Pattern[str]:
                       f'|(?P<OPERATOR>{operators})|(?P<BAD>.)', re.ASCII | re.DOTALL)
 
 
-class _SmvBuilder(_lalr.ExpressionBuilder):
+class SmvBuilder(_lalr.ExpressionBuilder):
+    """Builds the tree of a formula with bounds in square brackets."""
+
+    foreign: Mapping[str, str] = _FOREIGN
 
     def window(self, parts: list[Any]) -> Bound:
         low, high = self._end(parts[1]), self._end(parts[3])
@@ -147,13 +156,14 @@ class _SmvBuilder(_lalr.ExpressionBuilder):
         if parts[0].text in _COCOSPEC:
             refuse(f"'{parts[0].text}' is an operator of CoCoSpec", parts[0].span,
                    'not in this language', 'use the key cocospec: instead of ptltl:')
-        if parts[0].text in _FOREIGN:
+        if parts[0].text in self.foreign:
             refuse(f"'{parts[0].text}' is not an operator here", parts[0].span,
-                   'not in this language', _FOREIGN[parts[0].text])
+                   'not in this language', self.foreign[parts[0].text])
         return super().call(parts)
 
 
-def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+def explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | None:
+    """Return a more specific error for the lexeme at an index, or None."""
     found = lexemes[index]
     before = lexemes[index - 1] if index else found
     if found.type == 'SINCE':
@@ -229,14 +239,20 @@ def _explain_round_bound(lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
                       'these are round', f'write {operator.text}[{low.text},{high.text}] p')
 
 
-_SYNTAX = _lalr.Syntax('smv', _SmvBuilder(PRECEDENCE, TIME_UNITS), _pattern(r'\s'), _WORDS,
-                       _OPERATORS, _REFUSED, _FOREIGN, _WRITE, _explain)
+SYNTAX = _lalr.Syntax('smv', SmvBuilder(PRECEDENCE, TIME_UNITS), _pattern(r'\s'), _WORDS,
+                      _OPERATORS, _REFUSED, _FOREIGN, _WRITE, explain)
+"""The language; `mltl` adds the operators of the future."""
 _TAGGED = _pattern(r'\s|</?[bi]>')
 
 
 def parse_smv(text: Text) -> Expression:
     """Return the tree of a formula; raises `CompileError` with the place of the first error."""
-    lexemes = _lalr.scan(_SYNTAX, text, _TAGGED if '</' in text.value else None)
+    return parse_with(SYNTAX, text)
+
+
+def parse_with(syntax: _lalr.Syntax, text: Text) -> Expression:
+    """Return the tree of a formula in a language with this grammar, as `parse_smv`."""
+    lexemes = _lalr.scan(syntax, text, _TAGGED if '</' in text.value else None)
     lexemes = _lalr.join_times(_lalr.join_signs(lexemes), TIME_UNITS)
-    tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'start')
+    tree: Expression = _lalr.parse(syntax, text, lexemes, 'start')
     return tree

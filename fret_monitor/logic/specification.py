@@ -119,7 +119,7 @@ class Property:
     `constants` are the names of those in the text and in the definitions it uses.
     `is_assumption`: it constrains the environment instead of the system. `on_violation` and
     `on_end` are names of actions. `output` is a number that is kept after each step, for an
-    aggregate.
+    aggregate. `horizon`: the verdict is that of so many steps ago, and TRUE before there are any.
     """
 
     id: str
@@ -139,6 +139,7 @@ class Property:
     on_end: tuple[str, ...] = ()
     constants: tuple[str, ...] = field(default=(), compare=False)
     output: Formula | None = None
+    horizon: int = 0
 
     @property
     def roots(self) -> tuple[Formula, ...]:

@@ -37,7 +37,7 @@ from fret_monitor.model.policies import (
 )
 from fret_monitor.model.values import ValueType
 
-FORMAT = 11
+FORMAT = 12
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -189,7 +189,8 @@ class ManifestRequirement:
 
     `constants` are those that its text names, itself or in definitions, as indices.
     `on_violation` and `on_end` are the actions that follow a violation and its end, as indices. A
-    lock, which follows both, is in `on_violation`.
+    lock, which follows both, is in `on_violation`. `horizon`: its verdict is about so many steps
+    ago, under the policy timed nanoseconds.
     """
 
     id: str
@@ -204,6 +205,7 @@ class ManifestRequirement:
     on_violation: tuple[int, ...] = ()
     on_end: tuple[int, ...] = ()
     constants: tuple[int, ...] = ()
+    horizon: int = 0
 
     @property
     def topic(self) -> str:
@@ -715,6 +717,7 @@ def _requirement(item: _Value, inputs: int, groups: int, actions: int,
         constants=item['constants'].indices(constants),
         on_violation=item['on_violation'].indices(actions),
         on_end=item['on_end'].indices(actions),
+        horizon=item['horizon'].natural(),
     )
 
 

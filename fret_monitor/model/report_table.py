@@ -87,7 +87,7 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'requirements': _structs('fm_report_requirement', ({
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
-            'is_warning': item.severity is Severity.WARN,
+            'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,
             'shows_verdict': item.report is Report.OCCURRENCE} for item in manifest.requirements)),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),

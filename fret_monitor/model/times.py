@@ -58,6 +58,13 @@ def short_seconds(nanoseconds: int) -> str:
     return seconds(nanoseconds).rstrip('0').rstrip('.')
 
 
+def known_text(horizon: int, *, is_timed: bool) -> str:
+    """Return when the verdict of a requirement that looks ahead is known."""
+    late = time_text(horizon) if is_timed else f'{horizon:,} step{"" if horizon == 1 else "s"}'
+    return (f'{late} later: a verdict is about what was {late} before, and true until there is '
+            f'such a {"time" if is_timed else "step"}')
+
+
 def _in_unit(nanoseconds: int, unit: str) -> str:
     """Return a time in a unit; '' if it has no exact decimal there."""
     scaled = Fraction(abs(nanoseconds) * 10 ** _PLACES, NANOSECONDS[unit])

@@ -108,7 +108,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
     simpler = without_queues([root for item in properties for root in item.roots])
     is_timed = specification.policy is Policy.TIMED
     builder = _GroupBuilder(index, {node: i for i, node in enumerate(feedback)},
-                            _Rates(specification.signals, index) if is_timed else None)
+                            _Rates(specification.signals, index, feedback) if is_timed else None)
     first_equations = []
     for item in properties:
         first_equations.append(len(builder.equations))
@@ -142,9 +142,11 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
 class _Rates:
     """How often the inputs of a bundle can change at most."""
 
-    def __init__(self, signals: tuple[Signal, ...], index: dict[str, int]) -> None:
+    def __init__(self, signals: tuple[Signal, ...], index: dict[str, int],
+                 feedback: dict[Feedback, Formula]) -> None:
         self._signals = signals
         self._index = index
+        self._feedback = feedback
 
     def inputs(self, node: Formula) -> tuple[int, ...]:
         """Return the inputs that a formula reads."""
@@ -157,11 +159,24 @@ class _Rates:
 
     def changes(self, roots: Sequence[Formula], ticks: int) -> int | None:
         """Return how often some formulas change in so many ticks; None if unknown."""
+        together = self._sources(roots, ticks)
+        return None if together is None else sum(together.values())
+
+    def _sources(self, roots: Sequence[Formula], ticks: int) -> dict[object, int] | None:
         found: dict[Formula, dict[object, int] | None] = {}
         for item in postorder(roots):
             found[item] = self._changes(item, ticks, [found[part] for part in operands_of(item)])
-        together = _united([found[item] for item in roots])
-        return None if together is None else sum(together.values())
+        return _united([found[item] for item in roots])
+
+    def _of_feedback(self, node: Feedback, ticks: int) -> dict[object, int] | None:
+        """Return the changes of a number that counts the steps at which something holds."""
+        match self._feedback[node]:
+            case Binary(BinaryOperator.ADD, before, Choice(holds, Constant(), Constant())) \
+                    if before is node:
+                together = self._sources([holds], ticks)
+                return None if together is None else {node: sum(together.values())}
+            case _:
+                return None
 
     def _changes(self, node: Formula, ticks: int,
                  parts: list[dict[object, int] | None]) -> dict[object, int] | None:
@@ -174,7 +189,9 @@ class _Rates:
         together = _united(parts)
         if isinstance(node, Variable):
             return self._messages(self._signals[self._index[node.name]], ticks)
-        if isinstance(node, Feedback) or together is None:
+        if isinstance(node, Feedback):
+            return self._of_feedback(node, ticks)
+        if together is None:
             return None
         total = sum(together.values())
         match node:

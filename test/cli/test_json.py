@@ -64,13 +64,13 @@ def test_check_describes_the_valid_bundles_and_the_problems_of_the_others(here: 
     assert valid.pop('requirements')[0] == {
         'id': 'R', 'title': 'Seldom', 'text': 'H (p -> O[0, 2 s] !p)', 'for_each': [],
         'inputs': ['p'], 'state_bytes': 16,
-        'bounds': [2_000_000_000], 'formula': 'H (p -> (O[0, 2 s] !p))'}
+        'bounds': [2_000_000_000], 'horizon': 0, 'formula': 'H (p -> (O[0, 2 s] !p))'}
     assert valid.pop('state_bytes') > 0 and valid.pop('operations') > 0
     assert valid == {
         'bundle': str(good), 'is_valid': True, 'policy': 'timed', 'period': None, 'unit': None,
         'topics': [],
         'inputs': [{'name': 'p', 'type': 'bool', 'topic': None, 'for_each': []}],
-        'instances': [], 'gates': [], 'actions': []}
+        'instances': [], 'windows': [], 'gates': [], 'actions': []}
     warning, error, missing = found['diagnostics']
     assert (warning['level'], warning['message']) == ('warning', 'Q is true at every step')
     assert error == {

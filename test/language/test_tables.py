@@ -75,6 +75,7 @@ def test_without_lark_and_network_ci_fails_and_others_skip(
 @pytest.mark.parametrize('grammar', sorted(STARTS))
 def test_every_method_of_a_rule_is_one_of_the_builder(grammar: str) -> None:
     from fret_monitor.language import cocospec, fretish, smv
-    builder = {'cocospec': cocospec, 'fretish': fretish, 'smv': smv}[grammar]._SYNTAX.builder
+    syntax = {'cocospec': cocospec._SYNTAX, 'fretish': fretish._SYNTAX, 'smv': smv.SYNTAX}[grammar]
+    builder = syntax.builder
     methods = {rule.method for rule in read_tables(grammar).rules} - {None}
     assert [method for method in methods if not hasattr(builder, str(method))] == []

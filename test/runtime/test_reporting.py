@@ -317,6 +317,34 @@ def test_the_logger_words_a_detail_that_it_receives_as_the_monitor_does(
         f') [{shown}: step = WALK, stamp = 7, on = true, time = 48.50, silent = 0]')
 
 
+@pytest.mark.parametrize(('policy', 'unit', 'place', 'about', 'shown'), [
+    ('every_message', '', ('step', '3'), ('about step', '1'), 'step 3, about step 1'),
+    ('timed', ' s', ('time', '2'), ('about time', '0'),
+     '2 s after its start, about 0 s after its start')])
+def test_the_step_that_a_verdict_on_the_future_is_about_is_in_details_and_log(
+        policy: str, unit: str, place: tuple[str, str], about: tuple[str, str], shown: str,
+        tmp_path: Path) -> None:
+    engine = engine_of(tmp_path, f"""
+format: 1
+evaluation: {{policy: {policy}}}
+inputs: {{x: {{topic: x, type: std_msgs/msg/Float32}}}}
+requirements: [{{id: R, mltl: "F[0,2{unit}] (x > 1)"}}]
+""")
+    engine.want_details(True)
+    reporter = Reporter(engine, ReportTable(engine.monitor.manifest))
+    engine.advance(10**9)
+    values = (2.0, 0.0, 0.0, 0.0) if not unit else (0.0,)
+    for second, value in enumerate(values, 1):
+        engine.message(0, a_float(value), second * 10**9)
+    engine.advance(4 * 10**9)
+    detail = engine.take_detail(0)
+    assert detail is not None
+    found = reporter.detail(detail)
+    assert (found.values[0], found.values[-1]) == (place, about)
+    line, = ViolationLog(reporter).add(detail)
+    assert line.text.endswith(f' [{shown}: x = 0.0]')
+
+
 def test_a_violation_before_the_thread_of_details_has_begun_is_logged(tmp_path: Path) -> None:
     engine = engine_of(tmp_path, TWO)
     log = ViolationLog(Reporter(engine, ReportTable(engine.monitor.manifest)))
