@@ -43,7 +43,9 @@ from fret_monitor.lint.sentences import doubtful_sentences
 from fret_monitor.lint.topics import doubtful_topics
 from fret_monitor.lint.units import doubtful_units
 from fret_monitor.lint.unread import unread_topics
-from fret_monitor.logic.scopes import bundle_scope, instance_scopes, InstanceScope
+from fret_monitor.logic.scopes import (
+    bundle_scope, instance_scopes, InstanceScope, one_instance,
+)
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.installed import find_message as find_installed, fingerprint
 from fret_monitor.model.diagnostics import (
@@ -172,12 +174,18 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
                    messages if part is None else _messages(taken, find_message), values)
 
 
+def read_one_instance(path: Path, *, constants: Mapping[str, Text] | None = None) -> Reading:
+    """Read a bundle as of one instance of each of its variables; errors as of `read`."""
+    reading = read(path, constants=constants, takes_instances=True)
+    return replace(reading, specification=one_instance(reading.specification))
+
+
 def _refuse_instances(bundle: Bundle, problems: Problems) -> None:
     """Report what only `check` and `simulate` can do yet."""
     for place in (*(item.name.span for item in bundle.instance_variables[:1]),
                   *(item.where.span for item in bundle.inputs if item.where)):
         problems.error("'for_each' and 'where' are not supported here yet", place, '',
-                       'fret-monitor check and simulate know them')
+                       'fret-monitor check, simulate and bag know them')
 
 
 def _specify(

@@ -28,13 +28,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol, TYPE_CHECKING
 
+from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.message_fit import MessageFit
 from fret_monitor.bag.moments import LAST_TIME, Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, full_name, Recording
+from fret_monitor.bag.routes import matches, Routes, Target
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
-from fret_monitor.model.manifest import Manifest, ManifestTopic
+from fret_monitor.model.manifest import (
+    Manifest, ManifestInput, ManifestRequirement, ManifestTopic,
+)
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import short_seconds
@@ -45,14 +49,12 @@ from fret_monitor.runtime.evaluator import (
     Evaluator, NEVER, RequirementCounts, Violation, violation as violation_of,
 )
 from fret_monitor.runtime.reporting import LogLevel, Reporter, ReportTable, StatusRecord
+from fret_monitor.runtime.scopes import KindCounts, Scopes
 from fret_monitor.start import manifest_of, start
 
 if TYPE_CHECKING:  # a bundle in the cache needs no parser
     from fret_monitor.build import Reading
     from fret_monitor.elaboration.signals import FindMessage
-
-MOST_KEPT = 10_000
-"""Occurrences of a requirement whose times are kept; the others are counted."""
 
 _ALL = 2**32 - 1  # details a second
 _MOST_WITH_DETAILS = 64  # violations that wait; the queue of details is short
@@ -82,33 +84,6 @@ class Selection:
     constants: Mapping[str, Text] = field(default_factory=dict)
 
 
-@dataclass
-class Findings:
-    """
-    What was found about one requirement; `since` it is violated (ns).
-
-    `verdict` is None if it was never evaluated, or if it is open: it would become false with no
-    further message, at the time `due`. `occurrences` are counted; of the first `MOST_KEPT` the
-    times are in `spans`: begin and end (ns), None while it lasts. `violations` counts violating
-    steps, None under the policy timed. `longest` is in nanoseconds.
-    """
-
-    id: str
-    verdict: bool | None = None
-    is_open: bool = False
-    due: int | None = None
-    violations: int | None = 0
-    occurrences: int = 0
-    longest: int = 0
-    since: int | None = None
-    spans: list[tuple[int, int | None]] = field(default_factory=list)
-
-    @property
-    def first(self) -> int | None:
-        """The time of the first occurrence, in nanoseconds."""
-        return self.spans[0][0] if self.spans else None
-
-
 @dataclass(frozen=True)
 class RecordingResult:
     """
@@ -118,6 +93,7 @@ class RecordingResult:
     `begin` and `end` are the judged time, `start` is that of the first message (ns). `errors` say
     what is missing or damaged: without any, all was seen. `warnings` say what was seen and could
     not be used, or was out of order. With `has_checksums`, damaged messages would be an error.
+    `kinds` counts the instances of each variable that requirements mention.
     """
 
     path: Path
@@ -132,6 +108,7 @@ class RecordingResult:
     warnings: tuple[str, ...] = ()
     is_trace: bool = False
     has_checksums: bool = False
+    kinds: Mapping[str, KindCounts] = field(default_factory=dict)
 
     @property
     def amount(self) -> str:
@@ -222,7 +199,7 @@ def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage') -> 'Rea
     """Read a bundle for a recording; all requirements report occurrences."""
     from fret_monitor.build import read
     reading = read(bundle, stamp=selection.stamp, constants=selection.constants,
-                   find_message=find)
+                   find_message=find, takes_instances=True)
     properties = tuple(replace(item, report=Report.OCCURRENCE)
                        for item in reading.specification.properties)
     return replace(reading, specification=replace(
@@ -234,7 +211,7 @@ def requirement_texts(bundle: Path, path: Path, selection: Selection) -> dict[st
     from fret_monitor.build import generate_monitor
     with opened(path) as (_, find):
         reading = read_bundle(bundle, selection, find)
-    return {item.id: item.text for item in generate_monitor(reading).manifest.requirements}
+    return {item.id: item.text for item in generate_monitor(reading).manifest.numbered}
 
 
 def compiled(reading: 'Reading') -> CompiledMonitor:
@@ -256,8 +233,12 @@ class _Run:
         self._progress = progress
         self._monitor = recording.prepare(monitor)
         self._manifest = self._monitor.manifest
-        self._evaluator = Evaluator(self._monitor, reports_recoveries=True)
-        self._engine = Engine(self._evaluator, takes_recoveries=True)
+        self._refuse_instances()
+        self._scopes = Scopes(self._monitor, is_of_engine=True) \
+            if self._manifest.variables else None
+        self._evaluator = self._scopes.evaluator() if self._scopes else \
+            Evaluator(self._monitor, reports_recoveries=True)
+        self._engine = Engine(self._evaluator, takes_recoveries=True, scopes=self._scopes)
         self._reporter = Reporter(self._engine, ReportTable(self._manifest))
         self._wants_details = False
         self._most = MOST_QUEUED
@@ -275,19 +256,36 @@ class _Run:
             full_name(topic.name) if topic.made else resolved(topic.name, selection)
             for topic in self._manifest.topics]
         self._left_out = self._topics_left_out()
-        self._recorded = {name: recording.recorded[name] for index, name in enumerate(self._names)
-                          if recording.is_trace or index not in self._left_out}
+        self._fitting = {index: matches(self._names[index], topic, self._manifest.variables,
+                                        recording.types)
+                         for index, topic in enumerate(self._manifest.topics)
+                         if topic.is_keyed and not recording.is_trace}
+        self._recorded = {name: sum(recording.recorded[item] for item in self._fitting.get(
+            index, [name])) for index, name in enumerate(self._names)
+            if recording.is_trace or index not in self._left_out}
         self._read = array('Q', bytes(8 * len(self._names)))
-        self._findings = [Findings(item.id) for item in self._manifest.requirements]
+        self._findings = [Findings(item.id, variable=variable) for item, variable in zip(
+            self._manifest.numbered, self._manifest.variable_of, strict=True)]
         self._fit = None if isinstance(recording, Trace) else MessageFit(
             self._manifest.topics, recording.find_message)
+
+    def _refuse_instances(self) -> None:
+        """Refuse what is not there yet for bundles with `for_each`."""
+        if self._manifest.variables and self._recording.is_trace:
+            refuse('`bag` does not run a trace with a bundle with for_each',
+                   help='fret-monitor simulate does')
+        if self._manifest.variables and (self._changes or self._watch):
+            refuse('--csv, --mcap and --report are not supported yet for a bundle with for_each',
+                   help='--json has the violated instances of each requirement')
 
     def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection
         if recording.end > LAST_TIME:
             refuse(f"'{recording.path}' ends at {recording.end} ns: nanoseconds since 1970 must "
                    f'not exceed {LAST_TIME}, which is in the year 2261')
-        wanted = dict(self._wanted())
+        wanted: dict[tuple[str, str], list[Target]] = {}
+        for source, target in self._wanted():
+            wanted.setdefault(source, []).append(target)
         begin = _at(selection.begin, recording, recording.start)
         self._is_part = selection.begin is not None
         if recording.is_trace:  # its time begins with the first row
@@ -313,9 +311,19 @@ class _Run:
         if not is_limited:
             self._compare(read)
         return RecordingResult(
-            recording.path, manifest, self._recorded, read, tuple(self._findings),
+            recording.path, manifest, self._recorded, read, self._in_order(),
             tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
-            recording.is_trace, recording.has_checksums)
+            recording.is_trace, recording.has_checksums, dict(self._kind_counts()))
+
+    def _in_order(self) -> tuple[Findings, ...]:
+        """Return the findings in the bundle's order."""
+        by_id = {item.id: item for item in self._findings}
+        return tuple(by_id[name] for name in self._manifest.ids or by_id)
+
+    def _kind_counts(self) -> Iterator[tuple[str, KindCounts]]:
+        for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):
+            assert self._scopes is not None
+            yield (self._manifest.variables[kind.variables[0]].name, self._scopes.counts(place))
 
     def _check_part(self, begin: int, last: int) -> None:
         selection, recording = self._selection, self._recording
@@ -364,9 +372,9 @@ class _Run:
                        help=did_you_mean(old, topics.values())
                        or f'it has {", ".join(topics.values())}')
 
-    def _wanted(self) -> Iterator[tuple[tuple[str, str], int]]:
+    def _wanted(self) -> Iterator[tuple[tuple[str, str], Target]]:
         types = self._recording.types
-        seen: dict[str, int] = {}
+        seen: dict[tuple[str, str], int] = {}
         if not self._recording.is_trace:
             self._check_remaps()
         if not self._names:
@@ -380,14 +388,17 @@ class _Run:
                                f'{self._manifest.inputs[topic.inputs[0]].name}: {{topic: NAME, '
                                'type: TYPE, field: received(), timeout: 1, stale: violate}')
                 continue
-            if name in seen:
-                other = self._manifest.topics[seen[name]].name
+            if (name, topic.where) in seen:
+                other = self._manifest.topics[seen[name, topic.where]].name
                 refuse(f"'{other}' and '{topic.name}' are one topic here, {name}",
                        help='give it one name in the bundle')
-            seen[name] = index
+            seen[name, topic.where] = index
+            if index in self._fitting:
+                yield from self._wanted_by_key(index, topic)
+                continue
             found = types.get(name, set())
             if topic.message_type in found:
-                yield (name, topic.message_type), index
+                yield (name, topic.message_type), (index, b'')
             others = sorted(found - {topic.message_type})
             if name in self._recording.formats:
                 self._errors.append(f'{name} was recorded in the format '
@@ -407,6 +418,20 @@ class _Run:
         if not any(self._recorded.values()) and not self._errors:
             self._errors.append('no row was recorded' if self._recording.is_trace else
                                 'no message was recorded on the topics of the bundle')
+
+    def _wanted_by_key(self, index: int,
+                       topic: ManifestTopic) -> Iterator[tuple[tuple[str, str], Target]]:
+        """Yield the recorded topics that fit one with a variable in its name."""
+        fitting = self._fitting[index]
+        for name, key in fitting.items():
+            if topic.message_type in self._recording.types.get(name, set()):
+                yield (name, topic.message_type), (index, key)
+            else:
+                (self._warnings if self._selection.may_miss else self._errors).append(
+                    f'{name} was not recorded as {topic.message_type}')
+        if not any(map(self._recording.recorded.__getitem__, fitting)):
+            self._miss(index, f'no topic {self._names[index]} of {topic.message_type} was '
+                       'recorded')
 
     def _topics_left_out(self) -> set[int]:
         """
@@ -433,7 +458,7 @@ class _Run:
         self._missing.add(index)
         (self._warnings if self._selection.may_miss else self._errors).append(text)
 
-    def _play(self, wanted: Mapping[tuple[str, str], int], begin: int,
+    def _play(self, wanted: Mapping[tuple[str, str], Sequence[Target]], begin: int,
               last: int | None) -> None:
         most = max(1, sum(self._recorded.values()))
         reorder = self._manifest.reorder
@@ -442,7 +467,7 @@ class _Run:
         if not self._recording.is_trace:
             self._engine.advance(min(begin, self._recording.start))
         try:
-            for batch in self._recording.batches(wanted, None if last is None else last + reorder):
+            for batch in self._batches(wanted, None if last is None else last + reorder):
                 if self._fit is not None and isinstance(batch, Batch):
                     self._leave_out(self._fit.look_at(batch))
                 if self._watch is not None:
@@ -463,15 +488,26 @@ class _Run:
         if not self._is_judging:
             self._judge_from(begin)
 
+    def _batches(self, wanted: Mapping[tuple[str, str], Sequence[Target]],
+                 last: int | None) -> Iterator[AnyBatch]:
+        if isinstance(self._recording, Trace):
+            yield from self._recording.batches(
+                {source: found[0][0] for source, found in wanted.items()}, last)
+            return
+        routes = Routes([*wanted.values()])
+        numbers = {source: place for place, source in enumerate(wanted)}
+        for batch in self._recording.batches(numbers, last):
+            yield routes.deliver(batch)
+
     def _leave_out(self, topics: Iterable[int]) -> None:
         """Judge no requirement that reads one of these topics."""
         fed = self._manifest.topics
         without = {*topics}
-        if any(not fed[index].inputs for index in without):  # the transforms are missing
+        if self._manifest.made and any(
+                not fed[index].inputs and fed[index].name in TOPICS for index in without):
             without |= self._manifest.made
-        inputs = {number for index in without for number in fed[index].inputs}
-        self._unread |= {index for index, item in enumerate(self._manifest.requirements)
-                         if inputs.intersection(item.inputs)}
+        self._unread |= {index for index, read in enumerate(topics_read(self._manifest))
+                         if without & read}
         self._unjudged = [index for index in self._unjudged if index not in self._unread]
 
     def _deliver(self, batch: AnyBatch) -> None:
@@ -483,7 +519,7 @@ class _Run:
             self._take(self._engine.advance_all(
                 begin + self._manifest.reorder, most=self._most))
             self._engine.reset()
-        self._before = [self._evaluator.requirement_counts(k) for k in range(len(self._findings))]
+        self._before = list(map(self._counts, range(len(self._findings))))
         self._is_judging = True
         self._begin = begin
         self._unjudged = [index for index in range(len(self._findings))
@@ -517,14 +553,14 @@ class _Run:
                 has_detail = bool(details) and details[-1][0] == violation
                 detail = details.pop()[1] if has_detail else None
                 self._report_judged(first_steps, violation.stamp)
-                findings = self._findings[violation.requirement]
+                findings = self._findings[violation.requirement].of(violation.key)
                 if not self._is_judging or violation.requirement in self._unread or (
                         violation.is_recovery and findings.since is None):
                     continue
                 if violation.is_recovery:
-                    _end(findings, violation.stamp)
+                    findings.end(violation.stamp)
                 else:
-                    _begin(findings, violation.stamp)
+                    findings.begin(violation.stamp)
                 for each in self._changes:
                     each.change(violation, detail)
             self._report_judged(first_steps, NEVER)
@@ -545,9 +581,11 @@ class _Run:
     def _finish(self, end: int) -> None:
         """Set the verdicts."""
         is_timed = self._manifest.policy is Policy.TIMED
-        due = self._open() if is_timed else {}
+        all_counts = list(map(self._counts, range(len(self._findings))))
+        due = {} if not is_timed else self._open_instances() if self._scopes else self._open()
         for index, (findings, before) in enumerate(zip(self._findings, self._before)):
-            counts = self._evaluator.requirement_counts(index)
+            counts = all_counts[index]
+            findings.close(end)
             violations = counts.violations - before.violations
             findings.violations = None if is_timed else violations
             if index in self._unread:
@@ -559,8 +597,6 @@ class _Run:
                 findings.verdict = True
             findings.is_open = findings.verdict is None and counts.steps > before.steps
             findings.due = due.get(index) if findings.is_open else None
-            if findings.since is not None:
-                findings.longest = max(findings.longest, end - findings.since)
 
     def _complain(self) -> None:
         """Say what could not be decoded or used, and what was out of order."""
@@ -585,6 +621,7 @@ class _Run:
                                 (order.ahead, 'have stamps ahead of their reception')):
                 if count:
                     self._warnings.append(f'{counted(count, "message")} of {topic.name} {what}')
+        self._complain_of_instances()
         if not self._recording.is_trace:
             self._complain_of_transforms()
         times = self._evaluator.time_counts()
@@ -594,6 +631,20 @@ class _Run:
         if times.overflows:
             self._errors.append(f'{counted(times.overflows, "change")} came faster than max_rate '
                                 'says')
+
+    def _complain_of_instances(self) -> None:
+        for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):
+            assert self._scopes is not None
+            variable = self._manifest.variables[kind.variables[0]]
+            if beyond := self._scopes.counts(place).beyond:
+                self._errors.append(
+                    f'{counted(beyond, "message")} with a key of {variable.name} for which '
+                    f'`most: {variable.most}` leaves no room: not evaluated')
+            for number, item in enumerate(kind.manifest.inputs):
+                counts = self._scopes.input_counts(place, number)
+                if kind.shared[number] is None and counts.unusable:
+                    (self._warnings if counts.received else self._errors).append(
+                        f'{counted(counts.unusable, "message")} without a value of {item.name}')
 
     def _complain_of_transforms(self) -> None:
         if self._left_out == self._manifest.made:
@@ -624,6 +675,34 @@ class _Run:
                 found.setdefault(item.requirement, item.stamp)
         return found
 
+    def _open_instances(self) -> dict[int, int]:
+        """Do as `_open`, with the run itself, which has ended."""
+        silent = {index for index, item in enumerate(self._manifest.numbered)
+                  if any(self._input_of(index, number).stale is Stale.VIOLATE
+                         for number in item.inputs)}
+        found: dict[int, int] = {}
+        for _ in range(_MOST_DEADLINES):
+            deadline = self._engine.deadline
+            if deadline == NEVER:
+                break
+            for batch in self._engine.advance_all(deadline + self._manifest.reorder):
+                for item in batch:
+                    if not item.is_recovery and item.requirement not in silent:
+                        found.setdefault(item.requirement, item.stamp)
+        return found
+
+    def _input_of(self, index: int, number: int) -> ManifestInput:
+        kind, _ = _scope_of(self._manifest, index)
+        manifest = self._manifest if kind is None else self._manifest.kinds[kind].manifest
+        return manifest.inputs[number]
+
+    def _counts(self, index: int) -> RequirementCounts:
+        """Return the counters of a requirement, those of all instances together."""
+        kind, place = _scope_of(self._manifest, index)
+        if kind is None or self._scopes is None:
+            return self._evaluator.requirement_counts(place)
+        return self._scopes.requirement_counts(kind, place)
+
     def _compare(self, read: Mapping[str, int]) -> None:
         for name, count in self._recorded.items():
             if count != read[name]:
@@ -632,19 +711,34 @@ class _Run:
                 self._errors.append(f'{what} recorded, {read[name]:,} read')
 
 
-def _begin(findings: Findings, stamp: int) -> None:
-    findings.occurrences += 1
-    findings.since = stamp
-    if len(findings.spans) < MOST_KEPT:
-        findings.spans.append((stamp, None))
+def _scope_of(manifest: Manifest, index: int) -> tuple[int | None, int]:
+    """Return the kind of a requirement of `Manifest.numbered`, and its index there."""
+    place = index - len(manifest.requirements)
+    if place < 0:
+        return None, index
+    for kind, item in enumerate(manifest.kinds):
+        if place < item.n_reported:
+            return kind, place
+        place -= item.n_reported
+    raise IndexError(index)
 
 
-def _end(findings: Findings, stamp: int) -> None:
-    since, findings.since = findings.since, None
-    if since is not None:
-        findings.longest = max(findings.longest, stamp - since)
-        if findings.spans[-1] == (since, None):
-            findings.spans[-1] = (since, stamp)
+def topics_read(manifest: Manifest) -> list[set[int]]:
+    """Return the topics that each requirement of `Manifest.numbered` reads."""
+    def read(of: Manifest, requirement: ManifestRequirement) -> set[int]:
+        return {index for index, topic in enumerate(of.topics)
+                if not {*topic.inputs}.isdisjoint(requirement.inputs)}
+
+    found = []
+    for item in manifest.requirements:
+        operands = [(manifest.kinds[each.kind].manifest, each.operand)
+                    for each in manifest.aggregates if each.input in item.inputs]
+        found.append(read(manifest, item).union(*(
+            read(kind, kind.requirements[operand]) for kind, operand in operands)))
+    for kind in manifest.kinds:
+        found += [read(kind.manifest, item)
+                  for item in kind.manifest.requirements[:kind.n_reported]]
+    return found
 
 
 def resolved(topic: str, selection: Selection) -> str:

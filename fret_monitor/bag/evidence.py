@@ -25,8 +25,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fret_monitor.bag.check import (
-    AnyBatch, AnyRecording, compiled, Findings, RecordingResult, run, Selection,
+    AnyBatch, AnyRecording, compiled, RecordingResult, run, Selection,
 )
+from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.bag.overview import MOST_SHOWN, Start

@@ -17,7 +17,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fret_monitor.bag.check import AnyBatch, Findings
+from fret_monitor.bag.check import AnyBatch
+from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.native.monitor import Monitor

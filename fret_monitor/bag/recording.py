@@ -25,7 +25,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import merge
 from itertools import chain, islice, pairwise
 from operator import itemgetter
@@ -86,13 +86,16 @@ class Batch:
     Messages in the order of their times.
 
     `topics` are the numbers given for the topics, `times` nanoseconds, `sizes` the lengths of the
-    messages, which lie one after another in `messages`.
+    messages, which lie one after another in `messages`. `keys` are those in the names of the
+    topics, one after another, with their lengths; None: no name has one.
     """
 
     topics: 'array[int]'
     times: 'array[int]'
     sizes: 'array[int]'
     messages: bytes
+    keys: bytes = b''
+    key_sizes: 'array[int] | None' = None
 
     def before(self, time: int) -> 'Batch':
         """Return the messages before a time."""
@@ -105,8 +108,9 @@ class Batch:
     def deliver(self, engine: Engine, counts: 'array[int]', *,
                 most: int) -> Iterator[list[Violation]]:
         """Deliver the messages to an engine, as `Engine.records`."""
+        keys = None if self.key_sizes is None else (self.keys, self.key_sizes)
         return engine.records(
-            self.topics, self.times, self.sizes, self.messages, counts, most=most)
+            self.topics, self.times, self.sizes, self.messages, counts, most=most, keys=keys)
 
     def add_to(self, thinning: Thinning, engine: Engine) -> None:
         """Put the values of the messages into windows."""
@@ -114,8 +118,13 @@ class Batch:
 
     def _part(self, begin: int, end: int) -> 'Batch':
         first = sum(self.sizes[:begin])
-        return Batch(self.topics[begin:end], self.times[begin:end], self.sizes[begin:end],
+        part = Batch(self.topics[begin:end], self.times[begin:end], self.sizes[begin:end],
                      self.messages[first:first + sum(self.sizes[begin:end])])
+        if self.key_sizes is None:
+            return part
+        sizes = self.key_sizes[begin:end]
+        first = sum(self.key_sizes[:begin])
+        return replace(part, keys=self.keys[first:first + sum(sizes)], key_sizes=sizes)
 
 
 class Recording(AbstractContextManager['Recording']):

@@ -20,13 +20,15 @@ import json
 from typing import TextIO
 from xml.etree import ElementTree
 
-from fret_monitor.bag.check import Findings, RecordingResult
+from fret_monitor.bag.check import RecordingResult
+from fret_monitor.bag.findings import Findings
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.times import seconds, short_seconds
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.reporting import StatusRecord
 
+_MOST_INSTANCES = 10  # violated instances of a requirement that are named
 _CONTROLS = {chr(k): '?' for k in range(32) if chr(k) not in '\t\n\r'}
 
 
@@ -43,9 +45,22 @@ def json_line(result: RecordingResult) -> str:
             'occurrences': item.occurrences,
             'first': None if item.first is None else seconds(item.first),
             **({'open': True} if item.is_open else {}),
+            **({'instances': _instances(item)} if item.variable else {}),
         } for item in result.findings},
+        **({'instances': {name: {
+            'began': counts.begun, 'ended': counts.ended, 'ended_open': counts.open,
+            'beyond': counts.beyond,
+        } for name, counts in result.kinds.items()}} if result.kinds else {}),
         'errors': list(result.errors),
     }, ensure_ascii=False)
+
+
+def _instances(item: Findings) -> dict[str, dict[str, object]]:
+    """Return the instances of a requirement that were violated, by key."""
+    return {key.decode(errors='replace'): {
+        'occurrences': found.occurrences,
+        'first': None if found.first is None else seconds(found.first),
+    } for key, found in sorted(item.instances.items())}
 
 
 def verdict_text(verdict: bool | None, *, is_open: bool) -> str:
@@ -63,15 +78,34 @@ def verdict_of(item: Findings) -> str:
 def table(result: RecordingResult) -> str:
     """Return the result for a terminal; times count from the begin of the recording."""
     rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
-    rows += [(item.id, verdict_of(item), f'{item.occurrences:,}',
-              '-' if item.first is None else f'{short_seconds(item.first - result.start)} s',
-              f'{short_seconds(item.longest)} s' if item.occurrences else '-')
-             for item in result.findings]
+    for item in result.findings:
+        rows += [_row(each, result.start) for each in (item, *_first_instances(item))]
+        if len(item.instances) > _MOST_INSTANCES:
+            more = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
+            rows.append((f'{item.id}[{item.variable}=...]', f'{more} more', '', '', ''))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     note = '' if result.has_checksums or result.is_trace else ', no checksums'
     lines = [f'{result.path}: {result.amount}, '
              f'{short_seconds(result.end - result.begin)} s{note}']
+    lines += [f'{name}: {counted(counts.begun, "instance")}, {counts.ended:,} ended, '
+              f'{counts.open:,} of them open' for name, counts in result.kinds.items()]
     return '\n'.join([*lines, *(_aligned(row, widths) for row in rows)])
+
+
+def _row(item: Findings, start: int) -> tuple[str, str, str, str, str]:
+    return (shown_text(item.id), verdict_of(item), f'{item.occurrences:,}',
+            '-' if item.first is None else f'{short_seconds(item.first - start)} s',
+            f'{short_seconds(item.longest)} s' if item.occurrences else '-')
+
+
+def _first_instances(item: Findings) -> list[Findings]:
+    """Return the violated instances of a requirement that are shown, by their keys."""
+    return [found for _, found in sorted(item.instances.items())[:_MOST_INSTANCES]]
+
+
+def shown_text(text: str) -> str:
+    """Return a text without characters that a terminal obeys."""
+    return ''.join(item if item.isprintable() else '?' for item in text)
 
 
 def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
@@ -98,8 +132,9 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
             if found['verdict'] is False:
                 first = '' if found['first'] is None else f', first at {found["first"]}'
                 failure = ElementTree.SubElement(
-                    case, 'failure',
-                    message=f'violated {counted(found["occurrences"], "time")}{first}')
+                    case, 'failure', message=_clean(
+                        f'violated {counted(found["occurrences"], "time")}{first}'
+                        + _by(list(found.get('instances', ())))))
                 failure.text = _clean(texts.get(name, ''))
             elif found['verdict'] is None:
                 ElementTree.SubElement(case, 'skipped', message=verdict_text(
@@ -118,6 +153,12 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
             output.text = _clean('\n'.join(content['errors']))
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
+
+
+def _by(keys: Sequence[str]) -> str:
+    """Return which instances violated a requirement."""
+    more = f' and {len(keys) - _MOST_INSTANCES:,} more' if len(keys) > _MOST_INSTANCES else ''
+    return f', by {", ".join(keys[:_MOST_INSTANCES])}{more}' if keys else ''
 
 
 def _clean(text: str) -> str:

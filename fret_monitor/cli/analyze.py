@@ -17,6 +17,7 @@
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 import re
 import signal
@@ -24,11 +25,12 @@ from threading import current_thread, main_thread
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import read, Reading
+from fret_monitor.build import read, read_one_instance, Reading
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
 from fret_monitor.cli.terminal import print_diagnostics, progress
+from fret_monitor.logic.scopes import one_instance
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import Diagnostic, Level, refuse, require_packages
 from fret_monitor.model.folders import refusing
@@ -67,7 +69,9 @@ def run(options: Namespace) -> int:
     from fret_monitor.analysis.replay import CompiledReplay
     from fret_monitor.analysis.report import as_dict, shown
     from fret_monitor.traces.deadline import Deadline
-    reading = read(existing_bundle(options.bundle), constants=dict(options.constants))
+    # A run that is written has no column for a key.
+    read_it = read_one_instance if options.output is None else read
+    reading = read_it(existing_bundle(options.bundle), constants=dict(options.constants))
     asked, warnings = _asked(reading, options.only)
     if not options.json:
         print_diagnostics(warnings)
@@ -92,6 +96,7 @@ def quick_warnings(reading: Reading) -> list[Diagnostic]:
     from fret_monitor.analysis.replay import CompiledReplay
     from fret_monitor.analysis.report import warnings
     from fret_monitor.traces.deadline import Deadline
+    reading = replace(reading, specification=one_instance(reading.specification))
     asked, _ = _asked(reading, None)
     found = _analysis(reading, CompiledReplay(reading), asked, Deadline(_QUICK_S))
     return list(warnings(found, reading.specification))

@@ -18,7 +18,7 @@ from argparse import ArgumentParser, Namespace
 from contextlib import suppress
 from pathlib import Path
 
-from fret_monitor.build import read
+from fret_monitor.build import read_one_instance
 from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
@@ -53,7 +53,7 @@ def _ids(parsed_args: Namespace, **_: object) -> list[str]:
 def run(options: Namespace) -> int:
     """Explain a bundle."""
     bundle = existing_bundle(options.bundle)
-    reading = read(bundle, constants=dict(options.constants))
+    reading = read_one_instance(bundle, constants=dict(options.constants))
     if options.svg is not None:
         refuse_overwriting(options.svg, reading.paths)
     with progress('explain') as report:

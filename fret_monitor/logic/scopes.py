@@ -29,7 +29,7 @@ from fret_monitor.logic.specification import (
     InstanceAggregate, Property, Signal, Specification,
 )
 from fret_monitor.model.names import HANDLER_PREFIX
-from fret_monitor.model.policies import Report, Severity
+from fret_monitor.model.policies import InputSource, Report, Severity
 from fret_monitor.model.values import ValueType
 
 
@@ -62,6 +62,20 @@ def bundle_scope(specification: Specification) -> Specification:
                  [item for item in specification.signals if not item.variables],
                  [item for item in specification.properties
                   if not variables_of(item.inputs, signals)])
+
+
+def one_instance(specification: Specification) -> Specification:
+    """
+    Return a specification of one instance of each variable, without variables.
+
+    Values over all instances are then inputs of which nothing is known.
+    """
+    return replace(
+        specification, instance_variables=(), aggregates=(),
+        signals=tuple(replace(item, variables=(), where=None, layout=None, source=(
+            InputSource.FIELD if item.source is InputSource.INSTANCES else item.source))
+            for item in specification.signals)) if specification.instance_variables \
+        else specification
 
 
 def instance_scopes(specification: Specification) -> tuple[InstanceScope, ...]:

@@ -354,6 +354,19 @@ class Manifest:
     outputs: str = ''
 
     @property
+    def numbered(self) -> tuple[ManifestRequirement, ...]:
+        """The requirements as an engine numbers them: of the bundle's scope, then of the kinds."""
+        return (*self.requirements, *(item for kind in self.kinds
+                                      for item in kind.manifest.requirements[:kind.n_reported]))
+
+    @property
+    def variable_of(self) -> tuple[str, ...]:
+        """Of each of these, the instance variable; '' of the bundle's scope."""
+        return ('',) * len(self.requirements) + tuple(
+            self.variables[kind.variables[0]].name for kind in self.kinds
+            for _ in range(kind.n_reported))
+
+    @property
     def made(self) -> frozenset[int]:
         """The indices of the topics whose messages the monitor makes."""
         return frozenset(index for index, topic in enumerate(self.topics) if topic.made)
@@ -423,6 +436,11 @@ class ManifestKind:
     manifest: Manifest
     shared: tuple[int | None, ...]
     n_reported: int
+
+    def keyed(self, topic: int) -> tuple[int, ...]:
+        """Return the inputs with a value for each key that a topic feeds."""
+        return tuple(index for index in self.manifest.topics[topic].inputs
+                     if self.shared[index] is None)
 
 
 def followed(manifest: Manifest) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

@@ -35,6 +35,7 @@ from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator, Violation, violation
 from fret_monitor.runtime.gate import Judgement, MessageGate
+from fret_monitor.runtime.scopes import Scopes
 
 MOST_DETAILS_PER_S = 100
 """Details of a requirement in a second for subscribers; the others are counted."""
@@ -43,6 +44,7 @@ MOST_QUEUED = 1 << 14
 """Violations of a recording that wait to be taken, unless the caller wants fewer."""
 
 _BATCH = 64
+_KEY_ROOM = 256  # bytes of a key with its size
 _LONGEST_WAIT_MS = 60_000
 
 
@@ -52,6 +54,7 @@ class Receipt(Enum):
     RECEIVED = 0
     UNDECODABLE = 1
     REPEATED = 2
+    UNRELATED = 3
 
 
 class State(Enum):
@@ -97,12 +100,14 @@ class Engine:
     All methods may be called from any thread at any time, except where stated.
     """
 
-    def __init__(self, evaluator: Evaluator, *, takes_recoveries: bool = False) -> None:
+    def __init__(self, evaluator: Evaluator, *, takes_recoveries: bool = False,
+                 scopes: Scopes | None = None) -> None:
         """
         Share an evaluator; no other code may call it from now on.
 
         With `takes_recoveries`, `take` and `records` also return the ends of violations, if the
-        evaluator reports them.
+        evaluator reports them. Of `scopes`, the evaluator is that of the bundle's scope;
+        violations then have the numbers of `Manifest.numbered`.
 
         Raises
         ------
@@ -127,7 +132,10 @@ class Engine:
             'uses_header_stamps': uses_header_stamps,
             'reorder': manifest.reorder if uses_header_stamps else 0,
             'takes_recoveries': takes_recoveries,
+            'scopes': ffi.NULL if scopes is None else scopes.pointer,
         }))
+        self._has_keys = scopes is not None
+        self._keys = ffi.new('uint8_t[]', _BATCH * _KEY_ROOM)
         if pointer == ffi.NULL:
             raise LibraryError('the library does not read the topics of its manifest')
         # Holds the library too: a reference to its function would not keep it open.
@@ -137,7 +145,7 @@ class Engine:
             self._follow_transforms(manifest, transforms)
         self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
-        self._detail = ffi.new('char[]', self._library.fm_detail_bytes(self._monitor.pointer))
+        self._detail = ffi.new('char[]', self._library.fm_engine_detail_bytes(self.pointer))
 
     def _follow_transforms(self, manifest: Manifest,
                            transforms: Mapping[int, tuple[str, ...]]) -> None:
@@ -230,7 +238,8 @@ class Engine:
 
     def records(self, topics: 'array[int]', times: 'array[int]', sizes: 'array[int]',
                 messages: bytes, counts: 'array[int]', *,
-                most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
+                most: int = MOST_QUEUED,
+                keys: tuple[bytes, 'array[int]'] | None = None) -> Iterator[list[Violation]]:
         """
         Deliver messages of a recording, in the order of their times, while the time is told.
 
@@ -250,6 +259,9 @@ class Engine:
             typecode `Q`: of each topic, to which the number of messages is added.
         most
             the number of violations after which some are yielded.
+        keys
+            those in the names of the topics, one after another, and the length of each (typecode
+            `I`); None: no name has one.
 
         Yields
         ------
@@ -261,7 +273,9 @@ class Engine:
             'times': ffi.from_buffer('int64_t[]', times),
             'sizes': ffi.from_buffer('uint64_t[]', sizes),
             'bytes': ffi.from_buffer('uint8_t[]', messages),
-            'n': len(topics), 'counts': ffi.from_buffer('uint64_t[]', counts)})
+            'n': len(topics), 'counts': ffi.from_buffer('uint64_t[]', counts),
+            'keys': ffi.NULL if keys is None else ffi.from_buffer('uint8_t[]', keys[0]),
+            'key_sizes': ffi.NULL if keys is None else ffi.from_buffer('uint32_t[]', keys[1])})
         while not self._library.fm_engine_records(self.pointer, records, most):
             yield self._take_all()
         yield self._take_all()
@@ -354,8 +368,18 @@ class Engine:
         While a clock is followed, this takes what is due, also during the wait.
         """
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
-        count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
-        return [violation(item) for item in batch[0:count]]
+        if not self._has_keys:
+            count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
+            return [violation(item) for item in batch[0:count]]
+        count = self._library.fm_engine_take_keyed(
+            self.pointer, batch, self._keys, _BATCH, milliseconds)
+        return [violation(item, self._key(place)) for place, item in enumerate(batch[0:count])]
+
+    def _key(self, place: int) -> bytes | None:
+        """Return the key of a violation of the batch; its size is the first byte."""
+        begin = place * _KEY_ROOM + 1
+        size = self._keys[begin - 1]
+        return bytes(ffi.buffer(self._keys + begin, size)) if size else None
 
     def want_details(self, are_wanted: bool, most_per_s: int = MOST_DETAILS_PER_S) -> None:
         """Queue details from now on; or queue none, and drop those in the queue."""

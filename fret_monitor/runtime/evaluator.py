@@ -51,7 +51,8 @@ class Violation(NamedTuple):
 
     Under the policy timed, `step` is the time since the group began, in nanoseconds. With
     `is_recovery` it is the end of one: what the requirement's report compares is true again. With
-    `is_withheld` a message violates that a gate withheld.
+    `is_withheld` a message violates that a gate withheld. `key` is that of an instance; None: it
+    is of the bundle's scope.
     """
 
     requirement: int
@@ -59,12 +60,13 @@ class Violation(NamedTuple):
     stamp: int
     is_recovery: bool = False
     is_withheld: bool = False
+    key: bytes | None = None
 
 
-def violation(item: Any) -> Violation:
+def violation(item: Any, key: bytes | None = None) -> Violation:
     """Return a `struct fm_violation`."""
     return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
-                     bool(item.is_withheld))
+                     bool(item.is_withheld), key)
 
 
 @frozen
@@ -411,20 +413,30 @@ class Evaluator:
 
     def requirement_counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement."""
-        found = self._library.fm_evaluator_requirement_counts(self.pointer, index)
-        return RequirementCounts(
-            found.steps, found.violations, found.announced, bool(found.verdict),
-            bool(found.holds), bool(found.is_violated))
+        return requirement_counts(self._library, self.pointer, index)
 
     def input_counts(self, index: int) -> InputCounts:
         """Return the counters of an input."""
-        found = self._library.fm_evaluator_input_counts(self.pointer, index)
-        return InputCounts(found.received, found.unusable, found.overwritten)
+        return input_counts(self._library, self.pointer, index)
 
     def topic_counts(self, index: int) -> TopicCounts:
         """Return the counters of a topic."""
         found = self._library.fm_evaluator_topic_counts(self.pointer, index)
         return TopicCounts(found.messages, found.undecodable)
+
+
+def requirement_counts(library: Any, pointer: CData, index: int) -> RequirementCounts:
+    """Return the counters of a requirement of a `struct fm_evaluator`."""
+    found = library.fm_evaluator_requirement_counts(pointer, index)
+    return RequirementCounts(
+        found.steps, found.violations, found.announced, bool(found.verdict),
+        bool(found.holds), bool(found.is_violated))
+
+
+def input_counts(library: Any, pointer: CData, index: int) -> InputCounts:
+    """Return the counters of an input of a `struct fm_evaluator`."""
+    found = library.fm_evaluator_input_counts(pointer, index)
+    return InputCounts(found.received, found.unusable, found.overwritten)
 
 
 class NativeRows:

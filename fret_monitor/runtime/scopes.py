@@ -24,17 +24,21 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fret_monitor.model.manifest import ManifestKind, ManifestVariable
+from fret_monitor.model.manifest import Manifest, ManifestKind, ManifestVariable
 from fret_monitor.model.policies import OverInstances
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, MonitorKind
-from fret_monitor.runtime.evaluator import ALIGNMENT, EvaluatorOptions, NEVER
+from fret_monitor.runtime.evaluator import (
+    ALIGNMENT, Evaluator, EvaluatorOptions, input_counts, InputCounts, NEVER, requirement_counts,
+    RequirementCounts,
+)
 
 BUNDLE = 2**32 - 1
 """The scope of the bundle, in place of the index of a kind; its slot is 0."""
 
 _KEYED = 2**32 - 1
+_NO_SLOT = 2**32 - 1
 _MOST_KEY_BYTES = 255
 _OPERATIONS = {
     OverInstances.COUNT: 'FM_COUNT_OF', OverInstances.ANY: 'FM_ANY_OF',
@@ -79,12 +83,14 @@ class Scopes:
     Not thread-safe. A message is `begin_row`, its values, and `end`, after `advance_to`.
     """
 
-    def __init__(self, monitor: Monitor, *, library: Path | None = None) -> None:
+    def __init__(self, monitor: Monitor, *, library: Path | None = None, patience: float = 0.0,
+                 is_of_engine: bool = False) -> None:
         """
         Make the scopes, with the instances of listed keys.
 
         `monitor` is the monitor to run; `library` that of the evaluator, which is built, or taken
-        from the cache, when None.
+        from the cache, when None. `patience` is as of `Evaluator`. An engine takes the events, and
+        recoveries too.
 
         Raises
         ------
@@ -93,8 +99,10 @@ class Scopes:
             instances cannot be had.
         """
         self.monitor = monitor
-        self.library: Any = load_evaluator(library or evaluator_library())
-        self._options = _Options(monitor)
+        self.path = library or evaluator_library()
+        self.library: Any = load_evaluator(self.path)
+        self.patience = patience
+        self._options = _Options(monitor, patience, is_of_engine=is_of_engine)
         size = self.library.fm_scopes_bytes(self._options.pointer)
         if size == 0:
             raise LibraryError('the monitor was compiled for another evaluator')
@@ -125,6 +133,21 @@ class Scopes:
                     self.library.fm_scopes_initial_from(self.pointer, kind, index, place)
                 else:
                     self.library.fm_evaluator_initial_from(bundle, index, place)
+
+    def evaluator(self) -> Evaluator:
+        """Return the evaluator of the bundle's scope, for an engine that runs these scopes."""
+        return _BundleEvaluator(self)
+
+    def requirement_counts(self, kind: int, index: int) -> RequirementCounts:
+        """Return the counters of a requirement of a kind, those of all instances together."""
+        return requirement_counts(self.library, self._blank(kind), index)
+
+    def input_counts(self, kind: int, index: int) -> InputCounts:
+        """Return the counters of an input of a kind, those of all instances together."""
+        return input_counts(self.library, self._blank(kind), index)
+
+    def _blank(self, kind: int) -> CData:
+        return self.library.fm_scopes_look(self.pointer, kind, _NO_SLOT)
 
     def begin_row(self, is_for_all: bool, now: int) -> None:
         """Begin a row of a trace: a step of all scopes that it is for."""
@@ -214,10 +237,11 @@ def most_instances(kind: ManifestKind, variables: tuple[ManifestVariable, ...]) 
 class _Options:
     """The `struct fm_scopes_options` of a monitor; keeps alive what the struct points to."""
 
-    def __init__(self, monitor: Monitor) -> None:
+    def __init__(self, monitor: Monitor, patience: float, *, is_of_engine: bool) -> None:
         manifest = monitor.manifest
-        self._kept: list[Any] = [EvaluatorOptions(monitor, manifest.policy, manifest.period, 0.0,
-                                                  False)]
+        self._patience, self._is_of_engine = patience, is_of_engine
+        self._kept: list[Any] = [EvaluatorOptions(
+            monitor, manifest.policy, manifest.period, patience, is_of_engine)]
         kinds = ffi.new('struct fm_kind[]', max(1, len(monitor.kinds)))
         slots = 0
         for place, (described, kind) in enumerate(zip(manifest.kinds, monitor.kinds, strict=True)):
@@ -234,28 +258,52 @@ class _Options:
             'n_kinds': len(monitor.kinds),
             'n_aggregates': len(manifest.aggregates),
             'aggregates': aggregates,
-            'most_stepped': 2 * slots + 4,
+            'most_stepped': 0 if is_of_engine else 2 * slots + 4,
         })
 
     def _kind(self, monitor: Monitor, described: ManifestKind,
               kind: MonitorKind) -> dict[str, Any]:
         manifest = monitor.manifest
         variables = [manifest.variables[place] for place in described.variables]
-        options = EvaluatorOptions(kind.monitor, manifest.policy, manifest.period, 0.0, False,
-                                   described.n_reported)
+        options = EvaluatorOptions(kind.monitor, manifest.policy, manifest.period, self._patience,
+                                   self._is_of_engine, described.n_reported)
+        topics = range(len(manifest.topics))
+        fed = [ffi.new('uint32_t[]', [*described.keyed(place), 0]) for place in topics]
+        keyed = ffi.new('struct fm_topic[]', [
+            {'inputs': inputs, 'n_inputs': len(inputs) - 1} for inputs in fed] or 1)
+        concerns = ffi.new('uint8_t[]', [*(_concern(manifest, described, place)
+                                           for place in topics), 0])
         shared = ffi.new('uint32_t[]', [
             *(_KEYED if place is None else place for place in described.shared), 0])
         texts = [ffi.new('uint8_t[]', word.encode() or b'\0') for word in variables[0].keys]
         listed = ffi.new('struct fm_key[]', [
             {'bytes': text, 'size': len(word.encode())}
             for text, word in zip(texts, variables[0].keys, strict=True)])
-        self._kept += [options, shared, texts, listed]
+        self._kept += [options, shared, texts, listed, fed, keyed, concerns]
         return {
-            'options': options.pointer, 'outputs': kind.outputs, 'concerns': ffi.NULL,
-            'shared': shared, 'listed': listed, 'n_listed': len(texts),
+            'options': options.pointer, 'outputs': kind.outputs, 'concerns': concerns,
+            'keyed': keyed, 'shared': shared, 'listed': listed, 'n_listed': len(texts),
             'most': most_instances(described, manifest.variables),
             'forget': variables[0].forget,
         }
+
+
+def _concern(manifest: Manifest, kind: ManifestKind, topic: int) -> int:
+    """Return of which instances a message of a topic is one: of all, of that of its key."""
+    of_all, of_key = (ffi.integer_const(f'FM_CONCERNS_{name}') for name in ('ALL', 'KEY'))
+    return of_all * bool(manifest.topics[topic].inputs) + of_key * bool(kind.keyed(topic))
+
+
+class _BundleEvaluator(Evaluator):
+    """The evaluator of the bundle's scope; keeps the scopes alive."""
+
+    def __init__(self, scopes: Scopes) -> None:
+        self._scopes = scopes
+        super().__init__(scopes.monitor, patience=scopes.patience, reports_recoveries=True,
+                         library=scopes.path)
+
+    def _make(self) -> None:
+        self.pointer = self._scopes.library.fm_scopes_bundle(self._scopes.pointer)
 
 
 def _operand(monitor: Monitor, place: int) -> int:

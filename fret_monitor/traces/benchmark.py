@@ -28,7 +28,7 @@ import tempfile
 import time
 from typing import Any
 
-from fret_monitor.build import generate_monitor, read
+from fret_monitor.build import generate_monitor, read_one_instance
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.binding import ffi
@@ -190,7 +190,7 @@ def measure(path: Path) -> Measurement:
     """
     with tempfile.TemporaryDirectory(prefix='fret_monitor-') as folder:
         before = time.perf_counter()
-        generated = generate_monitor(read(path))
+        generated = generate_monitor(read_one_instance(path))
         header, text = generated.module.header
         files = {**runtime_headers(), header: text, **dict(generated.module.sources)}
         for name, content in files.items():

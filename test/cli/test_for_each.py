@@ -18,9 +18,7 @@ import json
 from pathlib import Path
 
 from cli.command import Here
-from fret_monitor.bag.check import read_bundle, Selection
 from fret_monitor.build import generate_monitor, read
-from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.program.layout import instance_bytes
@@ -48,8 +46,8 @@ HEADING = 'time,robot,speed,load,joint,effort,enabled\n'
 
 @pytest.mark.parametrize('arguments', [
     ['compile', '--output', 'out'], ['export', '--to', 'c99', '--output', 'out'],
-    ['export', '--to', 'ros2', '--output', 'out'], ['explain'], ['prove'],
-    ['tests', '--output', 'out'], ['analyze'], ['bench']])
+    ['export', '--to', 'ros2', '--output', 'out'], ['prove'], ['tests', '--output', 'out'],
+    ['analyze', '--output', 'out']])
 def test_what_does_not_know_instances_refuses_them_with_the_place(
         here: Here, arguments: list[str]) -> None:
     verb, *others = arguments
@@ -58,14 +56,26 @@ def test_what_does_not_know_instances_refuses_them_with_the_place(
     assert "fleet.yaml:3:3: error: 'for_each' and 'where' are not supported here yet" in done.err
 
 
+def test_explain_analyze_and_bench_judge_one_instance(here: Here) -> None:
+    path = here.file('fleet.yaml', FLEET)
+    assert 'required     at the trigger and all later steps, speed <= 1.0 holds' in here.run(
+        'explain', path, 'SPEED').out
+    assert 'max(joint: effort): 10, 8 from step 1' in here.run('explain', path, 'FLEET').out
+    assert '"requirements": 4' in here.run('bench', path, '--json').out
+    pytest.importorskip('z3')
+    wrong = FLEET.replace('load < 100', 'load < 100 & load > 120')
+    done = here.run('analyze', here.file('wrong.yaml', wrong))
+    assert done.status == 1
+    assert 'no       LOAD' in done.out
+    assert 'yes      SPEED' in done.out
+    assert here.run('check', '--analyze', path).status == 0
+
+
 def test_a_node_refuses_instances_also_after_simulate_has_built_them(here: Here) -> None:
     path = Path(here.file('fleet.yaml', FLEET))
     start(path, takes_instances=True)
 
-    def read_for_bag(path: Path) -> object:
-        return read_bundle(path, Selection(), find_message)
-
-    for refusing in (start, manifest_of, read, read_for_bag):
+    for refusing in (start, manifest_of, read):
         with pytest.raises(CompileError, match='are not supported here yet'):
             refusing(path)
 

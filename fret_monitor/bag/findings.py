@@ -1,0 +1,89 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What was found about a requirement in a recording: its occurrences, and those by key."""
+
+from dataclasses import dataclass, field
+from operator import itemgetter
+
+MOST_KEPT = 10_000
+"""Occurrences of a requirement whose times are kept; the others are counted."""
+
+
+@dataclass
+class Findings:
+    """
+    What was found about one requirement; `since` it is violated (ns).
+
+    `verdict` is None if it was never evaluated, or if it is open: it would become false with no
+    further message, at the time `due`. `occurrences` are counted; of the first `MOST_KEPT` the
+    times are in `spans`: begin and end (ns), None while it lasts. `violations` counts violating
+    steps, None under the policy timed. `longest` is in nanoseconds.
+
+    Of a requirement that is one for each key of a `variable`, these are of all its instances
+    together, and `instances` has those that were violated, by key.
+    """
+
+    id: str
+    verdict: bool | None = None
+    is_open: bool = False
+    due: int | None = None
+    violations: int | None = 0
+    occurrences: int = 0
+    longest: int = 0
+    since: int | None = None
+    spans: list[tuple[int, int | None]] = field(default_factory=list)
+    variable: str = ''
+    instances: dict[bytes, 'Findings'] = field(default_factory=dict)
+
+    @property
+    def first(self) -> int | None:
+        """The time of the first occurrence, in nanoseconds."""
+        return self.spans[0][0] if self.spans else None
+
+    def of(self, key: bytes | None) -> 'Findings':
+        """Return what was found about the instance of a key; None: the requirement itself."""
+        if key is None:
+            return self
+        found = self.instances.get(key)
+        if found is None:
+            shown = key.decode(errors='replace')
+            found = self.instances[key] = Findings(f'{self.id}[{self.variable}={shown}]', False)
+        return found
+
+    def begin(self, stamp: int) -> None:
+        """Note that a violation begins."""
+        self.occurrences += 1
+        self.since = stamp
+        if len(self.spans) < MOST_KEPT:
+            self.spans.append((stamp, None))
+
+    def end(self, stamp: int) -> None:
+        """Note that it ends."""
+        since, self.since = self.since, None
+        if since is not None:
+            self.longest = max(self.longest, stamp - since)
+            if self.spans[-1] == (since, None):
+                self.spans[-1] = (since, stamp)
+
+    def close(self, end: int) -> None:
+        """Let what is violated last until the end of the recording; sum up the instances."""
+        for item in (self, *self.instances.values()):
+            if item.since is not None:
+                item.longest = max(item.longest, end - item.since)
+        for item in self.instances.values():
+            self.occurrences += item.occurrences
+            self.longest = max(self.longest, item.longest)
+        self.spans += sorted((span for item in self.instances.values() for span in item.spans[:1]),
+                             key=itemgetter(0))

@@ -1,0 +1,235 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Instances in a recording: each is judged as a plain bundle is on the messages of its key."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from bag.recordings import START, TYPES
+from differential.compiled import unoptimised
+from fret_monitor.bag.check import check_recording, RecordingResult, Selection
+from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.moments import Anchor, Moment
+from fret_monitor.model.policies import Policy
+import numpy
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+FLOAT, BOOL = 'std_msgs/msg/Float64', 'std_msgs/msg/Bool'
+JOINTS, POINT = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PointStamped'
+TRANSFORMS = 'tf2_msgs/msg/TFMessage'
+KEYS = ('a', 'b', 'long_key')
+# An input of each variable: how a message has it, and how it is read.
+INPUTS = {
+    'robot': '{topic: "/{robot}/speed", type: std_msgs/msg/Float64}',
+    'joint': '{topic: joint_states, type: sensor_msgs/msg/JointState, '
+             'field: "effort[name = {joint}]"}',
+    'track': '{topic: tracks, type: geometry_msgs/msg/PointStamped, field: point.x, '
+             'where: "header.frame_id = {track}"}',
+    'frame': '{topic: frames, type: tf2_msgs/msg/TFMessage, '
+             'field: "transforms[child_frame_id = {frame}].transform.translation.x"}',
+}
+COMMON = ('on -> x <= 1.0', 'Y (x <= 1.0)', 'H (O (x > 0.2))', '(x > 0.5) S (x <= 1.4)')
+BY_STEPS = ('H[0, 3] (x <= 1.2)', 'O[0, 2] (x > 0.3)', 'H (x < 1.5 | O[1, 3] (x < 0.6))')
+BY_TIME = ('H[0, 0.3 s] (x <= 1.2)', 'O[0, 0.2 s] (x > 0.3)', 'H[0.1 s, 0.2 s] (x <= 1.0)')
+FRETISH = 'if x > 1.4 the robot shall within 0.3 seconds satisfy x < 0.5'
+Message = tuple[int, str, str, Any, frozenset[str]]  # time, topic, type, content, keys in it
+
+
+def bundle(policy: Policy, variables: Sequence[str], keys: str, key: str = '',
+           initial: str = '') -> str:
+    """Return a bundle with instances; with a key the plain one in which it is written."""
+    timed = policy in (Policy.TIMED, Policy.PERIODIC)
+    lines = ['format: 1', f'evaluation: {{policy: {policy.value}'
+             + (', period: 0.1' if policy is Policy.PERIODIC else '') + '}']
+    if not key:
+        lines += ['for_each:', *(f'  {name}: {keys}' for name in variables)]
+    lines += ['inputs:', f'  on: {{topic: enable, type: {BOOL}{initial}}}']
+    requirements = []
+    for name in variables:
+        text = INPUTS[name]
+        lines.append(f'  x_{name}: ' + (text.replace(f'{{{name}}}', key) if key else text))
+        formulas = [*COMMON, *(BY_TIME if timed else BY_STEPS)]
+        requirements += [f'  - {{id: {name}_{place}, ptltl: "{formula}"}}'.replace(
+            'x ', f'x_{name} ') for place, formula in enumerate(formulas)]
+        if timed:
+            requirements.append(f'  - {{id: {name}_F, fretish: {FRETISH}}}'.replace(
+                'x ', f'x_{name} '))
+    return '\n'.join([*lines, 'requirements:', *requirements, ''])
+
+
+def messages(rng: Random, keys: Sequence[str]) -> Iterator[Message]:
+    """Yield random messages of all topics; the first and the last are of the shared input."""
+    types = TYPES.types
+    stamp = types['builtin_interfaces/msg/Time'](0, 0)
+
+    def header(name: str) -> Any:
+        return types['std_msgs/msg/Header'](stamp, name)
+
+    yield 0, '/enable', BOOL, types[BOOL](True), frozenset()
+    time = 0
+    for _ in range(220):
+        time += rng.choice((1, 10**7, 5 * 10**7, 10**8, 25 * 10**7))
+        value = round(rng.uniform(0, 1.8), 2)
+        key = rng.choice(keys)
+        match rng.randrange(5):
+            case 0:
+                yield time, '/enable', BOOL, types[BOOL](rng.random() < 0.7), frozenset()
+            case 1:
+                yield time, f'/{key}/speed', FLOAT, types[FLOAT](value), frozenset([key])
+            case 2:
+                names = rng.choices([*keys, 'other'], k=rng.randrange(5))
+                efforts = numpy.array([round(rng.uniform(0, 1.8), 2) for _ in names])
+                empty = numpy.array([])
+                yield time, '/joint_states', JOINTS, types[JOINTS](
+                    header(''), names, empty, empty, efforts[:rng.choice((9, 9, 2))]), \
+                    frozenset(names)
+            case 3:
+                yield time, '/tracks', POINT, types[POINT](
+                    header(key), types['geometry_msgs/msg/Point'](value, 0.0, 0.0)), \
+                    frozenset([key])
+            case _:
+                names = rng.choices([*keys, ''], k=rng.randrange(4))
+                yield time, '/frames', TRANSFORMS, types[TRANSFORMS]([
+                    types['geometry_msgs/msg/TransformStamped'](
+                        header('map'), name, types['geometry_msgs/msg/Transform'](
+                            types['geometry_msgs/msg/Vector3'](
+                                round(rng.uniform(0, 1.8), 2), 0.0, 0.0),
+                            types['geometry_msgs/msg/Quaternion'](0.0, 0.0, 0.0, 1.0)))
+                    for name in names]), frozenset(names)
+    yield time + 10**8, '/enable', BOOL, types[BOOL](True), frozenset()
+
+
+def record(path: Path, found: Sequence[Message]) -> Path:
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+        for time, topic, kind, content, _ in found:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
+            writer.write(connections[topic], START + time, TYPES.serialize_cdr(content, kind))
+    return path
+
+
+def judged(folder: Path, name: str, text: str, found: Sequence[Message],
+           more: int = 0) -> RecordingResult:
+    file = folder / f'{name}.yaml'
+    file.write_text(text, encoding='utf-8')
+    selection = Selection(may_miss=True, until=Moment(Anchor.END, more) if more else None)
+    with unoptimised():
+        return check_recording(file, record(folder / f'{name}_bag', found), selection)
+
+
+def outline(item: Findings) -> tuple[int, int | None, int]:
+    return item.occurrences, item.first, item.longest
+
+
+def topic_of(variable: str, key: str) -> str:
+    return {'robot': f'/{key}/speed', 'joint': '/joint_states', 'track': '/tracks',
+            'frame': '/frames'}[variable]
+
+
+def slice_of(found: Sequence[Message], variable: str, key: str) -> list[Message]:
+    """Return the shared messages, and those of a key."""
+    topic = topic_of(variable, key)
+    return [item for item in found if item[1] == '/enable' or item[1] == topic and key in item[4]]
+
+
+def test_silences_and_stamps_count_for_each_instance(tmp_path: Path) -> None:
+    rng = Random(5)
+    found = [item for item in messages(rng, KEYS) if item[1] in ('/joint_states', '/tracks')]
+    for time, _, _, content, _ in found:  # the stamps are out of order by up to 50 ms
+        stamp = START + time - rng.randrange(50_000_000)
+        content.header.stamp = TYPES.types['builtin_interfaces/msg/Time'](
+            stamp // 10**9, stamp % 10**9)
+
+    def with_stamps(text: str) -> str:
+        text = text.replace('policy: timed', 'policy: timed, stamp: header, reorder: 0.05')
+        text = text.replace(f'  on: {{topic: enable, type: {BOOL}}}\n', '').replace('on -> ', '')
+        return text.replace('field:', 'timeout: 0.9, startup: 1.5, stale: violate, field:')
+
+    names = ['joint', 'track']
+    whole = judged(tmp_path, 'all', with_stamps(bundle(
+        Policy.TIMED, names, f'[{", ".join(KEYS[:2])}]')), found)
+    by_id = {item.id: item for item in whole.findings}
+    occurrences = 0
+    for variable, key in (('joint', 'a'), ('track', 'b')):
+        own = [item for item in found if item[1] == topic_of(variable, key) and key in item[4]]
+        more = found[-1][0] - own[-1][0]
+        plain = judged(tmp_path, f'plain_{key}', with_stamps(bundle(
+            Policy.TIMED, [variable], '', key)), own, more)
+        for item in plain.findings:
+            instance = by_id[item.id].instances.get(key.encode(), Findings(item.id))
+            assert outline(instance) == outline(item), (key, item.id)
+            occurrences += item.occurrences
+    assert occurrences > 20
+
+
+CASES = [(Policy.EVERY_MESSAGE, 'joint'), (Policy.EVERY_MESSAGE, 'track'),
+         (Policy.RELEVANT_MESSAGE, 'frame'), (Policy.ALL_INPUTS, 'robot'),
+         (Policy.PERIODIC, 'joint'), (Policy.TIMED, 'frame'), (Policy.TIMED, 'robot')]
+
+
+@pytest.mark.parametrize(('policy', 'variable'), CASES)
+def test_an_instance_of_a_listed_key_is_judged_as_a_plain_bundle_on_its_slice(
+        policy: Policy, variable: str, tmp_path: Path) -> None:
+    found = list(messages(Random(f'{policy} {variable}'), KEYS))
+    keys = ', '.join(KEYS[:2])
+    whole = judged(tmp_path, 'all', bundle(policy, [*INPUTS], f'[{keys}]'), found)
+    by_id = {item.id: item for item in whole.findings}
+    occurrences = 0
+    for key in KEYS[:2]:
+        plain = judged(tmp_path, f'plain_{key}', bundle(policy, [variable], '', key),
+                       slice_of(found, variable, key))
+        for item in plain.findings:
+            instance = by_id[item.id].instances.get(key.encode(), Findings(item.id))
+            assert outline(instance) == outline(item), (key, item.id)
+            occurrences += item.occurrences
+    assert occurrences > 20
+
+
+@pytest.mark.parametrize(('policy', 'variable'), [
+    (Policy.EVERY_MESSAGE, 'robot'), (Policy.TIMED, 'joint'), (Policy.RELEVANT_MESSAGE, 'track')])
+def test_an_instance_of_a_found_key_begins_with_its_first_message(
+        policy: Policy, variable: str, tmp_path: Path) -> None:
+    key = KEYS[2]
+    found = list(messages(Random(f'{policy} {variable} found'), KEYS))
+    whole = judged(tmp_path, 'all', bundle(policy, [*INPUTS], '{most: 9}'), found)
+    own = slice_of(found, variable, key)
+    begin = next(place for place, item in enumerate(own) if item[1] != '/enable')
+    value = [item[3].data for item in own[:begin]][-1]
+    plain = judged(tmp_path, 'plain', bundle(
+        policy, [variable], '', key, f', initial: {str(bool(value)).lower()}'), own[begin:])
+    by_id = {item.id: item for item in whole.findings}
+    for item in plain.findings:
+        instance = by_id[item.id].instances.get(key.encode(), Findings(item.id))
+        assert outline(instance) == outline(item), item.id
+    assert sum(item.occurrences for item in plain.findings) > 5
+
+
+def test_a_message_that_where_does_not_select_is_none(tmp_path: Path) -> None:
+    text = bundle(Policy.RELEVANT_MESSAGE, ['track'], '', 'a')
+    two = text.replace('requirements:\n', (
+        '  y: {topic: tracks, type: geometry_msgs/msg/PointStamped, field: point.x, '
+        'where: "header.frame_id = b"}\nrequirements:\n  - {id: OTHER, ptltl: "y <= 1.0"}\n'))
+    found = list(messages(Random(3), KEYS))
+    other, *both = judged(tmp_path, 'two', two, found).findings
+    alone = judged(tmp_path, 'one', text, slice_of(found, 'track', 'a')).findings
+    assert [*map(outline, both)] == [*map(outline, alone)]
+    assert [item.violations for item in both] == [item.violations for item in alone]
+    of_b = [item[3].point.x > 1.0 for item in found if item[1] == '/tracks' and 'b' in item[4]]
+    assert other.violations == sum(of_b) > 0
+    assert sum(item.occurrences for item in alone) > 10
