@@ -193,7 +193,7 @@ def test_the_page_on_bundles_has_the_verbs_that_take_constants() -> None:
 @pytest.mark.parametrize(('page', 'verb'), [
     ('recordings.md', 'bag'), ('export.md', 'export'), ('analysis.md', 'analyze'),
     ('tests.md', 'tests'), ('prove.md', 'prove'), ('explain.md', 'explain'),
-    ('simulate.md', 'simulate'), ('import.md', 'import'), ('c.md', 'compile')])
+    ('simulate.md', 'simulate'), ('import.md', 'import'), ('new.md', 'new'), ('c.md', 'compile')])
 def test_the_page_of_a_verb_has_its_name_in_the_title_and_its_options(
     page: str, verb: str,
 ) -> None:

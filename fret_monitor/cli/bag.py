@@ -105,15 +105,21 @@ def run(options: Namespace) -> int:
         raise
 
 
+def require_rosbags(what: str) -> None:
+    """Refuse to run `what` without a release of rosbags that it can use."""
+    require_packages(what, {'rosbags': _ROSBAGS})
+    try:
+        import fret_monitor.bag.recording  # noqa: F401
+    except ImportError as error:  # earlier releases lack something that is needed
+        refuse(f'{what} needs another release of rosbags: {error}', help=pip_install(_ROSBAGS))
+
+
 def _run(options: Namespace, lines: dict[str, str]) -> int:
-    require_packages('`bag`', {'rosbags': _ROSBAGS})
     if options.jobs > 1 and len(options.bags) > 1 and options.dask is None:
         from fret_monitor.bag.workers import workers
         workers()  # they start while this process imports the same
-    try:
-        from fret_monitor.bag.recording import files_of
-    except ImportError as error:  # earlier releases lack something that is needed
-        refuse(f'`bag` needs another release of rosbags: {error}', help=pip_install(_ROSBAGS))
+    require_rosbags('`bag`')
+    from fret_monitor.bag.recording import files_of
     bundle = existing_bundle(options.bundle)
     if any(getattr(options, name) is not None for name in _OUTPUTS):
         _check_outputs(options, [*_files_of_bundle(bundle),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`import FILE... [-o BUNDLE]`: make a bundle from files of FRET or Ogma."""
+"""`import FILE... [-o BUNDLE]`: make a bundle from files of FRET, R2U2 or Ogma."""
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -26,8 +26,9 @@ from fret_monitor.model.diagnostics import counted
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
-                        help="FRET's project, component specification or Lustre; Ogma's variable "
-                             'database; a list of names and topics')
+                        help="FRET's project, component specification or Lustre; R2U2's "
+                             "specification (C2PO); Ogma's variable database; a list of names and "
+                             'topics')
     parser.add_argument('-o', '--output', metavar='BUNDLE',
                         help='the bundle to write, or a folder for a bundle of each component; '
                              'default: standard output')

@@ -28,6 +28,7 @@ from pathlib import Path
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.bundle.source_file import read_source
+from fret_monitor.importing.c2po import is_c2po, read_c2po
 from fret_monitor.importing.component import (
     ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole,
 )
@@ -43,8 +44,8 @@ from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Sourc
 from fret_monitor.model.names import fret_name, handler_fault, handler_name, shown
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
-_KINDS = ('a project or component specification of FRET (JSON), its Lustre, a variable database '
-          'of Ogma (JSON), or a list of names and topics')
+_KINDS = ('a project or component specification of FRET (JSON), its Lustre, a specification of '
+          'R2U2 (C2PO), a variable database of Ogma (JSON), or a list of names and topics')
 _LONGEST_ID = 100
 
 
@@ -84,6 +85,8 @@ def _read(path: Path, problems: Problems) -> tuple[list[ImportedComponent], list
     content = source.text.lstrip()
     if content[:1] in ('{', '['):
         return _read_json(source, path, problems)
+    if is_c2po(source.text):
+        return [read_c2po(source, path.name, path.stem, problems)], []
     if is_lustre(source.text):
         return read_lustre(source, path.name, problems), []
     if is_list(source.text):

@@ -1,0 +1,276 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+A first bundle from recordings: their topics and fields of numbers, with what was seen of them.
+
+The fields are mapped in a bundle that is not kept, and its extractors read the recordings, so that
+what is offered is what a monitor reads.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+import math
+from pathlib import Path
+import re
+from tempfile import TemporaryDirectory
+
+from fret_monitor.bag.check import AnyBatch, compiled, read_bundle, run, Selection
+from fret_monitor.bag.recording import Batch, Recording
+from fret_monitor.importing.draft import free_name
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import ArrayKind, MessageLayout
+from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.names import name_fault
+from fret_monitor.model.progress import no_progress, Progress
+from fret_monitor.model.values import ValueType
+from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.thinning import Thinning, TimeWindow, WindowPart
+
+MOST_FIELDS = 200
+"""Fields of a topic that are offered."""
+
+_PARTS = 32
+_OMITTED = ('std_msgs/msg/Header', 'builtin_interfaces/msg/Time',
+            'builtin_interfaces/msg/Duration')
+_SCALARS = {**{kind.value: kind for kind in ValueType}, 'byte': ValueType.UINT8,
+            'char': ValueType.UINT8}
+
+
+@dataclass
+class SeenField:
+    """A field of numbers; `least` and `most` are what was seen, NaN if nothing was."""
+
+    path: str
+    type: ValueType
+    name: str = ''
+    least: float = math.nan
+    most: float = math.nan
+
+    def note(self, parts: Iterable[WindowPart]) -> None:
+        """Note the least and greatest values of parts of a recording."""
+        found = [value for part in parts for value in (part.least, part.most)
+                 if math.isfinite(value)]
+        found += [value for value in (self.least, self.most) if math.isfinite(value)]
+        if found:
+            self.least, self.most = min(found), max(found)
+
+
+@dataclass
+class SeenTopic:
+    """A topic: its fields of numbers, its messages, and what has passed between them (ns)."""
+
+    name: str
+    type: str
+    fields: list[SeenField]
+    arrays: list[str]
+    messages: int = 0
+    intervals: int = 0
+    lasted: int = 0
+    longest_gap: int = 0
+
+    def note(self, times: Sequence[int]) -> None:
+        """Note the times of the messages of a recording."""
+        gaps = [later - earlier for earlier, later in pairwise(times)]
+        self.messages += len(times)
+        self.intervals += len(gaps)
+        self.lasted += sum(gaps)
+        self.longest_gap = max(self.longest_gap, *gaps, 0)
+
+    @property
+    def timeout(self) -> float:
+        """Twice the longest gap, in seconds with two digits; 0 if there was none."""
+        return float(f'{2e-9 * self.longest_gap:.2g}')
+
+
+def recorded_topics(paths: Sequence[Path]) -> list[SeenTopic]:
+    """
+    Return the topics of recordings that have fields of numbers, by name.
+
+    Raises
+    ------
+    CompileError
+        if a recording or the definition of a message cannot be read.
+    """
+    found: dict[str, SeenTopic] = {}
+    for path in paths:
+        with Recording(path) as recording:
+            for name, types in recording.types.items():
+                if name not in found and len(types) == 1:
+                    (kind,) = types
+                    found[name] = SeenTopic(name, kind, *fields_of(recording.find_message(kind)))
+    return [topic for _, topic in sorted(found.items()) if topic.fields or topic.arrays]
+
+
+def fields_of(layout: MessageLayout) -> tuple[list[SeenField], list[str]]:
+    """Return the fields of numbers of a message, outside of headers, and those that are arrays."""
+    found: list[SeenField] = []
+    arrays: list[str] = []
+    waiting: list[tuple[str, MessageLayout]] = [('', layout)]
+    while waiting:
+        prefix, message = waiting.pop()
+        nested = []
+        for item in message.fields:
+            path = f'{prefix}{item.name}'
+            if item.type.array is not ArrayKind.NONE:
+                arrays.append(path)
+            elif item.type.base in _SCALARS:
+                found.append(SeenField(path, _SCALARS[item.type.base]))
+            elif item.type.is_message and item.type.base not in _OMITTED:
+                nested.append((f'{path}.', nested_layout(message, item.type)))
+        waiting.extend(reversed(nested))
+    return found[:MOST_FIELDS], arrays
+
+
+def survey(paths: Sequence[Path], topics: Sequence[SeenTopic],
+           progress: Progress = no_progress) -> None:
+    """
+    Note the values and times of some topics in recordings; give names to their fields.
+
+    Raises
+    ------
+    CompileError
+        if a recording cannot be read, or a topic has another type in one of them.
+    NativeError
+        if there is no C compiler, or it fails.
+    """
+    _name_fields(topics)
+    seen = [topic for topic in topics if topic.fields]
+    if not seen:
+        return
+    with TemporaryDirectory() as folder:
+        probe = Path(folder) / 'probe.yaml'
+        probe.write_text(_probe(seen), encoding='utf-8')
+        for path in paths:
+            with Recording(path) as recording:
+                _survey_one(probe, recording, seen, progress)
+
+
+def _probe(topics: Sequence[SeenTopic]) -> str:
+    """Return a bundle that reads all fields."""
+    first = topics[0].fields[0].name
+    return '\n'.join([
+        'format: 1', 'inputs:',
+        *(f'  {item.name}: {{topic: {topic.name}, type: {topic.type}, field: {item.path}}}'
+          for topic in topics for item in topic.fields),
+        'requirements:', f'  - {{id: R, ptltl: "{first} = {first}"}}', ''])
+
+
+def _survey_one(probe: Path, recording: Recording, topics: Sequence[SeenTopic],
+                progress: Progress) -> None:
+    selection = Selection(may_miss=True)
+    monitor = compiled(read_bundle(probe, selection, recording.find_message)).monitor
+    fields = [item for topic in topics for item in topic.fields]
+    end = max(recording.end, recording.start + 1)
+    thinning = Thinning(monitor, [TimeWindow(index, recording.start, end, _PARTS)
+                                  for index in range(len(fields))])
+    times: dict[str, list[int]] = {topic.name: [] for topic in monitor.manifest.topics}
+    names = [*times]
+
+    def watch(engine: Engine, batch: AnyBatch) -> None:
+        batch.add_to(thinning, engine)
+        assert isinstance(batch, Batch)
+        for number, time in zip(batch.topics, batch.times, strict=True):
+            times[names[number]].append(time)
+
+    run(monitor, recording, selection, watch=watch, progress=progress)
+    for index, item in enumerate(fields):
+        item.note(thinning.parts(index))
+    for topic in topics:
+        topic.note(times[topic.name])
+
+
+def _name_fields(topics: Sequence[SeenTopic]) -> None:
+    """Name the fields after their topics and paths, each differently."""
+    taken: set[str] = set()
+    for topic in topics:
+        for item in topic.fields:
+            names = [*_names(topic.name, item.path)]
+            fitting = [name for name in names if name not in taken and name_fault(name) is None]
+            item.name = fitting[0] if fitting else free_name(names[-1], taken)
+            taken.add(item.name)
+
+
+def _names(topic: str, path: str) -> Iterator[str]:
+    """Yield names of a field, the shortest first."""
+    words, rest = topic.strip('/').split('/'), [] if path == 'data' else path.split('.')
+    for begin in range(len(words) - 1, -1, -1):
+        yield re.sub(r'\W', '_', '_'.join([*words[begin:], *rest]), flags=re.ASCII)
+
+
+def bundle_text(topics: Sequence[SeenTopic], source: str) -> str:
+    """Return the text of the first bundle; `source` says where the topics come from."""
+    return '\n'.join([
+        f'# Made by `fret-monitor new` from {" ".join(source.split())}.',
+        '# Behind each input is what was seen of it. Delete what you do not need.',
+        'format: 1', 'evaluation: {policy: timed}   # durations are times', '',
+        'inputs:', *(line for topic in topics for line in _topic(topic)),
+        *_examples([item for topic in topics for item in topic.fields]), ''])
+
+
+def _topic(topic: SeenTopic) -> Iterator[str]:
+    yield f'  # {topic.name}: {_pace(topic)}'
+    timeout = f', timeout: {topic.timeout:g}' if topic.timeout else ''
+    for item in topic.fields:
+        yield (f'  {item.name}: {{topic: {topic.name}, type: {topic.type}, field: {item.path}'
+               f'{timeout}}}   # {_range(item)}')
+    for path in topic.arrays:
+        yield f'  # an array: field: "{path}[0]", or a function of it, "min({path})"'
+
+
+def _pace(topic: SeenTopic) -> str:
+    if not topic.lasted:
+        return counted(topic.messages, 'message')
+    return (f'{counted(topic.messages, "message")}, {topic.intervals * 1e9 / topic.lasted:.3g} a '
+            f'second, longest gap {topic.longest_gap / 1e9:.3g} s')
+
+
+def _range(item: SeenField) -> str:
+    if math.isnan(item.least):
+        return 'no value was seen'
+    if item.type is ValueType.BOOL:
+        return ' and '.join(dict.fromkeys('true' if value else 'false'
+                                          for value in (item.least, item.most)))
+    least, most = f'{item.least:.6g}', f'{item.most:.6g}'
+    return f'always {least}' if least == most else f'{least} to {most}'
+
+
+def _examples(fields: Sequence[SeenField]) -> Iterator[str]:
+    """Yield two requirements in comments: they pass `check` when the marks are removed."""
+    if not fields:
+        return
+    item = max(fields, key=lambda one: (one.type is not ValueType.BOOL, one.most > one.least))
+    most, high = _limits(item)
+    yield from (
+        '', '# Remove the marks `# ` of the next lines, and write what your robot shall do.',
+        '# requirements:',
+        '#   - id: EXAMPLE-1   # never beyond what was seen',
+        f'#     fretish: the system shall always satisfy {most}',
+        '#   - id: EXAMPLE-2   # back within two seconds',
+        f'#     fretish: when {high} the system shall within 2 seconds satisfy !({high})')
+
+
+def _limits(item: SeenField) -> tuple[str, str]:
+    """Return that a value is at most what was seen, and that it is in the upper half of that."""
+    name = item.name
+    if item.type is ValueType.BOOL:
+        return f'{name} | !{name}', name
+    if math.isnan(item.least):
+        return f'{name} <= 100', f'{name} > 50'
+    middle = item.least / 2 + item.most / 2
+    if item.type.is_integer:
+        return f'{name} <= {math.ceil(item.most)}', f'{name} > {math.floor(middle)}'
+    return f'{name} <= {item.most!r}', f'{name} > {float(f"{middle:.3g}")!r}'

@@ -1,0 +1,111 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""`new --bag`: a first bundle says what was recorded, and leads to a violation in two edits."""
+
+from pathlib import Path
+
+from bag.recordings import FLOAT, START, TYPES, write
+from fret_monitor.build import read
+from fret_monitor.cli.main import main
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+SECOND = 10 ** 9
+TWIST, BOOL = 'geometry_msgs/msg/Twist', 'std_msgs/msg/Bool'
+
+
+def recording(folder: Path) -> Path:
+    """Write a recording of a command, a switch, and something without numbers."""
+    vector = TYPES.types['geometry_msgs/msg/Vector3']
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        command = writer.add_connection('/base/cmd_vel', TWIST, typestore=TYPES)
+        switch = writer.add_connection('/enable', BOOL, typestore=TYPES)
+        text = writer.add_connection('/note', 'std_msgs/msg/String', typestore=TYPES)
+        for k in range(21):
+            message = TYPES.types[TWIST](vector(k / 10, 0.0, 0.0), vector(0.0, 0.0, -1.5))
+            writer.write(command, START + k * SECOND // 2 + (k > 10) * SECOND,
+                         TYPES.serialize_cdr(message, TWIST))
+        for k in range(2):
+            writer.write(switch, START + k * SECOND,
+                         TYPES.serialize_cdr(TYPES.types[BOOL](bool(k)), BOOL))
+        writer.write(text, START, TYPES.serialize_cdr(
+            TYPES.types['std_msgs/msg/String']('hello'), 'std_msgs/msg/String'))
+    return folder
+
+
+def test_each_field_has_what_was_seen_of_it(tmp_path: Path) -> None:
+    target = tmp_path / 'new.yaml'
+    bag = str(recording(tmp_path / 'run'))
+    assert main(['new', '--bag', bag, '--all', '-o', str(target)]) == 0
+    text = target.read_text(encoding='utf-8')
+    assert ('  # /base/cmd_vel: 21 messages, 1.82 a second, longest gap 1.5 s\n'
+            '  cmd_vel_linear_x: {topic: /base/cmd_vel, type: geometry_msgs/msg/Twist, '
+            'field: linear.x, timeout: 3}   # 0 to 2\n') in text
+    assert 'angular.z, timeout: 3}   # always -1.5\n' in text
+    assert '  enable: {topic: /enable, type: std_msgs/msg/Bool, field: data, timeout: 2}   ' \
+        '# false and true\n' in text
+    assert '/note' not in text
+
+
+def test_two_edits_find_a_violation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target, bag = tmp_path / 'new.yaml', recording(tmp_path / 'run')
+    main(['new', '--bag', str(bag), '--topics', 'base/cmd_vel', '-o', str(target)])
+    text = target.read_text(encoding='utf-8')
+    before, _, after = text.partition('# requirements:')
+    live = before + ('# requirements:' + after).replace('\n# ', '\n').removeprefix('# ')
+    target.write_text(live, encoding='utf-8')
+    assert len(read(target).specification.properties) == 2
+    assert main(['bag', str(target), str(bag)]) == 0
+    assert 'EXAMPLE-1    satisfied' in capsys.readouterr().out
+    target.write_text(live.replace('cmd_vel_linear_x <= 2.0', 'cmd_vel_linear_x <= 1.5'))
+    main(['bag', str(target), str(bag)])
+    assert 'EXAMPLE-1    VIOLATED' in capsys.readouterr().out
+
+
+def test_several_recordings_are_one(tmp_path: Path) -> None:
+    bags = [write(tmp_path / name, [('x', 0, low), ('x', gap, high)]) for name, low, high, gap in (
+        ('a', 1.0, 2.0, SECOND), ('b', -3.0, 0.5, 4 * SECOND))]
+    other = write(tmp_path / 'c', [('y', 0, 7.0)])
+    target = tmp_path / 'new.yaml'
+    main(['new', '--bag', *map(str, [*bags, other]), '--all', '-o', str(target)])
+    text = target.read_text(encoding='utf-8')
+    assert '# /x: 4 messages, 0.4 a second, longest gap 4 s\n' in text
+    assert f'x: {{topic: /x, type: {FLOAT}, field: data, timeout: 8}}   # -3 to 2\n' in text
+    assert f'y: {{topic: /y, type: {FLOAT}, field: data}}   # always 7\n' in text
+
+
+def test_fields_of_one_name_have_different_names(tmp_path: Path) -> None:
+    bag = write(tmp_path / 'run', [(topic, 0, 1.0) for topic in ('/a/x', '/b/x', '/H', '/a_x')])
+    target = tmp_path / 'new.yaml'
+    main(['new', '--bag', str(bag), '--all', '-o', str(target)])
+    lines = target.read_text(encoding='utf-8').splitlines()
+    names = [line.split(':')[0].strip() for line in lines if 'field: data' in line]
+    assert len(set(names)) == 4 and 'H' not in names
+
+
+def test_what_cannot_be_made_is_refused(tmp_path: Path,
+                                        capsys: pytest.CaptureFixture[str]) -> None:
+    bag = str(recording(tmp_path / 'run'))
+    target = tmp_path / 'new.yaml'
+    target.write_text('mine')
+    for arguments, message in (
+            ([bag, '--all', '-o', str(target)], 'exists'),
+            ([bag, '--topics', '/enabel'], 'did you mean'),
+            ([bag], '--topics TOPIC... takes some, --all takes all'),
+            ([str(tmp_path / 'none'), '--all'], 'none')):
+        assert main(['new', '--bag', *arguments]) == 1
+        assert message in capsys.readouterr().err
+    assert target.read_text() == 'mine'

@@ -1,0 +1,81 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Specifications of R2U2's compiler C2PO become requirements under `mltl`."""
+
+from pathlib import Path
+
+from fret_monitor.build import read
+from fret_monitor.cli.main import main
+from fret_monitor.importing import import_bundles
+import pytest
+
+SPECIFICATION = """
+-- an arbiter
+INPUT
+    request, grant: bool;
+    rate: float; -- of requests
+DEFINE
+    fast = rate > 5.5 && request;
+FTSPEC
+    answered: request -> F[0,5] grant;
+    (request U[0,2] grant)
+      || !request;
+    contract: request => grant;
+    endless: G grant;
+PTSPEC
+    H[0,5] grant -> O fast;
+"""
+
+
+def written(folder: Path, text: str = SPECIFICATION) -> Path:
+    path = folder / 'arbiter.c2po'
+    path.write_text(text, encoding='utf-8')
+    return path
+
+
+def test_a_specification_becomes_a_bundle(tmp_path: Path) -> None:
+    target = tmp_path / 'arbiter.yaml'
+    assert main(['import', str(written(tmp_path)), '-o', str(target)]) == 0
+    specification = read(target).specification
+    assert {item.id: (item.text, item.horizon) for item in specification.properties} == {
+        'answered': ('request -> F[0,5] grant', 5),
+        'FT2': ('(request U[0,2] grant) || !request', 2),
+        'contract': ('request => grant', 0),
+        'PT5': ('H[0,5] grant -> O fast', 0)}
+    assert [(item.name, item.type.value) for item in specification.signals] == [
+        ('request', 'bool'), ('grant', 'bool'), ('rate', 'float32')]
+    text = target.read_text(encoding='utf-8')
+    assert '# left out' in text or '#  left out' in text
+
+
+def test_what_is_left_out_has_its_reason(tmp_path: Path) -> None:
+    found, = import_bundles([written(tmp_path)], tmp_path / 'a.yaml')
+    (requirement, reason), = found.draft.left_out
+    assert (requirement.id, reason) == ('endless', "'G' needs a bound that ends")
+
+
+def test_a_section_that_cannot_be_read_is_told_with_its_place(tmp_path: Path) -> None:
+    text = SPECIFICATION.replace('DEFINE', 'STRUCT\n    Pair: { a: int; b: int; };\nDEFINE')
+    found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
+    places = [item.span.line for item in found.warnings if 'STRUCT' in item.title and item.span]
+    assert places and places[0] == 7
+
+
+@pytest.mark.parametrize('text', ['', 'INPUT a: bool;', 'x topic', 'FTSPEC\n'])
+def test_a_file_without_formulas_is_no_specification(text: str, tmp_path: Path,
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['import', str(written(tmp_path, text))]) == 1
+    assert 'error: ' in capsys.readouterr().err
