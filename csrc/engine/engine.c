@@ -141,6 +141,7 @@ static void free_memory(struct fm_engine * engine)
     free(engine->topics[t].evidence);
   }
   fm_engine_free_transforms(engine);
+  fm_engine_free_derived(engine);
   fm_outbox_free(&engine->outbox);
   fm_reorder_free(&engine->waiting);
   free(engine->fields);

@@ -52,7 +52,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 28u
+#define FM_ENGINE_ABI 29u
 
 struct fm_engine;
 
@@ -160,20 +160,90 @@ FM_EXPORT bool fm_engine_has_come(struct fm_engine * engine, uint32_t topic);
 /// As fm_tree_left_out.
 FM_EXPORT struct fm_tree_counts fm_engine_left_out(struct fm_engine * engine);
 
-/// What was seen last of something in the graph of ROS; 0: it is not there.
+/// The type of what is seen. Up to 9 as in rcl_interfaces/msg/ParameterType; from 5 on arrays.
+enum fm_seen_type
+{
+  FM_SEEN_NOTHING = 0,
+  FM_SEEN_BOOL = 1,
+  FM_SEEN_INT64 = 2,
+  FM_SEEN_FLOAT64 = 3,
+  FM_SEEN_TEXT = 4,
+  FM_SEEN_BYTES = 5,
+  FM_SEEN_TEXTS = 9,
+  FM_SEEN_INT32 = 16  // how many in the graph, or the state of a lifecycle node
+};
+
+/// What is seen of the graph of ROS, or of a node. A text has `length` bytes, and no zero at its
+/// end.
+struct fm_seen
+{
+  uint32_t type;  // enum fm_seen_type
+  union fm_value value;
+  const char * text;
+  uint32_t length;
+};
+
+/// Why nothing is known of a node's state or parameter.
+enum fm_fault
+{
+  FM_NO_FAULT = 0,
+  FM_NO_NODE = 1,
+  FM_NO_ANSWER = 2,   // of its services
+  FM_NOT_SET = 3,     // the node has no such parameter
+  FM_OTHER_TYPE = 4   // the parameter has one: `type`
+};
+
+/// What was seen last of something in the graph of ROS, of a node's state or parameter. In the
+/// graph, or of a state, 0: it is not there.
 struct fm_observed
 {
-  int32_t value;
+  int64_t value;   // the bits of the number; of a text, a hash
+  uint64_t events; // messages about it
+  uint32_t wanted; // enum fm_seen_type: of a part; of all else FM_SEEN_NOTHING
+  uint32_t type;   // the same of what came
+  uint32_t fault;  // enum fm_fault
   bool has_value;
   bool was_there;  // at some time
 };
 
-/// Deliver a message of a topic that is made of the graph, if `value` is another than last time:
-/// of std_msgs/msg/Bool (`is_truth`) or Int32. All that was received before comes first, as with
-/// fm_engine_reset. `received` is a system time. Returns whether it is new. Not within a callback
-/// of the middleware. As fm_engine_message.
+/// Deliver a message of a topic that is made of what is seen, if that is another than last time:
+/// one of std_msgs: Bool, Int32, Int64, Float64 or String. All that was received before comes
+/// first, as with fm_engine_reset. `received` is a system time. `events` is what `events` of
+/// fm_engine_observed was when a service was asked (FM_ANY_EVENTS: none was): if there were others
+/// since, the answer is outdated, and false is returned. What a parameter is not, or of another
+/// type, is a fault. Not within a callback of the middleware. As fm_engine_message.
+#define FM_ANY_EVENTS UINT64_MAX
 FM_EXPORT bool fm_engine_observe(
-  struct fm_engine * engine, uint32_t topic, bool is_truth, int32_t value, int64_t received);
+  struct fm_engine * engine, uint32_t topic, const struct fm_seen * seen, uint64_t events,
+  int64_t received);
+
+/// What was seen last of a topic. O(1).
+FM_EXPORT struct fm_observed fm_engine_observed(struct fm_engine * engine, uint32_t topic);
+
+/// Note why nothing is known of a topic, until something is. O(1).
+FM_EXPORT void fm_engine_note_fault(
+  struct fm_engine * engine, uint32_t topic, enum fm_fault fault);
+
+/// A topic whose messages are made of those of another one, `source`: the state of a lifecycle
+/// node (lifecycle_msgs/msg/TransitionEvent), or a parameter (rcl_interfaces/msg/ParameterEvent).
+/// The texts outlive the engine.
+struct fm_derived_topic
+{
+  uint32_t topic;
+  uint32_t source;
+  uint32_t type;           // enum fm_seen_type; FM_SEEN_INT32: the state of a node
+  const char * node;       // of a parameter: the full name of its node
+  const char * parameter;  // its name
+};
+
+/// Make messages of `n` topics: after a message of `source` its value is delivered, if it is about
+/// the topic, and is another than the one before. Such a message is received when that of the
+/// source was, which is no step by itself. Of a lifecycle node there are the states 1 to 4: while
+/// it changes its state, it has the one before. Call it once, before messages are delivered.
+/// Returns false if a topic is out of range, or memory is short. O(n); allocates. A message of a
+/// source then costs O(its size) for each topic that is made of it.
+FM_EXPORT bool fm_engine_follow_derived(
+  struct fm_engine * engine, const struct fm_derived_topic * topics, uint32_t n);
 
 /// Keep the states of the requirements up to date from now on (states.h), for locks and actions;
 /// the evaluator must report recoveries. fm_engine_take then also returns when one has changed.

@@ -52,11 +52,16 @@ bool fm_engine_has_links(const struct fm_engine * engine, uint32_t topic)
   return engine->tree != NULL && (topic == engine->tf || topic == engine->tf_static);
 }
 
+bool fm_engine_is_source(const struct fm_engine * engine, uint32_t topic)
+{
+  return engine->topics[topic].is_source || fm_engine_has_links(engine, topic);
+}
+
 bool fm_engine_needs_bytes(
   const struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading)
 {
   return !reading->is_decoded || (!reading->is_unrelated && (
-           engine->blackbox != NULL || fm_engine_has_links(engine, topic) ||
+           engine->blackbox != NULL || fm_engine_is_source(engine, topic) ||
            fm_engine_reader(engine, topic)->parts != NULL ||
            !all_are_read(reading->fields, engine->options.topics[topic].n_inputs)));
 }

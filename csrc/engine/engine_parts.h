@@ -14,8 +14,8 @@
 
 /// engine_parts.h: the struct of an engine, and the functions that its files share. For
 /// engine_*.c, and those that read the struct: records.c and thinning.c. A file calls only those
-/// before it: clock < findings < message < scopes < due < backlog < delivery < transforms <
-/// graph < gate < engine.
+/// before it: clock < findings < message < scopes < due < backlog < delivery < graph <
+/// transforms < gate < engine.
 ///
 /// One mutex guards the whole struct. Functions whose names end in _locked need it held.
 
@@ -65,6 +65,7 @@ struct fm_engine_topic
   struct fm_observed observed;
   uint64_t links;               // messages with links between frames, which are no steps
   bool has_sources;             // an input that is not a field
+  bool is_source;               // of parts
 };
 
 // A transform that is made of the tree: the message that came last, and room for the next.
@@ -113,6 +114,11 @@ struct fm_engine
   uint32_t tf;                    // the topics with the links
   uint32_t tf_static;
   uint64_t tree_restarts;         // of the evaluator's time, when the tree was last emptied
+  struct fm_derived_topic * derived;
+  uint32_t n_derived;
+  uint8_t * made;                 // a message of what was seen
+  size_t made_room;
+  struct fm_field * made_fields;  // its fields
   struct fm_gate * gate;          // NULL: none
   uint32_t gated;                 // its topic; n_topics: one that feeds no input
   void (* on_due)(void * argument);  // NULL: nobody waits for replacements
@@ -225,6 +231,9 @@ void fm_engine_look_for_hang_locked(struct fm_engine * engine);
 
 /// Whether the messages of a topic have links between frames.
 bool fm_engine_has_links(const struct fm_engine * engine, uint32_t topic);
+
+/// Whether messages of other topics are made of those of a topic.
+bool fm_engine_is_source(const struct fm_engine * engine, uint32_t topic);
 
 /// Keep a message as evidence that a field of its topic cannot be used, if none is kept.
 void fm_engine_keep_evidence_locked(
@@ -342,6 +351,16 @@ bool fm_engine_accept_locked(
 
 /// Let a message take effect that was accepted.
 void fm_engine_deliver_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin);
+
+// ---- engine_graph.c ----------------------------------------------------------------------------
+
+void fm_engine_free_derived(struct fm_engine * engine);
+
+/// Make the messages of the parts of a topic. Returns false, and counts the message, if it cannot
+/// be decoded.
+bool fm_engine_take_derived_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);
 

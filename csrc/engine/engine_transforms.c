@@ -164,11 +164,13 @@ uint32_t fm_engine_receive_locked(
   if (!fm_engine_accept_locked(engine, topic, reading, origin, &receipt)) {
     return receipt;
   }
-  if (!fm_engine_has_links(engine, topic)) {
+  if (!fm_engine_is_source(engine, topic)) {
     fm_engine_deliver_locked(engine, topic, reading, origin);
     return FM_RECEIVED;
   }
-  if (!take_links_locked(engine, topic, reading, origin)) {
+  if (fm_engine_has_links(engine, topic) ? !take_links_locked(engine, topic, reading, origin) :
+    !fm_engine_take_derived_locked(engine, topic, reading, origin))
+  {
     return FM_UNDECODABLE;
   }
   if (engine->options.topics[topic].n_inputs > 0) {

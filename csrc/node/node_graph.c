@@ -16,15 +16,18 @@
 
 #include "node_graph.h"
 
+#include <lifecycle_msgs/srv/get_state.h>
+#include <rcl/client.h>
+#include <rcl/error_handling.h>
 #include <rcl/graph.h>
+#include <rcl_interfaces/srv/get_parameters.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "rmw_functions.h"
 
-// The full name of a node: in the namespace of this one, unless it begins with a slash.
-static char * node_name(const struct fm_node * node, const char * name)
+char * fm_node_name(const struct fm_node * node, const char * name)
 {
   const char * const space = rcl_node_get_namespace(&node->node);
   struct fm_text text = {NULL, 0, 0};
@@ -37,11 +40,16 @@ static char * node_name(const struct fm_node * node, const char * name)
   return full;
 }
 
+static bool is_of_topic(const struct fm_graph_source * source)
+{
+  return source->kind == FM_GRAPH_PUBLISHERS || source->kind == FM_GRAPH_SUBSCRIBERS;
+}
+
 static bool find_names(struct fm_node_graph * graph, const struct fm_graph_source * sources)
 {
   for (uint32_t k = 0; k < graph->n; ++k) {
-    graph->names[k] = sources[k].kind == FM_GRAPH_NODE ? node_name(graph->node, sources[k].name) :
-      fm_resolved_name(graph->node, sources[k].name);
+    graph->names[k] = is_of_topic(&sources[k]) ? fm_resolved_name(graph->node, sources[k].name) :
+      fm_node_name(graph->node, sources[k].name);
     if (graph->names[k] == NULL) {
       return false;
     }
@@ -51,8 +59,44 @@ static bool find_names(struct fm_node_graph * graph, const struct fm_graph_sourc
   return true;
 }
 
+static bool make_client(
+  struct fm_node_graph * graph, uint32_t k, const rosidl_service_type_support_t * type,
+  const char * service)
+{
+  const rcl_client_options_t options = rcl_client_get_default_options();
+  rcl_client_t * const client = &graph->clients[k];
+  struct fm_text name = {NULL, 0, 0};
+  fm_text_add(&name, "%s/%s", graph->names[k], service);
+  *client = rcl_get_zero_initialized_client();
+  const bool is_made = rcl_client_init(
+    client, &graph->node->node, type, fm_text_get(&name), &options) == RCL_RET_OK;
+  fm_text_free(&name);
+  if (is_made) {
+    graph->services[k] = (struct fm_service_client) {
+      rcl_node_get_rmw_handle(&graph->node->node), rcl_client_get_rmw_handle(client),
+      (const void *)type, rcl_client_get_service_name(client)};
+  }
+  return is_made;
+}
+
+static bool make_clients(struct fm_node_graph * graph)
+{
+  bool is_good = true;
+  for (uint32_t k = 0; is_good && k < graph->n; ++k) {
+    if (graph->sources[k].kind == FM_GRAPH_LIFECYCLE) {
+      is_good = make_client(
+        graph, k, ROSIDL_GET_SRV_TYPE_SUPPORT(lifecycle_msgs, srv, GetState), "get_state");
+    } else if (graph->sources[k].kind == FM_GRAPH_PARAMETER) {
+      is_good = make_client(
+        graph, k, ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, GetParameters),
+        "get_parameters");
+    }
+  }
+  return is_good;
+}
+
 bool fm_node_graph_begin(
-  struct fm_node_graph * graph, const struct fm_node * node, const struct fm_node_table * table,
+  struct fm_node_graph * graph, struct fm_node * node, const struct fm_node_table * table,
   struct fm_engine * engine)
 {
   const size_t n = table->n_in_graph;
@@ -61,13 +105,15 @@ bool fm_node_graph_begin(
   }
   *graph = (struct fm_node_graph) {
     node, calloc(n, sizeof(*graph->sources)), calloc(n, sizeof(*graph->names)),
-    calloc(n, sizeof(*graph->own)), table->n_in_graph, NULL, true};
+    calloc(n, sizeof(*graph->own)), calloc(n, sizeof(*graph->clients)),
+    calloc(n, sizeof(*graph->services)), table->n_in_graph, NULL, true};
   if (graph->sources != NULL && graph->names != NULL && graph->own != NULL &&
-    find_names(graph, table->in_graph))
+    graph->clients != NULL && graph->services != NULL && find_names(graph, table->in_graph) &&
+    make_clients(graph))
   {
     graph->watch = fm_graph_create(
-      engine, &fm_rmw_graph, rcl_node_get_rmw_handle(&node->node), graph->sources, graph->n,
-      fm_steady_now());
+      engine, &fm_rmw_graph, &fm_rmw_services, rcl_node_get_rmw_handle(&node->node),
+      graph->sources, graph->services, graph->n, fm_steady_now());
   }
   if (graph->watch == NULL) {
     fm_log_failure(node, "cannot look at the graph of ROS");
@@ -103,11 +149,20 @@ int64_t fm_node_graph_review(
 void fm_node_graph_end(struct fm_node_graph * graph)
 {
   fm_graph_destroy(graph->watch);
+  for (uint32_t k = 0; graph->clients != NULL && k < graph->n; ++k) {
+    if (graph->clients[k].impl != NULL &&
+      rcl_client_fini(&graph->clients[k], &graph->node->node) != RCL_RET_OK)
+    {
+      rcl_reset_error();
+    }
+  }
   for (uint32_t k = 0; graph->names != NULL && k < graph->n; ++k) {
     free(graph->names[k]);
   }
   free(graph->sources);
   free(graph->names);
   free(graph->own);
+  free(graph->clients);
+  free(graph->services);
   memset(graph, 0, sizeof(*graph));
 }

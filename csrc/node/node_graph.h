@@ -22,18 +22,24 @@
 /// Zeroed: there is nothing. The functions make and end what it holds.
 struct fm_node_graph
 {
-  const struct fm_node * node;
+  struct fm_node * node;
   struct fm_graph_source * sources;
   char ** names;        // of each, in full
   uint32_t * own;       // subscriptions of this node
+  rcl_client_t * clients;  // of states and parameters
+  struct fm_service_client * services;
   uint32_t n;
   struct fm_graph * watch;
   bool has_changed;     // the graph, since the last look
 };
 
+/// The full name of a node: in the namespace of this one, unless it begins with a slash. NULL if
+/// memory is short. The caller frees it.
+char * fm_node_name(const struct fm_node * node, const char * name);
+
 /// Prepare to look, for an engine, which outlives it. Returns false, with the error logged.
 bool fm_node_graph_begin(
-  struct fm_node_graph * graph, const struct fm_node * node, const struct fm_node_table * table,
+  struct fm_node_graph * graph, struct fm_node * node, const struct fm_node_table * table,
   struct fm_engine * engine);
 
 /// Look if it is time; the subscriptions to `topics` are not counted. Returns when to call it

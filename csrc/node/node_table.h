@@ -94,6 +94,8 @@ struct fm_node_table
   uint32_t tf_static;
   const struct fm_graph_source * in_graph;  // names as written, to be resolved by the node
   uint32_t n_in_graph;
+  const struct fm_derived_topic * derived;  // names of nodes as written
+  uint32_t n_derived;
   const struct fm_node_gate_table * gate;  // NULL: the bundle has none, or leaves it to others
   const struct fm_action_type * action_types;  // of each action, without locks
   const uint8_t * reports;   // as in fm_evaluator_options, up to `rooms`

@@ -220,6 +220,24 @@ static struct fm_evaluator * make_evaluator(struct fm_session * session)
   return evaluator;
 }
 
+// The names of nodes are resolved.
+static bool follow_derived(struct fm_session * session)
+{
+  const uint32_t n = session->table->n_derived;
+  struct fm_derived_topic * topics = calloc(n + (size_t)1, sizeof(*topics));
+  session->node_names = calloc(n + (size_t)1, sizeof(*session->node_names));
+  bool is_good = topics != NULL && session->node_names != NULL;
+  for (uint32_t k = 0; is_good && k < n; ++k) {
+    topics[k] = session->table->derived[k];
+    session->node_names[k] = fm_node_name(session->node, topics[k].node);
+    topics[k].node = session->node_names[k];
+    is_good = topics[k].node != NULL;
+  }
+  is_good = is_good && fm_engine_follow_derived(session->engine, topics, n);
+  free(topics);
+  return is_good;
+}
+
 static bool make_engine(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
@@ -238,7 +256,7 @@ static bool make_engine(struct fm_session * session)
     fm_log(session->node, FM_ERROR, "the engine cannot be made: memory is short");
     return false;
   }
-  return fm_node_gate_guard(
+  return follow_derived(session) && fm_node_gate_guard(
     &session->gate, session->node, table, session->engine, evaluator, session->gate_source,
     session->gate_target);
 }
@@ -390,9 +408,11 @@ void fm_session_deactivate(struct fm_session * session)
     fm_engine_destroy(session->engine);
     fm_node_gate_end(&session->gate);
     free(session->memory);
+    free_names(session->node_names, session->table->n_derived);
   }
   session->engine = NULL;
   session->memory = NULL;
+  session->node_names = NULL;
   end_reporter(session);
 }
 

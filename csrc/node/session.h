@@ -55,6 +55,7 @@ struct fm_session
   struct fm_engine * engine;
   struct fm_reporter reporter;
   char ** topic_names;                // as resolved
+  char ** node_names;                 // of the table's derived topics, in full
   struct fm_announcer * announcer;
   struct fm_detail_thread * detail_thread;
   struct fm_node_graph graph;

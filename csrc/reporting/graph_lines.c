@@ -18,15 +18,54 @@
 
 bool fm_is_of_graph(const struct fm_reporter * reporter, uint32_t topic)
 {
-  return reporter->table->topics[topic].kind == FM_IN_GRAPH;
+  return reporter->table->topics[topic].kind >= FM_IN_GRAPH;
 }
 
-void fm_add_seen(struct fm_text * text, const struct fm_observed * observed)
+static const char * name_of_type(uint32_t type)
 {
-  if (!observed->has_value) {
+  static const char * const names[] = {"nothing", "bool", "int64", "float64", "string"};
+  return type < sizeof(names) / sizeof(names[0]) ? names[type] : "array";
+}
+
+static const char * name_of_state(int64_t state)
+{
+  static const char * const names[] =
+  {"unknown", "unconfigured", "inactive", "active", "finalized"};
+  return state >= 0 && state < 5 ? names[state] : "unknown";
+}
+
+static void add_fault(struct fm_text * text, const struct fm_observed * observed)
+{
+  switch (observed->fault) {
+    case FM_NO_NODE:
+      fm_text_add(text, "its node is not there");
+      break;
+    case FM_NO_ANSWER:
+      fm_text_add(text, "the node does not answer its %s service",
+        observed->wanted == FM_SEEN_INT32 ? "get_state" : "get_parameters");
+      break;
+    case FM_NOT_SET:
+      fm_text_add(text, "the node has no such parameter");
+      break;
+    default:
+      fm_text_add(text, "its type is %s, and not %s", name_of_type(observed->type),
+        name_of_type(observed->wanted));
+  }
+}
+
+void fm_add_seen(
+  struct fm_text * text, const struct fm_reporter * reporter, uint32_t topic,
+  const struct fm_observed * observed)
+{
+  const uint32_t kind = reporter->table->topics[topic].kind;
+  if (observed->fault != FM_NO_FAULT) {
+    add_fault(text, observed);
+  } else if (!observed->has_value) {
     fm_text_add(text, "not seen yet");
+  } else if (kind == FM_PARAMETER) {
+    fm_text_add(text, "it has a value");
   } else if (observed->value != 0) {
-    fm_text_add(text, "there");
+    fm_text_add(text, kind == FM_LIFECYCLE ? name_of_state(observed->value) : "there");
   } else if (observed->was_there) {
     fm_text_add(text, "not there any more");
   } else {
@@ -34,12 +73,42 @@ void fm_add_seen(struct fm_text * text, const struct fm_observed * observed)
   }
 }
 
+bool fm_is_seen_wrong(const struct fm_observed * observed)
+{
+  return observed->fault != FM_NO_FAULT || (observed->has_value && !observed->was_there);
+}
+
+static void add_fault_line(
+  struct fm_lines * lines, const char * name, const struct fm_observed * observed)
+{
+  struct fm_text text = {NULL, 0, 0};
+  add_fault(&text, observed);
+  fm_lines_add(
+    lines, observed->fault == FM_OTHER_TYPE ? FM_ERROR : FM_WARN, "%s: %s; its input %s", name,
+    fm_text_get(&text), observed->has_value ? "keeps its value" : "has no value yet");
+  fm_text_free(&text);
+}
+
 void fm_review_graph(struct fm_review * review, uint32_t topic, struct fm_lines * lines)
 {
+  struct fm_topic_log * const log = &review->topics[topic];
   const struct fm_observed * const now = &review->now.topics[topic].observed;
-  if (now->has_value && !now->was_there && !review->topics[topic].is_absence_logged) {
-    review->topics[topic].is_absence_logged = true;
+  if (now->has_value && !now->was_there && !log->is_absence_logged) {
+    log->is_absence_logged = true;
     fm_lines_add(lines, FM_WARN, "%s: nothing is there since the start",
       review->reporter->topics[topic]);
+  }
+  if (now->fault != log->fault && now->fault != FM_NO_FAULT) {
+    add_fault_line(lines, review->reporter->topics[topic], now);
+  }
+  log->fault = now->fault;
+}
+
+void fm_add_fault_at_end(
+  struct fm_lines * lines, const struct fm_reporter * reporter, uint32_t topic)
+{
+  const struct fm_observed observed = fm_engine_observed(reporter->engine, topic);
+  if (observed.fault != FM_NO_FAULT) {
+    add_fault_line(lines, reporter->table->topics[topic].name, &observed);
   }
 }

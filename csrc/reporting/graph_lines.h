@@ -19,14 +19,24 @@
 
 #include "review_parts.h"
 
-/// Whether the messages of a topic are made of the graph.
+/// Whether the messages of a topic are made of the graph, or of what a node in it is.
 FM_INTERNAL bool fm_is_of_graph(const struct fm_reporter * reporter, uint32_t topic);
 
-/// Add what was seen last to a text. Allocates.
-FM_INTERNAL void fm_add_seen(struct fm_text * text, const struct fm_observed * observed);
+/// Add what was seen last of such a topic to a text. Allocates.
+FM_INTERNAL void fm_add_seen(
+  struct fm_text * text, const struct fm_reporter * reporter, uint32_t topic,
+  const struct fm_observed * observed);
 
-/// Add a line, once, if it was not there when its `startup` was over. O(1).
+/// Whether something is wrong with it.
+FM_INTERNAL bool fm_is_seen_wrong(const struct fm_observed * observed);
+
+/// Add a line, once, if it was not there when its `startup` was over, and when another fault
+/// comes. O(1).
 FM_INTERNAL void fm_review_graph(
   struct fm_review * review, uint32_t topic, struct fm_lines * lines);
+
+/// Add a line on a fault of a topic at the end of a recording. As fm_engine_observed.
+FM_INTERNAL void fm_add_fault_at_end(
+  struct fm_lines * lines, const struct fm_reporter * reporter, uint32_t topic);
 
 #endif  // GRAPH_LINES_H_

@@ -231,12 +231,14 @@ static void add_broken(
   fm_text_free(&link);
 }
 
-static void add_seen(const struct fm_observed * observed, struct troubles * troubles)
+static void add_seen(
+  const struct fm_review * review, uint32_t topic, struct troubles * troubles)
 {
+  const struct fm_observed * observed = &review->now.topics[topic].observed;
   struct fm_text seen = {NULL, 0, 0};
-  fm_add_seen(&seen, observed);
-  add_trouble(
-    troubles, observed->has_value && !observed->was_there ? WARN : OK, "%s", fm_text_get(&seen));
+  fm_add_seen(&seen, review->reporter, topic, observed);
+  add_trouble(troubles, observed->fault == FM_OTHER_TYPE ? ERROR :
+    fm_is_seen_wrong(observed) ? WARN : OK, "%s", fm_text_get(&seen));
   fm_text_free(&seen);
 }
 
@@ -266,7 +268,7 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
   if (review->reporter->table->topics[topic].kind == FM_TRANSFORM) {
     add_broken(review, topic, &found);
   } else if (fm_is_of_graph(review->reporter, topic)) {
-    add_seen(&now->observed, &found);
+    add_seen(review, topic, &found);
   } else if (facts->n == 0 && facts->other_types[0] == '\0') {
     // The other one of /tf and /tf_static may be enough; a transform says what it lacks.
     add_trouble(&found, fed->n_inputs > 0 ? WARN : OK, "no publisher");
@@ -311,8 +313,8 @@ static void add_topic(const struct report * report, uint32_t topic)
   struct fm_status * status = add_status(
     report, troubles.level, is_seen ? "graph " : is_made ? "transform " : "topic ",
     fm_text_get(&name), troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
-  if (is_seen) {
-    fm_status_value(status, "seen", "%" PRId32, now->observed.value);
+  if (is_seen && table->topics[topic].kind != FM_PARAMETER) {
+    fm_status_value(status, "seen", "%" PRId64, now->observed.value);
   }
   add_count(status, "received", now->counts.messages);
   fm_status_value(status, "rate", "%.1f",

@@ -357,7 +357,7 @@ static void add_awaited(
   }
   if (inputs.n > 0) {
     if (fm_is_of_graph(review->reporter, topic)) {
-      fm_add_seen(&around, &review->now.topics[topic].observed);
+      fm_add_seen(&around, review->reporter, topic, &review->now.topics[topic].observed);
     } else if (!fm_add_missing_link(&around, review->reporter, topic)) {
       const bool has_others = facts->other_types[0] != '\0';
       fm_text_add(&around, "%u publisher%s%s%s", facts->n, facts->n == 1u ? "" : "s",

@@ -54,7 +54,9 @@ enum fm_topic_kind
   FM_ANNOUNCED = 1,  // the node publishes violations on it
   FM_OWN = 2,        // the node uses it otherwise
   FM_TRANSFORM = 3,  // the engine makes its messages, as of all later kinds: of links of frames
-  FM_IN_GRAPH = 4    // of the graph of ROS
+  FM_IN_GRAPH = 4,   // of the graph of ROS, as of all later kinds, too
+  FM_LIFECYCLE = 5,  // the state of a node
+  FM_PARAMETER = 6   // of a node
 };
 
 struct fm_report_topic

@@ -35,6 +35,7 @@ struct fm_topic_log
   bool is_ahead_logged;
   bool is_order_logged;
   bool is_absence_logged;  // of what is in the graph
+  uint32_t fault;          // enum fm_fault: of the last look
 };
 
 struct fm_time_log

@@ -19,6 +19,8 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "graph_lines.h"
+
 bool fm_add_missing_link(
   struct fm_text * text, const struct fm_reporter * reporter, uint32_t topic)
 {
@@ -67,6 +69,7 @@ void fm_add_transforms_at_end(struct fm_lines * lines, const struct fm_reporter 
         "there is no transform %s at the end: %s", reporter->table->topics[t].name,
         fm_text_get(&text));
     }
+    fm_add_fault_at_end(lines, reporter, t);
   }
   fm_text_free(&text);
   fm_add_left_out(lines, &none, &counts);

@@ -22,13 +22,17 @@
 #include <string.h>
 #include <time.h>
 
+#include "question.h"
+
 #define SECOND_NS INT64_C(1000000000)
 
 struct watched
 {
   struct fm_graph_source about;
+  struct fm_question question;  // of a state or parameter
   int64_t absent_from;  // its absence is a value from then on
-  bool is_there;        // of a node: it was found in the present look
+  int32_t n_nodes;      // of this name, in the last look
+  int32_t n_before;
   bool has_come;
 };
 
@@ -45,21 +49,55 @@ struct fm_graph
   bool has_nodes;    // among what is watched
 };
 
+static bool is_asked_for(const struct watched * item)
+{
+  return item->about.kind == FM_GRAPH_LIFECYCLE || item->about.kind == FM_GRAPH_PARAMETER;
+}
+
+static bool is_of_node(const struct watched * item)
+{
+  return item->about.kind == FM_GRAPH_NODE || is_asked_for(item);
+}
+
+static bool make_question(
+  struct watched * item, const struct fm_service_functions * services,
+  const struct fm_service_client * client)
+{
+  return !is_asked_for(item) || fm_question_make(
+    &item->question, services, client, item->about.topic,
+    item->about.kind == FM_GRAPH_PARAMETER ? item->about.parameter : NULL);
+}
+
+static void free_watched(struct watched * watched, uint32_t n)
+{
+  for (uint32_t k = 0; watched != NULL && k < n; ++k) {
+    fm_question_free(&watched[k].question);
+  }
+  free(watched);
+}
+
 struct fm_graph * fm_graph_create(
-  struct fm_engine * engine, const struct fm_graph_functions * functions, const void * node,
-  const struct fm_graph_source * sources, uint32_t n, int64_t now)
+  struct fm_engine * engine, const struct fm_graph_functions * functions,
+  const struct fm_service_functions * services, const void * node,
+  const struct fm_graph_source * sources, const struct fm_service_client * clients, uint32_t n,
+  int64_t now)
 {
   struct fm_graph * graph = calloc(1, sizeof(*graph));
   struct watched * watched = calloc(n + (size_t)1, sizeof(*watched));
-  if (graph == NULL || watched == NULL) {
-    free(graph);
-    free(watched);
-    return NULL;
+  bool is_made = graph != NULL && watched != NULL;
+  if (is_made) {
+    *graph = (struct fm_graph) {engine, functions, node, watched, n, now, now, true, false};
   }
-  *graph = (struct fm_graph) {engine, functions, node, watched, n, now, now, true, false};
-  for (uint32_t k = 0; k < n; ++k) {
-    watched[k] = (struct watched) {sources[k], now + sources[k].patience, false, false};
-    graph->has_nodes = graph->has_nodes || sources[k].kind == FM_GRAPH_NODE;
+  for (uint32_t k = 0; is_made && k < n; ++k) {
+    watched[k].about = sources[k];
+    watched[k].absent_from = now + sources[k].patience;
+    graph->has_nodes = graph->has_nodes || is_of_node(&watched[k]);
+    is_made = make_question(&watched[k], services, &clients[k]);
+  }
+  if (!is_made) {
+    free_watched(watched, n);
+    free(graph);
+    return NULL;
   }
   return graph;
 }
@@ -67,7 +105,7 @@ struct fm_graph * fm_graph_create(
 void fm_graph_destroy(struct fm_graph * graph)
 {
   if (graph != NULL) {
-    free(graph->watched);
+    free_watched(graph->watched, graph->n);
     free(graph);
   }
 }
@@ -94,11 +132,9 @@ static void find_nodes(
 {
   for (uint32_t k = 0; k < graph->n; ++k) {
     struct watched * const item = &graph->watched[k];
-    item->is_there = false;
-    for (size_t i = 0; item->about.kind == FM_GRAPH_NODE && i < names->size && !item->is_there;
-      ++i)
-    {
-      item->is_there = is_name(item->about.name, namespaces->data[i], names->data[i]);
+    item->n_nodes = 0;
+    for (size_t i = 0; is_of_node(item) && i < names->size; ++i) {
+      item->n_nodes += is_name(item->about.name, namespaces->data[i], names->data[i]);
     }
   }
 }
@@ -139,13 +175,47 @@ static bool count(
   return result == 0;
 }
 
+static void observe(
+  struct fm_graph * graph, const struct watched * item, uint32_t type, int32_t value)
+{
+  const struct fm_seen seen = {type, {.i = value}, NULL, 0};
+  (void)fm_engine_observe(
+    graph->engine, item->about.topic, &seen, FM_ANY_EVENTS, time_of(CLOCK_REALTIME));
+}
+
+// A state is 0 without a node; a parameter stays as it was.
+static void note_absence(struct fm_graph * graph, const struct watched * item, int64_t now)
+{
+  if (!item->has_come && now < item->absent_from) {
+    return;
+  }
+  if (item->about.kind == FM_GRAPH_LIFECYCLE) {
+    observe(graph, item, FM_SEEN_INT32, 0);
+  } else {
+    fm_engine_note_fault(graph->engine, item->about.topic, FM_NO_NODE);
+  }
+}
+
+// A node is asked when it has come, and when another one of its name has.
+static void note_asked(struct fm_graph * graph, struct watched * item, int64_t now)
+{
+  if (item->n_nodes == 0) {
+    fm_question_end(&item->question);
+    note_absence(graph, item, now);
+  } else if (item->n_nodes != item->n_before) {
+    fm_question_begin(&item->question, now);
+  }
+  item->n_before = item->n_nodes;
+}
+
 static void note(struct fm_graph * graph, struct watched * item, int32_t found, int64_t now)
 {
   item->has_come = item->has_come || found != 0;
-  if (item->has_come || now >= item->absent_from) {
-    (void)fm_engine_observe(
-      graph->engine, item->about.topic, item->about.kind == FM_GRAPH_NODE, found,
-      time_of(CLOCK_REALTIME));
+  if (is_asked_for(item)) {
+    note_asked(graph, item, now);
+  } else if (item->has_come || now >= item->absent_from) {
+    observe(
+      graph, item, item->about.kind == FM_GRAPH_NODE ? FM_SEEN_BOOL : FM_SEEN_INT32, found);
   }
 }
 
@@ -154,11 +224,23 @@ static void look(struct fm_graph * graph, int64_t now, const uint32_t * own)
   const bool are_nodes_known = graph->has_nodes && look_at_nodes(graph);
   for (uint32_t k = 0; k < graph->n; ++k) {
     struct watched * const item = &graph->watched[k];
-    int32_t found = item->is_there ? 1 : 0;
-    if (item->about.kind == FM_GRAPH_NODE ? are_nodes_known : count(graph, item, own[k], &found)) {
+    int32_t found = item->n_nodes > 0 ? 1 : 0;
+    if (is_of_node(item) ? are_nodes_known : count(graph, item, own[k], &found)) {
       note(graph, item, found, now);
     }
   }
+}
+
+// Returns when to look again.
+static int64_t look_for_answers(struct fm_graph * graph, int64_t now)
+{
+  int64_t next = INT64_MAX;
+  for (uint32_t k = 0; k < graph->n; ++k) {
+    const int64_t due = fm_question_look(
+      &graph->watched[k].question, graph->engine, now, time_of(CLOCK_REALTIME));
+    next = due < next ? due : next;
+  }
+  return next;
 }
 
 // When the absence of something becomes a value.
@@ -196,5 +278,8 @@ int64_t fm_graph_review(
     graph->earliest = now + pause_after(time_of(CLOCK_THREAD_CPUTIME_ID) - began);
     graph->latest = absence < now + FM_GRAPH_AGAIN_NS ? absence : now + FM_GRAPH_AGAIN_NS;
   }
-  return graph->has_changed || graph->latest < graph->earliest ? graph->earliest : graph->latest;
+  const int64_t next =
+    graph->has_changed || graph->latest < graph->earliest ? graph->earliest : graph->latest;
+  const int64_t answer = look_for_answers(graph, now);
+  return answer < next ? answer : next;
 }

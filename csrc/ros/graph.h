@@ -14,6 +14,8 @@
 
 /// graph.h: looks at the graph of ROS for what a bundle names there: nodes, publishers and
 /// subscribers of topics. The engine gets each change as a message, and what is seen first.
+/// Lifecycle nodes are asked for their state when they come, and nodes for their parameters
+/// (question.h): messages of theirs that the engine receives have what follows.
 ///
 /// What is not there at first may not have been discovered yet: it has no value until it comes, or
 /// until `patience` is over since the creation, when its absence is a value. After a look there is
@@ -27,6 +29,7 @@
 
 #include "engine.h"
 #include "middleware.h"
+#include "service_call.h"
 
 #define FM_GRAPH_PERIOD_NS 100000000
 #define FM_GRAPH_LONGEST_NS 2000000000
@@ -38,7 +41,9 @@ enum fm_graph_kind
 {
   FM_GRAPH_NODE = 0,
   FM_GRAPH_PUBLISHERS = 1,
-  FM_GRAPH_SUBSCRIBERS = 2
+  FM_GRAPH_SUBSCRIBERS = 2,
+  FM_GRAPH_LIFECYCLE = 3,  // the state of a node
+  FM_GRAPH_PARAMETER = 4   // of a node
 };
 
 struct fm_graph_source
@@ -47,6 +52,7 @@ struct fm_graph_source
   uint32_t kind;      // enum fm_graph_kind
   const char * name;  // the full name of the node or topic
   int64_t patience;   // ns
+  const char * parameter;  // its name; "" of all else
 };
 
 /// rcutils_string_array_t.
@@ -74,12 +80,15 @@ struct fm_graph_functions
 
 struct fm_graph;
 
-/// Make a watch of `n` sources, for an engine. `node` is the handle of rmw. All that is given
+/// Make a watch of `n` sources, for an engine. `node` is the handle of rmw; `clients` are, of each
+/// state or parameter, one of its service, and are called through `services`. All that is given
 /// outlives the watch; the sources are copied, their names are not. NULL if memory is short.
 /// O(n); allocates.
 FM_EXPORT struct fm_graph * fm_graph_create(
-  struct fm_engine * engine, const struct fm_graph_functions * functions, const void * node,
-  const struct fm_graph_source * sources, uint32_t n, int64_t now);
+  struct fm_engine * engine, const struct fm_graph_functions * functions,
+  const struct fm_service_functions * services, const void * node,
+  const struct fm_graph_source * sources, const struct fm_service_client * clients, uint32_t n,
+  int64_t now);
 
 /// Free a watch; NULL is ignored. O(1).
 FM_EXPORT void fm_graph_destroy(struct fm_graph * graph);

@@ -32,6 +32,14 @@ struct text
   size_t capacity;
 };
 
+// rosidl_runtime_c__X__Sequence.
+struct sequence
+{
+  void * data;
+  size_t size;
+  size_t capacity;
+};
+
 static const struct fm_message_members * members_of(const struct fm_type_support * support)
 {
   const struct fm_type_support * found =
@@ -78,11 +86,14 @@ bool fm_message_read(
 }
 
 static const struct fm_message_member * find_member(
-  const struct fm_message_members * members, const char * name, enum fm_field_kind kind)
+  const struct fm_message_members * members, const char * name, enum fm_field_kind kind,
+  bool is_array)
 {
   for (uint32_t k = 0; members != NULL && k < members->member_count; ++k) {
     const struct fm_message_member * member = &members->members[k];
-    if (strcmp(member->name, name) == 0 && member->type_id == kind && !member->is_array) {
+    if (strcmp(member->name, name) == 0 && member->type_id == kind &&
+      member->is_array == is_array)
+    {
       return member;
     }
   }
@@ -96,15 +107,35 @@ void * fm_message_field(
   const struct fm_message_members * members = message->members;
   uint8_t * memory = message->memory;
   if (outer != NULL) {
-    const struct fm_message_member * inner = find_member(members, outer, FM_MESSAGE_FIELD);
+    const struct fm_message_member * inner =
+      find_member(members, outer, FM_MESSAGE_FIELD, false);
     if (inner == NULL) {
       return NULL;
     }
     memory += inner->offset;
     members = members_of(inner->members);
   }
-  const struct fm_message_member * member = find_member(members, name, kind);
+  const struct fm_message_member * member = find_member(members, name, kind, false);
   return member == NULL ? NULL : memory + member->offset;
+}
+
+struct fm_typed_message fm_message_first(
+  const struct fm_typed_message * message, const char * name)
+{
+  struct fm_typed_message first = {NULL, NULL, NULL};
+  const struct fm_message_member * member =
+    find_member(message->members, name, FM_MESSAGE_FIELD, true);
+  if (member == NULL || member->array_size != 0) {
+    return first;
+  }
+  const struct sequence * found =
+    (const void *)((const uint8_t *)message->memory + member->offset);
+  if (found->size > 0) {
+    first.support = member->members;
+    first.members = members_of(member->members);
+    first.memory = found->data;
+  }
+  return first;
 }
 
 const char * fm_message_text(

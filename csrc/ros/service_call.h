@@ -110,8 +110,10 @@ enum fm_call_state
 /// The types of fields that are read and written.
 enum fm_field_kind
 {
+  FM_DOUBLE_FIELD = 2,
   FM_BOOLEAN_FIELD = 6,   // rosidl_typesupport_introspection_c__ROS_TYPE_BOOLEAN, and so on
   FM_UINT8_FIELD = 8,
+  FM_INT64_FIELD = 15,
   FM_STRING_FIELD = 16,
   FM_MESSAGE_FIELD = 18
 };
@@ -168,6 +170,11 @@ FM_INTERNAL enum fm_call_state fm_call_look(struct fm_call * call, int64_t now);
 FM_INTERNAL void * fm_message_field(
   const struct fm_typed_message * message, const char * outer, const char * name,
   enum fm_field_kind kind);
+
+/// The first message of a field that is a sequence of messages: part of `message`, not to be
+/// freed. Its fields are NULL if there is none. O(fields).
+FM_INTERNAL struct fm_typed_message fm_message_first(
+  const struct fm_typed_message * message, const char * name);
 
 /// The text of such a string field; "" if there is none.
 FM_INTERNAL const char * fm_message_text(

@@ -238,7 +238,9 @@ class _Run:
             if self._manifest.variables else None
         self._evaluator = self._scopes.evaluator() if self._scopes else \
             Evaluator(self._monitor, reports_recoveries=True)
-        self._engine = Engine(self._evaluator, takes_recoveries=True, scopes=self._scopes)
+        self._engine = Engine(
+            self._evaluator, takes_recoveries=True, scopes=self._scopes,
+            full_name=lambda name: absolute(name, selection.namespace))
         self._reporter = Reporter(self._engine, ReportTable(self._manifest))
         self._wants_details = False
         self._most = MOST_QUEUED
@@ -450,7 +452,7 @@ class _Run:
 
     def _is_other_recorded(self, topic: ManifestTopic) -> bool:
         """Whether it is one of the topics of transforms, and another of them was recorded."""
-        return not topic.inputs and any(
+        return not topic.inputs and topic.name in TOPICS and any(
             self._recorded.get(resolved(name, self._selection)) for name in TOPICS)
 
     def _miss(self, index: int, text: str) -> None:
@@ -503,9 +505,9 @@ class _Run:
         """Judge no requirement that reads one of these topics."""
         fed = self._manifest.topics
         without = {*topics}
-        if self._manifest.made and any(
-                not fed[index].inputs and fed[index].name in TOPICS for index in without):
-            without |= self._manifest.made
+        names = {fed[index].name for index in without if not fed[index].inputs}
+        without |= {index for index, topic in enumerate(fed) if topic.made and names.intersection(
+            source.name for source in topic.made.sources)}
         self._unread |= {index for index, read in enumerate(topics_read(self._manifest))
                          if without & read}
         self._unjudged = [index for index in self._unjudged if index not in self._unread]

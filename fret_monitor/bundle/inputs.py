@@ -30,7 +30,9 @@ from fret_monitor.bundle.yaml_shape import (
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
-from fret_monitor.model.made import Made, MadeKind, USUAL_PATIENCE_S
+from fret_monitor.model.made import (
+    Made, MadeKind, PARAMETER_TYPES, STATES, USUAL_PATIENCE_S,
+)
 from fret_monitor.model.names import (
     exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLACEHOLDER,
     PLAIN_TYPES, shown,
@@ -42,8 +44,8 @@ from fret_monitor.model.transforms import STAMPED
 FIELD_KEYS = ('field', 'initial', 'values', 'role')
 _TOPIC_KEYS = ('where', 'qos', 'timeout', 'stale', 'startup', 'max_rate')
 TRANSFORM_KEYS = ('from', 'to')
-INPUT_KEYS = ('topic', 'transform', 'node', 'publishers', 'subscribers', 'type', *FIELD_KEYS,
-              *_TOPIC_KEYS)
+PARAMETER_KEYS = ('node', 'name')
+INPUT_KEYS = ('topic', *(item.value for item in MadeKind), 'type', *FIELD_KEYS, *_TOPIC_KEYS)
 BLOCK_KEYS = ('type', *_TOPIC_KEYS, 'fields')
 _SLIPS = {'message': 'type', 'message_type': 'type', 'msg': 'type', 'path': 'field'}
 _FIELDS_EXAMPLE = 'fields: {altitude: pose.pose.position.z}'
@@ -51,17 +53,10 @@ _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _NOTHING = 'none'
-_NOT_YET = {
-    'lifecycle': 'no version has it yet; its changes are on a topic:\n{topic: NODE/'
-                 'transition_event, type: lifecycle_msgs/msg/TransitionEvent, field: '
-                 'goal_state.id, values: {INACTIVE: 2, ACTIVE: 3}}',
-    'parameter': 'no version has it yet; changes of the parameters of all nodes are on a topic:\n'
-                 '{topic: /parameter_events, type: rcl_interfaces/msg/ParameterEvent, field: '
-                 '"changed_parameters[name = NAME].value.double_value"}',
-}
-_IN_GRAPH = tuple(item for item in MadeKind if item.is_in_graph)
+_WATCHED = tuple(item for item in MadeKind if item is not MadeKind.TRANSFORM)
 _LONGEST_FRAME = 255  # bytes; FM_MOST_FRAME_BYTES
 _TRANSFORM_EXAMPLE = 'transform: {from: map, to: base_link}'
+_PARAMETER_EXAMPLE = 'parameter: {node: /controller_server, name: max_vel}'
 QOS_KEYS = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
@@ -72,46 +67,89 @@ QOS_KEYS = {
 
 def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> InputEntry:
     """Return an entry under `inputs`."""
-    shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS, _NOT_YET)
+    shape = Shape(mapping, 'an input', INPUT_KEYS, problems, _SLIPS)
     if shape.key('transform'):
         return _transform(name, shape, problems)
-    if kind := next((item for item in _IN_GRAPH if shape.key(item.value)), None):
-        return _in_graph(name, kind, shape, problems)
+    if kind := next((item for item in _WATCHED if shape.key(item.value)), None):
+        return _watched(name, kind, shape, problems)
     topic = _checked(shape, 'topic', _topic_fault, problems)
-    damaged = _refused(shape, topic=topic)
-    if any(key.value in _NOT_YET for key, _ in mapping.entries):
-        damaged |= {'type'}
-    entry = InputEntry(name.text, topic=topic, damaged=damaged)
+    entry = InputEntry(name.text, topic=topic, damaged=_refused(shape, topic=topic))
     return _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
 
 
-def _in_graph(name: DeclaredName, kind: MadeKind, shape: Shape,
-              problems: Problems) -> InputEntry:
-    """Return an input that is seen in the graph of ROS: a node, or how many endpoints."""
+def _watched(name: DeclaredName, kind: MadeKind, shape: Shape, problems: Problems) -> InputEntry:
+    """Return an input that is seen in the graph of ROS, or that a node there is asked for."""
     place = shape.key(kind.value) or name
-    others = ('topic', 'type', 'where', 'qos',
-              *(item.value for item in _IN_GRAPH if item is not kind))
-    for key in others:
+    for key in ('topic', 'where', 'qos', *(item.value for item in _WATCHED if item is not kind),
+                *(() if kind is MadeKind.PARAMETER else ('type',))):
         if other := shape.key(key):
             problems.error(f"an input with '{kind.value}' has no '{key}'", other.span,
+                           f'it is {kind.words}' if kind.is_asked_for else
                            'it is seen in the graph of ROS', 'remove it')
-    found = _checked(shape, kind.value, lambda text: _graph_fault(kind, text), problems)
-    made = Made(kind, (found.value if found else '',))
-    topic, message_type = (_at(text, place.text) for text in (made.topic, kind.message_type))
-    entry = InputEntry(name.text, topic=topic, type=message_type, made=made,
-                       damaged=frozenset(['qos'] if found else ['qos', 'type']))
+    names = _names(kind, shape, problems)
+    message_type = _message_type(name, kind, shape, problems)
+    is_damaged = names is None or message_type is None
+    made = Made(kind, names or ('', ''))
+    entry = InputEntry(name.text, topic=_at(made.topic, place.text), made=made,
+                       type=_at(message_type or kind.message_types[0], place.text),
+                       damaged=frozenset(['qos', *(['type'] if is_damaged else [])]))
     entry = _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
     patience = USUAL_PATIENCE_S if entry.startup is None else float(entry.startup)
     entry = replace(entry, made=replace(made, patience=patience))
-    return entry if found else replace(entry, type=None)
+    if kind is MadeKind.LIFECYCLE and shape.lacks('values') and entry.field is None:
+        entry = replace(entry, values=tuple(
+            ValueEntry(_at(state, place.text), _at(str(number), place.text), is_string=False)
+            for state, number in STATES.items()))
+    return replace(entry, type=None) if is_damaged else entry
 
 
-def _graph_fault(kind: MadeKind, name: str) -> Fault | None:
+def _names(kind: MadeKind, shape: Shape, problems: Problems) -> tuple[str, ...] | None:
+    """Return the name of a node or topic, or of a node and its parameter."""
+    if kind is not MadeKind.PARAMETER:
+        found = _checked(shape, kind.value, lambda text: _graph_fault(kind.value, text), problems)
+        return (found.value,) if found else None
+    mapping = mapping_of(shape.node('parameter'), "'parameter'", problems, _PARAMETER_EXAMPLE)
+    if mapping is None:
+        return None
+    part = Shape(mapping, "'parameter'", PARAMETER_KEYS, problems, {
+        'parameter': 'name', 'of': 'node'})
+    for key in PARAMETER_KEYS:
+        if part.lacks(key):
+            problems.error(f"'parameter' has no '{key}'", mapping.span,
+                           'the name of a node' if key == 'node' else 'that of its parameter',
+                           _PARAMETER_EXAMPLE)
+    node = _checked(part, 'node', lambda text: _graph_fault('node', text), problems)
+    name = _checked(part, 'name', _parameter_fault, problems)
+    return (node.value, name.value) if node and name else None
+
+
+def _message_type(name: DeclaredName, kind: MadeKind, shape: Shape,
+                  problems: Problems) -> str | None:
+    if kind is not MadeKind.PARAMETER:
+        return kind.message_types[0]
+    found = shape.text('type')
+    if found is None:
+        if shape.lacks('type'):
+            problems.error(f"the parameter '{name.value}' has no type", name.span,
+                           'a node may give a parameter any', 'type: float64')
+        return None
+    if found.value not in PARAMETER_TYPES:
+        report_choice(found, 'type', tuple(PARAMETER_TYPES), problems)
+    return PARAMETER_TYPES.get(found.value)
+
+
+def _parameter_fault(name: str) -> Fault | None:
+    if name and name.isprintable() and len(name.encode()) <= _LONGEST_FRAME:
+        return None
+    return Fault(f'the name of a parameter has up to {_LONGEST_FRAME} printable bytes')
+
+
+def _graph_fault(key: str, name: str) -> Fault | None:
     if name.startswith('~') or '{' in name:
         return Fault('the name is that of a node or topic, as `ros2 node list` and `ros2 topic '
                      f'list` have it: {shown(name)}', 'write it in full, from its first slash')
     fault = topic_fault(name)
-    return fault and fault._replace(help=fault.help.replace('topic: ', f'{kind.value}: '))
+    return fault and fault._replace(help=fault.help.replace('topic: ', f'{key}: '))
 
 
 def _topic_fault(topic: str) -> Fault | None:
@@ -285,13 +323,13 @@ def _check_times(entry: InputEntry, shape: Shape, problems: Problems) -> None:
     if stale and shape.lacks('timeout'):
         problems.error("'stale' needs a 'timeout'", stale.span,
                        'without a timeout it is never stale', 'timeout: 0.5   # seconds')
-    is_in_graph = entry.made is not None and entry.made.kind.is_in_graph
-    if startup and shape.lacks('timeout') and not is_in_graph:
+    is_watched = entry.made is not None and entry.made.kind in _WATCHED
+    if startup and shape.lacks('timeout') and not is_watched:
         problems.error("'startup' needs a 'timeout'", startup.span,
                        'without a timeout nothing is due', 'timeout: 0.5   # seconds')
     place = dict(entry.places).get('startup')
     if place and entry.timeout and entry.startup and entry.startup < entry.timeout \
-            and not is_in_graph:
+            and not is_watched:
         problems.warning(
             "'startup' is shorter than 'timeout'", place,
             'the first value is due earlier than any later one', 'remove it for the default: '

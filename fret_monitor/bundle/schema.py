@@ -28,7 +28,7 @@ from fret_monitor.bundle.actions import KIND_KEYS, STATES
 from fret_monitor.bundle.formulas import FORMULA_KEYS
 from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS, WhenStale
 from fret_monitor.bundle.inputs import (
-    BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS, TRANSFORM_KEYS,
+    BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, PARAMETER_KEYS, QOS_KEYS, TRANSFORM_KEYS,
 )
 from fret_monitor.bundle.instances import VARIABLE_KEYS
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
@@ -217,6 +217,10 @@ _VALUES |= {
     'node': (_TEXT, 'in place of a topic: a node, and whether it is there'),
     'publishers': (_TEXT, 'in place of a topic: how many publishers a topic has'),
     'subscribers': (_TEXT, 'in place of a topic: how many subscribers a topic has'),
+    'lifecycle': (_TEXT, 'in place of a topic: a lifecycle node, and its state'),
+    'parameter': (_mapping(PARAMETER_KEYS, PARAMETER_KEYS, {
+        'node': (_TEXT, 'the node'), 'name': (_TEXT, 'its parameter')}),
+        'in place of a topic: a parameter of a node'),
 }
 _VALUES |= {
     'for_each': (_named({'anyOf': [
@@ -227,7 +231,7 @@ _VALUES |= {
                    'when a step happens'),
     'inputs': (_named({**_mapping(INPUT_KEYS), 'anyOf': [
         {'required': [key]} for key in (
-            'type', 'transform', 'node', 'publishers', 'subscribers')]}),
+            'type', 'transform', 'node', 'publishers', 'subscribers', 'lifecycle')]}),
                'the values that are read, by name'),
     'fields': ({'type': 'object', 'minProperties': 1, 'additionalProperties': {
         'anyOf': [_TEXT, _mapping(FIELD_KEYS)]}}, 'the fields that become inputs, by name'),

@@ -18,18 +18,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
-from fret_monitor.codegen.extractors import Feed, topics_of
+from fret_monitor.codegen.extractors import Feed, sources_of, topics_of
 from fret_monitor.codegen.inputs import described_input
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.scopes import InstanceScope
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
+from fret_monitor.model.made import SourceTopic
 from fret_monitor.model.manifest import (
     Manifest, ManifestAggregate, ManifestGate, ManifestGroup, ManifestKind, ManifestRequirement,
     ManifestTopic,
 )
 from fret_monitor.model.policies import Policy
-from fret_monitor.model.transforms import LINKS, QOS
 from fret_monitor.program.layout import GroupLayout, state_bytes
 from fret_monitor.program.monitor_program import MonitorProgram
 
@@ -123,13 +123,15 @@ def described_topics(signals: Sequence[Signal],
     for signal in chain(signals, *kinds):
         if signal.topic is not None:
             first.setdefault((signal.topic, signal.where), signal)
-    return {feed: _topic(feed, first.get(feed)) for feed in topics_of(signals, kinds)}
+    sources = sources_of(signals)
+    return {feed: _topic(feed, first.get(feed), sources) for feed in topics_of(signals, kinds)}
 
 
-def _topic(feed: Feed, first: Signal | None) -> ManifestTopic:
+def _topic(feed: Feed, first: Signal | None,
+           sources: Mapping[str, SourceTopic]) -> ManifestTopic:
     name, where = feed
     if first is None:
-        return ManifestTopic(name, LINKS, (), QOS[name])
+        return ManifestTopic(name, sources[name].message_type, (), sources[name].qos)
     return ManifestTopic(name, first.message_type or '', (), first.qos, first.made,
                          str(where or ''))
 

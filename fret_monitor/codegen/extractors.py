@@ -32,11 +32,10 @@ from fret_monitor.codegen.skippers import Skippers
 from fret_monitor.logic.specification import Signal
 from fret_monitor.messages.field_path import key_type
 from fret_monitor.messages.layout import FieldType, MessageLayout
-from fret_monitor.model.made import MadeKind
+from fret_monitor.model.made import SourceTopic
 from fret_monitor.model.manifest import SECONDS
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import InputSource, Stamp
-from fret_monitor.model.transforms import TOPICS
 from fret_monitor.model.values import ValueType
 
 Feed: TypeAlias = tuple[str, LookUp | None]
@@ -63,12 +62,12 @@ def topics_of(signals: Sequence[Signal],
     """
     Return the topics of signals, in order, each with the indices of its signals.
 
-    With transforms, the topics that they come from are among them; and those that only instances
-    of some `kinds` read.
+    The topics that messages of others are made of are among them; and those that only instances of
+    some `kinds` read.
     """
     topics = _fed(signals)
-    if any(item.made and item.made.kind is MadeKind.TRANSFORM for item in signals):
-        topics |= {(name, None): topics.get((name, None), []) for name in TOPICS}
+    for name in sources_of(signals):
+        topics.setdefault((name, None), [])
     for group in kinds:
         for feed in _fed(group):
             topics.setdefault(feed, [])
@@ -86,6 +85,11 @@ def _fed(signals: Sequence[Signal]) -> dict[Feed, list[int]]:
         if signal.topic is not None and signal.message_type is not None:
             topics.setdefault((signal.topic, signal.where), []).append(index)
     return topics
+
+
+def sources_of(signals: Sequence[Signal]) -> dict[str, SourceTopic]:
+    """Return the topics that messages of others are made of, by name."""
+    return {source.name: source for item in signals if item.made for source in item.made.sources}
 
 
 _STAMP = Signal('stamp', ValueType.FLOAT64, None, None, ('header', 'stamp'), (), None, (),
@@ -152,7 +156,7 @@ class _FileWriter:
     def _extractor(self, number: int, title: str, signals: Sequence[Signal],
                    layout: MessageLayout | None) -> Iterator[str]:
         yield from comment(f'{title}: {layout.name}' if layout else
-                           f'{title}: the engine reads its transforms')
+                           f'{title}: the engine reads it')
         yield f'static bool read_{number}(const uint8_t * message, size_t size, ' \
               'struct fm_field * fields)'
         yield from self._opened()

@@ -57,6 +57,7 @@ from fret_monitor.logic.specification import (
 from fret_monitor.messages.installed import find_message as find_installed
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, Source, Span, Text
 from fret_monitor.model.graph import components, cycle, is_cyclic
+from fret_monitor.model.made import MadeKind
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.policies import Stamp
 
@@ -175,8 +176,9 @@ class _Reading:
             if bundle.stamp is Stamp.HEADER and signal is not None and signal.made:
                 self.problems.error(
                     f"'{entry.name}' is {signal.made.kind.words}, which does not go with "
-                    'stamp: header', entry.name.span, 'its messages have no header of their own'
-                    if signal.made.kind.is_in_graph else 'its links have stamps of their own',
+                    'stamp: header', entry.name.span, 'its links have stamps of their own'
+                    if signal.made.kind is MadeKind.TRANSFORM else
+                    'its messages have no header of their own',
                     'stamp: received   # under evaluation')
             elif bundle.stamp is Stamp.HEADER and signal is not None:
                 self._check_header(entry, signal)

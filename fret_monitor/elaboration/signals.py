@@ -212,7 +212,7 @@ def _is_type_damaged(entry: InputEntry, find_message: FindMessage) -> bool:
 
 
 def _startup(entry: InputEntry) -> float | None:
-    if entry.made and entry.made.kind.is_in_graph:  # there is a value when its patience is over
+    if entry.made and entry.made.kind.has_absence:  # there is a value when its patience is over
         return entry.made.patience + float(entry.timeout) if entry.timeout is not None else None
     if entry.startup is not None:
         return float(entry.startup)

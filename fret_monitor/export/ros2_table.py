@@ -24,7 +24,7 @@ from fret_monitor.build import GeneratedMonitor
 from fret_monitor.codegen.c import string_literal
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.messages.installed import definition_or_none
-from fret_monitor.model.made import MadeKind
+from fret_monitor.model.made import MadeKind, SEEN_TYPES
 from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate, ManifestTopic
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.policies import ActionKind, fixed_qos, Stale
@@ -113,7 +113,12 @@ def _topics(manifest: Manifest) -> Iterator[str]:
         for index, frames in manifest.made_of(MadeKind.TRANSFORM).items()))
     yield from _array('struct fm_graph_source', 'in_graph', (
         f'{{{index}u, FM_GRAPH_{made.kind.name}, {_text(made.names[0])}, '
-        f'{nanoseconds(made.patience)}}}' for index, made in manifest.in_graph.items()))
+        f'{nanoseconds(made.patience)}, {_text(made.names[1] if made.names[1:] else "")}}}'
+        for index, made in manifest.watched.items()))
+    yield from _array('struct fm_derived_topic', 'derived', (
+        f'{{{index}u, {source}u, {SEEN_TYPES[manifest.topics[index].message_type]}, '
+        f'{_text(made.names[0])}, {_text(made.names[-1])}}}'
+        for index, (made, source) in manifest.derived.items()))
 
 
 def _definitions(manifest: Manifest) -> dict[str, str]:
@@ -179,7 +184,9 @@ def _table(manifest: Manifest, origin: str, n_warnings: int) -> Iterator[str]:
         'transforms': 'transforms',
         'n_transforms': f'{len(transforms)}u',
         'in_graph': 'in_graph',
-        'n_in_graph': f'{len(manifest.in_graph)}u',
+        'n_in_graph': f'{len(manifest.watched)}u',
+        'derived': 'derived',
+        'n_derived': f'{len(manifest.derived)}u',
         **{field: f'{names.index(topic) if transforms else 0}u'
            for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (

@@ -22,7 +22,16 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import assert_never
 
-from fret_monitor.model.transforms import STAMPED
+from fret_monitor.model.transforms import LINKS, QOS, STAMPED, TOPICS
+
+
+@dataclass(frozen=True)
+class SourceTopic:
+    """A topic of ROS, of whose messages others are made."""
+
+    name: str
+    message_type: str
+    qos: tuple[tuple[str, str | int], ...] = ()
 
 
 class MadeKind(Enum):
@@ -32,37 +41,72 @@ class MadeKind(Enum):
     NODE = 'node'
     PUBLISHERS = 'publishers'
     SUBSCRIBERS = 'subscribers'
+    LIFECYCLE = 'lifecycle'
+    PARAMETER = 'parameter'
 
     @property
     def is_in_graph(self) -> bool:
-        """Whether it is seen in the graph of ROS."""
-        return self is not MadeKind.TRANSFORM
+        """Whether it is seen in the graph of ROS alone, of which recordings have nothing."""
+        return self in (MadeKind.NODE, MadeKind.PUBLISHERS, MadeKind.SUBSCRIBERS)
 
     @property
-    def message_type(self) -> str:
-        """The type of the messages."""
+    def is_asked_for(self) -> bool:
+        """Whether a node is asked for its first value."""
+        return self in (MadeKind.LIFECYCLE, MadeKind.PARAMETER)
+
+    @property
+    def has_absence(self) -> bool:
+        """Whether it is a value that it is not there."""
+        return self.is_in_graph or self is MadeKind.LIFECYCLE
+
+    @property
+    def message_types(self) -> tuple[str, ...]:
+        """The types that the messages may have, usually one."""
         match self:
             case MadeKind.TRANSFORM:
-                return STAMPED
+                return (STAMPED,)
             case MadeKind.NODE:
-                return 'std_msgs/msg/Bool'
-            case MadeKind.PUBLISHERS | MadeKind.SUBSCRIBERS:
-                return 'std_msgs/msg/Int32'
+                return ('std_msgs/msg/Bool',)
+            case MadeKind.PUBLISHERS | MadeKind.SUBSCRIBERS | MadeKind.LIFECYCLE:
+                return ('std_msgs/msg/Int32',)
+            case MadeKind.PARAMETER:
+                return tuple(PARAMETER_TYPES.values())
             case _:
                 assert_never(self)
 
     @property
     def words(self) -> str:
         """What an input of it is, as in `it is a transform`."""
-        return 'a transform' if self is MadeKind.TRANSFORM else 'in the graph of ROS'
+        match self:
+            case MadeKind.TRANSFORM:
+                return 'a transform'
+            case MadeKind.NODE | MadeKind.PUBLISHERS | MadeKind.SUBSCRIBERS:
+                return 'in the graph of ROS'
+            case MadeKind.LIFECYCLE:
+                return 'the state of a lifecycle node'
+            case MadeKind.PARAMETER:
+                return 'a parameter of a node'
+            case _:
+                assert_never(self)
 
     @property
     def c_name(self) -> str:
         """The kind of its topic in C."""
-        return 'FM_IN_GRAPH' if self.is_in_graph else 'FM_TRANSFORM'
+        return 'FM_IN_GRAPH' if self.is_in_graph else f'FM_{self.name}'
 
 
 USUAL_PATIENCE_S = 10.0
+PARAMETER_TYPES = {'float64': 'std_msgs/msg/Float64', 'int64': 'std_msgs/msg/Int64',
+                   'bool': 'std_msgs/msg/Bool', 'string': 'std_msgs/msg/String'}
+"""The types of parameters, and of the messages that are made of them."""
+
+STATES = {'UNKNOWN': 0, 'UNCONFIGURED': 1, 'INACTIVE': 2, 'ACTIVE': 3, 'FINALIZED': 4}
+"""The states of a lifecycle node, as in lifecycle_msgs/msg/State."""
+
+SEEN_TYPES = {'std_msgs/msg/Bool': 'FM_SEEN_BOOL', 'std_msgs/msg/Int32': 'FM_SEEN_INT32',
+              'std_msgs/msg/Int64': 'FM_SEEN_INT64', 'std_msgs/msg/Float64': 'FM_SEEN_FLOAT64',
+              'std_msgs/msg/String': 'FM_SEEN_TEXT'}
+"""The `enum fm_seen_type` of messages that are made of what is seen."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +115,8 @@ class Made:
     What the messages of a topic are made of.
 
     `names` are, of a transform, the frames `from` and `to`; of what is in the graph, the name of
-    the node or topic. `patience`: for so many seconds since the start what is not in the graph may
-    not have been discovered yet.
+    the node or topic; of a parameter, those of the node and of the parameter. `patience`: for so
+    many seconds since the start what is not in the graph may not have been discovered yet.
     """
 
     kind: MadeKind
@@ -82,13 +126,31 @@ class Made:
     @property
     def topic(self) -> str:
         """The name of the topic, for logs and reports."""
-        name = ' -> '.join(self.names)
         match self.kind:
             case MadeKind.TRANSFORM:
-                return name
-            case MadeKind.NODE:
-                return f'node {name}'
+                return ' -> '.join(self.names)
+            case MadeKind.NODE | MadeKind.LIFECYCLE:
+                return f'{self.kind.value} {self.names[0]}'
             case MadeKind.PUBLISHERS | MadeKind.SUBSCRIBERS:
-                return f'{self.kind.value} of {name}'
+                return f'{self.kind.value} of {self.names[0]}'
+            case MadeKind.PARAMETER:
+                return f'parameter {self.names[1]} of {self.names[0]}'
+            case _:
+                assert_never(self.kind)
+
+    @property
+    def sources(self) -> tuple[SourceTopic, ...]:
+        """The topics of ROS that the messages are made of."""
+        match self.kind:
+            case MadeKind.TRANSFORM:
+                return tuple(SourceTopic(name, LINKS, QOS[name]) for name in TOPICS)
+            case MadeKind.LIFECYCLE:
+                return (SourceTopic(f'{self.names[0]}/transition_event',
+                                    'lifecycle_msgs/msg/TransitionEvent'),)
+            case MadeKind.PARAMETER:
+                return (SourceTopic('/parameter_events', 'rcl_interfaces/msg/ParameterEvent',
+                                    (('depth', 1000),)),)
+            case MadeKind.NODE | MadeKind.PUBLISHERS | MadeKind.SUBSCRIBERS:
+                return ()
             case _:
                 assert_never(self.kind)

@@ -388,6 +388,20 @@ class Manifest:
                 if topic.made and topic.made.kind.is_in_graph}
 
     @property
+    def watched(self) -> dict[int, Made]:
+        """What is looked for in the graph of ROS: it is there, or is asked when it is."""
+        return {index: topic.made for index, topic in enumerate(self.topics)
+                if topic.made and topic.made.kind is not MadeKind.TRANSFORM}
+
+    @property
+    def derived(self) -> dict[int, tuple[Made, int]]:
+        """The topics whose messages are made of another one's, which comes second."""
+        places = {topic.name: index for index, topic in enumerate(self.topics)}
+        return {index: (topic.made, places[topic.made.sources[0].name])
+                for index, topic in enumerate(self.topics)
+                if topic.made and topic.made.kind.is_asked_for}
+
+    @property
     def subscribed(self) -> tuple[ManifestTopic, ...]:
         """What a node subscribes to: `received`, then the source of a gate that no input reads."""
         gate = self.gate

@@ -20,13 +20,13 @@ interpreter lock while it holds the mutex. Independent of ROS.
 """
 
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import partial
 from typing import Any
 
 from fret_monitor.model.frozen import frozen
-from fret_monitor.model.made import MadeKind
+from fret_monitor.model.made import MadeKind, SEEN_TYPES
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.transforms import TOPICS
@@ -93,6 +93,10 @@ class OrderCounts:
     most_ahead: int = 0
 
 
+def _in_root(name: str) -> str:
+    return name if name.startswith('/') else f'/{name}'
+
+
 class Engine:
     """
     Evaluates messages, takes what is due, and queues violations and their details.
@@ -101,13 +105,15 @@ class Engine:
     """
 
     def __init__(self, evaluator: Evaluator, *, takes_recoveries: bool = False,
-                 scopes: Scopes | None = None) -> None:
+                 scopes: Scopes | None = None,
+                 full_name: Callable[[str], str] = _in_root) -> None:
         """
         Share an evaluator; no other code may call it from now on.
 
         With `takes_recoveries`, `take` and `records` also return the ends of violations, if the
         evaluator reports them. Of `scopes`, the evaluator is that of the bundle's scope;
-        violations then have the numbers of `Manifest.numbered`.
+        violations then have the numbers of `Manifest.numbered`. `full_name` returns that of a
+        node, of which a parameter is read.
 
         Raises
         ------
@@ -143,6 +149,7 @@ class Engine:
         self._frames: list[Any] = []
         if transforms := manifest.made_of(MadeKind.TRANSFORM):
             self._follow_transforms(manifest, transforms)
+        self._follow_derived(manifest, full_name)
         self._gate: MessageGate | None = None  # so does this
         self._origin: Any = ffi.new('struct fm_origin *')
         self._detail = ffi.new('char[]', self._library.fm_engine_detail_bytes(self.pointer))
@@ -156,6 +163,17 @@ class Engine:
                 self.pointer, ffi.new('struct fm_transform_topic[]', self._frames),
                 len(self._frames), *map(names.index, TOPICS)):
             raise LibraryError('there is no memory for the transforms of its manifest')
+
+    def _follow_derived(self, manifest: Manifest, full_name: Callable[[str], str]) -> None:
+        self._derived = [
+            (topic, source, ffi.integer_const(SEEN_TYPES[manifest.topics[topic].message_type]),
+             ffi.new('char[]', full_name(made.names[0]).encode()),
+             ffi.new('char[]', made.names[-1].encode()))
+            for topic, (made, source) in manifest.derived.items()]
+        if not self._library.fm_engine_follow_derived(
+                self.pointer, ffi.new('struct fm_derived_topic[]', self._derived),
+                len(self._derived)):
+            raise LibraryError('there is no memory for the parameters of its manifest')
 
     @property
     def library(self) -> Any:

@@ -21,7 +21,7 @@ from typing import Any
 from fret_monitor.bundle import schema
 from fret_monitor.bundle.actions import ACTION_KEYS, KIND_KEYS
 from fret_monitor.bundle.gates import GATE_KEYS, OTHERWISE_KEYS
-from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_KEYS
+from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, PARAMETER_KEYS, QOS_KEYS
 from fret_monitor.bundle.instances import VARIABLE_KEYS
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS, SIGNALS_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
@@ -157,7 +157,8 @@ def test_each_key_of_the_reader_is_there_with_a_description() -> None:
     expected = {key for table in tables for key in table}
     acting = {key for table in (ACTION_KEYS, GATE_KEYS, OTHERWISE_KEYS, *KIND_KEYS.values())
               for key in table}
-    assert keys_of(SCHEMA) == expected | acting | set(QOS_KEYS) | set(VARIABLE_KEYS)
+    assert keys_of(SCHEMA) == expected | acting | set(QOS_KEYS) | set(VARIABLE_KEYS) | set(
+        PARAMETER_KEYS)
     assert expected == set(schema._VALUES)
     described = (schema._VALUES, schema._ACTION_VALUES, schema._KIND_VALUES, schema._GATE_VALUES,
                  schema._OTHERWISE_VALUES, schema._VARIABLE_VALUES)

@@ -30,9 +30,9 @@ ORDER = {
                   'scopes_making', 'scopes'),
     'engine': ('thread', 'scheduling', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox',
                'mcap', 'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message',
-               'engine_scopes', 'engine_due', 'engine_backlog', 'engine_delivery',
-               'engine_transforms',
-               'engine_graph', 'engine_gate', 'engine', 'blackbox_writer', 'schedule',
+               'engine_scopes', 'engine_due', 'engine_backlog', 'engine_delivery', 'seen',
+               'engine_graph', 'engine_transforms', 'engine_gate', 'engine', 'blackbox_writer',
+               'schedule',
                'snapshot', 'records'),
 }
 _FUNCTION = re.compile(

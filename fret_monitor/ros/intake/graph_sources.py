@@ -21,9 +21,12 @@ from typing import Any
 from fret_monitor.model.made import MadeKind
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import Middleware
+from fret_monitor.ros.intake.rcl_endpoint import RclClient
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
 
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 
 
@@ -39,27 +42,49 @@ class GraphSources:
         Unavailable
             if the middleware lacks a function, or memory is short.
         """
-        in_graph = engine.monitor.manifest.in_graph
+        watched = engine.monitor.manifest.watched
         self._node = node
         self._library = engine.library
         self._engine = engine  # outlives the watch
         self._functions = middleware.graph_functions()
-        self._names = [
-            _full_name(node, made.kind, made.names[0]) for made in in_graph.values()]
-        self._counted = [made.kind is MadeKind.SUBSCRIBERS for made in in_graph.values()]
-        self._texts = [ffi.new('char[]', name.encode()) for name in self._names]
+        self._services = middleware.service_functions()
+        self._names = [_full_name(node, made.kind, made.names[0]) for made in watched.values()]
+        self._counted = [made.kind is MadeKind.SUBSCRIBERS for made in watched.values()]
+        self._texts = [(ffi.new('char[]', name.encode()), ffi.new('char[]', (
+            made.names[1] if made.kind is MadeKind.PARAMETER else '').encode()))
+            for name, made in zip(self._names, watched.values())]
         sources = ffi.new('struct fm_graph_source[]', [
-            (topic, ffi.integer_const(f'FM_GRAPH_{made.kind.name}'), text,
-             round(made.patience * 1e9))
-            for (topic, made), text in zip(in_graph.items(), self._texts)])
+            (topic, ffi.integer_const(f'FM_GRAPH_{made.kind.name}'), name,
+             round(made.patience * 1e9), parameter)
+            for (topic, made), (name, parameter) in zip(watched.items(), self._texts)])
+        self._clients = [_client(node, made.kind, name)
+                         for made, name in zip(watched.values(), self._names)]
         self._next = 0  # when to look, by the steady clock
         self._knows_change = False  # C does, and looks then
         with node.handle:
+            self._ends = ffi.new('struct fm_service_client[]', [
+                self._end(middleware, item) for item in self._clients])
             self._pointer: Any = ffi.gc(self._library.fm_graph_create(
-                engine.pointer, self._functions, middleware.node(node), sources, len(in_graph),
-                monotonic_ns()), self._library.fm_graph_destroy)
+                engine.pointer, self._functions, self._services, middleware.node(node), sources,
+                self._ends, len(watched), monotonic_ns()), self._library.fm_graph_destroy)
         if self._pointer == ffi.NULL:
             raise Unavailable('memory is short')
+
+    def _end(self, middleware: Middleware, client: RclClient | None) -> dict[str, Any]:
+        if client is None:
+            return {}
+        self._texts.append((ffi.new('char[]', client.name.encode()), ffi.NULL))
+        with client.handle:
+            return {'node': middleware.node(self._node), 'client': middleware.client(client),
+                    'support': ffi.cast('struct fm_service_support *', client.support),
+                    'name': self._texts[-1][0]}
+
+    def close(self) -> None:
+        """End the watch, which nobody uses any more."""
+        ffi.release(self._pointer)
+        for client in self._clients:
+            if client is not None:
+                client.close()
 
     def review(self, has_changed: bool, subscriptions: Callable[[str], int]) -> float:
         """
@@ -80,6 +105,19 @@ class GraphSources:
 
 
 def _full_name(node: Node, kind: MadeKind, name: str) -> str:
-    if kind is not MadeKind.NODE:
+    if kind in (MadeKind.PUBLISHERS, MadeKind.SUBSCRIBERS):
         return node.resolve_topic_name(name)
+    return node_name(node, name)
+
+
+def node_name(node: Node, name: str) -> str:
+    """Return the full name of another node: in the namespace of this one, without a slash."""
     return name if name.startswith('/') else f'{node.get_namespace().rstrip("/")}/{name}'
+
+
+def _client(node: Node, kind: MadeKind, name: str) -> RclClient | None:
+    if kind is MadeKind.LIFECYCLE:
+        return RclClient(node, GetState, f'{name}/get_state')
+    if kind is MadeKind.PARAMETER:
+        return RclClient(node, GetParameters, f'{name}/get_parameters')
+    return None

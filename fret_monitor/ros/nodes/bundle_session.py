@@ -22,6 +22,7 @@ allows that (`hot_path`). Closing a session removes from the node all that it cr
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
@@ -30,7 +31,7 @@ from fret_monitor.native import words
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.intake.feed import Feed, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError
-from fret_monitor.ros.intake.graph_sources import GraphSources
+from fret_monitor.ros.intake.graph_sources import GraphSources, node_name
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.symbols import Unavailable
@@ -138,7 +139,7 @@ class BundleSession:
         evaluator = Evaluator(
             self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
             patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator)
-        engine = Engine(evaluator)
+        engine = Engine(evaluator, full_name=partial(node_name, self._node))
         if self.manifest.gate is not None:
             from fret_monitor.ros.acting.gate import gate_of
             engine.guard(gate_of(evaluator, self.manifest.gate, self._table))
@@ -263,6 +264,7 @@ class BundleSession:
                                   self._node.get_logger() if self._logs_violations else None)
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
+        graph = self._graph_sources(engine, middleware)
         feed = Feed(self._node)
         self._running.callback(feed.close)
         indices = {topic.name: index for index, topic in enumerate(self.manifest.topics)}
@@ -272,14 +274,21 @@ class BundleSession:
                 self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
             elif gate is not None and gate.topic is not None:
                 self._subscribe(feed, topic, gate.topic)
-        if self.manifest.in_graph:
-            feed.watch(GraphSources(self._node, engine, middleware))
+        if graph is not None:
+            feed.watch(graph)
         feed.start()
         self._feed, self._gate = feed, gate
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(self._way, once=True)
         self._announcer, self._detail_publisher = announcer, details
+
+    def _graph_sources(self, engine: Engine, middleware: Middleware) -> GraphSources | None:
+        if not self.manifest.watched:
+            return None
+        found = GraphSources(self._node, engine, middleware)
+        self._running.callback(found.close)
+        return found
 
     def _stop_actions(self) -> None:
         log_lines(self._node.get_logger(), self._actions.stop())
