@@ -702,6 +702,30 @@ def test_without_a_time_a_message_is_judged_at_the_last_one(tmp_path: Path) -> N
     assert gated.send(2.0) is PASSED
 
 
+@pytest.mark.parametrize('is_replaced', [False, True])
+def test_a_violation_by_another_topic_is_over_when_all_holds_again_if_nothing_was_sent(
+        tmp_path: Path, is_replaced: bool) -> None:
+    gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'occurrence').replace(
+        '[X]', '[X], otherwise: {substitute: {}}'))
+
+    gated.engine.want_details(True)
+
+    def found() -> list[bool]:
+        details = iter(lambda: gated.engine.take_detail(0), None)
+        return [bool(detail.violation.is_recovery) for detail in details]
+
+    gated.sense(9.0)
+    assert gated.send(3.0) is PASSED
+    gated.sense(0.0)
+    assert found() == [False]
+    if is_replaced:
+        assert gated.engine.replace(cdr('<f', 0.0)) is not None
+    gated.sense(9.0)
+    assert found() == ([] if is_replaced else [True])
+    assert gated.send(3.0) is PASSED
+    assert found() == ([True] if is_replaced else [])
+
+
 def test_under_timed_what_is_due_a_nanosecond_after_a_message_is_taken_with_it(
         tmp_path: Path) -> None:
     text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed').replace(
