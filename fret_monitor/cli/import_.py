@@ -14,12 +14,13 @@
 
 """`import FILE... [-o BUNDLE]`: make a bundle from files of FRET, R2U2 or Ogma."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 import sys
 
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.importing import import_bundles, Imported, write_bundles
+from fret_monitor.importing.tables import ROLES
 from fret_monitor.model.diagnostics import counted
 
 
@@ -34,8 +35,22 @@ def add_arguments(parser: ArgumentParser) -> None:
                              'default: standard output')
     parser.add_argument('--component', metavar='NAME',
                         help='which component, if there are several')
+    parser.add_argument('--columns', metavar='ROLE=HEAD', type=_columns, default={},
+                        help='the columns of a table, as in id=ID,fretish=Requirement; others are '
+                        'found by their heads')
     parser.add_argument('--force', action='store_true', help='overwrite an existing bundle')
     parser.set_defaults(run=run)
+
+
+def _columns(text: str) -> dict[str, str]:
+    found = {}
+    for part in text.split(','):
+        role, _, head = part.partition('=')
+        if role.strip() not in ROLES or not head.strip():
+            raise ArgumentTypeError(f"'{part}' is not ROLE=HEAD: ROLE is one of "
+                                    + ', '.join(ROLES))
+        found[role.strip()] = head.strip()
+    return found
 
 
 def run(options: Namespace) -> int:
@@ -44,7 +59,8 @@ def run(options: Namespace) -> int:
         return _print(options)
     output = Path(options.output)
     is_folder = options.output.endswith('/') or output.is_dir()
-    found = import_bundles(options.files, output, options.component, is_folder=is_folder)
+    found = import_bundles(options.files, output, options.component, is_folder=is_folder,
+                           columns=options.columns)
     write_bundles(found, force=options.force, read=options.files)
     for item in found:
         _print_notes(item, f'{item.path}: ')
@@ -54,7 +70,8 @@ def run(options: Namespace) -> int:
 
 def _print(options: Namespace) -> int:
     """Print the only bundle to standard output, and everything else to standard error."""
-    [item] = import_bundles(options.files, Path('bundle.yaml'), options.component)
+    [item] = import_bundles(options.files, Path('bundle.yaml'), options.component,
+                            columns=options.columns)
     print(item.text, end='')
     _print_notes(item, '')
     if item.traces:

@@ -52,9 +52,12 @@ class Imported:
 
 
 def import_bundles(paths: Sequence[Path], output: Path, component: str | None = None,
-                   *, is_folder: bool = False) -> list[Imported]:
+                   *, is_folder: bool = False,
+                   columns: Mapping[str, str] | None = None) -> list[Imported]:
     """
     Return the bundle of the chosen component, or with `is_folder` a bundle of each component.
+
+    `columns` are those of tables, as of `read_table`.
 
     Warnings about parts of the files that are in no bundle belong to the first bundle.
 
@@ -64,7 +67,7 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
         if a file cannot be read, or no component results in a bundle.
     """
     problems = Problems()
-    files = read_files(paths, problems)
+    files = read_files(paths, problems, columns)
     chosen = [choose(files.components, component)] if component or not is_folder else list(
         files.components)
     targets = _targets(chosen, output) if is_folder else [output]

@@ -22,7 +22,7 @@ handler get new ids. A requirement without a component (FRET could not parse its
 added to the component of its project, if there is only one.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -37,6 +37,7 @@ from fret_monitor.importing.fret import (
 )
 from fret_monitor.importing.json_text import read_json
 from fret_monitor.importing.lustre import is_lustre, read_lustre
+from fret_monitor.importing.tables import has_heads, read_table, SUFFIXES
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
@@ -45,7 +46,8 @@ from fret_monitor.model.names import fret_name, handler_fault, handler_name, sho
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a specification of '
-          'R2U2 (C2PO), a variable database of Ogma (JSON), or a list of names and topics')
+          'R2U2 (C2PO), a table (CSV) with columns of ids and requirements, a variable database '
+          'of Ogma (JSON), or a list of names and topics')
 _LONGEST_ID = 100
 
 
@@ -57,9 +59,10 @@ class Files:
     connections: dict[str, Connection]
 
 
-def read_files(paths: Sequence[Path], problems: Problems) -> Files:
+def read_files(paths: Sequence[Path], problems: Problems,
+               columns: Mapping[str, str] | None = None) -> Files:
     """
-    Read all files and merge their descriptions of each component.
+    Read all files and merge their descriptions of each component; `columns` as of `read_table`.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def read_files(paths: Sequence[Path], problems: Problems) -> Files:
     components: list[ImportedComponent] = []
     connections: dict[str, Connection] = {}
     for path in paths:
-        found, links = _read(path, problems)
+        found, links = _read(path, problems, columns or {})
         components += found
         for item in links:
             _connect(item, connections, path.name, problems)
@@ -80,7 +83,10 @@ def read_files(paths: Sequence[Path], problems: Problems) -> Files:
     return Files(tuple(item for item in merged if item.requirements), connections)
 
 
-def _read(path: Path, problems: Problems) -> tuple[list[ImportedComponent], list[Connection]]:
+def _read(path: Path, problems: Problems, columns: Mapping[str, str]
+          ) -> tuple[list[ImportedComponent], list[Connection]]:
+    if path.suffix.lower() in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
+        return read_table(path, MAX_BYTES, columns, problems), []
     source = read_source(path, MAX_BYTES)
     content = source.text.lstrip()
     if content[:1] in ('{', '['):

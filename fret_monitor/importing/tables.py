@@ -1,0 +1,202 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Reads tables of requirements: CSV, with commas, semicolons or tabs, in UTF-8 or UTF-16.
+
+The first row has the heads of the columns. A row is a requirement: its id, its text, and, if there
+are such columns, title, rationale and component. Sentences of FRETish and formulas are recognised
+row by row; everything else is prose, which is kept as a comment and reported.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+import csv
+from dataclasses import dataclass
+import io
+from pathlib import Path
+import re
+
+from fret_monitor.bundle.bundle import Language
+from fret_monitor.importing.component import ComponentRequirement, ImportedComponent, Wording
+from fret_monitor.language.fretish import parse_fretish
+from fret_monitor.model.diagnostics import (
+    CompileError, did_you_mean, Problems, refuse, Source, Text,
+)
+from fret_monitor.model.names import shown
+
+MAX_ROWS = 100_000
+"""Rows of a table; a tool that traces requirements exports fewer."""
+
+SUFFIXES = ('.csv', '.tsv')
+
+_HEADS = {
+    'id': ('id', 'reqid', 'req id', 'requirement id', 'identifier', 'uid', 'key', 'number'),
+    'text': ('requirement', 'requirement text', 'text', 'statement', 'sentence',
+             'formula', 'description', 'specification'),
+    'title': ('title', 'name', 'summary', 'heading'),
+    'rationale': ('rationale', 'comment', 'comments', 'justification', 'note', 'notes'),
+    'component': ('component', 'system', 'subsystem'),
+}
+_LANGUAGES = {language.value: (language,) for language in Language}
+ROLES = (*_HEADS, *_LANGUAGES)
+"""What a column may be."""
+
+_OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
+_MANY = 12
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row: its number in the file, from 1, and its cells."""
+
+    number: int
+    cells: tuple[str, ...]
+
+
+def has_heads(path: Path, max_bytes: int) -> bool:
+    """Whether the first row of a file names columns of ids and texts."""
+    first = next((line for line in _decoded(path, max_bytes).splitlines() if line.strip()), '')
+    heads = {_head(cell) for cell in next(csv.reader([first], delimiter=_delimiter(first)), [])}
+    return bool(heads & {*_HEADS['id']}) and bool(heads & {*_HEADS['text'], *_LANGUAGES})
+
+
+def read_table(path: Path, max_bytes: int, columns: Mapping[str, str],
+               problems: Problems) -> list[ImportedComponent]:
+    """
+    Return the components of the requirements of a table.
+
+    `columns` names the heads of columns by what they are (`ROLES`); others are found by their
+    heads.
+
+    Raises
+    ------
+    CompileError
+        if it cannot be read, is too large, or has no columns of ids and texts.
+    """
+    head, *rows = _rows(_decoded(path, max_bytes), path)
+    places = _places(head, columns, path)
+    found: dict[str, list[ComponentRequirement]] = {}
+    for row in rows:
+        cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
+                 for role, place in places.items()}
+        if any(cells.values()):
+            item = _requirement(cells, row.number, path.name, problems)
+            found.setdefault(cells.get('component', '') or _component(item), []).append(item)
+    return [ImportedComponent(name, path.stem, (), tuple(items), (path.name,))
+            for name, items in found.items()]
+
+
+def _decoded(path: Path, max_bytes: int) -> str:
+    name = shown(str(path))
+    try:
+        with path.open('rb') as file:
+            data = file.read(max_bytes + 1)
+    except (OSError, ValueError) as error:
+        refuse(f'{name} cannot be read: {getattr(error, "strerror", None) or error}')
+    if len(data) > max_bytes:
+        refuse(f'{name} is larger than {max_bytes // 2 ** 20} MiB')
+    encoding = 'utf-16' if data[:2] in (b'\xff\xfe', b'\xfe\xff') else 'utf-8-sig'
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data.count(b'\n', 0, error.start) + 1
+        refuse(f'{name} is not {encoding.upper().removesuffix("-SIG")}: line {line}',
+               help="save it as 'CSV UTF-8'")
+
+
+def _delimiter(line: str) -> str:
+    return max(',;\t', key=line.count)
+
+
+def _head(cell: str) -> str:
+    return ' '.join(cell.split()).casefold()
+
+
+def _rows(text: str, path: Path) -> list[_Row]:
+    """Return the rows that are not empty; the first one has the heads."""
+    first = next((line for line in text.splitlines() if line.strip()), '')
+    reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(first), strict=True)
+    found: list[_Row] = []
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                found.append(_Row(reader.line_num, tuple(cells)))
+            if len(found) > MAX_ROWS + 1:
+                refuse(f'{shown(str(path))} has more than {MAX_ROWS:,} rows',
+                       help='split it, or leave out what is no requirement')
+    except csv.Error as error:
+        refuse(f'{shown(str(path))}, line {reader.line_num}: {error}',
+               help='a quote inside a cell is written twice, and a cell with quotes is in quotes')
+    if len(found) < 2:
+        refuse(f'{shown(str(path))} has no row below the heads of its columns')
+    return found
+
+
+def _places(head: _Row, columns: Mapping[str, str], path: Path) -> dict[str, int]:
+    """Return which column is what."""
+    heads = [_head(cell) for cell in head.cells]
+    found: dict[str, int] = {}
+    for role, name in columns.items():
+        if _head(name) not in heads:
+            refuse(f'{shown(str(path))} has no column {shown(name)}',
+                   help=did_you_mean(name, head.cells) or _listed(head.cells))
+        found[role] = heads.index(_head(name))
+    for role, names in {**_HEADS, **{name: (name,) for name in _LANGUAGES}}.items():
+        place = next((heads.index(name) for name in names if name in heads
+                      and heads.index(name) not in found.values()), None)
+        if role not in found and place is not None:
+            found[role] = place
+    if 'id' not in found or not found.keys() & {'text', *_LANGUAGES}:
+        missing = 'ids' if 'id' not in found else 'requirements'
+        refuse(f'{shown(str(path))} has no column of {missing}',
+               help=f'{_listed(head.cells)}; write --columns id=NAME,text=NAME')
+    return found
+
+
+def _listed(cells: Iterable[str]) -> str:
+    names = [shown(cell) for cell in cells if cell.strip()]
+    return 'its columns are ' + ', '.join(names[:_MANY]) + (', ...' if len(names) > _MANY else '')
+
+
+def _requirement(cells: Mapping[str, str], row: int, file: str,
+                 problems: Problems) -> ComponentRequirement:
+    id_ = cells['id']
+    if not id_:
+        id_ = f'row {row}'
+        problems.warning(f'{file}, row {row} has no id', None, '', f'its id is {shown(id_)}')
+    return ComponentRequirement(
+        id_, tuple(_wordings(cells, f'{file}, row {row}')), cells.get('title', ''),
+        cells.get('rationale', ''))
+
+
+def _wordings(cells: Mapping[str, str], label: str) -> Iterator[Wording]:
+    for role, languages in _LANGUAGES.items():
+        if cells.get(role):
+            yield Wording(languages, cells[role], label)
+    if text := cells.get('text'):
+        # A lone word would be a formula of one input; it is a heading, or prose.
+        yield Wording(tuple(Language) if _OPERATOR.search(text) else (Language.FRETISH,), text,
+                      label)
+
+
+def _component(item: ComponentRequirement) -> str:
+    """Return the component that the sentence of a requirement names; '' if it has none."""
+    for wording in item.wordings:
+        if Language.FRETISH in wording.languages:
+            try:
+                return parse_fretish(Text.whole(Source('', wording.text))).component.name
+            except CompileError:
+                continue
+    return ''

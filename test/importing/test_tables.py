@@ -1,0 +1,105 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Tables of requirements: CSV of any spreadsheet becomes a bundle; what is no formula is told."""
+
+from pathlib import Path
+
+from fret_monitor.build import read
+from fret_monitor.cli.main import main
+from fret_monitor.importing import import_bundles
+from fret_monitor.importing.tables import MAX_ROWS
+from fret_monitor.model.diagnostics import CompileError
+import pytest
+
+ROWS = (
+    ('ID', 'Title', 'Requirement', 'Rationale'),
+    ('R-1', 'Speed', 'the rover shall always satisfy speed <= 2.0', 'the wheels'),
+    ('R-2', '', 'H (armed -> speed < 1.0)', ''),
+    ('R-3', '', 'if armed then F[0,3] (speed > 0.1)', ''),
+    ('R-4', '', 'armed -> F[0,3] (speed > 0.1)', ''),
+    ('R-5', '', 'The rover is red.', ''),
+    ('', 'Safety', '', ''),
+    ('R-1', '', 'the rover shall always satisfy armed', ''),
+    ('R_1', '', 'the rover shall always satisfy !armed', ''),
+)
+
+
+def csv_of(rows: tuple[tuple[str, ...], ...], delimiter: str = ',') -> str:
+    return '\n'.join(delimiter.join(f'"{cell}"' if delimiter in cell else cell for cell in row)
+                     for row in rows) + '\n'
+
+
+def imported(folder: Path, data: bytes, name: str = 'rover.csv', **options: object) -> Path:
+    (folder / name).write_bytes(data)
+    target = folder / 'rover.yaml'
+    more = [f'--columns={options["columns"]}'] if options else []
+    assert main(['import', str(folder / name), '-o', str(target), '--force', *more]) == 0
+    return target
+
+
+@pytest.mark.parametrize('data', [
+    csv_of(ROWS).encode(), csv_of(ROWS, ';').encode('utf-16'),
+    csv_of(ROWS, '\t').encode('utf-8-sig'), csv_of(ROWS).replace('\n', '\r\n').encode()],
+    ids=['commas', 'utf-16', 'tabs', 'windows'])
+def test_each_row_is_a_requirement_or_a_comment(data: bytes, tmp_path: Path) -> None:
+    target = imported(tmp_path, data)
+    found = {item.id: item.text for item in read(target).specification.properties}
+    assert found == {
+        'R-1': 'the rover shall always satisfy speed <= 2.0', 'R-2': 'H (armed -> speed < 1.0)',
+        'R-4': 'armed -> F[0,3] (speed > 0.1)',
+        'R-1_2': 'the rover shall always satisfy armed',
+        'R_1_3': 'the rover shall always satisfy !armed'}
+    text = target.read_text(encoding='utf-8')
+    assert 'title: Speed' in text and 'rationale: "the wheels"' in text
+    for left_out in ('R-3', 'R-5', 'The rover is red.', 'row 7'):
+        assert left_out in text
+    assert text.count('left out: ') == 3
+
+
+def test_columns_can_be_named(tmp_path: Path) -> None:
+    text = 'Nr.;Formel;Satz\n1;x > 0;the sw shall satisfy x > 0\n'
+    target = imported(tmp_path, text.encode(), columns='id=nr.,ptltl=Formel,fretish=Satz')
+    (item,) = read(target).specification.properties
+    assert (item.id, item.text) == ('1', 'the sw shall satisfy x > 0')
+
+
+def test_topics_of_a_list_are_taken(tmp_path: Path) -> None:
+    (tmp_path / 'topics.csv').write_text('speed,/speed,std_msgs/msg/Float32\n')
+    (tmp_path / 'rover.csv').write_text('id,text\nR,speed < 1.0\n')
+    found, = import_bundles([tmp_path / 'rover.csv', tmp_path / 'topics.csv'], tmp_path / 'a.yaml')
+    assert [(item.name, item.topic) for item in found.draft.inputs] == [('speed', '/speed')]
+
+
+@pytest.mark.parametrize(('data', 'message'), [
+    (b'id,text\n', 'no row below the heads'),
+    (b'id,text\nR,"x > 0\n', 'line 2'),
+    (b'id,text\nR,x > \xe4\n', 'is not UTF-8: line 2'),
+    (b'a,b\n1,2\n', 'a file that can be imported'),
+    (b'id,text\n' + b'R,x > 0\n' * (MAX_ROWS + 1), f'more than {MAX_ROWS:,} rows')],
+    ids=['empty', 'quote', 'latin-1', 'other heads', 'long'])
+def test_what_is_no_table_is_refused(data: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / 'a.csv').write_bytes(data)
+    with pytest.raises(CompileError, match=message):
+        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')
+
+
+@pytest.mark.parametrize(('columns', 'message'), [
+    ({'id': 'IDD'}, 'has no column'), ({'id': 'text'}, 'no column of requirements')])
+def test_columns_that_are_not_there_are_refused(columns: dict[str, str], message: str,
+                                                tmp_path: Path) -> None:
+    (tmp_path / 'a.csv').write_text('id,text\nR,x > 0\n')
+    with pytest.raises(CompileError, match=message):
+        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml', columns=columns)
