@@ -59,7 +59,8 @@ struct fm_engine;
 /// What an engine runs. The caller owns all of it, keeps it until the engine is destroyed, and
 /// does not call the evaluator in the meantime. With instances, what is not of a kind is of the
 /// bundle's scope, and requirements have numbers in this order: those of the bundle's scope, then
-/// of each kind those that are reported. It has then neither a gate, nor states, nor a black box.
+/// of each kind those that are reported. It then has no gate; states and the black box know
+/// the requirements of the bundle's scope alone.
 struct fm_engine_options
 {
   struct fm_evaluator * evaluator;

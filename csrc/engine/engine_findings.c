@@ -26,8 +26,9 @@
 // Note one that begins: a requirement may be violated at each step for hours.
 static void note_occurrence_locked(struct fm_engine * engine, const struct fm_violation * found)
 {
-  const bool is_used = engine->blackbox != NULL || engine->has_states || engine->gate != NULL;
   const uint32_t requirement = found->requirement;
+  const bool is_used = requirement < engine->options.monitor->n_requirements &&
+    (engine->blackbox != NULL || engine->has_states || engine->gate != NULL);
   if (is_used && !found->is_recovery && !engine->are_violated[requirement]) {
     fm_states_begin_violation(&engine->states, requirement);
     if (engine->blackbox != NULL) {

@@ -28,9 +28,9 @@
 #ifndef FM_KEY_HASH
 #define FM_KEY_HASH siphash
 
-static uint64_t rotate(uint64_t word, unsigned by) {return word << by | word >> (64u - by);}
+FM_INLINE uint64_t rotate(uint64_t word, unsigned by) {return word << by | word >> (64u - by);}
 
-static void mix(uint64_t * v)
+FM_INLINE void mix(uint64_t * v)
 {
   v[0] += v[1];
   v[2] += v[3];
