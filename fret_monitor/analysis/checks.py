@@ -27,12 +27,13 @@ import time
 
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.component import (
-    build_component, by_inputs, by_outputs, calls_library, Component, output_names, Part,
+    build_component, by_inputs, by_outputs, has_unknown_values, Component, output_names, Part,
     unrelated_assumptions,
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts
 from fret_monitor.analysis.diagrams import MemoryErrors
 from fret_monitor.analysis.division import Task, tasks
+from fret_monitor.analysis.extremes import simplified, without_extremes
 from fret_monitor.analysis.games import Descent
 from fret_monitor.analysis.grid_runs import GridRuns
 from fret_monitor.analysis.letters import Values
@@ -111,7 +112,8 @@ def analyze(specification: Specification, replay: Replay, asked: Sequence[Questi
         an answer to each question for each part or requirement that it concerns.
     """
     begin = time.perf_counter()
-    context = _Context(specification, replay, denials or {}, deadline or Deadline(None))
+    known = {name: simplified((item,))[item] for name, item in (denials or {}).items()}
+    context = _Context(without_extremes(specification), replay, known, deadline or Deadline(None))
     answers: list[Answer] = []
     work = list(_work(context, asked))
     for number, task in enumerate(work):
@@ -243,20 +245,20 @@ class _PartAnalysis:
 
     @cached_property
     def _of_solvable(self) -> '_PartAnalysis':
-        """The analysis of this part without the requirements that call library functions."""
-        kept = tuple(item for item in self._part.properties if not calls_library(item))
+        """The analysis of this part without the requirements with unknown values."""
+        kept = tuple(item for item in self._part.properties if not has_unknown_values(item))
         task = replace(self._task, part=Part(kept))
         return _PartAnalysis(self._context, task, self._is_on_grid)
 
     def _without_calls(self, unknown: Answer, place: int | None) -> Answer:
         """
-        Answer by fewer requirements, where some call functions whose values no solver knows.
+        Answer by fewer requirements, where some have values that no solver knows.
 
         What contradicts itself, is implied or is never violated stays so with more requirements.
         Everything else is added to the unknown answer.
         """
         rest = self._of_solvable
-        left_out = [item for item in self._part.properties if calls_library(item)]
+        left_out = [item for item in self._part.properties if has_unknown_values(item)]
         names = [item.id for item in left_out]
         if not names or not rest._part.required or self._deadline.is_over or (
                 place is not None and self._part.ids[place] in names):

@@ -27,8 +27,8 @@ from fret_monitor.analysis.games import Games
 from fret_monitor.analysis.letters import BEFORE, blocks
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Feedback, Formula, Historically, postorder, Unary,
-    UnaryOperator, variables,
+    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Feedback, Formula, Historically, Over,
+    postorder, Slope, TimeOver, TRUE, Unary, UnaryOperator, variables,
 )
 from fret_monitor.logic.propositions import triggers
 from fret_monitor.logic.specification import Property, Signal, Specification
@@ -61,8 +61,8 @@ class Part:
         return tuple(item.id for item in self.properties if not item.is_assumption)
 
 
-def calls_library(item: Property) -> bool:
-    """Whether a requirement calls a function of the C library, whose values no solver knows."""
+def has_unknown_values(item: Property) -> bool:
+    """Whether a requirement has values that no solver knows: of the C library, or of windows."""
     for node in postorder(item.roots):
         match node:
             case Unary(UnaryOperator() as operator) if operator.value in t.LIBRARY:
@@ -70,6 +70,10 @@ def calls_library(item: Property) -> bool:
             case Binary(BinaryOperator.POW | BinaryOperator.ATAN2):
                 return True
             case Binary(BinaryOperator.MOD) if node.type.is_float:
+                return True
+            case Over(aggregate, _, _, at) if aggregate is not Aggregate.COUNT or at is not TRUE:
+                return True
+            case Ago() | Slope() | TimeOver():
                 return True
             case _:
                 pass

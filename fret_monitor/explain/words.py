@@ -18,9 +18,9 @@ from collections.abc import Mapping
 from typing import assert_never, NamedTuple, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Held,
-    Historically, MessageSlope, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary,
-    UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
+    Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP,
+    Held, Historically, MessageSlope, NUMBERS_OVER_TIME, Once, Over, postorder, Previous, Since,
+    Slope, TimeOver, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.propositions import is_proposition
@@ -47,6 +47,12 @@ _CONNECTIVES = {
     BinaryOperator.IFF: ('', ' exactly when ', ''),
     BinaryOperator.EQ: ('', ' exactly when ', ''),
     BinaryOperator.NE: ('either ', ' or ', ', not both'),
+}
+
+
+_AGGREGATES = {
+    Aggregate.GREATEST: 'greatest', Aggregate.LEAST: 'least', Aggregate.SUM: 'sum of',
+    Aggregate.MEAN: 'mean of',
 }
 
 
@@ -92,6 +98,8 @@ def _pieces(node: Formula, values: Values | None, names: Mapping[Formula, str] |
             return [str(value).lower()]
         case Unary(UnaryOperator.NOT, argument):
             return ['not ', _Within(argument)]
+        case Binary(operator, left, right) if left.type.value != 'bool' and _has_windows(node):
+            return [*_number(left), f' {operator.value} ', *_number(right)]
         case Binary(operator, left, right) if (
                 operator in _CONNECTIVES and not is_proposition(node)):
             before, between, behind = _CONNECTIVES[operator]
@@ -101,11 +109,45 @@ def _pieces(node: Formula, values: Values | None, names: Mapping[Formula, str] |
                     _Within(node.no)]
         case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
             return _timed(node) if is_timed else _temporal(node)
+        case Over() | Ago() | Held() | Slope() | MessageSlope() | TimeOver():
+            return _over_time(node, is_timed)
         case Constant() | Variable() | Conversion() | Unary() | Binary() | Choice() | Previous() \
-                | Feedback() | Over() | Ago() | Held() | Slope() | MessageSlope() | TimeOver():
+                | Feedback():
             return [to_smv(node, _TERM_WIDTH, values, names, is_timed)]
         case _:
             assert_never(node)
+
+
+def _has_windows(node: Formula) -> bool:
+    return any(isinstance(item, NUMBERS_OVER_TIME) for item in postorder([node]))
+
+
+def _number(node: Formula) -> list[_Piece]:
+    """Return a number, in parentheses if it takes several words."""
+    return ['(', node, ')'] if _has_windows(node) else [node]
+
+
+def _over_time(node: Over | Ago | Held | Slope | MessageSlope | TimeOver,
+               is_timed: bool) -> list[_Piece]:
+    match node:
+        case Over(aggregate, past, argument):
+            when = (_at if is_timed else _when)(Window(0, past))
+            if aggregate is Aggregate.COUNT:
+                return [f'at how many {"messages" if is_timed else "steps"} {when} ',
+                        _Within(argument)]
+            each = ' over the messages ' \
+                if is_timed and aggregate in (Aggregate.SUM, Aggregate.MEAN) else ' '
+            return [f'the {_AGGREGATES[aggregate]} ', argument, each, when]
+        case Ago(past, argument):
+            return [argument, f' {time_text(past) if is_timed else _steps(past)} ago']
+        case Held(condition, argument):
+            return [argument, ' when last ', _Within(condition)]
+        case Slope() | MessageSlope():
+            return ['the change of ', node.argument, ' a second between the last two messages']
+        case TimeOver(past, least, argument):
+            count = time_text if is_timed else _steps
+            shown = min(f'{count(least)} or more', f'more than {count(least - 1)}', key=len)
+            return [_Within(argument), f' for {shown} of the last {count(past)}']
 
 
 def _temporal(node: _Temporal) -> list[_Piece]:

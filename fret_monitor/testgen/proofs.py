@@ -33,7 +33,7 @@ from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 from fret_monitor.smt.solver import ProofAnswer, prove
 from fret_monitor.smt.terms import Term
-from fret_monitor.smt.transition import transition_system
+from fret_monitor.smt.transition import NotModelled, transition_system
 from fret_monitor.traces.deadline import Deadline
 from fret_monitor.traces.trace import Row
 
@@ -67,7 +67,10 @@ def prove_never(specification: Specification, goal: Property, signals: Sequence[
             isinstance(each.operation, Delay) and each.operation.steps > _MOST_DELAY
             for each in group.equations):
         return ProofOutcome(False, 0)
-    unrolled = _Unrolled(group, signals)
+    try:
+        unrolled = _Unrolled(group, signals)
+    except NotModelled:
+        return ProofOutcome(False, 0)
     until = monotonic() + _GOAL_S
     for steps in range(1, _MOST_STEPS + 1):
         deadline.check()

@@ -27,6 +27,7 @@ from fret_monitor.analysis import checks, diagrams, division, letters
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.checks import analyze
 from fret_monitor.analysis.component import build_component, by_outputs, Part
+from fret_monitor.analysis.extremes import simplified
 from fret_monitor.analysis.games import Descent, Games
 from fret_monitor.analysis.replay import CompiledReplay
 from fret_monitor.analysis.runs import Runner
@@ -34,13 +35,21 @@ from fret_monitor.analysis.second import SecondCheck
 from fret_monitor.build import read
 from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.logic.evaluate import evaluate
+from fret_monitor.logic.formula import (
+    Aggregate, Binary, BinaryOperator, Constant, Over, postorder, TRUE,
+)
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import Source
+from fret_monitor.model.values import ValueType
 from fret_monitor.smt import solver
 from fret_monitor.traces.deadline import Deadline
 from fret_monitor.traces.sampled import sampled
 from fret_monitor.traces.trace import Row
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import pytest
+import strategies
 
 ROLES = 'a: {type: bool}\n  b: {type: bool}\n  x: {type: bool, role: output}\n' \
     '  y: {type: bool, role: output}\n  v: {type: float64}\n  w: {type: float64, role: output}'
@@ -119,6 +128,47 @@ def test_a_norm_is_never_negative() -> None:
         Question.CONSISTENCY, Question.VACUITY)
     assert found.together(Question.CONSISTENCY) is True
     assert found.listed(Question.VACUITY) == ['R0']
+
+
+@pytest.mark.parametrize('formula', ['meanOver(3, v) < 2.0', 'changeOver(2, v + w) > 1.0'])
+def test_a_window_of_numbers_loses_no_other_answer(formula: str) -> None:
+    specification = bundle(formula, 'H (a -> x)', 'H (a & v > 1.0 -> x)', 'H (b -> !x | x)')
+    found = {(item.question, item.requirements): item
+             for item in analyzed(specification).answers}
+    consistent, = (item for item in found.values() if item.question is Question.CONSISTENCY
+                   and 'R0' in item.requirements)
+    assert (consistent.holds, consistent.reason) == (
+        None, 'windows of numbers; without R0, yes')
+    assert found[Question.REDUNDANCY, ('R2',)].holds is True
+    assert found[Question.REDUNDANCY, ('R1',)].reason.endswith('; without R0, no')
+    assert found[Question.REDUNDANCY, ('R0',)].holds is None
+
+
+def test_an_extreme_that_is_compared_with_a_constant_is_decided() -> None:
+    found = analyzed(bundle('maxOver(3, v) <= 5.0', 'H[0,3] (v <= 5.0)'), Question.REDUNDANCY)
+    assert found.listed(Question.REDUNDANCY) == ['R0', 'R1']
+    excluding = bundle('maxOver(3, v) <= 5.0', '6.0 < minOver(1, v)')
+    no = only(analyzed(excluding, Question.CONSISTENCY), Question.CONSISTENCY)
+    assert no.holds is False and no.conflicts == (('R0', 'R1'),)
+
+
+@settings(max_examples=30)
+@given(st.data())
+def test_extremes_are_the_same_without_windows(data: st.DataObject) -> None:
+    number = data.draw(st.sampled_from([item for item in strategies.INPUTS if item.type in (
+        ValueType.FLOAT32, ValueType.FLOAT64, ValueType.INT64, ValueType.UINT64)]))
+    extreme = Over(data.draw(st.sampled_from([Aggregate.GREATEST, Aggregate.LEAST])),
+                   data.draw(st.integers(1, 4)), number, TRUE)
+    values = [item for item in data.draw(strategies.traces([number]))[number.name] if item == item]
+    limit = Constant(data.draw(st.sampled_from(values or [0])), number.type)
+    operator = data.draw(st.sampled_from([
+        BinaryOperator.LT, BinaryOperator.LE, BinaryOperator.GT, BinaryOperator.GE]))
+    pair = data.draw(st.permutations([extreme, limit]))
+    formula = Binary(operator, *pair)
+    changed = simplified((formula,))[formula]
+    assert not any(isinstance(item, Over) for item in postorder([changed]))
+    trace = data.draw(strategies.traces([number]))
+    assert evaluate(changed, trace) == evaluate(formula, trace)
 
 
 @pytest.mark.parametrize('formula', [

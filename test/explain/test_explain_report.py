@@ -19,13 +19,17 @@ from xml.etree import ElementTree
 
 from explain.examples import bundle
 from fret_monitor.build import read
+from fret_monitor.bundle.reader import parse_bundle
 from fret_monitor.cli.main import main
+from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.explain.report import explain, meanings, shown
 from fret_monitor.explain.svg import to_svg
 from fret_monitor.explain.timeline import drawn, timeline
+from fret_monitor.explain.words import in_words
 from fret_monitor.logic.formula import Constant, postorder
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.model.diagnostics import CompileError, Source, Text
+from fret_monitor.model.policies import Policy
 from fret_monitor.traces import search
 import golden
 import pytest
@@ -37,6 +41,33 @@ SVG = '{http://www.w3.org/2000/svg}'
 def test_explanations_are_their_golden_files(path: Path) -> None:
     found, _ = explain(read(path))
     golden.check(path, '\n\n'.join('\n'.join(shown(item)) for item in found) + '\n')
+
+
+@pytest.mark.parametrize(('expression', 'by_steps', 'in_time'), [
+    ('meanOver(9, x) <= 2.5', '(the mean of x of the last 9 steps and now) <= 2.5',
+     '(the mean of x over the messages in the last 9 s) <= 2.5'),
+    ('minOver(1, x) < maxOver(2, x)',
+     '(the least x of the last 1 step and now) < (the greatest x of the last 2 steps and now)',
+     '(the least x in the last 1 s) < (the greatest x in the last 2 s)'),
+    ('countOver(5, x > 1.0) <= 2', '(at how many steps of the last 5 steps and now x > 1.0) <= 2',
+     '(at how many messages in the last 5 s x > 1.0) <= 2'),
+    ('changeOver(3, x) < 1.0', '(x - (x 3 steps ago)) < 1.0', '(x - (x 3 s ago)) < 1.0'),
+    ('heldAt(x > 0.0, x) < 1.0', '(x when last x > 0.0) < 1.0', '(x when last x > 0.0) < 1.0'),
+    ('timeOver(9, x > 0.0) >= 2', '', 'x > 0.0 for 2 s or more of the last 9 s'),
+    ('timeOver(9, x > 0.0) > 2', '', 'x > 0.0 for more than 2 s of the last 9 s'),
+    ('derivative(x) < 1.0', '', '(the change of x a second between the last two messages) < 1.0'),
+])
+def test_numbers_over_time_are_put_into_words(expression: str, by_steps: str,
+                                              in_time: str) -> None:
+    for policy, expected in (('every_message', by_steps), ('timed, unit: 1', in_time)):
+        if expected:
+            specification, _ = specify(parse_bundle(Source('b.yaml', (
+                f'format: 1\nevaluation: {{policy: {policy}}}\n'
+                'inputs: {x: {type: float64, max_rate: 9}}\n'
+                f'requirements: [{{id: A, ptltl: "{expression}"}}]\n')), Path()))
+            item, = specification.properties
+            assert in_words(item.formula, 500, is_timed=specification.policy is Policy.TIMED) \
+                == expected
 
 
 def test_some_requirements_are_explained_in_the_order_of_the_bundle(

@@ -296,6 +296,18 @@ def random_columns() -> Iterator[dict[str, list[Value]]]:
                'x': [rng.choice((0.5, 1.5, 2.5)) for _ in steps]}
 
 
+def test_windows_of_numbers_have_traces_under_timed(tmp_path: Path) -> None:
+    (tmp_path / 'bundle.yaml').write_text(
+        'format: 1\nevaluation: {policy: timed}\n'
+        'inputs: {x: {type: float32, max_rate: 1}, p: {type: bool, max_rate: 1}}\n'
+        'requirements: [{id: MAX, ptltl: "maxOver(3 s, x) <= 5.0"}, '
+        '{id: MEAN, ptltl: "meanOver(3 s, x) <= 5.0 | p & minOver(2 s, x) > 1.0"}]\n')
+    found = make_suite(read(tmp_path / 'bundle.yaml'), 10.0)
+    assert {'MAX', 'MEAN'} <= {each.requirement for each in found.covered}
+    assert any(each.answer is CoverageAnswer.COVERED for each in found.covered
+               if each.requirement == 'MAX')
+
+
 def test_when_the_time_is_over_the_answers_are_marked(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'bundle.yaml').write_text(PUMP)
