@@ -27,7 +27,7 @@ import time
 
 from fret_monitor.analysis.answers import Analysis, Answer, Question
 from fret_monitor.analysis.component import (
-    build_component, by_inputs, by_outputs, has_unknown_values, Component, output_names, Part,
+    build_component, by_inputs, by_outputs, Component, has_unknown_values, output_names, Part,
     unrelated_assumptions,
 )
 from fret_monitor.analysis.conflicts import shrunk, smallest_conflicts

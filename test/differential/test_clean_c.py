@@ -25,10 +25,11 @@ from typing import Any
 from differential.compiled import (
     c_module, clang, compile_c, CSRC, gcc, HERE, SANITIZERS, WARNINGS, write_module,
 )
+from differential.test_over_time import comparisons, MESSAGE
 from fret_monitor.build import build_specification
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.formula import (
-    Formula, Historically, Once, Since, Triggered, Variable, Window,
+    Formula, Historically, Once, Since, Triggered, TRUE, Variable, Window,
 )
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
@@ -64,7 +65,8 @@ def random_module(seed: int, count: int, size: int,
     """Return C for random formulas on all types of inputs; with seed 1 also for all windows."""
     rng = Random(seed)
     is_timed = policy is Policy.TIMED
-    windows = [*every_window(), *(far_windows() if is_timed else ())] if seed == 1 else []
+    windows = [*every_window(), *(far_windows() if is_timed else ()),
+               *comparisons(8, MESSAGE if is_timed else TRUE)] if seed == 1 else []
     properties = [property_of(f'W-{number}', item) for number, item in enumerate(windows)]
     properties += [random_property(rng, f'R-{number}', random_inputs(rng), size=size,
                                    loops=2 if number % 4 == 0 and not is_timed else 0)
