@@ -269,6 +269,11 @@ def _bundle_hash(bundle: Bundle, specification: Specification,
     return text_hash('\0'.join(parts))
 
 
+def with_name(reading: Reading, name: str) -> Reading:
+    """Give a bundle another name, which its files and symbols in C begin with."""
+    return replace(reading, specification=replace(reading.specification, name=name))
+
+
 def generate_monitor(reading: Reading, *,
                      max_state_bytes: int = MAX_STATE_BYTES) -> GeneratedMonitor:
     """

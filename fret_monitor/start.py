@@ -75,14 +75,16 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
 def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identity: str, *,
                   policy: Policy | None = None, period: Fraction | None = None,
                   constants: Mapping[str, Text] | None = None,
-                  part: NodePart | None = None) -> Path:
+                  part: NodePart | None = None, name: str | None = None) -> CompiledMonitor:
     """
-    Do as `start`, with a file of the cache that `make` builds in place of the library; return it.
+    Do as `start`, with a file of the cache that `make` builds in place of the library.
 
-    `identity` is a text that changes with what `make` depends on besides.
+    `identity` is a text that changes with what `make` depends on besides. `name`: what all names
+    in C begin with, unless the bundle's own.
     """
-    overrides = _Overrides(policy, period, constants or {}, part, f'program {identity}')
-    return _start(path, overrides, make).library
+    overrides = _Overrides(
+        policy, period, constants or {}, part, f'program {identity}', name=name)
+    return _start(path, overrides, make)
 
 
 def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
@@ -123,16 +125,18 @@ class _Overrides:
     part: NodePart | None
     program: str = ''
     takes_instances: bool = False
+    name: str | None = None
 
     def read(self, path: Path) -> 'Reading':
-        from fret_monitor.build import read
-        return read(path, policy=self.policy, period=self.period, constants=self.constants,
-                    part=self.part, takes_instances=self.takes_instances)
+        from fret_monitor.build import read, with_name
+        reading = read(path, policy=self.policy, period=self.period, constants=self.constants,
+                       part=self.part, takes_instances=self.takes_instances)
+        return reading if self.name is None else with_name(reading, self.name)
 
     def texts(self) -> Iterator[str]:
         """Yield all that distinguishes these overrides from others."""
         yield from (repr(self.policy), repr(self.period), repr(self.part), self.program,
-                    repr(self.takes_instances))
+                    repr(self.takes_instances), repr(self.name))
         for name, text in sorted(self.constants.items()):
             yield from (name, text.source.name, text.value)
 

@@ -56,7 +56,7 @@ int main(int argc, char ** argv)
   static struct fm_monitor_node monitor;
   handle_signals();
   int status = fm_monitor_node_begin(
-    &monitor, &fm_node_table, argc, (const char * const *)argv);
+    &monitor, &fm_node_tables, argc, (const char * const *)argv);
   while (status == 0 && !is_over && rcl_context_is_valid(&monitor.node.context)) {
     status = fm_monitor_node_spin_once(&monitor) ? 0 : FAILED;
   }

@@ -24,12 +24,14 @@
 #include <rosidl_runtime_c/string_functions.h>
 #include <std_srvs/srv/trigger.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <type_description_interfaces/srv/get_type_description.h>
 
 #include "endpoints.h"
 #include "in_place_types.h"
 #include "scheduling.h"
+#include "session_names.h"
 #include "start_lines.h"
 #include "words.h"
 
@@ -79,33 +81,64 @@ static void schedule(const struct fm_node * node, const struct fm_parameters * g
   fm_text_free(&text);
 }
 
+static uint32_t n_sessions(const struct fm_monitor_node * monitor)
+{
+  return monitor->tables->n;
+}
+
+static bool configure_all(struct fm_monitor_node * monitor)
+{
+  const struct fm_parameters * given = &monitor->parameters;
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    const struct fm_settings settings = {
+      (uint32_t)fm_parameter_whole(given, "handler_depth"),
+      fm_parameter_is_true(given, "log_violations"), given->fixed[k], blackbox_of(given)};
+    if (!fm_session_configure(
+        &monitor->sessions[k], monitor->tables->tables[k], &monitor->node, &monitor->clock,
+        &settings))
+    {
+      return false;
+    }
+  }
+  return fm_refuse_shared_names(monitor->sessions, n_sessions(monitor));
+}
+
+static void warn(const struct fm_monitor_node * monitor, const struct fm_node_table * table)
+{
+  for (uint32_t k = 0; k < table->n_warnings; ++k) {
+    fm_log(&monitor->node, FM_WARN, "%s", table->warnings[k]);
+  }
+  if (table->judged_by_gates[0] != '\0') {
+    fm_log(&monitor->node, FM_WARN, "%s", table->judged_by_gates);
+  }
+}
+
+static void release(void * context);
+
 static bool configure(void * context)
 {
   struct fm_monitor_node * monitor = context;
-  const struct fm_parameters * given = &monitor->parameters;
-  const struct fm_settings settings = {
-    (uint32_t)fm_parameter_whole(given, "handler_depth"),
-    fm_parameter_is_true(given, "log_violations"), given->fixed, blackbox_of(given)};
-  monitor->parameters.is_configured = fm_session_configure(
-    &monitor->session, monitor->table, &monitor->node, &monitor->clock, &settings);
-  for (uint32_t k = 0; monitor->parameters.is_configured && k < monitor->table->n_warnings; ++k) {
-    fm_log(&monitor->node, FM_WARN, "%s", monitor->table->warnings[k]);
+  monitor->parameters.is_configured = configure_all(monitor);
+  if (!monitor->parameters.is_configured) {
+    release(context);
+    return false;
   }
-  if (monitor->parameters.is_configured && monitor->table->judged_by_gates[0] != '\0') {
-    fm_log(&monitor->node, FM_WARN, "%s", monitor->table->judged_by_gates);
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    warn(monitor, monitor->tables->tables[k]);
   }
-  if (monitor->parameters.is_configured) {
-    schedule(&monitor->node, given);
-  }
-  return monitor->parameters.is_configured;
+  schedule(&monitor->node, &monitor->parameters);
+  return true;
 }
 
 static void deactivate(void * context)
 {
   struct fm_monitor_node * monitor = context;
+  monitor->is_active = false;
   fm_sign_of_life_end(&monitor->sign_of_life);
-  fm_health_end(&monitor->health);
-  fm_session_deactivate(&monitor->session);
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    fm_health_end(&monitor->healths[k]);
+    fm_session_deactivate(&monitor->sessions[k]);
+  }
 }
 
 static void log_taking(struct fm_monitor_node * monitor, const char * middleware)
@@ -126,29 +159,50 @@ static void log_taking(struct fm_monitor_node * monitor, const char * middleware
 
 static void log_watching(const struct fm_monitor_node * monitor)
 {
-  const struct fm_watched watched = {&monitor->session.reporter, monitor->table->origin};
+  const uint32_t n = n_sessions(monitor);
+  struct fm_watched * watched = calloc(n, sizeof(*watched));
   struct fm_lines lines = {NULL, 0, 0};
-  fm_add_watching(&lines, &watched, 1);
+  for (uint32_t k = 0; watched != NULL && k < n; ++k) {
+    watched[k] = (struct fm_watched) {
+      &monitor->sessions[k].reporter, monitor->tables->tables[k]->origin};
+    fm_node_actions_describe(&monitor->sessions[k].actions);
+  }
+  if (watched != NULL) {
+    fm_add_watching(&lines, watched, n);
+  }
   fm_log_lines(&monitor->node, &lines);
+  free(watched);
+  for (uint32_t k = 0; k < n; ++k) {
+    fm_node_gate_describe(&monitor->sessions[k].gate);
+  }
+}
+
+static bool activate_all(struct fm_monitor_node * monitor)
+{
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    if (!fm_session_activate(&monitor->sessions[k]) ||
+      !fm_health_begin(&monitor->healths[k], &monitor->sessions[k]))
+    {
+      return false;
+    }
+  }
+  return fm_sign_of_life_begin(
+    &monitor->sign_of_life, monitor->sessions, n_sessions(monitor));
 }
 
 static bool activate(void * context)
 {
   struct fm_monitor_node * monitor = context;
   const int64_t now = fm_steady_now();
-  if (!fm_session_activate(&monitor->session) ||
-    !fm_health_begin(&monitor->health, &monitor->session) ||
-    !fm_sign_of_life_begin(&monitor->sign_of_life, &monitor->session))
-  {
+  if (!activate_all(monitor)) {
     deactivate(context);
     return false;
   }
+  monitor->is_active = true;
   monitor->next_review = now;
   monitor->next_report = now + REPORT_PERIOD_NS;
   log_taking(monitor, rmw_get_implementation_identifier());
-  fm_node_actions_describe(&monitor->session.actions);
   log_watching(monitor);
-  fm_node_gate_describe(&monitor->session.gate);
   return true;
 }
 
@@ -156,11 +210,13 @@ static void release(void * context)
 {
   struct fm_monitor_node * monitor = context;
   monitor->parameters.is_configured = false;
-  if (monitor->session.is_active) {
+  if (monitor->is_active) {
     deactivate(context);
   }
-  if (monitor->session.is_configured) {
-    fm_session_release(&monitor->session);
+  for (uint32_t k = 0; monitor->sessions != NULL && k < n_sessions(monitor); ++k) {
+    if (monitor->sessions[k].is_configured) {
+      fm_session_release(&monitor->sessions[k]);
+    }
   }
 }
 
@@ -185,6 +241,17 @@ static bool try_to_activate(void * context)
 
 // ---- services ----------------------------------------------------------------------------------
 
+// Returns how many step groups there are.
+static uint64_t reset_all(struct fm_monitor_node * monitor)
+{
+  uint64_t n_groups = 0;
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    fm_session_reset(&monitor->sessions[k]);
+    n_groups += monitor->tables->tables[k]->monitor()->n_groups;
+  }
+  return n_groups;
+}
+
 static void answer_reset(
   struct fm_monitor_node * monitor, const std_srvs__srv__Trigger_Request * request,
   std_srvs__srv__Trigger_Response * response)
@@ -192,10 +259,9 @@ static void answer_reset(
   const char * message = FM_WORDS_NO_RESTART;
   struct fm_lines lines = {NULL, 0, 0};
   (void)request;
-  response->success = monitor->session.is_active;
+  response->success = monitor->is_active;
   if (response->success) {
-    fm_session_reset(&monitor->session);
-    fm_add_restarted(&lines, monitor->table->monitor()->n_groups);
+    fm_add_restarted(&lines, reset_all(monitor));
     message = lines.n > 0 ? lines.lines[0].text : "";
   }
   (void)rosidl_runtime_c__String__assign(&response->message, message);
@@ -234,15 +300,23 @@ static bool begin_types(struct fm_monitor_node * monitor)
   return false;
 }
 
-// The engine leaves /clock before it ends, and follows it after it has begun.
+static void for_all(
+  struct fm_monitor_node * monitor, void (* act)(struct fm_session * session))
+{
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    act(&monitor->sessions[k]);
+  }
+}
+
+// The engines leave /clock before it ends, and follow it after it has begun.
 static void simulate(struct fm_monitor_node * monitor, bool is_simulated)
 {
   if (!is_simulated) {
-    fm_session_leave_clock(&monitor->session);
+    for_all(monitor, fm_session_leave_clock);
   }
   const bool was_simulated = monitor->clock.is_simulated;
   if (fm_clock_simulate(&monitor->clock, is_simulated) && is_simulated && !was_simulated) {
-    fm_session_follow_clock(&monitor->session);
+    for_all(monitor, fm_session_follow_clock);
   }
 }
 
@@ -293,13 +367,16 @@ static int refuse_unknown_arguments(const struct fm_monitor_node * monitor)
 static int begin_node(struct fm_monitor_node * monitor)
 {
   const rcl_node_options_t options = rcl_node_get_default_options();
-  monitor->has_log = fm_log_begin(&monitor->node);
+  monitor->sessions = calloc(n_sessions(monitor), sizeof(*monitor->sessions));
+  monitor->healths = calloc(n_sessions(monitor), sizeof(*monitor->healths));
+  monitor->has_log = monitor->sessions != NULL && monitor->healths != NULL &&
+    fm_log_begin(&monitor->node);
   if (!monitor->has_log) {
     return fail("ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder that "
              "can be written");
   }
   if (rcl_node_init(
-      &monitor->node.node, monitor->table->node_name, "", &monitor->node.context, &options) !=
+      &monitor->node.node, monitor->tables->tables[0]->node_name, "", &monitor->node.context, &options) !=
     RCL_RET_OK)
   {
     return fail("the node cannot be made");
@@ -310,7 +387,7 @@ static int begin_node(struct fm_monitor_node * monitor)
 static int begin_parameters(struct fm_monitor_node * monitor)
 {
   struct fm_text problems = {NULL, 0, 0};
-  fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->table, &problems);
+  fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->tables, &problems);
   if (problems.length > 0) {
     fprintf(stderr, "error: %s\n", fm_text_get(&problems));
     fm_text_free(&problems);
@@ -339,7 +416,7 @@ static bool begin_services(struct fm_monitor_node * monitor)
     &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), "~/reset",
     &rmw_qos_profile_services_default) &&
          rcl_wait_set_init(
-    &monitor->wait_set, 1, 1, 0, 1, WAITS + 1, 0, &monitor->node.context, monitor->node.allocator) ==
+    &monitor->wait_set, 1, 1, 0, n_sessions(monitor), WAITS + n_sessions(monitor), 0, &monitor->node.context, monitor->node.allocator) ==
          RCL_RET_OK;
 }
 
@@ -356,10 +433,10 @@ static bool start(struct fm_monitor_node * monitor)
 }
 
 int fm_monitor_node_begin(
-  struct fm_monitor_node * monitor, const struct fm_node_table * table, int argc,
+  struct fm_monitor_node * monitor, const struct fm_node_tables * tables, int argc,
   const char * const * argv)
 {
-  monitor->table = table;
+  monitor->tables = tables;
   monitor->clock.node = &monitor->node;
   int status = begin_context(monitor, argc, argv);
   status = status == 0 ? refuse_unknown_arguments(monitor) : status;
@@ -405,6 +482,8 @@ void fm_monitor_node_end(struct fm_monitor_node * monitor)
   if (monitor->has_log) {
     fm_log_end();
   }
+  free(monitor->sessions);
+  free(monitor->healths);
 }
 
 // ---- the executor ------------------------------------------------------------------------------
@@ -426,7 +505,10 @@ static bool fill_wait_set(struct fm_monitor_node * monitor)
   is_good = is_good && rcl_wait_set_add_guard_condition(
     &monitor->wait_set, rcl_node_get_graph_guard_condition(&monitor->node.node), NULL) ==
     RCL_RET_OK;
-  is_good = is_good && fm_service_gate_wait(&monitor->session.gate.service, &monitor->wait_set);
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    is_good = is_good &&
+      fm_service_gate_wait(&monitor->sessions[k].gate.service, &monitor->wait_set);
+  }
   return is_good && (!monitor->clock.is_simulated || rcl_wait_set_add_subscription(
            &monitor->wait_set, &monitor->clock.subscription, NULL) == RCL_RET_OK);
 }
@@ -447,17 +529,29 @@ static void serve_clock(struct fm_monitor_node * monitor)
   int64_t time;
   if (monitor->clock.is_simulated && fm_clock_take(&monitor->clock, &time)) {
     if (time < fm_clock_now(&monitor->clock)) {
-      fm_session_drain(&monitor->session);
+      for_all(monitor, fm_session_drain);
     }
     fm_clock_move(&monitor->clock, time);
-    fm_session_wake(&monitor->session);
+    for_all(monitor, fm_session_wake);
   }
+}
+
+// Do something with each session, and return the earliest time of all.
+static int64_t earliest(
+  struct fm_monitor_node * monitor, int64_t (* act)(struct fm_session * session))
+{
+  int64_t first = FM_NEVER;
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    const int64_t next = act(&monitor->sessions[k]);
+    first = next < first ? next : first;
+  }
+  return first;
 }
 
 static void note_change(struct fm_monitor_node * monitor)
 {
   if (monitor->wait_set.guard_conditions[0] != NULL) {
-    monitor->next_review = fm_session_note_change(&monitor->session);
+    monitor->next_review = earliest(monitor, fm_session_note_change);
   }
 }
 
@@ -473,7 +567,7 @@ static void serve_all(struct fm_monitor_node * monitor)
     fm_parameter_services_serve(&monitor->parameter_services);
     fm_lifecycle_serve(&monitor->lifecycle);
   }
-  fm_session_serve_requests(&monitor->session);
+  for_all(monitor, fm_session_serve_requests);
 }
 
 // ---- timers ------------------------------------------------------------------------------------
@@ -487,13 +581,15 @@ static bool is_due(int64_t * next, int64_t now, int64_t period)
   return true;
 }
 
-static void run_timers_of_session(struct fm_monitor_node * monitor, int64_t now)
+static void run_timers_of_sessions(struct fm_monitor_node * monitor, int64_t now)
 {
   if (now >= monitor->next_review) {
-    monitor->next_review = fm_session_review(&monitor->session);
+    monitor->next_review = earliest(monitor, fm_session_review);
   }
   if (is_due(&monitor->next_report, now, REPORT_PERIOD_NS)) {
-    fm_health_review(&monitor->health);
+    for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+      fm_health_review(&monitor->healths[k]);
+    }
     fm_sign_of_life_beat(&monitor->sign_of_life);
   }
 }
@@ -533,8 +629,8 @@ static void look_for_namesake(struct fm_monitor_node * monitor)
 static void run_timers(struct fm_monitor_node * monitor)
 {
   const int64_t now = fm_steady_now();
-  if (monitor->session.is_active) {
-    run_timers_of_session(monitor, now);
+  if (monitor->is_active) {
+    run_timers_of_sessions(monitor, now);
   }
   if (monitor->looks > 0 && is_due(&monitor->next_look, now, FM_SECOND)) {
     look_for_namesake(monitor);
@@ -546,7 +642,7 @@ static int64_t time_to_wait(const struct fm_monitor_node * monitor)
   const int64_t next = monitor->next_review < monitor->next_report ?
     monitor->next_review : monitor->next_report;
   const int64_t left = next - fm_steady_now();
-  return !monitor->session.is_active || left > WAIT_NS ? WAIT_NS : left < 0 ? 0 : left;
+  return !monitor->is_active || left > WAIT_NS ? WAIT_NS : left < 0 ? 0 : left;
 }
 
 bool fm_monitor_node_spin_once(struct fm_monitor_node * monitor)
@@ -560,7 +656,7 @@ bool fm_monitor_node_spin_once(struct fm_monitor_node * monitor)
   if (result == RCL_RET_OK) {
     serve_all(monitor);
   }
-  fm_session_serve_clock(&monitor->session);
+  for_all(monitor, fm_session_serve_clock);
   run_timers(monitor);
   return true;
 }

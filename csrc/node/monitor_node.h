@@ -28,13 +28,13 @@
 struct fm_monitor_node
 {
   struct fm_node node;
-  const struct fm_node_table * table;
+  const struct fm_node_tables * tables;
   struct fm_node_clock clock;
   struct fm_parameters parameters;
   struct fm_parameter_services parameter_services;
   struct fm_lifecycle lifecycle;
-  struct fm_session session;
-  struct fm_health health;              // these two while the session is active
+  struct fm_session * sessions;         // of each table
+  struct fm_health * healths;           // these two while the sessions are active
   struct fm_sign_of_life sign_of_life;
   rcl_service_t reset;
   rcl_service_t types;                  // ~/get_type_description; zeroed: it is not offered
@@ -43,6 +43,7 @@ struct fm_monitor_node
   int64_t next_report;
   int64_t next_look;                    // for another node of the same name
   uint32_t looks;                       // that are left
+  bool is_active;
   bool is_starting;                     // a transition that fails ends the process
   bool has_logged_taking;               // it is the same at each activation
   bool has_log;
@@ -52,7 +53,7 @@ struct fm_monitor_node
 /// Start: `configure` and `activate` too, unless `autostart` is false. Returns the exit status, 0
 /// if it runs; else the reasons are on standard error.
 int fm_monitor_node_begin(
-  struct fm_monitor_node * monitor, const struct fm_node_table * table, int argc,
+  struct fm_monitor_node * monitor, const struct fm_node_tables * tables, int argc,
   const char * const * argv);
 
 /// Wait for up to 0.2 s, and serve what is due. Returns false if rcl fails, with the error logged.

@@ -115,7 +115,7 @@ bool fm_node_blackbox_begin(
     .folder = box->folder, .lasts = (int64_t)(settings->seconds * 1e9),
     .memory = settings->memory, .disk = settings->disk, .files = settings->files,
     .after = FM_BLACKBOX_AFTER_NS, .poll = FM_BLACKBOX_POLL_NS,
-    .node = rcl_node_get_fully_qualified_name(&node->node), .bundle = table->report.bundle,
+    .node = rcl_node_get_fully_qualified_name(&node->node), .bundle = table->bundle,
     .topics = box->topics, .n_topics = table->report.n_topics,
     .requirements = box->requirements};
   return make_writer(box);

@@ -14,9 +14,10 @@
 
 /// node_table.h: what the node of an exported bundle is made from, beside its monitor.
 ///
-/// `export --to ros2` generates one constant `fm_node_table`; all other C of the node is the same
-/// for every bundle. Texts are UTF-8. Indices of inputs, topics and requirements are those of the
-/// monitor's description. Constant, so that any thread may read it.
+/// `export --to ros2` generates a constant for each bundle, and their list `fm_node_tables`; all
+/// other C of the node is the same for every bundle. Texts are UTF-8. Indices of inputs, topics
+/// and requirements are those of the monitor's description. Constant, so that any thread may read
+/// it.
 
 #ifndef NODE_TABLE_H_
 #define NODE_TABLE_H_
@@ -79,6 +80,7 @@ struct fm_node_gate_table
 struct fm_node_table
 {
   struct fm_report_table report;
+  const char * bundle;     // its name; report.bundle is what statuses show
   const char * node_name;  // unless it is remapped
   const char * origin;     // where the bundle is from, if this node stands for `monitor`; else ""
   const char * const * warnings;  // about the bundle
@@ -107,6 +109,13 @@ struct fm_node_table
   const uint32_t * rooms;
 };
 
-extern const struct fm_node_table fm_node_table;
+/// The bundles of a node, at least one, or its gates.
+struct fm_node_tables
+{
+  const struct fm_node_table * const * tables;
+  uint32_t n;
+};
+
+extern const struct fm_node_tables fm_node_tables;
 
 #endif  // NODE_TABLE_H_

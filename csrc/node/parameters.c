@@ -466,9 +466,8 @@ static void show_policy(
 
 // Apply what was given for a topic, and show its policies as parameters.
 static void apply_overrides(
-  struct fm_parameters * parameters, uint32_t index, const char * topic)
+  struct fm_parameters * parameters, struct fm_fixed_qos * fixed, const char * topic)
 {
-  struct fm_fixed_qos * fixed = &parameters->fixed[index];
   struct fm_text prefix = {NULL, 0, 0};
   struct fm_text checked = {NULL, 0, 0};  // what is wrong is known already
   fm_text_add(&prefix, OVERRIDES "%s" SUBSCRIPTION, topic);
@@ -504,20 +503,16 @@ static void refuse_publishers(
   fm_text_free(&prefix);
 }
 
-static void read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
+// Returns the policies of each topic of a bundle; NULL if memory is short.
+static struct fm_fixed_qos * read_overrides_of(
+  struct fm_parameters * parameters, const struct fm_node_table * table, struct fm_text * problems)
 {
-  const struct fm_node_table * table = parameters->table;
-  parameters->fixed = calloc(table->report.n_topics + 1u, sizeof(*parameters->fixed));
-  for (size_t k = 0; k < parameters->n_given; ++k) {
-    if (begins_with(parameters->given[k].name, OVERRIDES)) {
-      check_override(&parameters->given[k], problems);
-    }
-  }
-  for (uint32_t k = 0; parameters->fixed != NULL && k < table->report.n_topics; ++k) {
+  struct fm_fixed_qos * fixed = calloc(table->report.n_topics + 1u, sizeof(*fixed));
+  for (uint32_t k = 0; fixed != NULL && k < table->report.n_topics; ++k) {
     char * topic = fm_resolved_name(parameters->node, table->report.topics[k].name);
-    parameters->fixed[k] = table->topics[k].qos;
+    fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
-      apply_overrides(parameters, k, topic);
+      apply_overrides(parameters, &fixed[k], topic);
     } else {
       rcl_reset_error();  // refused when the node is configured
     }
@@ -527,6 +522,21 @@ static void read_overrides(struct fm_parameters * parameters, struct fm_text * p
     if (table->report.topics[k].kind == FM_ANNOUNCED) {
       refuse_publishers(parameters, table->report.topics[k].name, problems);
     }
+  }
+  return fixed;
+}
+
+static void read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
+{
+  const struct fm_node_tables * all = parameters->tables;
+  parameters->fixed = calloc(all->n, sizeof(*parameters->fixed));
+  for (size_t k = 0; k < parameters->n_given; ++k) {
+    if (begins_with(parameters->given[k].name, OVERRIDES)) {
+      check_override(&parameters->given[k], problems);
+    }
+  }
+  for (uint32_t k = 0; parameters->fixed != NULL && k < all->n; ++k) {
+    parameters->fixed[k] = read_overrides_of(parameters, all->tables[k], problems);
   }
 }
 
@@ -543,6 +553,34 @@ static void declare(
     item->settable, is_used ? &given->value : &item->usual);
 }
 
+// The constant of a name in one of the bundles; NULL: it has none.
+static const struct fm_constant * find_constant(
+  const struct fm_node_table * table, const char * name)
+{
+  for (uint32_t k = 0; k < table->report.n_constants; ++k) {
+    if (strcmp(table->report.constants[k].name, name) == 0) {
+      return &table->report.constants[k];
+    }
+  }
+  return NULL;
+}
+
+// Whether another bundle has another value of the constant.
+static bool has_other_value(
+  const struct fm_parameters * parameters, const struct fm_constant * constant)
+{
+  const fm_parameter_value value = value_of_constant(constant->value);
+  for (uint32_t k = 0; k < parameters->tables->n; ++k) {
+    const struct fm_constant * other =
+      find_constant(parameters->tables->tables[k], constant->name);
+    const fm_parameter_value its = value_of_constant(other == NULL ? "" : other->value);
+    if (other != NULL && !are_equal(&its, &value)) {
+      return true;
+    }
+  }
+  return false;
+}
+
 static void declare_constant(
   struct fm_parameters * parameters, const struct fm_constant * constant,
   struct fm_text * problems)
@@ -556,21 +594,45 @@ static void declare_constant(
     refuse(problems, "parameter '%s': the constant is compiled into this node, as %s: export the "
       "bundle with another value", fm_text_get(&name), constant->value);
   }
-  put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
-    "a constant of the bundle; compiled into this node", FM_AT_START, &value);
+  if (!has_other_value(parameters, constant)) {  // a parameter shows one value
+    put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
+      "a constant of the bundle; compiled into this node", FM_AT_START, &value);
+  }
   fm_text_free(&name);
+}
+
+static void declare_constants(
+  struct fm_parameters * parameters, const struct fm_report_table * table,
+  struct fm_text * problems)
+{
+  for (uint32_t k = 0; k < table->n_constants; ++k) {
+    declare_constant(parameters, &table->constants[k], problems);
+  }
+}
+
+static bool is_constant(const struct fm_parameters * parameters, const char * name)
+{
+  for (uint32_t k = 0; k < parameters->tables->n; ++k) {
+    if (find_constant(parameters->tables->tables[k], name) != NULL) {
+      return true;
+    }
+  }
+  return false;
 }
 
 static void refuse_unknown_constants(
   const struct fm_parameters * parameters, struct fm_text * problems)
 {
   struct fm_text names = {NULL, 0, 0};
-  for (uint32_t k = 0; k < parameters->table->report.n_constants; ++k) {
-    fm_text_list(&names, ", ", parameters->table->report.constants[k].name);
+  for (uint32_t t = 0; t < parameters->tables->n; ++t) {
+    const struct fm_report_table * table = &parameters->tables->tables[t]->report;
+    for (uint32_t k = 0; k < table->n_constants; ++k) {
+      fm_text_list(&names, ", ", table->constants[k].name);
+    }
   }
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
-    if (begins_with(name, CONSTANTS) && fm_parameter_find(parameters, name) == NULL) {
+    if (begins_with(name, CONSTANTS) && !is_constant(parameters, name + strlen(CONSTANTS))) {
       refuse(problems, "parameter '%s': the bundle has no such constant%s%s", name,
         names.length > 0 ? "; its constants are " : "", fm_text_get(&names));
     }
@@ -589,31 +651,21 @@ static void set_level(const struct fm_parameters * parameters)
 }
 
 void fm_parameters_begin(
-  struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_table * table,
+  struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_tables * tables,
   struct fm_text * problems)
 {
   parameters->node = node;
-  parameters->table = table;
+  parameters->tables = tables;
   read_given(parameters);
   for (size_t k = 0; k < N_DESCRIBED; ++k) {
     declare(parameters, &described[k], problems);
   }
-  for (uint32_t k = 0; k < table->report.n_constants; ++k) {
-    declare_constant(parameters, &table->report.constants[k], problems);
+  for (uint32_t k = 0; k < tables->n; ++k) {
+    declare_constants(parameters, &tables->tables[k]->report, problems);
   }
   refuse_unknown_constants(parameters, problems);
   read_overrides(parameters, problems);
   set_level(parameters);
-}
-
-static bool is_constant(const struct fm_parameters * parameters, const char * name)
-{
-  for (uint32_t k = 0; k < parameters->table->report.n_constants; ++k) {
-    if (strcmp(parameters->table->report.constants[k].name, name) == 0) {
-      return true;
-    }
-  }
-  return false;
 }
 
 static void warn_of_override(const struct fm_parameters * parameters, const char * name)
@@ -654,7 +706,7 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
       continue;
     }
     const bool is_compiled = is_among(name, compiled, sizeof(compiled) / sizeof(compiled[0]));
-    if (is_compiled && parameters->table->origin[0] != '\0') {
+    if (is_compiled && parameters->tables->tables[0]->origin[0] != '\0') {
       continue;  // they have chosen this program
     }
     if (is_compiled) {
@@ -681,6 +733,9 @@ void fm_parameters_end(struct fm_parameters * parameters)
   }
   free(parameters->declared);
   free(parameters->given);
+  for (uint32_t k = 0; parameters->fixed != NULL && k < parameters->tables->n; ++k) {
+    free(parameters->fixed[k]);
+  }
   free(parameters->fixed);
   memset(parameters, 0, sizeof(*parameters));
 }

@@ -62,19 +62,19 @@ struct fm_parameter
 struct fm_parameters
 {
   struct fm_node * node;
-  const struct fm_node_table * table;
+  const struct fm_node_tables * tables;
   struct fm_parameter * declared;
   size_t n_declared;
   struct fm_parameter * given;  // on the command line, or in files
   size_t n_given;
-  struct fm_fixed_qos * fixed;  // a topic: the bundle's, or that of `qos_overrides`
+  struct fm_fixed_qos ** fixed;  // a bundle and a topic: the bundle's, or that of `qos_overrides`
   bool is_configured;           // set by the owner: `configure` has read them
 };
 
 /// Declare all parameters, with the values that were given. Adds problems to `problems`, one a
 /// line, each with what to write instead.
 void fm_parameters_begin(
-  struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_table * table,
+  struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_tables * tables,
   struct fm_text * problems);
 
 /// Log parameters that were given, and are ignored.

@@ -23,7 +23,6 @@
 
 #include "endpoints.h"
 #include "in_place_types.h"
-#include "words.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
 #define ALIGNMENT 16u
@@ -88,48 +87,7 @@ static bool advertise_all(struct fm_session * session)
          fm_node_actions_begin(&session->actions, session->node, session->table);
 }
 
-static struct fm_use use_of_node(const char * name)
-{
-  return (struct fm_use) {"", "", "", "publish on", name, true};
-}
-
-// Refuse what else publishes on a topic of a lock or of the node; handlers are compared by
-// refuse_merged.
-static bool refuse_shared(const struct fm_session * session)
-{
-  const struct fm_report_table * table = &session->table->report;
-  const size_t most = session->n_handlers + (size_t)table->n_locks + table->n_actions + 4u;
-  struct fm_use * uses = calloc(most, sizeof(*uses));
-  char * alive = fm_resolved_name(session->node, "~/alive");
-  char * health = fm_resolved_name(session->node, "/diagnostics");
-  struct fm_lines lines = {NULL, 0, 0};
-  bool is_good = uses != NULL && alive != NULL && health != NULL;
-  if (is_good) {
-    uint32_t n = 0;
-    uses[n] = use_of_node(health);
-    uses[n++].is_alone = false;  // an action may publish on it
-    uses[n++] = use_of_node(rcl_publisher_get_topic_name(&session->details));
-    uses[n++] = use_of_node(alive);
-    for (uint32_t k = 0; k < session->n_handlers; ++k) {
-      uses[n++] = use_of_node(rcl_publisher_get_topic_name(&session->handlers[k]));
-    }
-    if (session->gate_target != NULL) {
-      const bool is_service = table->gate->is_service;
-      uses[n++] = (struct fm_use) {
-        "gate", table->gate->name, table->bundle, is_service ? "offer" : "publish on",
-        is_service ? session->gate_source : session->gate_target, true};
-    }
-    n += fm_node_actions_uses(&session->actions, &uses[n]);
-    is_good = !fm_find_shared(&lines, uses, n);
-    fm_log_lines(session->node, &lines);
-  }
-  free(alive);
-  free(health);
-  free(uses);
-  return is_good && !fm_node_actions_call_own(&session->actions);
-}
-
-// Resolve the names of the gate, which must not be one.
+// Resolve the names of the gate.
 static bool name_gate(struct fm_session * session)
 {
   const struct fm_node_gate_table * gate = session->table->gate;
@@ -142,13 +100,6 @@ static bool name_gate(struct fm_session * session)
   session->gate_target = resolve(session->node, gate->to);
   if (session->gate_source == NULL || session->gate_target == NULL) {
     fm_log_failure(session->node, "cannot subscribe or advertise");
-    return false;
-  }
-  if (strcmp(session->gate_source, session->gate_target) == 0) {
-    struct fm_text way = {NULL, 0, 0};
-    fm_text_add(&way, "%s -> %s", session->gate_source, session->gate_target);
-    fm_log(session->node, FM_ERROR, FM_WORDS_CIRCLE, fm_text_get(&way));
-    fm_text_free(&way);
     return false;
   }
   return true;
@@ -165,8 +116,7 @@ bool fm_session_configure(
   session->settings = *settings;
   session->is_configured = true;
   if (!fm_node_blackbox_begin(&session->blackbox, node, table, &settings->blackbox) ||
-    !name_gate(session) || !refuse_merged(session) || !advertise_all(session) ||
-    !refuse_shared(session))
+    !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
   {
     fm_session_release(session);
     return false;
@@ -538,18 +488,13 @@ void fm_session_serve_requests(struct fm_session * session)
   }
 }
 
-bool fm_session_turns(const struct fm_session * session, uint64_t * turns)
+bool fm_session_turns(
+  const struct fm_session * session, const uint64_t * before, uint64_t * now)
 {
   const bool has_actions = session->actions.thread != NULL;
-  const uint64_t now[FM_SESSION_THREADS] = {
-    fm_announcer_turns(session->announcer), fm_detail_thread_turns(session->detail_thread),
-    has_actions ? fm_actions_turns(session->actions.thread) : turns[2] + 1u,
-    session->gate.relay != NULL ? fm_relay_turns(session->gate.relay) : turns[3] + 1u};
-  for (int k = 0; k < FM_SESSION_THREADS; ++k) {
-    if (now[k] == turns[k]) {
-      return false;
-    }
-  }
-  memcpy(turns, now, sizeof(now));
-  return true;
+  now[0] = fm_announcer_turns(session->announcer);
+  now[1] = fm_detail_thread_turns(session->detail_thread);
+  now[2] = has_actions ? fm_actions_turns(session->actions.thread) : before[2] + 1u;
+  now[3] = session->gate.relay != NULL ? fm_relay_turns(session->gate.relay) : before[3] + 1u;
+  return now[0] != before[0] && now[1] != before[1] && now[2] != before[2] && now[3] != before[3];
 }

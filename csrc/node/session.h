@@ -110,8 +110,9 @@ void fm_session_serve_requests(struct fm_session * session);
 /// Threads of a session that are counted by fm_session_turns.
 enum { FM_SESSION_THREADS = 4 };
 
-/// Whether each thread has looked for work since the counters in `turns` (FM_SESSION_THREADS) were
-/// written, which are written anew if so.
-bool fm_session_turns(const struct fm_session * session, uint64_t * turns);
+/// Write the counters of the threads to `now` (FM_SESSION_THREADS). Returns whether each thread
+/// has looked for work since those in `before`.
+bool fm_session_turns(
+  const struct fm_session * session, const uint64_t * before, uint64_t * now);
 
 #endif  // SESSION_H_

@@ -20,6 +20,7 @@
 #include <rmw/qos_profiles.h>
 #include <rosidl_runtime_c/string_functions.h>
 #include <std_msgs/msg/header.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "endpoints.h"
@@ -30,7 +31,7 @@
 
 static void publish(struct fm_sign_of_life * sign)
 {
-  const struct fm_session * session = sign->session;
+  const struct fm_session * session = sign->sessions;
   const int64_t now = fm_clock_now(session->clock);
   std_msgs__msg__Header header;
   if (!std_msgs__msg__Header__init(&header)) {
@@ -48,16 +49,19 @@ static void publish(struct fm_sign_of_life * sign)
   sign->suspected = 0;
 }
 
-bool fm_sign_of_life_begin(struct fm_sign_of_life * sign, const struct fm_session * session)
+bool fm_sign_of_life_begin(
+  struct fm_sign_of_life * sign, const struct fm_session * sessions, uint32_t n)
 {
   rmw_qos_profile_t profile = rmw_qos_profile_default;
   profile.depth = 1;
   profile.liveliness = RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC;
   profile.liveliness_lease_duration = (rmw_time_t) {LEASE_S, 0};
   memset(sign, 0, sizeof(*sign));
-  sign->session = session;
-  if (!fm_publisher_open(
-      session->node, &sign->publisher, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Header),
+  sign->sessions = sessions;
+  sign->n = n;
+  sign->turns = calloc(2u * (size_t)n * FM_SESSION_THREADS, sizeof(*sign->turns));
+  if (sign->turns == NULL || !fm_publisher_open(
+      sessions->node, &sign->publisher, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Header),
       "~/alive", &profile))
   {
     return false;
@@ -79,13 +83,26 @@ static void suspect(struct fm_sign_of_life * sign)
   } else if (now - sign->suspected >= FM_SECOND &&
     fm_passes(&sign->next_line, now, LOGGED_NS))
   {
-    fm_log(sign->session->node, FM_ERROR, FM_WORDS_HANGS);
+    fm_log(sign->sessions->node, FM_ERROR, FM_WORDS_HANGS);
   }
+}
+
+static bool have_turned(struct fm_sign_of_life * sign)
+{
+  const size_t n_turns = (size_t)sign->n * FM_SESSION_THREADS;
+  bool is_good = true;
+  for (uint32_t k = 0; k < sign->n; ++k) {
+    uint64_t * before = &sign->turns[k * FM_SESSION_THREADS];
+    is_good = fm_session_turns(&sign->sessions[k], before, before + n_turns) && is_good;
+  }
+  return is_good;
 }
 
 void fm_sign_of_life_beat(struct fm_sign_of_life * sign)
 {
-  if (fm_session_turns(sign->session, sign->turns)) {
+  if (have_turned(sign)) {
+    const size_t n_turns = (size_t)sign->n * FM_SESSION_THREADS;
+    memcpy(sign->turns, sign->turns + n_turns, n_turns * sizeof(*sign->turns));
     publish(sign);
   } else {
     suspect(sign);
@@ -94,8 +111,9 @@ void fm_sign_of_life_beat(struct fm_sign_of_life * sign)
 
 void fm_sign_of_life_end(struct fm_sign_of_life * sign)
 {
-  if (sign->session != NULL) {
-    fm_publisher_close(sign->session->node, &sign->publisher);
+  if (sign->turns != NULL) {
+    fm_publisher_close(sign->sessions->node, &sign->publisher);
   }
+  free(sign->turns);
   memset(sign, 0, sizeof(*sign));
 }

@@ -15,7 +15,6 @@
 """The folder of an export: its files, the user's own in place of some, and a manifest."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 import hashlib
 import json
 import os
@@ -23,7 +22,7 @@ from pathlib import Path, PurePosixPath
 import re
 
 from fret_monitor import __version__
-from fret_monitor.build import GeneratedMonitor, Reading
+from fret_monitor.build import GeneratedMonitor, Reading, with_name
 from fret_monitor.export.content import Content, export_name, fill, Options
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.folders import check_replaceable, refusing, replaced_folder
@@ -52,7 +51,7 @@ def renamed(reading: Reading, name: str) -> Reading:
     if not is_name(name):
         refuse(f"'{name}' cannot begin names in C",
                help='use a letter, then at most 99 letters, digits and _')
-    return replace(reading, specification=replace(reading.specification, name=name))
+    return with_name(reading, name)
 
 
 def assemble(target: str, generated: GeneratedMonitor, options: Options, content: Content, *,

@@ -15,9 +15,11 @@
 """
 The node of `export --to ros2` as a program in the cache, for `monitor` with `native:=true`.
 
-What is the same for every bundle is compiled once, to one object file.
+What is the same for every bundle is compiled once, to one object file; of several bundles of a
+node, each to one of its own.
 """
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fret_monitor.build import GeneratedMonitor
@@ -25,7 +27,10 @@ from fret_monitor.export.content import csrc_files
 from fret_monitor.export.ros2 import (
     hand_written_sources, NODE_PACKAGES, refuse_what_no_node_has,
 )
-from fret_monitor.export.ros2_table import node_table, packages_of
+from fret_monitor.export.ros2_table import (
+    node_table, node_tables, OneOfSeveral, packages_of,
+)
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.native.cache import build_library
 from fret_monitor.native.compiler import LIBRARIES, Linking
 from fret_monitor.native.errors import NativeError
@@ -59,16 +64,53 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
     refuse_what_no_node_has(generated)
     if not has_headers():
         raise NativeError('the headers of rcl are not installed here')
-    headers = {name: text for name, text in csrc_files(*hand_written_sources()).items()
-               if name.endswith('.h')}
-    header, text = generated.module.header
-    files = {name: text for name, text in generated.module.files.items() if name.endswith('.c')}
-    packages = sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})
+    return _linked({**_sources(generated), 'node_table.c': node_table(generated, origin),
+                    'node_tables.c': node_tables()}, [generated.manifest],
+                   [_same_for_all()], dict([generated.module.header]))
+
+
+def table_object(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) -> Path:
+    """
+    Build the object file of one of the bundles of a node, or return it from the cache.
+
+    Raises as `node_program`.
+    """
+    refuse_what_no_node_has(generated)
+    if not has_headers():
+        raise NativeError('the headers of rcl are not installed here')
     return build_library(
-        {**files, 'node_table.c': node_table(generated, origin)},
-        headers={**headers, header: text}, name='monitor', identity=identity(),
-        linking=Linking('{}', tuple(searched()), (str(_same_for_all()),), (
+        {**_sources(generated), 'node_table.c': node_table(generated, origin, place)},
+        headers={**_headers(), **dict([generated.module.header])}, name='bundle',
+        identity=identity(), linking=_object())
+
+
+def program_of_several(objects: Sequence[Path], manifests: Sequence[Manifest]) -> Path:
+    """Link the objects of `table_object` to a program, or return it; raises `NativeError`."""
+    return _linked({'node_tables.c': node_tables(len(objects))}, manifests,
+                   [_same_for_all(), *objects], {})
+
+
+def _linked(sources: Mapping[str, str], manifests: Sequence[Manifest], objects: Sequence[Path],
+            headers: Mapping[str, str]) -> Path:
+    packages = sorted({*NODE_PACKAGES, *(
+        name for manifest in manifests for name in packages_of(manifest))})
+    return build_library(
+        sources, headers={**_headers(), **headers}, name='monitor', identity=identity(),
+        linking=Linking('{}', tuple(searched()), tuple(map(str, objects)), (
             *linked([*NODE_LIBRARIES, rmw_library()], packages), *LIBRARIES)))
+
+
+def _sources(generated: GeneratedMonitor) -> dict[str, str]:
+    return {name: text for name, text in generated.module.files.items() if name.endswith('.c')}
+
+
+def _headers() -> dict[str, str]:
+    return {name: text for name, text in csrc_files(*hand_written_sources()).items()
+            if name.endswith('.h')}
+
+
+def _object() -> Linking:
+    return Linking('{}.rel', tuple(searched()), ('-r', '-nostdlib'), ())
 
 
 def _same_for_all() -> Path:
@@ -78,4 +120,4 @@ def _same_for_all() -> Path:
          'no_python.c': _NO_PYTHON},
         headers={name: text for name, text in files.items() if name.endswith('.h')},
         name='node', identity=identity(),
-        linking=Linking('{}.rel', tuple(searched()), ('-r', '-nostdlib'), ()))
+        linking=_object())

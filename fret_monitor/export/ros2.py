@@ -26,7 +26,7 @@ from fret_monitor.export.content import (
     common_values, Content, csrc_files, export_name, ExportPart, hand_written, HandlerArguments,
     markdown, Options,
 )
-from fret_monitor.export.ros2_table import node_table, packages_of
+from fret_monitor.export.ros2_table import node_table, node_tables, packages_of
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import HANDLER_TOPIC
@@ -56,6 +56,7 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     files = {**csrc_files(*hand_written_sources()), **generated.module.files}
     sources = {f'src/{name}': text for name, text in files.items()}
     sources['src/node_table.c'] = node_table(generated)
+    sources['src/node_tables.c'] = node_tables()
     program = 'gate' if manifest.gate else 'monitor'
     interfaces = sorted({*NODE_PACKAGES, *packages_of(manifest)})
     values = {

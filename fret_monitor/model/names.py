@@ -19,6 +19,7 @@ Each `*_fault` function takes a string and returns None if it is valid, else the
 write instead. The rules for topics are those of `rcl` and `rmw`, those for types of `rosidl`.
 """
 
+from collections.abc import Sequence
 from fractions import Fraction
 import re
 from typing import NamedTuple
@@ -328,3 +329,18 @@ def fret_name(name: str) -> str:
     spelled = ''.join(_SPELLED.get(char, char) for char in name)
     is_quoted = any(char in _SPELLED for char in name if char not in '.%$')
     return f'_DQT_{spelled}_DQT_' if is_quoted else spelled
+
+
+def distinct_names(given: Sequence[str]) -> list[str]:
+    """Return distinct names, with numbers where they repeat; an empty name for a single one."""
+    if len(given) == 1:
+        return ['']
+    names: list[str] = []
+    for stem in given:
+        name = stem
+        number = 1
+        while name in names:
+            number += 1
+            name = f'{stem} {number}'
+        names.append(name)
+    return names

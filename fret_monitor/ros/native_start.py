@@ -29,6 +29,7 @@ from fret_monitor.ros.signals import SIGNALS
 
 if TYPE_CHECKING:
     from fret_monitor.model.parts import NodePart
+    from fret_monitor.native.monitor import CompiledMonitor
     from fret_monitor.ros.settings.parameters import Settings
 
 GATE, MONITOR = 'fret_gate', 'fret_monitor'
@@ -61,10 +62,10 @@ def _become(arguments: Sequence[str], given: Mapping[str, Any], node: str) -> st
         settings = read_settings(given)
         if reason := _missing(settings):
             return reason
-        part = _part(settings, node)
-        if isinstance(part, str):
-            return part
-        program = _program(settings, part)
+        parts = _parts(settings, node)
+        if not parts:
+            return ''  # the node in Python reports that there is none
+        program = _program(settings, parts)
     except (Refusal, CompileError):
         return ''
     except NativeError as error:
@@ -81,36 +82,34 @@ def _become(arguments: Sequence[str], given: Mapping[str, Any], node: str) -> st
 
 def _missing(settings: 'Settings') -> str:
     """Return which feature the node in C lacks; an empty text if it has all that is wanted."""
-    if len(settings.origins) > 1:
-        return 'it runs one bundle only'
-    if settings.origins[0].library is not None:
+    if any(item.library is not None for item in settings.origins):
         return 'it is built from the bundle, not from a folder of `compile`: give spec alone'
     if settings.hot_path != 'auto':
         return f'it has no hot_path:={settings.hot_path}'
     return ''
 
 
-def _part(settings: 'Settings', node: str) -> 'NodePart | str':
-    """Return what of the bundle the node runs, or why the node in C cannot."""
+def _parts(settings: 'Settings', node: str) -> list[tuple[Path, 'NodePart']]:
+    """Return what the node runs of each bundle; of a gate's, nothing if a gate is missing."""
     from fret_monitor.model.parts import NodePart, UNGATED
+    specs = [item.spec for item in settings.origins if item.spec is not None]
     if node == MONITOR:
-        return UNGATED
-    names = settings.gates
-    if not names:
-        from fret_monitor.build import gate_names
-        spec = settings.origins[0].spec
-        assert spec is not None
-        names = gate_names(spec)
-    if len(names) > 1:
-        return 'it runs one gate only: name it with -p gates:=NAME'
-    return NodePart(names[0]) if names else ''  # the node in Python reports that there is none
+        return [(spec, UNGATED) for spec in specs]
+    from fret_monitor.build import gate_names
+    wanted = settings.gates
+    found = [(spec, name) for spec in specs for name in gate_names(spec)
+             if not wanted or name in wanted]
+    if set(wanted) - {name for _, name in found}:
+        return []
+    return [(spec, NodePart(name)) for spec, name in found]
 
 
-def _program(settings: 'Settings', part: 'NodePart') -> Path:
+def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']]) -> Path:
+    if len(parts) > 1:
+        return _program_of_several(settings, parts)
     from fret_monitor.native.ros_files import identity
     from fret_monitor.start import start_program
-    spec = settings.origins[0].spec
-    assert spec is not None
+    (spec, part), = parts
 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import node_program
@@ -118,4 +117,35 @@ def _program(settings: 'Settings', part: 'NodePart') -> Path:
 
     return start_program(
         spec, make, identity(), policy=settings.policy, period=settings.period,
-        constants=settings.constants, part=part)
+        constants=settings.constants, part=part).library
+
+
+def _program_of_several(
+    settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']],
+) -> Path:
+    from fret_monitor.export.program import program_of_several
+    from fret_monitor.model.names import distinct_names
+    from fret_monitor.ros.settings.opened import refuse_combinations
+    shown = distinct_names([part.gate or spec.stem for spec, part in parts])
+    compiled = [_one_of_several(settings, spec, part, number, shown[number])
+                for number, (spec, part) in enumerate(parts)]
+    manifests = [item.manifest for item in compiled]
+    refuse_combinations(settings, manifests)
+    return program_of_several([item.library for item in compiled], manifests)
+
+
+def _one_of_several(settings: 'Settings', spec: Path, part: 'NodePart', number: int,
+                    shown: str) -> 'CompiledMonitor':
+    from fret_monitor.native.ros_files import identity
+    from fret_monitor.ros.settings.opened import constants_of
+    from fret_monitor.start import start_program
+
+    def make(generated: Any) -> Path:
+        from fret_monitor.export.program import table_object
+        from fret_monitor.export.ros2_table import OneOfSeveral
+        return table_object(generated, f'{spec}, native', OneOfSeveral(number, shown, spec.stem))
+
+    return start_program(
+        spec, make, f'{identity()} {number} {shown}', policy=settings.policy,
+        period=settings.period, constants=constants_of(settings, spec), part=part,
+        name=f'b{number}_{spec.stem}')

@@ -181,7 +181,7 @@ static void withdraw(rcl_publisher_t * publisher)
 
 static void review(void)
 {
-  fm_topic_review(&node.session.topics[HEAT]);
+  fm_topic_review(&node.sessions[0].topics[HEAT]);
 }
 
 // Review four times a second, as the node does.
@@ -195,7 +195,7 @@ static void review_for(uint32_t seconds)
 
 static uint64_t received(void)
 {
-  return topic_counts_of(node.session.engine, HEAT).messages;
+  return topic_counts_of(node.sessions[0].engine, HEAT).messages;
 }
 
 // Publish until a message is received.
@@ -238,7 +238,7 @@ static void a_subscription_that_cannot_be_replaced_goes_on_until_it_is(void)
 static void a_subscription_without_a_callback_does_not_replace_the_one_before(void)
 {
   rcl_publisher_t reliable = advertise(&node.node.node, "heat", true);
-  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  struct fm_mapped_topic * topic = &node.sessions[0].topics[HEAT];
   fails_to_listen = true;
   review();
   EXPECT_LINES(
@@ -260,7 +260,7 @@ static void the_old_subscription_stays_until_all_publishers_have_found_the_new_o
 {
   rcl_publisher_t first = advertise(&node.node.node, "heat", true);
   rcl_publisher_t second = advertise(&node.node.node, "heat", true);
-  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  struct fm_mapped_topic * topic = &node.sessions[0].topics[HEAT];
   is_matched_scripted = true;
   n_matched = 2;
   review();
@@ -281,7 +281,7 @@ static void the_old_subscription_stays_until_all_publishers_have_found_the_new_o
 
 static void any_number_of_subscriptions_can_be_replaced_at_once(void)
 {
-  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  struct fm_mapped_topic * topic = &node.sessions[0].topics[HEAT];
   is_matched_scripted = true;
   for (uint32_t k = 1; k <= 10; ++k) {
     rcl_publisher_t publisher = advertise(&node.node.node, "heat", k % 2u == 1u);
@@ -300,7 +300,7 @@ static void any_number_of_subscriptions_can_be_replaced_at_once(void)
 static void a_callback_that_cannot_be_removed_ends_no_monitoring(void)
 {
   rcl_publisher_t publisher = advertise(&node.node.node, "heat", true);
-  struct fm_mapped_topic * topic = &node.session.topics[HEAT];
+  struct fm_mapped_topic * topic = &node.sessions[0].topics[HEAT];
   review();
   CHECK(topic->n_retired == 1);
   keeps_callback = true;
@@ -328,8 +328,8 @@ static void publishers_are_reported_each_and_in_order(void)
         &nodes[k], "cam", namespaces[k], &node.node.context, &options) == RCL_RET_OK);
     publishers[k] = advertise(&nodes[k], "/fixed", false);
   }
-  fm_topic_review(&node.session.topics[FIXED]);
-  CHECK(strcmp(fm_subscription_publishers(node.session.topics[FIXED].state).unmatched,
+  fm_topic_review(&node.sessions[0].topics[FIXED]);
+  CHECK(strcmp(fm_subscription_publishers(node.sessions[0].topics[FIXED].state).unmatched,
     "/a/cam, /b/cam, /cam") == 0);
   for (int k = 0; k < 3; ++k) {
     CHECK(rcl_publisher_fini(&publishers[k], &nodes[k]) == RCL_RET_OK);
@@ -341,7 +341,7 @@ static void publishers_are_reported_each_and_in_order(void)
 
 static size_t depth_of(uint32_t topic)
 {
-  return rcl_subscription_get_options(&node.session.topics[topic].current.subscription)->qos.depth;
+  return rcl_subscription_get_options(&node.sessions[0].topics[topic].current.subscription)->qos.depth;
 }
 
 static void queues_are_as_long_as_the_bundle_says(void)
@@ -353,14 +353,14 @@ static void queues_are_as_long_as_the_bundle_says(void)
 static void a_missing_clock_is_logged_once(void)
 {
   pass_seconds(6.0);
-  fm_health_review(&node.health);
+  fm_health_review(&node.healths[0]);
   fm_text_clear(&lines);  // what is not evaluated yet
   CHECK(fm_clock_simulate(&node.clock, true));
-  fm_health_review(&node.health);
+  fm_health_review(&node.healths[0]);
   EXPECT_LINES("");
   for (int k = 0; k < 3; ++k) {
     pass_seconds(6.0);
-    fm_health_review(&node.health);
+    fm_health_review(&node.healths[0]);
     EXPECT_LINES(k > 0 ? "" : "WARN use_sim_time is set and nothing was received on /clock: no "
       "timeout passes\n");
   }
@@ -412,8 +412,8 @@ int main(int argc, char ** argv)
     {"text", a_text_that_was_freed_is_empty},
   };
   const int status = fm_monitor_node_begin(
-    &node, &fm_node_table, argc - 1, (const char * const *)argv + 1);
-  CHECK(status == 0 && node.session.is_active);
+    &node, &fm_node_tables, argc - 1, (const char * const *)argv + 1);
+  CHECK(status == 0 && node.sessions[0].is_active);
   bool is_found = false;
   for (size_t k = 0; status == 0 && k < sizeof(tests) / sizeof(tests[0]); ++k) {
     if (strcmp(argv[1], tests[k].name) == 0) {

@@ -37,7 +37,7 @@ from fret_monitor import build
 from fret_monitor.export.content import Options
 from fret_monitor.export.folder import assemble
 from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
-from fret_monitor.export.ros2_table import node_table, packages_of
+from fret_monitor.export.ros2_table import node_table, node_tables, packages_of
 from fret_monitor.model.parts import NodePart, UNGATED
 from fret_monitor.native import csrc_directory
 from fret_monitor.native.ros_files import (
@@ -78,7 +78,8 @@ _BUILT: dict[str, Path] = {}
 def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
     """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
     generated = build.generate_monitor(build.read(bundle, part=part))
-    files = {**generated.module.files, 'node_table.c': node_table(generated)}
+    files = {**generated.module.files, 'node_table.c': node_table(generated),
+             'node_tables.c': node_tables()}
     key = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:20]
     if key not in _BUILT:
         folder = Path(_folder().name) / key

@@ -326,7 +326,8 @@ def test_both_gates_on_a_service_answer_the_same(
         assert gates[0].asked == gates[1].asked == [False, True, True, False]
         equal(lambda gate: gate.violations, gates, 'violations')
         equal(lambda gate: Counter(gate.counts('gate arm').items()), gates, 'counts')
-        equal(Gate.gate_lines, gates, 'lines')
+        # How often one line is repeated depends on time.
+        equal(lambda gate: Counter(set(gate.gate_lines())), gates, 'lines')
         equal(lambda gate: gate.verdicts()[1], gates, 'violations in lines')
         assert gates[1].counts('gate arm')['passed'] == '4'
     kept = [len(gate.kept()) for gate in gates]  # the stamps of the events differ

@@ -14,18 +14,26 @@
 
 """Several bundles in one node, and several nodes in one graph."""
 
+from collections import Counter
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+import os
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
+from fret_monitor.model.names import distinct_names
 from fret_monitor.ros import MonitorNode, Refusal
-from fret_monitor.ros.nodes import monitor_node
 from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
+from rcl_interfaces.srv import ListParameters
 from rclpy.parameter import Parameter
-from ros.harness import Partner, started, wait_until
-from std_msgs.msg import Float32
+from ros.harness import Partner, RELIABLE, settle, started, wait_until
+from ros.test_native_start import program_of
+from ros.test_side_by_side import compare_files, equal, Face, MISSING
+from std_msgs.msg import Empty, Float32
 
 FIRST = """
 format: 1
@@ -190,8 +198,87 @@ def test_monitors_of_different_names_share_a_namespace_and_a_duplicate_is_report
         assert 'Traceback' not in first.output
 
 
+@dataclass
+class Several(Face):
+    """What a node with several bundles publishes and logs."""
+
+    def connect(self, partner: Partner) -> None:
+        """Subscribe to what it publishes."""
+        make = partner.node.create_subscription
+        for name in ('R_1', 'R_2', 'R_3', 'R_4'):
+            make(Empty, f'/{self.name}/copilot/handlerprop{name}', partial(self._count, name),
+                 RELIABLE)
+        make(DiagnosticArray, f'/{self.name}/copilot/violations', self._take_detail, RELIABLE)
+        report: Any = self.take_report  # rclpy gives two arguments to whoever takes two
+        make(DiagnosticArray, '/diagnostics', report, 10)
+
+    def constants(self, partner: Partner) -> list[str]:
+        """Return the parameters of constants."""
+        client = partner.node.create_client(
+            ListParameters, f'/{self.name}/fret_monitor/list_parameters')
+        wait_until(client.service_is_ready, 'the service')
+        answer = client.call_async(ListParameters.Request())
+        wait_until(answer.done, 'the answer')
+        return sorted(name for name in answer.result().result.names if 'constants' in name)
+
+    def steady_lines(self) -> Counter[tuple[str, str]]:
+        """Return the log without what depends on when a node looks."""
+        return Counter({line: n for line, n in self.plain_lines().items()
+                        if line[1] != MISSING})
+
+    def all_statuses(self) -> Counter[str]:
+        """Return the last report of each bundle."""
+        found = {array.status[0].name: array.status for _, array in self.reports}
+        return Counter(self._shown(item) for of_bundle in found.values() for item in of_bundle)
+
+
+def test_several_bundles_in_c_do_as_those_in_python(partner: Partner, tmp_path: Path) -> None:
+    (tmp_path / 'other').mkdir()
+    texts = [('first', 'constants: {a: 0.5}' + FIRST),
+             ('second', 'constants: {a: 0.25, b: 1.5}' + SECOND.replace(
+                 'z < 0.5', 'z < b')),
+             ('other/first', FIRST.replace('R-1', 'R-4'))]
+    spec = listed(tuple(write(tmp_path, name, text.replace('topic: ', 'topic: /'))
+                        for name, text in texts))
+    program = program_of(spec.removeprefix('spec:='), '-p', 'constants.b:=2.5')
+    with ExitStack() as stack:
+        faces = []
+        for name, more in (('python', ()), ('native', ('-p', 'native:=true'))):
+            box = tmp_path / f'blackbox_{name}'
+            node = stack.enter_context(started(
+                'monitor', '-p', spec, *more, '-r', f'__ns:=/{name}', '-p', 'constants.b:=2.5',
+                '-p', f'blackbox:={box}'))
+            faces.append(Several(name, node, is_simulated=False, is_late=False, blackbox=box))
+            faces[-1].connect(partner)
+        assert os.readlink(f'/proc/{faces[1].process.process.pid}/exe') == program
+        publishers = [partner.publisher(Float32, f'/{name}') for name in 'xyz']
+        wait_until(lambda: [item.get_subscription_count() for item in publishers] == [6, 4, 2],
+                   'subscriptions')  # those that were replaced are closed
+        settle(0.5)  # the other side matches a moment later
+        sent: Counter[str] = Counter()
+        for values in ((0.1, 0.2, 9.0), (0.9, 0.2, 1.0), (0.1, 0.9, 9.0)):
+            for publisher, value in zip(publishers, values):
+                sent[publisher.topic_name] += 1
+                publisher.publish(Float32(data=value))
+                wait_until(lambda: all(
+                    f'topic {publisher.topic_name} for' not in line  # noqa: B023
+                    or f"('received', '{sent[publisher.topic_name]}')" in line  # noqa: B023
+                    for face in faces for line in face.all_statuses()), 'the message')
+        equal(lambda face: face.violations, faces, 'violations')
+        assert faces[0].violations == {'R_1': 3, 'R_2': 1, 'R_3': 2, 'R_4': 3}
+        equal(Face.shown_details, faces, 'details')
+        equal(Several.all_statuses, faces, 'statuses')
+        assert len(faces[0].all_statuses()) > 12
+        assert [face.constants(partner) for face in faces] == [['constants.b']] * 2
+        assert [partner.reset(f'/{face.name}/fret_monitor/reset') for face in faces] == [
+            'restarted 4 step groups; input values kept'] * 2
+        equal(Several.steady_lines, faces, 'lines')
+        assert sum('bundle first 2:' in text for _, text in faces[1].plain_lines()) == 1
+    compare_files(faces, least=8)
+
+
 def test_bundles_of_one_name_have_different_names_in_diagnostics() -> None:
-    assert monitor_node.distinct_names(['a b', 'a b', 'a c', 'a b', 'a b 2']) == [
+    assert distinct_names(['a b', 'a b', 'a c', 'a b', 'a b 2']) == [
         'a b', 'a b 2', 'a c', 'a b 3', 'a b 2 2']
 
 

@@ -250,7 +250,7 @@ class Face:
                        and not item[1].startswith('the last messages'))
 
     def _plain(self, text: str) -> str:
-        if text.startswith('watching'):
+        if text.startswith(('watching', 'bundle ')):
             return re.sub(r' \([^()]*\)$', '', text)
         if text.startswith('messages are taken in C'):
             return 'messages are taken'

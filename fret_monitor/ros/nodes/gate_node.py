@@ -17,8 +17,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from fret_monitor.model.names import distinct_names
 from fret_monitor.ros.log_lines import log_lines
-from fret_monitor.ros.nodes.monitor_node import distinct_names, MonitorNode
+from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.settings.opened import open_gates, Opened
 from fret_monitor.ros.settings.parameters import Described, GATE_PARAMETERS, Settings
 

@@ -19,6 +19,7 @@ from contextlib import ExitStack
 import traceback
 from typing import Any
 
+from fret_monitor.model.names import distinct_names
 from fret_monitor.native import load_evaluator, words
 from fret_monitor.ros.intake.node_time import ClockNode
 from fret_monitor.ros.log_lines import log_lines
@@ -257,21 +258,6 @@ class MonitorNode(ClockNode, LifecycleNode):
         response.message = line.text
         log_lines(self.get_logger(), [line])
         return response
-
-
-def distinct_names(given: Sequence[str]) -> list[str]:
-    """Return distinct names, with numbers where they repeat; an empty name for a single one."""
-    if len(given) == 1:
-        return ['']
-    names: list[str] = []
-    for stem in given:
-        name = stem
-        number = 1
-        while name in names:
-            number += 1
-            name = f'{stem} {number}'
-        names.append(name)
-    return names
 
 
 def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

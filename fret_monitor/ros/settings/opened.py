@@ -67,7 +67,7 @@ def open_monitors(settings: Settings) -> list[Opened]:
     """
     opened = _all(lambda origin: _open(settings, origin, UNGATED), settings)
     manifests = [item.monitor.manifest for item in opened]
-    _refuse_combinations(settings, manifests)
+    refuse_combinations(settings, manifests)
     return opened
 
 
@@ -94,7 +94,7 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
                         for name in sorted(missing)),
                       *(['no gates: write them in the bundle, under gates'] if not opened
                         and not missing else []))
-    _refuse_combinations(settings, manifests)
+    refuse_combinations(settings, manifests)
     return opened
 
 
@@ -119,7 +119,7 @@ def _gate_names(origin: Origin) -> tuple[str, ...]:
 def open_manifests(settings: Settings) -> list[Manifest]:
     """Return the manifests of the bundles or compiled folders; raises `Refusal`."""
     manifests = _all(lambda origin: _manifest(settings, origin), settings)
-    _refuse_combinations(settings, manifests)
+    refuse_combinations(settings, manifests)
     return manifests
 
 
@@ -140,7 +140,8 @@ def load_reporting(settings: Settings) -> Any:
         return load_evaluator(evaluator_library())
 
 
-def _refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> None:
+def refuse_combinations(settings: Settings, manifests: Sequence[Manifest]) -> None:
+    """Refuse constants that no bundle has, and handlers of two bundles; raises `Refusal`."""
     _refuse_unknown_constants(settings, manifests)
     _refuse_shared_handlers(settings.origins, manifests)
 
@@ -231,10 +232,10 @@ def _manifest(settings: Settings, origin: Origin) -> Manifest:
     assert origin.spec is not None
     from fret_monitor.start import manifest_of
     return manifest_of(origin.spec, policy=settings.policy, period=settings.period,
-                       constants=_constants(settings, origin.spec))
+                       constants=constants_of(settings, origin.spec))
 
 
-def _constants(settings: Settings, spec: Path) -> Mapping[str, Text]:
+def constants_of(settings: Settings, spec: Path) -> Mapping[str, Text]:
     """Return the constants that are meant for a bundle: of several bundles, those it has."""
     if len(settings.origins) == 1 or not settings.constants:
         return settings.constants
@@ -274,7 +275,7 @@ def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
     from fret_monitor.start import start
     began, clock = time(), monotonic()
     compiled = start(spec, policy=settings.policy, period=settings.period,
-                     constants=_constants(settings, spec), part=part)
+                     constants=constants_of(settings, spec), part=part)
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
