@@ -15,8 +15,8 @@
 """
 Frozen dataclasses that are compiled when the first instance is made.
 
-`dataclass` compiles six methods of each class: for the classes that a node imports, this was a
-fifth of its start, and half of them have no instance then.
+`dataclass` compiles six methods of each class, and half of the classes that a node imports have
+no instance at its start (docs/design.md has what this saves).
 """
 
 from dataclasses import dataclass, field
