@@ -15,6 +15,7 @@
 
 """`new --bag`: a first bundle says what was recorded, and leads to a violation in two edits."""
 
+import io
 from pathlib import Path
 
 from bag.recordings import FLOAT, START, TYPES, write
@@ -94,6 +95,37 @@ def test_fields_of_one_name_have_different_names(tmp_path: Path) -> None:
     lines = target.read_text(encoding='utf-8').splitlines()
     names = [line.split(':')[0].strip() for line in lines if 'field: data' in line]
     assert len(set(names)) == 4 and 'H' not in names
+
+
+class Terminal(io.StringIO):
+    """A terminal with what was typed, or what was printed."""
+
+    def isatty(self) -> bool:
+        """Return that it is one."""
+        return True
+
+
+@pytest.mark.parametrize(('typed', 'inputs'), [('2\n', 1), ('1, 2\n', 7), ('\n', 7)])
+def test_a_menu_asks_for_the_topics(typed: str, inputs: int, tmp_path: Path,
+                                    monkeypatch: pytest.MonkeyPatch,
+                                    capsys: pytest.CaptureFixture[str]) -> None:
+    printed = Terminal()
+    bag = str(recording(tmp_path / 'run'))
+    monkeypatch.setattr('sys.stdin', Terminal(typed))
+    monkeypatch.setattr('sys.stderr', printed)
+    assert main(['new', '--bag', bag, '-o', str(tmp_path / 'new.yaml')]) == 0
+    assert '   1  /base/cmd_vel\n   2  /enable\n' in printed.getvalue()
+    assert f': {inputs} input' in capsys.readouterr().out
+
+
+def test_a_number_that_is_not_in_the_menu_is_refused(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = str(recording(tmp_path / 'run'))
+    printed = Terminal()
+    monkeypatch.setattr('sys.stdin', Terminal('3\n'))
+    monkeypatch.setattr('sys.stderr', printed)
+    assert main(['new', '--bag', bag]) == 1
+    assert 'is no number of a topic' in printed.getvalue()
 
 
 def test_what_cannot_be_made_is_refused(tmp_path: Path,
