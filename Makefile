@@ -5,14 +5,15 @@
 PYTHON := .venv/bin/python
 SHELL := /bin/sh
 
-.PHONY: help setup setup-test demo demo-gate test thorough lint bench bench-ros bench-bags bench-copilot bench-analysis soak fuzz coverage prove mutants clean
+.PHONY: help setup setup-test demo demo-gate test kilted thorough lint bench bench-ros bench-bags bench-copilot bench-analysis soak fuzz coverage prove mutants clean
 
 help:
 	@echo 'make setup   make .venv, an environment that runs fret_monitor'
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
 	@echo 'make demo-gate  a vehicle that runs into a wall, and with a gate does not'
 	@echo 'make test    the tests, without the longest'
-	@echo 'make thorough  all tests, with ten times the random examples; mutants (hours)'
+	@echo 'make thorough  all tests, with ten times the random examples; kilted; mutants (hours)'
+	@echo 'make kilted  the tests with ROS 2, on the wheels of ROS 2 Kilted'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
 	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
@@ -42,10 +43,15 @@ demo-gate: setup
 test: setup-test
 	@$(PYTHON) -m pytest -n 5 $(TESTS)
 
+# The tests with ROS 2 on the wheels of Kilted, in an environment of their own.
+kilted:
+	@sh tools/setup.sh kilted
+	@.venv-kilted/bin/python -m pytest -n 4 $(or $(TESTS),test/ros)
+
 # Ten times the random examples of those tests that leave their number to hypothesis.
 thorough: setup-test
 	@FRET_MONITOR_EXAMPLES=500 $(PYTHON) -m pytest -n 4 $(TESTS)
-	@$(if $(TESTS),:,$(MAKE) --no-print-directory mutants)
+	@$(if $(TESTS),:,$(MAKE) --no-print-directory kilted mutants)
 
 lint: setup-test
 	@$(PYTHON) -m pytest --quiet test/test_lint.py test/test_layers.py test/test_house.py
@@ -96,5 +102,5 @@ coverage: setup-test
 	@$(PYTHON) tools/measure_coverage.py $(TESTS)
 
 clean:
-	rm -rf .venv build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv .venv-kilted build install log .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	rm -rf .coverage fuzz-crashes *.egg-info

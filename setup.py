@@ -39,6 +39,16 @@ ROS_TEST_WHEELS = [
     'ros-jazzy-test-msgs>=2.0,<3',
 ]
 
+# The same for the tests on another distribution.
+KILTED_WHEELS = [
+    'ros-kilted-common-interfaces>=5.5,<6',
+    'ros-kilted-rclpy[fastrtps]>=9.1,<9.2',
+]
+
+KILTED_TEST_WHEELS = [
+    'ros-kilted-test-msgs>=2.3,<3',
+]
+
 # What `fret-monitor bag` needs. Before 0.11.6 `rosbags` compares no checksums of chunks, before
 # 0.11.7 it brings another package for zstd.
 BAG = [
@@ -128,7 +138,8 @@ setup(
     install_requires=['cffi>=1.16', 'PyYAML>=6'],
     extras_require={
         'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
-        'ros-test': ROS_TEST_WHEELS, 'test': TEST,
+        'ros-test': ROS_TEST_WHEELS, 'ros-kilted': KILTED_WHEELS,
+        'ros-kilted-test': KILTED_TEST_WHEELS, 'test': TEST,
     },
     entry_points={
         'console_scripts': [

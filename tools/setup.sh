@@ -12,16 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-# Make .venv, an environment in which fret_monitor runs: `sh tools/setup.sh run|test`.
+# Make .venv, an environment in which fret_monitor runs: `sh tools/setup.sh run|test|kilted`.
 #
 # On a ROS 2 installation that is sourced, the environment stands on its Python and its packages;
 # elsewhere the wheels of ROS 2 Jazzy are installed from PyPI. `test` adds what the tests need.
+# `kilted` makes another one, .venv-kilted, for the tests on the wheels of ROS 2 Kilted.
 # A second run does nothing; after an interrupted one, the next starts over.
 
 set -eu
 cd "$(dirname "$0")/.."
-venv=.venv
 purpose=${1:-run}
+venv=.venv
+wheels=ros
+if test "$purpose" = kilted; then
+  venv=.venv-kilted
+  wheels=ros-kilted
+fi
 
 fail() {
   printf 'fret_monitor: %s\n' "$*" >&2
@@ -113,7 +119,7 @@ make_venv() {
 
 # For the tests, no module is compiled before it is imported: most of the tools' never are.
 pip_install() {
-  if test "$purpose" = test; then set -- --no-compile "$@"; fi
+  if test "$purpose" != run; then set -- --no-compile "$@"; fi
   "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
 }
 
@@ -126,7 +132,7 @@ install_packages() {
   if test -z "$ros" && test "$purpose" = run; then
     install_project -e '.[ros]'
   elif test -z "$ros"; then
-    install_project -e '.[ros,ros-test,test]'
+    install_project -e ".[$wheels,$wheels-test,test]"
   elif "$venv/bin/python" -c 'import cffi, yaml' >/dev/null 2>&1; then
     # What apt installed is not to be shadowed by other releases from PyPI.
     install_project --no-deps -e .
@@ -165,7 +171,7 @@ link_folders() {
 }
 
 ros=
-if test -n "${ROS_DISTRO:-}" && test -n "${AMENT_PREFIX_PATH:-}"; then ros=$ROS_DISTRO; fi
+if test "$purpose" != kilted && test -n "${ROS_DISTRO:-}" && test -n "${AMENT_PREFIX_PATH:-}"; then ros=$ROS_DISTRO; fi
 find_compiler
 if is_ready; then exit 0; fi
 choose_python

@@ -40,7 +40,6 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.utilities import get_rmw_implementation_identifier
 from ros.harness import Partner, wait_until
 from ros.received import read_detail
 from std_msgs.msg import Float32, Int32
@@ -54,12 +53,18 @@ requirements:
 """
 
 
+def skip_unless_read_in_place() -> None:
+    try:
+        Middleware().read_in_place(load_evaluator(evaluator_library()))
+    except Unavailable as reason:
+        pytest.skip(f'messages are not read in place: {reason}')
+
+
 def test_only_a_topic_that_cannot_be_read_in_place_is_copied(
     partner: Partner, stranger: Partner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
-        pytest.skip('only Fast DDS is read in place')
+    skip_unless_read_in_place()
     bundle = tmp_path / 'bundle.yaml'
     bundle.write_text(BUNDLE.replace('requirements:', """  y: {topic: y, type: std_msgs/msg/Int32}
 requirements:
@@ -109,8 +114,7 @@ def test_a_subscription_is_read_in_place_only_on_the_hot_path(
     domain: int, tmp_path: Path, hot_path: str, is_in_place: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    if get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp':
-        pytest.skip('only Fast DDS is read in place')
+    skip_unless_read_in_place()
     bundle = write_bundle(tmp_path, BUNDLE)
     kinds: list[str] = []
 
