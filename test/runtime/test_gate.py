@@ -134,6 +134,7 @@ def test_each_withheld_message_is_announced_and_the_next_that_passes_ends_it() -
     relay = Relay()
     assert [relay.level(value, now) for now, value in enumerate([3, 10, 11, 4, 5], 1)] == [
         PASSED, VIOLATES, VIOLATES, PASSED, PASSED]
+    assert [item.step for item in relay.found] == [1, 1, 1]  # the step of the message that passed
     assert relay.ended() == [(COOL, False), (COOL, False), (COOL, True)]
     assert relay.evaluator.requirement_counts(COOL).announced == 2
 
@@ -258,6 +259,13 @@ def test_a_step_of_another_topic_that_violates_makes_a_substitute_due(period: in
     assert relay.gate.due == (12 if period else NEVER)
 
 
+def test_a_violation_after_a_message_that_passed_is_news_though_a_substitute_violated() -> None:
+    relay = Relay(Otherwise.SUBSTITUTE)
+    assert relay.replace(20, 1)
+    assert relay.level(3, 2) is PASSED
+    assert relay.flag(False, 3)
+
+
 @pytest.mark.parametrize('period', [0, 7])
 @pytest.mark.parametrize('stale', [Stale.WARN, Stale.VIOLATE])
 def test_a_silence_makes_a_substitute_due(stale: Stale, period: int) -> None:
@@ -362,7 +370,9 @@ def test_a_latch_opens_with_a_reset() -> None:
     assert relay.level(3, 3) is LATCHED
     assert relay.gate.counts(3).is_latched
     relay.gate.reset()
+    relay.found.clear()
     assert relay.level(3, 4) is PASSED
+    assert relay.ended() == []  # the reset has ended the violation
     counts = relay.gate.counts(4)
     assert (counts.passed, counts.violates, counts.latched, withheld(counts)) == (2, 1, 1, 2)
 
