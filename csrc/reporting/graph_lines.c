@@ -65,7 +65,7 @@ void fm_add_seen(
   } else if (kind == FM_PARAMETER) {
     fm_text_add(text, "it has a value");
   } else if (observed->value != 0) {
-    fm_text_add(text, kind == FM_LIFECYCLE ? name_of_state(observed->value) : "there");
+    fm_text_add(text, "%s", kind == FM_LIFECYCLE ? name_of_state(observed->value) : "there");
   } else if (observed->was_there) {
     fm_text_add(text, "not there any more");
   } else {
