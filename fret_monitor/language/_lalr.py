@@ -332,6 +332,10 @@ def check_unit(text: Text, lexemes: Sequence[Lexeme], index: int,
         refuse('a time cannot be used here', join(number.span, unit.span),
                'the condition stands here',
                f'the time comes first: {function}({number.text} {word}, p)')
+    if (word.lower() in units and function.isidentifier() and lexemes[index - 2].type == 'MINUS'
+            and lexemes[index - 3] in opened):
+        refuse('a time cannot be negative', join(lexemes[index - 2].span, unit.span), 'below 0',
+               f'write {number.text} {word}')
     if word in _PHYSICAL or word.lower() in units:
         refuse('a number has no unit here', unit.span, 'a unit',
                _without_unit(number.text, word, word.lower() in units))
