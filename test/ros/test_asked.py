@@ -14,7 +14,7 @@
 
 """States of lifecycle nodes, and parameters, as inputs: both nodes side by side."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -84,13 +84,13 @@ def both(bundle: Path) -> Iterator[tuple[NodeProcess, NodeProcess]]:
 class Watcher:
     """What both nodes publish."""
 
-    def __init__(self, partner: Partner) -> None:
+    def __init__(self, partner: Partner, ids: Iterable[str] = IDS) -> None:
         self._partner = partner
         self._statuses: dict[tuple[str, str], Any] = {}
         partner.node.create_subscription(
             diagnostic_msgs.DiagnosticArray, '/diagnostics', self._take, 10)
         for space in SPACES:
-            for name in IDS:
+            for name in ids:
                 partner.node.create_subscription(
                     Empty, f'/{space}/copilot/handlerprop{name}',
                     partial(self._count, f'{space} {name}'), 10)
@@ -117,9 +117,10 @@ class Watcher:
 
 
 @contextmanager
-def living(partner: Partner, kind: type[Node], name: str) -> Iterator[Any]:
-    """Spin another node in the namespace /robot."""
-    node = kind(name, namespace='/robot', context=partner.context)
+def living(partner: Partner, kind: type[Node], name: str,
+           namespace: str = '/robot') -> Iterator[Any]:
+    """Spin another node."""
+    node = kind(name, namespace=namespace, context=partner.context)
     partner._executor.add_node(node)
     try:
         yield node
