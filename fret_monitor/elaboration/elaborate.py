@@ -40,7 +40,7 @@ from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
-from fret_monitor.elaboration.future import from_step
+from fret_monitor.elaboration.future import from_horizon
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.instances import check_instances, described_variable
 from fret_monitor.elaboration.languages import read_expression, read_formula
@@ -50,7 +50,7 @@ from fret_monitor.elaboration.terms import Broken, describe, formula_of, TypedTe
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.sentence import ComponentPhrase, Sentence
-from fret_monitor.logic.formula import Binary, BinaryOperator, Feedback, Formula, postorder
+from fret_monitor.logic.formula import Feedback, Formula, postorder
 from fret_monitor.logic.specification import (
     InstanceAggregate, Property, Signal, Specification,
 )
@@ -269,9 +269,7 @@ class _Reading:
             self.problems.warning(
                 "this 'pre' has no value at the first step", term.origin,
                 'false or 0 is used there', 'write its first value, as in 0 -> pre x')
-        formula = formula_of(term)
-        if term.horizon:
-            formula = Binary(BinaryOperator.IMPLIES, from_step(term.horizon), formula)
+        formula = from_horizon(formula_of(term), term.horizon)
         return Property(
             id=item.id.value,
             handler=item.handler,

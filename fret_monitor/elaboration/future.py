@@ -109,6 +109,17 @@ def from_step(steps: int) -> Formula:
     return Once(Window(steps, None), TRUE)
 
 
+def from_horizon(formula: Formula, horizon: int) -> Formula:
+    """
+    Return the formula of a requirement: true before there is a step that it is about.
+
+    `H p` is so already, and stays what it is: each time that p becomes false is an occurrence.
+    """
+    if not horizon or (isinstance(formula, Historically) and formula.window.is_unbounded):
+        return formula
+    return Binary(BinaryOperator.IMPLIES, from_step(horizon), formula)
+
+
 def bounded(operator: str, window: Window, place: Span) -> int:
     """Return how many steps an operator looks ahead; refuse one that is not bounded."""
     if operator == 'X':

@@ -19,7 +19,11 @@ Reads the specifications of R2U2's compiler C2PO.
 A file has sections: INPUT with declarations `a, b: bool;`, DEFINE with `name = expression;`,
 FTSPEC and PTSPEC with `name: formula;` or a formula alone. The formulas are kept as texts; those
 that `mltl` cannot read are left out with their reasons, as of other files. An assume-guarantee
-contract `p => q` is read as an implication. Other sections (STRUCT, for instance) are reported.
+contract `p => q` becomes an implication. Other sections (STRUCT, for instance) are reported.
+
+C2PO binds some operators otherwise than `mltl`: `->`, `xor` and `<->` alike and from the left, `!`
+and the operators over time tighter than comparisons. What this could change is reported, and left
+out: parentheses make it the same in both.
 """
 
 from collections.abc import Iterator
@@ -35,6 +39,13 @@ _SECTION = re.compile(r'^[ \t]*(INPUT|DEFINE|ATOMIC|STRUCT|ENUM|FTSPEC|PTSPEC)\b
 _COMMENT = re.compile(r'--[^\n]*')
 _NAMED = re.compile(r'([A-Za-z_]\w*)\s*:(?!=)')
 _DEFINED = re.compile(r'([A-Za-z_]\w*)\s*:?=(?![=>])')
+_LEXEME = re.compile(r'\s+|[A-Za-z_]\w*|[\d.]+|<->|<<|>>|->|=>|&&|\|\||[<>=!]=|.', re.DOTALL)
+_FROM_LEFT = frozenset({'->', '<->', 'xor'})
+_PREFIX = frozenset('!GFHOYX')
+_TIGHTER = frozenset({'<', '>', '<=', '>=', '=', '==', '!=', '+', '-', '*', '/', '%'})
+_OF_BITS = frozenset({'&', '|', '^', '~', '<<', '>>'})
+_OPENING = frozenset('([')
+_CLOSING = frozenset(')]')
 _DECLARED = re.compile(r'([A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:\s*(\w+)')
 
 
@@ -59,6 +70,8 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
                               f'{file}, {defined[1]}')
             variables.append(
                 ComponentVariable(defined[1], VariableRole.INTERNAL, assignments=(wording,)))
+        elif section in ('FTSPEC', 'PTSPEC') and (reason := _other_meaning(text)):
+            problems.warning(f'{file}: a formula is left out', place, *reason)
         elif section in ('FTSPEC', 'PTSPEC'):
             requirements.append(_requirement(section, text, file, len(requirements) + 1))
         else:
@@ -72,6 +85,41 @@ def _requirement(section: str, text: str, file: str, number: int) -> ComponentRe
     id_ = named[1] if named else f'{section.removesuffix("SPEC")}{number}'
     formula = text[named.end():].strip() if named else text
     return ComponentRequirement(id_, (Wording((Language.MLTL,), formula, f'{file}, {id_}'),))
+
+
+def _other_meaning(text: str) -> tuple[str, str] | None:
+    """Return what C2PO reads otherwise than `mltl`, and what to write; None if nothing."""
+    lexemes = [item for item in _LEXEME.findall(text) if not item.isspace()]
+    seen: list[set[str]] = [set()]
+    for place, lexeme in enumerate(lexemes):
+        if lexeme in _OPENING:
+            seen.append(set())
+        elif lexeme in _CLOSING and len(seen) > 1:
+            seen.pop()
+        elif lexeme in _OF_BITS:
+            return f"'{lexeme}' is of bits", 'write && and || for truth values'
+        elif lexeme in _FROM_LEFT | {'=>'} and seen[-1] & (_FROM_LEFT | {'=>'}):
+            return 'C2PO reads this from the left', 'put parentheses around one of the two'
+        elif lexeme in _PREFIX and _after_operand(lexemes, place + 1) in _TIGHTER:
+            return (f"C2PO reads '{lexeme}' before the comparison",
+                    'put parentheses around the comparison')
+        seen[-1].add(lexeme)
+    return None
+
+
+def _after_operand(lexemes: list[str], place: int) -> str:
+    """Return what follows the bound and the operand of a prefix operator that ends at a place."""
+    depth = 0
+    is_bound = lexemes[place:place + 1] == ['[']
+    while place < len(lexemes):
+        lexeme = lexemes[place]
+        depth += (lexeme in _OPENING) - (lexeme in _CLOSING)
+        place += 1
+        if depth == 0 and is_bound:
+            is_bound = False
+        elif depth == 0 and lexeme not in _PREFIX and lexemes[place:place + 1] != ['(']:
+            break
+    return lexemes[place] if place < len(lexemes) else ''
 
 
 def _statements(source: Source) -> Iterator[tuple[str, str, Span]]:

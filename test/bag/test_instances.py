@@ -226,7 +226,9 @@ def test_a_message_that_where_does_not_select_is_none(tmp_path: Path) -> None:
         '  y: {topic: tracks, type: geometry_msgs/msg/PointStamped, field: point.x, '
         'where: "header.frame_id = b"}\nrequirements:\n  - {id: OTHER, ptltl: "y <= 1.0"}\n'))
     found = list(messages(Random(3), KEYS))
-    other, *both = judged(tmp_path, 'two', two, found).findings
+    result = judged(tmp_path, 'two', two, found)
+    other, *both = result.findings
+    assert not result.errors
     alone = judged(tmp_path, 'one', text, slice_of(found, 'track', 'a')).findings
     assert [*map(outline, both)] == [*map(outline, alone)]
     assert [item.violations for item in both] == [item.violations for item in alone]

@@ -73,6 +73,7 @@ def test_random_formulas_have_the_verdicts_of_the_definition_at_nanoseconds(seed
     ('p -> F[0,4] q', 4, 'O[>=4] TRUE -> (O[=4] p -> O[0,4] q)'),
     ('G[0,2] F[0,3] p', 5, 'O[>=5] TRUE -> H[0,2] O[0,3] p'),
     ('p & O q', 0, 'p & O q'),
+    ('H F[0,4] q', 4, 'H (O[>=4] TRUE -> O[0,4] q)'),
 ])
 def test_simple_formulas_are_those_that_one_would_write(text: str, horizon: int,
                                                         same: str) -> None:

@@ -79,3 +79,34 @@ def test_a_file_without_formulas_is_no_specification(text: str, tmp_path: Path,
                                                      capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['import', str(written(tmp_path, text))]) == 1
     assert 'error: ' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('formula', 'reason'), [
+    ('a -> b -> c', 'from the left'),
+    ('a <-> b -> c', 'from the left'),
+    ('a -> b xor c', 'from the left'),
+    ('a -> b => c', 'from the left'),
+    ('F[0,2] a == b', "'F'"),
+    ('!x > 3', "'!'"),
+    ('G[0,2] !(x) > 3', "'G'"),
+    ('(x ^ 2) > 3', 'of bits'),
+    ('a | b', 'of bits'),
+])
+def test_a_formula_that_c2po_reads_otherwise_is_left_out(formula: str, reason: str,
+                                                         tmp_path: Path) -> None:
+    text = f'INPUT a, b, c: bool; x: int;\nFTSPEC\n  {formula};\n  kept: a;\n'
+    found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
+    assert [item.id for item in found.draft.requirements] == ['kept']
+    (place, label), = [(item.span, item.label) for item in found.warnings
+                       if 'left out' in item.title]
+    assert place is not None and place.line == 3 and reason in label
+
+
+@pytest.mark.parametrize('formula', [
+    'a -> (b -> c)', '(a -> b) -> c', '(a -> b) => c', 'F[0,2] (a == b)', 'F[0,2] a && x > 3',
+    'a -> F[0,2] !b', '!(x > 3) || H[0,2] a', 'a U[0,2] (b || c)', 'G[0,2] F[0,1] a',
+])
+def test_what_both_read_alike_is_kept(formula: str, tmp_path: Path) -> None:
+    text = f'INPUT a, b, c: bool; x: int;\nFTSPEC\n  {formula};\n'
+    found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
+    assert len(found.draft.requirements) == 1
