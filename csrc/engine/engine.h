@@ -52,7 +52,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 29u
+#define FM_ENGINE_ABI 30u
 
 struct fm_engine;
 
@@ -367,6 +367,19 @@ FM_EXPORT uint32_t fm_engine_take_keyed(
 
 /// The bytes of a detail with all that follows it.
 FM_EXPORT size_t fm_engine_detail_bytes(struct fm_engine * engine);
+
+/// Whose values a detail has.
+struct fm_detail_scope
+{
+  const struct fm_monitor * monitor;
+  uint32_t kind;         // FM_BUNDLE: the scope of the bundle
+  const uint8_t * key;   // of the instance, within the detail; NULL: of the bundle
+  uint32_t key_size;
+};
+
+/// The scope of a detail that was taken. Any thread; O(kinds).
+FM_EXPORT struct fm_detail_scope fm_engine_detail_scope(
+  const struct fm_engine * engine, const struct fm_detail * detail);
 
 /// As fm_outbox_want_details.
 FM_EXPORT void fm_engine_want_details(

@@ -92,6 +92,25 @@ static void take_event(
   }
 }
 
+// ---- details -----------------------------------------------------------------------------------
+
+struct fm_detail_scope fm_engine_detail_scope(
+  const struct fm_engine * engine, const struct fm_detail * detail)
+{
+  const uint32_t requirement = detail->violation.requirement;
+  uint32_t kind = 0;
+  if (requirement < engine->numbers[0]) {
+    return (struct fm_detail_scope) {engine->options.monitor, FM_BUNDLE, NULL, 0};
+  }
+  while (requirement >= engine->numbers[kind + 1]) {
+    kind += 1;
+  }
+  const struct fm_monitor * monitor = monitor_of(engine, kind);
+  const uint8_t * key =
+    (const uint8_t *)detail + sizeof(*detail) + monitor->inputs_bytes + monitor->n_inputs;
+  return (struct fm_detail_scope) {monitor, kind, key + 1, key[0]};
+}
+
 // ---- making ------------------------------------------------------------------------------------
 
 // Operands of aggregates come last, and have no number.

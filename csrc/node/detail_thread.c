@@ -113,7 +113,7 @@ struct fm_detail_thread * fm_detail_thread_start(
   thread->node = node;
   thread->reporter = reporter;
   thread->publisher = publisher;
-  thread->detail = malloc(fm_detail_bytes(reporter->monitor));
+  thread->detail = malloc(fm_engine_detail_bytes(reporter->engine));
   thread->log = logs_violations ? fm_violation_log_create(reporter) : NULL;
   if (thread->detail == NULL || (logs_violations && thread->log == NULL) ||
     pthread_create(&thread->thread, NULL, run, thread) != 0)

@@ -32,14 +32,11 @@ static const char OF_TIMES[] = "time";
 static const char ABOUT_STEP[] = "about step";
 static const char ABOUT_TIME[] = "about time";
 static const char WITHHELD_BY[] = "withheld by";
+static const char INSTANCE[] = "the instance";
+static const char ENDED[] = "ended";
 // Before the name of an input or a constant that has the name of such a key.
 static const char INPUT[] = "input ";
 static const char CONSTANT[] = "constant ";
-
-size_t fm_detail_bytes(const struct fm_monitor * monitor)
-{
-  return sizeof(struct fm_detail) + (size_t)monitor->inputs_bytes + monitor->n_inputs;
-}
 
 static const uint8_t * values_of(const struct fm_detail * detail)
 {
@@ -50,6 +47,37 @@ static uint8_t flags_of(
   const struct fm_monitor * monitor, const struct fm_detail * detail, uint32_t input)
 {
   return values_of(detail)[monitor->inputs_bytes + input];
+}
+
+// A detail, with whose values it has, and their names.
+struct described
+{
+  const struct fm_reporter * reporter;
+  const struct fm_detail * detail;
+  const struct fm_report_requirement * requirement;
+  const struct fm_report_input * inputs;
+  struct fm_detail_scope scope;
+};
+
+static struct described describe(
+  const struct fm_reporter * reporter, const struct fm_detail * detail)
+{
+  const struct fm_report_table * table = reporter->table;
+  const struct fm_detail_scope scope = fm_engine_detail_scope(reporter->engine, detail);
+  return (struct described) {
+    reporter, detail, &table->requirements[detail->violation.requirement],
+    scope.kind == FM_BUNDLE ? table->inputs : table->kinds[scope.kind].inputs, scope};
+}
+
+// Add the name of the requirement: SPEED, or SPEED[robot=alpha].
+static void add_name(struct fm_text * text, const struct described * item)
+{
+  fm_text_add(text, "%s", item->requirement->id);
+  if (item->scope.kind != FM_BUNDLE) {
+    fm_text_add(text, "[%s=", item->reporter->table->kinds[item->scope.kind].variable);
+    fm_text_add_bytes(text, item->scope.key, item->scope.key_size);
+    fm_text_add(text, "]");
+  }
 }
 
 static bool is_float(enum fm_type type)
@@ -91,32 +119,26 @@ static void add_value(
   }
 }
 
-static void add_input(
-  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail,
-  uint32_t input)
+static void add_input(struct fm_text * text, const struct described * item, uint32_t input)
 {
-  const struct fm_monitor * monitor = reporter->monitor;
-  const struct fm_input * stored = &monitor->inputs[input];
-  if ((flags_of(monitor, detail, input) & HAS_VALUE) == 0) {
+  const struct fm_input * stored = &item->scope.monitor->inputs[input];
+  if ((flags_of(item->scope.monitor, item->detail, input) & HAS_VALUE) == 0) {
     fm_text_add(text, "(none yet)");
     return;
   }
   add_value(
-    text, &reporter->table->inputs[input],
-    fm_instance_value((enum fm_type)stored->type, values_of(detail) + stored->offset),
+    text, &item->inputs[input],
+    fm_instance_value((enum fm_type)stored->type, values_of(item->detail) + stored->offset),
     (enum fm_type)stored->type);
 }
 
 // Add the names of the stale inputs that the requirement reads.
-static void add_silent(
-  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_detail * detail)
+static void add_silent(struct fm_text * text, const struct described * item)
 {
-  const struct fm_report_requirement * requirement =
-    &reporter->table->requirements[detail->violation.requirement];
-  for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
-    const uint32_t input = requirement->inputs[k];
-    if ((flags_of(reporter->monitor, detail, input) & IS_STALE) != 0) {
-      fm_text_list(text, ", ", reporter->table->inputs[input].name);
+  for (uint32_t k = 0; k < item->requirement->n_inputs; ++k) {
+    const uint32_t input = item->requirement->inputs[k];
+    if ((flags_of(item->scope.monitor, item->detail, input) & IS_STALE) != 0) {
+      fm_text_list(text, ", ", item->inputs[input].name);
     }
   }
 }
@@ -151,11 +173,10 @@ static const char * name_of(const char * key)
   return is_of_all(name) ? name : key;
 }
 
-static enum fm_status_level level_of(
-  const struct fm_report_requirement * requirement, const struct fm_detail * detail)
+static enum fm_status_level level_of(const struct described * item)
 {
-  return detail->violation.is_recovery ? FM_STATUS_OK :
-         requirement->is_warning ? FM_STATUS_WARN :
+  return item->detail->violation.is_recovery ? FM_STATUS_OK :
+         item->requirement->is_warning ? FM_STATUS_WARN :
          FM_STATUS_ERROR;
 }
 
@@ -170,37 +191,51 @@ static void add_place(struct fm_text * text, const struct fm_reporter * reporter
 }
 
 // Add the step that a verdict is about, of a requirement that speaks of the future.
-static void add_about(
-  struct fm_status * status, const struct fm_reporter * reporter, const struct fm_detail * detail)
+static void add_about(struct fm_status * status, const struct described * item)
 {
-  const uint64_t horizon =
-    (uint64_t)reporter->table->requirements[detail->violation.requirement].horizon;
+  const uint64_t horizon = (uint64_t)item->requirement->horizon;
   struct fm_text text = {NULL, 0, 0};
-  if (horizon == 0 || detail->violation.step < horizon) {
+  if (horizon == 0 || item->detail->violation.step < horizon) {
     return;
   }
-  add_place(&text, reporter, detail->violation.step - horizon);
+  add_place(&text, item->reporter, item->detail->violation.step - horizon);
   fm_status_value(
-    status, reporter->table->policy == FM_TIMED ? ABOUT_TIME : ABOUT_STEP, "%s",
+    status, item->reporter->table->policy == FM_TIMED ? ABOUT_TIME : ABOUT_STEP, "%s",
     fm_text_get(&text));
   fm_text_free(&text);
 }
 
-static void add_of_all(
-  struct fm_status * status, const struct fm_reporter * reporter, const struct fm_detail * detail)
+static void add_of_all(struct fm_status * status, const struct described * item)
 {
   struct fm_text text = {NULL, 0, 0};
-  add_place(&text, reporter, detail->violation.step);
+  add_place(&text, item->reporter, item->detail->violation.step);
   fm_status_value(
-    status, reporter->table->policy == FM_TIMED ? OF_TIMES : OF_ALL[PLACE], "%s",
+    status, item->reporter->table->policy == FM_TIMED ? OF_TIMES : OF_ALL[PLACE], "%s",
     fm_text_get(&text));
   fm_text_clear(&text);
-  fm_text_add_seconds(&text, detail->violation.stamp);
+  fm_text_add_seconds(&text, item->detail->violation.stamp);
   fm_status_value(status, OF_ALL[STAMP], "%s", fm_text_get(&text));
-  fm_status_value(status, OF_ALL[SUPPRESSED], "%" PRIu64, detail->suppressed);
+  fm_status_value(status, OF_ALL[SUPPRESSED], "%" PRIu64, item->detail->suppressed);
   fm_text_clear(&text);
-  add_silent(&text, reporter, detail);
+  add_silent(&text, item);
   fm_status_value(status, OF_ALL[SILENT], "%s", fm_text_get(&text));
+  fm_text_free(&text);
+}
+
+static void add_values(struct fm_status * status, const struct described * item)
+{
+  const struct fm_report_requirement * requirement = item->requirement;
+  struct fm_text text = {NULL, 0, 0};
+  for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
+    fm_text_clear(&text);
+    add_input(&text, item, requirement->inputs[k]);
+    add_named(status, INPUT, item->inputs[requirement->inputs[k]].name, fm_text_get(&text));
+  }
+  for (uint32_t k = 0; k < requirement->n_constants; ++k) {
+    const struct fm_constant * constant =
+      &item->reporter->table->constants[requirement->constants[k]];
+    add_named(status, CONSTANT, constant->name, constant->value);
+  }
   fm_text_free(&text);
 }
 
@@ -208,26 +243,21 @@ void fm_add_detail(
   struct fm_statuses * list, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
   const struct fm_report_table * table = reporter->table;
-  const struct fm_report_requirement * requirement =
-    &table->requirements[detail->violation.requirement];
-  struct fm_text text = {NULL, 0, 0};
+  const struct described item = describe(reporter, detail);
+  struct fm_text name = {NULL, 0, 0};
+  add_name(&name, &item);
   struct fm_status * status = fm_statuses_add(
-    list, level_of(requirement, detail), requirement->id, requirement->text, table->component);
-  add_of_all(status, reporter, detail);
-  for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
-    fm_text_clear(&text);
-    add_input(&text, reporter, detail, requirement->inputs[k]);
-    add_named(status, INPUT, table->inputs[requirement->inputs[k]].name, fm_text_get(&text));
-  }
-  for (uint32_t k = 0; k < requirement->n_constants; ++k) {
-    const struct fm_constant * constant = &table->constants[requirement->constants[k]];
-    add_named(status, CONSTANT, constant->name, constant->value);
-  }
-  add_about(status, reporter, detail);
+    list, level_of(&item), fm_text_get(&name), item.requirement->text, table->component);
+  add_of_all(status, &item);
+  add_values(status, &item);
+  add_about(status, &item);
   if (detail->violation.is_withheld && table->gate != NULL) {
     fm_status_value(status, WITHHELD_BY, "%s", table->gate->name);
   }
-  fm_text_free(&text);
+  if (detail->violation.is_end) {
+    fm_status_value(status, INSTANCE, "%s", ENDED);
+  }
+  fm_text_free(&name);
 }
 
 // ---- details that were received ----------------------------------------------------------------
@@ -311,17 +341,21 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   const char * gate = find_value(detail, WITHHELD_BY);
   const char * step = find_value(detail, ABOUT_STEP);
   const char * time = find_value(detail, ABOUT_TIME);
+  const char * end = find_value(detail, INSTANCE);
   uint32_t n = detail->n_values;
   if (n < FM_OF_ALL_DETAILS) {
     return;
   }
-  n -= (uint32_t)((gate != NULL) + (step != NULL) + (time != NULL));
+  n -= (uint32_t)((gate != NULL) + (step != NULL) + (time != NULL) + (end != NULL));
   fm_text_add(text, " [%s%s%s", is_of_times(detail) ? "" : "step ", values[PLACE].value,
     is_of_times(detail) ? " s after its start" : "");
   if (step != NULL) {
     fm_text_add(text, ", about step %s", step);
   } else if (time != NULL) {
     fm_text_add(text, ", about %s s after its start", time);
+  }
+  if (end != NULL) {
+    fm_text_add(text, ", %s %s", INSTANCE, end);
   }
   if (values[SILENT].value[0] != '\0') {
     fm_text_add(text, ", no message for %s", values[SILENT].value);

@@ -32,9 +32,6 @@ struct fm_received_detail
   bool is_recovery;     // the violation is over
 };
 
-/// Bytes of a detail, with its values and flags (outbox.h).
-FM_EXPORT size_t fm_detail_bytes(const struct fm_monitor * monitor);
-
 /// Add the status that describes a violation, or its end, to a list.
 FM_EXPORT void fm_add_detail(
   struct fm_statuses * list, const struct fm_reporter * reporter,

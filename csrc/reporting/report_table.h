@@ -71,13 +71,21 @@ struct fm_report_requirement
   const char * id;
   const char * text;      // title, or sentence or formula, in one line
   const char * sentence;  // of the log: title and text
-  const uint32_t * inputs;
+  const uint32_t * inputs;  // of its kind, or of the bundle's scope
   uint32_t n_inputs;
   const uint32_t * constants;  // that its text names, itself or in definitions
   uint32_t n_constants;
   int64_t horizon;        // its verdict is about so many steps ago; FM_TIMED: ns
   bool is_warning;        // its severity; otherwise error
   bool shows_verdict;     // in /diagnostics: it reports occurrences
+};
+
+/// A set of requirements of which there is one for each key of an instance variable (kinds.h).
+struct fm_report_kind
+{
+  const char * variable;
+  const struct fm_report_input * inputs;  // of its monitor
+  uint32_t n_inputs;
 };
 
 /// A constant of the bundle, with the value that was compiled in, as written.
@@ -122,12 +130,14 @@ struct fm_report_table
   const struct fm_report_input * inputs;
   const struct fm_report_topic * topics;  // of inputs; a handler a requirement; others of the node
   const struct fm_topic * topic_inputs;  // a topic: the inputs that it feeds
-  const struct fm_report_requirement * requirements;
+  const struct fm_report_requirement * requirements;  // as an engine numbers them
+  const struct fm_report_kind * kinds;
   const struct fm_constant * constants;
   uint32_t n_inputs;
   uint32_t n_topics;         // of inputs
   uint32_t n_used;           // all of `topics`
   uint32_t n_requirements;
+  uint32_t n_kinds;
   uint32_t n_constants;
   uint32_t n_locks;
   uint32_t n_actions;

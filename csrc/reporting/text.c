@@ -84,6 +84,49 @@ void fm_text_list(struct fm_text * text, const char * separator, const char * wo
   fm_text_add(text, "%s%s", text->length == 0 ? "" : separator, word);
 }
 
+// ---- bytes -------------------------------------------------------------------------------------
+
+// The length of the character of UTF-8 that such a byte begins; 0: none.
+static size_t length_of(uint8_t first)
+{
+  return first < 0x80u ? 1u : first < 0xc2u ? 0u : first < 0xe0u ? 2u : first < 0xf0u ? 3u :
+         first < 0xf5u ? 4u : 0u;
+}
+
+// Whether a code point can be shown, and needs so many bytes.
+static bool is_shown(uint32_t code, size_t n)
+{
+  static const uint32_t FEWEST[] = {0, 0x20u, 0xa0u, 0x800u, 0x10000u};
+  return code >= FEWEST[n] && code != 0x7fu && (code < 0xd800u || code > 0xdfffu) &&
+         code <= 0x10ffffu;
+}
+
+// The length of the character at the begin; 0: it cannot be shown.
+static size_t shown_length(const uint8_t * bytes, size_t size)
+{
+  const size_t n = length_of(bytes[0]);
+  if (n == 0 || n > size) {
+    return 0;
+  }
+  uint32_t code = n == 1u ? bytes[0] : bytes[0] & (0x7fu >> n);
+  for (size_t k = 1; k < n; ++k) {
+    if ((bytes[k] & 0xc0u) != 0x80u) {
+      return 0;
+    }
+    code = code << 6 | (bytes[k] & 0x3fu);
+  }
+  return is_shown(code, n) ? n : 0;
+}
+
+void fm_text_add_bytes(struct fm_text * text, const uint8_t * bytes, size_t size)
+{
+  for (size_t k = 0; k < size; ) {
+    const size_t n = shown_length(bytes + k, size - k);
+    fm_text_add(text, "%.*s", n == 0 ? 1 : (int)n, n == 0 ? "?" : (const char *)bytes + k);
+    k += n == 0 ? 1u : n;
+  }
+}
+
 // ---- names -------------------------------------------------------------------------------------
 
 void fm_names_add(struct fm_names * names, const char * separator, const char * name)

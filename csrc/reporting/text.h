@@ -54,6 +54,10 @@ void fm_text_add_arguments(struct fm_text * text, const char * format, va_list a
 /// Add `word`, after `separator` unless the text is empty.
 void fm_text_list(struct fm_text * text, const char * separator, const char * word);
 
+/// Add bytes that somebody sent: each byte outside characters of UTF-8 that can be shown is
+/// a '?'.
+void fm_text_add_bytes(struct fm_text * text, const uint8_t * bytes, size_t size);
+
 /// Names in one line: the first five, and how many more there are. Zeroed: none. The owner frees
 /// `text`.
 struct fm_names

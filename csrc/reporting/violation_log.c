@@ -46,10 +46,10 @@ struct fm_violation_log
 
 struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * reporter)
 {
-  const struct fm_monitor * monitor = reporter->monitor;
+  const uint32_t n = reporter->table->n_requirements;
   struct fm_violation_log * log = calloc(1, sizeof(*log));
-  struct logged * logged = calloc(monitor->n_requirements + 1u, sizeof(*logged));
-  struct fm_detail_counts * counts = calloc(monitor->n_requirements + 1u, sizeof(*counts));
+  struct logged * logged = calloc(n + 1u, sizeof(*logged));
+  struct fm_detail_counts * counts = calloc(n + 1u, sizeof(*counts));
   if (log == NULL || logged == NULL || counts == NULL) {
     free(log);
     free(logged);
@@ -57,7 +57,7 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
     return NULL;
   }
   *log = (struct fm_violation_log) {
-    reporter, logged, counts, monitor->n_requirements, fm_detail_bytes(monitor), {NULL, 0, 0}};
+    reporter, logged, counts, n, fm_engine_detail_bytes(reporter->engine), {NULL, 0, 0}};
   fm_engine_want_details(reporter->engine, true, FM_LOGGED_PER_S);
   return log;
 }

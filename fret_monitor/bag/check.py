@@ -276,8 +276,8 @@ class _Run:
         if self._manifest.variables and self._recording.is_trace:
             refuse('`bag` does not run a trace with a bundle with for_each',
                    help='fret-monitor simulate does')
-        if self._manifest.variables and (self._changes or self._watch):
-            refuse('--csv, --mcap and --report are not supported yet for a bundle with for_each',
+        if self._manifest.variables and self._watch:
+            refuse('--report is not supported yet for a bundle with for_each',
                    help='--json has the violated instances of each requirement')
 
     def result(self) -> RecordingResult:
@@ -531,7 +531,9 @@ class _Run:
         """Return the times and requirements of first steps since the last call, in order."""
         found = []
         for index in self._unjudged if self._changes else ():
-            if self._evaluator.requirement_counts(index).steps > self._before[index].steps:
+            if index >= len(self._manifest.requirements):  # no instance violates it
+                found.append((self._begin, index))
+            elif self._evaluator.requirement_counts(index).steps > self._before[index].steps:
                 group = self._manifest.requirements[index].group
                 found.append((max(self._begin, self._evaluator.start(group)), index))
         self._unjudged = sorted({*self._unjudged} - {index for _, index in found})
@@ -578,7 +580,8 @@ class _Run:
 
     def _details(self) -> Iterator[tuple[Violation, StatusRecord]]:
         while (detail := self._engine.take_detail(0)) is not None:
-            yield violation_of(detail.violation), self._reporter.detail(detail)
+            yield violation_of(detail.violation, self._engine.detail_key(detail)), \
+                self._reporter.detail(detail)
 
     def _finish(self, end: int) -> None:
         """Set the verdicts."""

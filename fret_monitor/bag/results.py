@@ -171,7 +171,9 @@ class ChangesCsv:
     """
     Writes verdicts whenever one changes: a column a requirement, 1 fulfilled, 0 violated.
 
-    It is empty until the requirement is judged for the first time.
+    It is empty until the requirement is judged for the first time. With instances, a variable has
+    a column for the key of the row's instance, in whose columns is what has changed of it; they
+    are empty in rows without a key, and when the instance ends.
     """
 
     wants_details = False
@@ -184,12 +186,18 @@ class ChangesCsv:
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Write the heading, and begin the first row."""
-        self._state = [None] * len(manifest.requirements)
-        self._writer.writerow(['time', *(item.id for item in manifest.requirements)])
+        self._state = [None] * len(manifest.numbered)
+        names = [item.id for item in manifest.numbered]
+        self._columns = [*map(names.index, manifest.ids or names)]
+        self._variable_of = manifest.variable_of
+        self._variables = [item.name for item in manifest.variables]
+        self._writer.writerow(['time', *self._variables, *(manifest.ids or names)])
         self._waiting = begin
 
     def judged(self, requirement: int, time: int) -> None:
         """Add to a row that a requirement is fulfilled."""
+        if self._variable_of[requirement]:
+            return  # which instances there are is not known
         if time != self._waiting:
             self._end_row()
             self._waiting = time
@@ -198,8 +206,11 @@ class ChangesCsv:
     def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Write a row with one verdict changed."""
         self._end_row()
-        self._state[violation.requirement] = int(violation.is_recovery)
-        self._writer.writerow([seconds(violation.stamp), *self._state])
+        self._state[violation.requirement] = \
+            None if violation.is_end else int(violation.is_recovery)
+        self._write(violation.stamp, self._variable_of[violation.requirement], violation.key)
+        if violation.key is not None:
+            self._state[violation.requirement] = None
 
     def end(self, time: int) -> None:
         """Write what waits: the last row holds until the end."""
@@ -207,5 +218,11 @@ class ChangesCsv:
 
     def _end_row(self) -> None:
         if self._waiting is not None:
-            self._writer.writerow([seconds(self._waiting), *self._state])
+            self._write(self._waiting)
             self._waiting = None
+
+    def _write(self, time: int, variable: str = '', key: bytes | None = None) -> None:
+        shown = '' if key is None else key.decode(errors='replace')
+        self._writer.writerow([
+            seconds(time), *(shown if name == variable else '' for name in self._variables),
+            *(self._state[place] for place in self._columns)])

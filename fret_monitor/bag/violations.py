@@ -64,15 +64,17 @@ class ViolationsMcap:
         self._namespace = namespace
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._state: list[bool | None] = []  # None: not judged yet
+        self._violated: list[set[bytes | None]] = []  # a requirement: by the instances of which
         self.without_details = 0
         """Changes that are only in the verdicts, as the engine had no room for the details."""
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin at a time (ns); there is no verdict yet."""
-        self._state = [None] * len(manifest.requirements)
+        self._state = [None] * len(manifest.numbered)
+        self._violated = [set() for _ in manifest.numbered]
         self._violations = self._topic('copilot/violations', _ARRAY)
         self._verdicts = [self._topic(f'copilot/verdicts/{item.handler}', _BOOL)
-                          for item in manifest.requirements]
+                          for item in manifest.numbered]
 
     def judged(self, requirement: int, time: int) -> None:
         """Write that a requirement is fulfilled."""
@@ -81,8 +83,11 @@ class ViolationsMcap:
 
     def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Write a verdict, and the details of its change."""
-        self._state[violation.requirement] = violation.is_recovery
-        self._write_verdict(violation.stamp, violation.requirement, violation.is_recovery)
+        violated = self._violated[violation.requirement]
+        (violated.discard if violation.is_recovery else violated.add)(violation.key)
+        if self._state[violation.requirement] is not (verdict := not violated):
+            self._state[violation.requirement] = verdict
+            self._write_verdict(violation.stamp, violation.requirement, verdict)
         if detail is None:
             self.without_details += 1
         else:

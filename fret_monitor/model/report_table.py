@@ -88,7 +88,11 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
             'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,
-            'shows_verdict': item.report is Report.OCCURRENCE} for item in manifest.requirements)),
+            'shows_verdict': item.report is Report.OCCURRENCE} for item in manifest.numbered)),
+        'kinds': _structs('fm_report_kind', ({
+            'variable': manifest.variables[kind.variables[0]].name,
+            'inputs': _structs('fm_report_input', map(_input, kind.manifest.inputs)),
+            'n_inputs': len(kind.manifest.inputs)} for kind in manifest.kinds)),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),
     }
@@ -119,7 +123,7 @@ def used_topics(manifest: Manifest) -> Iterator[tuple[str, str, str]]:
     for topic in manifest.topics:
         kind = topic.made.kind.c_name if topic.made else 'FM_TOPIC'
         yield topic.name, topic.message_type, kind
-    for item in manifest.requirements:
+    for item in manifest.numbered:
         yield item.topic, 'std_msgs/msg/Empty', 'FM_ANNOUNCED'
     yield DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', 'FM_ANNOUNCED'
     for name, message_type in OWN_TOPICS.items():

@@ -414,6 +414,11 @@ class Engine:
         found = self._library.fm_engine_take_detail(self.pointer, detail, milliseconds)
         return detail if found else None
 
+    def detail_key(self, detail: Any) -> bytes | None:
+        """Return the key of the instance that a detail is of, as `Violation.key`."""
+        scope = self._library.fm_engine_detail_scope(self.pointer, detail)
+        return bytes(ffi.buffer(scope.key, scope.key_size)) if scope.key_size else None
+
     def order_counts(self, topic: int) -> OrderCounts:
         """Return how many messages of a topic took effect out of order, or wait for long."""
         found = self._library.fm_engine_order_counts(self.pointer, topic)

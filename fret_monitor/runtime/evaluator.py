@@ -52,7 +52,7 @@ class Violation(NamedTuple):
     Under the policy timed, `step` is the time since the group began, in nanoseconds. With
     `is_recovery` it is the end of one: what the requirement's report compares is true again. With
     `is_withheld` a message violates that a gate withheld. `key` is that of an instance; None: it
-    is of the bundle's scope.
+    is of the bundle's scope. With `is_end` it is a recovery since the instance ended.
     """
 
     requirement: int
@@ -61,12 +61,13 @@ class Violation(NamedTuple):
     is_recovery: bool = False
     is_withheld: bool = False
     key: bytes | None = None
+    is_end: bool = False
 
 
 def violation(item: Any, key: bytes | None = None) -> Violation:
     """Return a `struct fm_violation`."""
     return Violation(item.requirement, item.step, item.stamp, bool(item.is_recovery),
-                     bool(item.is_withheld), key)
+                     bool(item.is_withheld), key, bool(item.is_end))
 
 
 @frozen

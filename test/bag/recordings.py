@@ -14,12 +14,13 @@
 
 """Recordings that tests write, with the writer of rosbags."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from fret_monitor.runtime.evaluator import Violation
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import get_typestore, Stores
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 START = 1_700_000_000_000_000_000
@@ -42,6 +43,31 @@ def write(path: Path, messages: Iterable[Message], *, storage: StoragePlugin = S
             writer.write(connections[topic], START + time,
                          TYPES.serialize_cdr(make(value), kind))
     return path
+
+
+def contents_of(path: Path) -> Iterator[tuple[str, int, Any]]:
+    """Yield the messages of a recording: topic, time and message, by the types in it alone."""
+    with Reader(path) as reader:
+        types = get_typestore(Stores.EMPTY)
+        for item in reader.connections:
+            types.register(get_types_from_msg(item.msgdef.data, item.msgtype))
+        for item, time, data in reader.messages():
+            yield item.topic, time, types.deserialize_cdr(data, item.msgtype)
+
+
+def statuses_of(path: Path) -> list[tuple[int, Any]]:
+    """Return the details of violations in what `--mcap` has written, with their times."""
+    return [(time, message.status[0]) for topic, time, message in contents_of(path)
+            if topic.endswith('/copilot/violations')]
+
+
+def verdicts_of(path: Path) -> dict[str, list[tuple[int, bool]]]:
+    """Return the verdicts in what `--mcap` has written, by topic, with their times."""
+    found: dict[str, list[tuple[int, bool]]] = {}
+    for topic, time, message in contents_of(path):
+        if '/copilot/verdicts/' in topic:
+            found.setdefault(topic, []).append((time, message.data))
+    return found
 
 
 class Kept:

@@ -26,7 +26,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from bag.outline import Outline
-from bag.recordings import FLOAT, Message, START, TYPES, write
+from bag.recordings import contents_of, FLOAT, Message, START, TYPES, write
 from bundles import write_bundle
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Moment
@@ -40,7 +40,7 @@ import numpy
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
-from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from rosbags.typesys import get_typestore, Stores
 import yaml
 
 SECOND = 10**9
@@ -407,13 +407,7 @@ def test_violations_are_written_as_a_recording(
         ('/r/level', 3 * SECOND, 0.25), ('/r/flow', 4 * SECOND, 0.0)])
     file, out = bundle(tmp_path, 'every_message'), tmp_path / 'out.mcap'
     assert main(['bag', str(file), str(path), '--namespace', 'r', '--mcap', str(out)]) == 0
-    with Reader(out) as reader:  # with the definitions in the file alone
-        types = get_typestore(Stores.EMPTY)
-        for item in reader.connections:
-            types.register(get_types_from_msg(item.msgdef.data, item.msgtype))
-        found: list[tuple[str, int, Any]] = [
-            (item.topic, time - START, types.deserialize_cdr(data, item.msgtype))
-            for item, time, data in reader.messages()]
+    found = [(topic, time - START, message) for topic, time, message in contents_of(out)]
     statuses = [(time, message.header.stamp.sec, message.status[0])
                 for topic, time, message in found if topic == '/r/copilot/violations']
     assert [(time, status.level, status.name, status.message) for time, _, status in statuses] == [

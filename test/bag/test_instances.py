@@ -15,15 +15,19 @@
 """Instances in a recording: each is judged as a plain bundle is on the messages of its key."""
 
 from collections.abc import Iterator, Sequence
+from csv import DictReader
+from io import StringIO
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from bag.recordings import START, TYPES
+from bag.recordings import START, statuses_of, TYPES, verdicts_of
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.moments import Anchor, Moment
+from fret_monitor.bag.results import ChangesCsv
+from fret_monitor.bag.violations import open_violations
 from fret_monitor.model.policies import Policy
 import numpy
 import pytest
@@ -131,6 +135,70 @@ def judged(folder: Path, name: str, text: str, found: Sequence[Message],
     selection = Selection(may_miss=True, until=Moment(Anchor.END, more) if more else None)
     with unoptimised():
         return check_recording(file, record(folder / f'{name}_bag', found), selection)
+
+
+Change = tuple[str, str, str]  # time, requirement, cell
+Told = tuple[int, int, str, list[tuple[str, str]]]  # time, level, message, values
+
+
+def written(folder: Path, name: str, text: str, found: Sequence[Message]) -> tuple[
+        list[dict[str, str]], list[tuple[int, Any]], dict[str, list[tuple[int, bool]]]]:
+    """Return the rows of `--csv`, and the details and verdicts of `--mcap`."""
+    file, rows, out = folder / f'{name}.yaml', StringIO(), folder / f'{name}.mcap'
+    file.write_text(text, encoding='utf-8')
+    with unoptimised(), open_violations(out, '/') as mcap:
+        check_recording(file, record(folder / f'{name}_bag', found), Selection(may_miss=True),
+                        changes=[ChangesCsv(rows), mcap])
+    assert mcap.without_details == 0
+    return [*DictReader(StringIO(rows.getvalue()))], statuses_of(out), verdicts_of(out)
+
+
+def changes_in(rows: Sequence[dict[str, str]]) -> list[Change]:
+    """Return the changes in a plain table, without the first verdicts."""
+    found, last = [], dict[str, str]()
+    for row in rows:
+        found += [(row['time'], name, cell) for name, cell in row.items()
+                  if name != 'time' and cell not in ('', last.get(name) or '1')]
+        last |= row
+    return found
+
+
+def told(name: str, statuses: Sequence[tuple[int, Any]]) -> list[Told]:
+    """Return the details of a requirement or instance."""
+    return [(time, item.level, item.message, sorted(
+        (each.key, each.value) for each in item.values))
+        for time, item in statuses if item.name == name]
+
+
+@pytest.mark.parametrize(('policy', 'variable'), [
+    (Policy.EVERY_MESSAGE, 'robot'), (Policy.TIMED, 'joint')])
+def test_what_is_written_of_an_instance_is_what_is_of_a_plain_bundle_on_its_slice(
+        policy: Policy, variable: str, tmp_path: Path) -> None:
+    found = list(messages(Random(f'{policy} {variable} written'), KEYS))
+    keys = KEYS[:2]
+    rows, statuses, verdicts = written(
+        tmp_path, 'all', bundle(policy, [*INPUTS], f'[{", ".join(keys)}]'), found)
+    violated: dict[str, dict[int, int]] = {}  # a requirement: how many violate it after a time
+    for key in keys:
+        plain, details, states = written(
+            tmp_path, f'plain_{key}', bundle(policy, [variable], '', key),
+            slice_of(found, variable, key))
+        names = [name for name in plain[0] if name != 'time']
+        changes = [(row['time'], name, row[name]) for row in rows if row[variable] == key
+                   for name in names if row[name]]
+        assert changes == changes_in(plain)
+        assert len(changes) > 10
+        for name in names:
+            assert told(f'{name}[{variable}={key}]', statuses) == told(name, details)
+        for topic, series in states.items():
+            by_time = dict(series)
+            for time in dict(verdicts[topic]):
+                last = max((at for at in by_time if at <= time), default=0)
+                violated.setdefault(topic, {}).setdefault(time, 0)
+                violated[topic][time] += not by_time.get(last, True)
+    for topic, counts in violated.items():
+        assert {time: count == 0 for time, count in counts.items()} == dict(verdicts[topic])
+    assert sum(max(counts.values()) > 0 for counts in violated.values()) > 3
 
 
 def outline(item: Findings) -> tuple[int, int | None, int]:

@@ -12,7 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// Prints floats as text.c spells them: each line of the input is a kind (f, d) and the bits.
+/// Prints what text.c makes of each line of the input, which is a kind and 64 bits: floats (f, d),
+/// bytes (b) and times (t).
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -36,6 +37,8 @@ int main(void)
       fm_text_add_float32(&text, single);
     } else if (kind == 'd') {
       fm_text_add_float64(&text, value);
+    } else if (kind == 'b') {
+      fm_text_add_bytes(&text, (const uint8_t *)&bits, sizeof(bits));
     } else {
       fm_text_add_short_seconds(&text, (int64_t)bits);
     }

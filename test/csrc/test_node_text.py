@@ -18,6 +18,7 @@ from pathlib import Path
 import random
 import struct
 import subprocess
+import unicodedata
 
 from csrc.test_evaluator import gcc, run, SANITIZERS
 from differential.compiled import WARNINGS
@@ -56,3 +57,24 @@ def test_floats_and_times_are_spelled_as_in_python(tmp_path: Path) -> None:
         *map(short_seconds, times)]
     assert [pair for pair in zip(printed, wanted) if pair[0] != pair[1]] == []
     assert len(printed) == len(wanted)
+
+
+def test_bytes_are_shown_as_characters_where_they_are_some(tmp_path: Path) -> None:
+    chance = random.Random(6)
+    edges = [0, 0x1f, 0x20, 0x7e, 0x7f, 0x80, 0x9f, 0xa0, 0x7ff, 0x800, 0xd7ff, 0xe000, 0xffff,
+             0x10000, 0x10ffff]
+    words = [chance.randbytes(8) for _ in range(2000)]
+    for edge in edges:
+        words += [(chr(edge) * 8).encode()[:8], (b'x' + (chr(edge) * 8).encode())[:8]]
+    words += [raw.ljust(8, b'-') for raw in (
+        b'\xc0\xaf', b'\xc1\xbf', b'\xe0\x80\xaf', b'\xe0\x9f\xbf', b'\xed\xa0\x80',
+        b'\xed\xbf\xbf', b'\xf0\x8f\xbf\xbf', b'\xf4\x90\x80\x80', b'\xf5\x80\x80\x80', b'\xff')]
+
+    def shown(word: bytes) -> str:  # a byte that is no character becomes a surrogate
+        return ''.join(item if unicodedata.category(item) not in ('Cc', 'Cs') else
+                       '?' * (2 if '\x80' <= item <= '\x9f' else 1)
+                       for item in word.decode(errors='surrogateescape'))
+
+    printed = spelled(tmp_path, [f'b {int.from_bytes(word, "little")}' for word in words])
+    assert printed == [*map(shown, words)]
+    assert sum('?' not in item for item in printed) > 5
