@@ -55,8 +55,8 @@ from fret_monitor.model.manifest import FORMAT, Manifest, ManifestTopic
 from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
+from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.folder import check_writable, write_folder
-from fret_monitor.native.monitor import CompiledMonitor
 from fret_monitor.program.layout import (
     check_bounds, check_instances, GroupLayout, lay_out, MAX_STATE_BYTES,
 )

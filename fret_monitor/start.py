@@ -29,7 +29,6 @@ from hashlib import sha256
 import json
 import os
 from pathlib import Path
-import tempfile
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.messages.installed import find_message, fingerprint
@@ -41,9 +40,9 @@ from fret_monitor.native.cache import (
     cache_directory, csrc_directory, evaluator_library, forget, is_kept, is_ours, note_use,
     refuse_foreign,
 )
+from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.compiler import find_compiler
 from fret_monitor.native.errors import NativeError
-from fret_monitor.native.monitor import CompiledMonitor
 
 if TYPE_CHECKING:
     from fret_monitor.build import GeneratedMonitor, Reading
@@ -300,6 +299,7 @@ def _remember(note: Path, compiled: CompiledMonitor, reading: 'Reading') -> None
 
 def _write(file: Path, content: bytes) -> None:
     """Write a file of the folder of notes at once; raises `OSError`."""
+    import tempfile  # a start from a note does without it
     file.parent.mkdir(mode=0o700, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent)
     with open(handle, 'wb') as written:

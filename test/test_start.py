@@ -29,7 +29,7 @@ from fret_monitor import build
 from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.cache import cache_directory, evaluator_library
-from fret_monitor.native.monitor import CompiledMonitor
+from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
 from fret_monitor.start import _package, start

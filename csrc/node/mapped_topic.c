@@ -102,8 +102,7 @@ static bool receive(
     fm_receiver_start(
       &intake->receiver, topic->engine, topic->middleware,
       rcl_subscription_get_rmw_handle(&intake->subscription), topic->index,
-      topic->in_place != NULL ? FM_LISTEN_IN_PLACE :
-      fm_receiver_taking(rmw_get_implementation_identifier())))
+      topic->in_place != NULL ? FM_LISTEN_IN_PLACE : topic->taking))
   {
     return true;
   }
@@ -159,8 +158,9 @@ bool fm_topic_open(
   topic->written = is_more ? table->gate->name : table->report.topics[index].name;
   topic->index = index;
   topic->name = name;
-  topic->in_place = topic->gate != NULL ? NULL : fm_in_place_type_of(topic->support());
-  if (topic->gate == NULL && topic->in_place == NULL && fm_why_copied()[0] == '\0') {
+  const bool is_for_callbacks = topic->gate == NULL && topic->taking == FM_LISTEN;
+  topic->in_place = is_for_callbacks ? fm_in_place_type_of(topic->support()) : NULL;
+  if (is_for_callbacks && topic->in_place == NULL && fm_why_copied()[0] == '\0') {
     fm_log(node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, type);
   }
   struct fm_text problem = {NULL, 0, 0};

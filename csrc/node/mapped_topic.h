@@ -35,10 +35,11 @@ struct fm_intake
   bool is_relayed;                // the gate's relay takes them
 };
 
-/// A topic. Zeroed before fm_topic_open but for `gate`; fm_topic_close frees all of it.
+/// A topic. Zeroed before fm_topic_open but for the first two; fm_topic_close frees all of it.
 struct fm_mapped_topic
 {
   struct fm_node_gate * gate;        // that takes its messages; NULL: the engine does
+  enum fm_taking taking;             // what callbacks do otherwise: FM_LISTEN, FM_WAKE
   struct fm_node * node;
   struct fm_engine * engine;
   const struct fm_middleware * middleware;

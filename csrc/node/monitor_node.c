@@ -86,13 +86,22 @@ static uint32_t n_sessions(const struct fm_monitor_node * monitor)
   return monitor->tables->n;
 }
 
+// What callbacks do where no gate takes the messages.
+static enum fm_taking taking_of(const struct fm_parameters * given)
+{
+  const char * word = fm_parameter_hot_path(given);
+  return strcmp(word, "off") == 0 ? FM_WAKE : strcmp(word, "on") == 0 ? FM_LISTEN :
+         (enum fm_taking)fm_receiver_taking(rmw_get_implementation_identifier());
+}
+
 static bool configure_all(struct fm_monitor_node * monitor)
 {
   const struct fm_parameters * given = &monitor->parameters;
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
     const struct fm_settings settings = {
       (uint32_t)fm_parameter_whole(given, "handler_depth"),
-      fm_parameter_is_true(given, "log_violations"), given->fixed[k], blackbox_of(given)};
+      fm_parameter_is_true(given, "log_violations"), given->fixed[k], blackbox_of(given),
+      taking_of(given)};
     if (!fm_session_configure(
         &monitor->sessions[k], monitor->tables->tables[k], &monitor->node, &monitor->clock,
         &settings))
@@ -148,7 +157,9 @@ static void log_taking(struct fm_monitor_node * monitor, const char * middleware
     return;
   }
   monitor->has_logged_taking = true;
-  if (fm_receiver_taking(middleware) == FM_WAKE) {
+  if (strcmp(fm_parameter_hot_path(&monitor->parameters), "off") == 0) {
+    fm_log(node, FM_INFO, FM_WORDS_WAKES FM_WORDS_HOT_PATH_IS_OFF);
+  } else if (taking_of(&monitor->parameters) == FM_WAKE) {
     fm_log(node, FM_INFO, FM_WORDS_WAKES FM_WORDS_UNKNOWN_CALLBACKS, middleware);
   } else {
     const char * why = fm_why_copied();

@@ -45,7 +45,7 @@ struct fm_monitor_node
   uint32_t looks;                       // that are left
   bool is_active;
   bool is_starting;                     // a transition that fails ends the process
-  bool has_logged_taking;               // it is the same at each activation
+  bool has_logged_taking;               // once: as the node on rclpy
   bool has_log;
   bool has_lifecycle;
 };

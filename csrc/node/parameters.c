@@ -208,6 +208,11 @@ static void read_given(struct fm_parameters * parameters)
 // ---- checks ------------------------------------------------------------------------------------
 
 static const char * const levels[] = {"debug", "info", "warn", "error", "fatal"};
+static const char * const hot_paths[] = {"auto", "on", "off"};
+enum {
+  N_LEVELS = sizeof(levels) / sizeof(levels[0]),
+  N_HOT_PATHS = sizeof(hot_paths) / sizeof(hot_paths[0])
+};
 
 static bool is_among(const char * text, const char * const * words, size_t n)
 {
@@ -257,6 +262,8 @@ static const struct described described[] = {
   {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, TRUTH(false), NULL, 0, 0},
   {"log_level", FM_WORDS_LOG_LEVEL, FM_ALWAYS, NO_WORD, "one of debug, info, warn, error, fatal",
     0, 0},
+  {"hot_path", FM_WORDS_HOT_PATH, FM_UNCONFIGURED, {.type = FM_WORD, TEXT("auto", 4u)},
+    "one of auto, on, off", 0, 0},
   {"handler_depth", FM_WORDS_HANDLER_DEPTH, FM_UNCONFIGURED, WHOLE(1000), FM_WORDS_COUNT, 1,
     INT32_MAX},
   {"log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, TRUTH(true), NULL, 0, 0},
@@ -289,8 +296,17 @@ static const struct described * description_of(const char * name)
 
 static bool is_good_word(const char * name, const char * word)
 {
-  return strcmp(name, "log_level") != 0 || *word == '\0' ||
-         is_among(word, levels, sizeof(levels) / sizeof(levels[0]));
+  const bool is_level = strcmp(name, "log_level") == 0;
+  const bool is_free = !is_level && strcmp(name, "hot_path") != 0;
+  return *word == '\0' || is_free ||
+         is_among(word, is_level ? levels : hot_paths, is_level ? N_LEVELS : N_HOT_PATHS);
+}
+
+// Whether what YAML makes of a parameter's word is no text: `on` and `off` are truth values.
+static bool is_word_of_yaml(const char * name, const fm_parameter_value * value)
+{
+  return (value->type == FM_WHOLE && strcmp(name, "processors") == 0) ||
+         (value->type == FM_TRUTH && strcmp(name, "hot_path") == 0);
 }
 
 static bool is_good(const struct described * item, const fm_parameter_value * value)
@@ -305,7 +321,7 @@ static bool is_good(const struct described * item, const fm_parameter_value * va
              value->double_value < (double)item->most);
     case FM_WORD:
       return value->type == FM_WORD ? is_good_word(item->name, value->string_value.data) :
-             value->type == FM_WHOLE && strcmp(item->name, "processors") == 0;
+             is_word_of_yaml(item->name, value);
     default:
       return value->type == FM_TRUTH;
   }
@@ -644,7 +660,7 @@ static void set_level(const struct fm_parameters * parameters)
 {
   const char * text = fm_parameter_find(parameters, "log_level")->value.string_value.data;
   int level = RCUTILS_LOG_SEVERITY_UNSET;
-  for (int k = 0; k < (int)(sizeof(levels) / sizeof(levels[0])); ++k) {
+  for (int k = 0; k < (int)N_LEVELS; ++k) {
     level = strcmp(text, levels[k]) == 0 ? RCUTILS_LOG_SEVERITY_DEBUG * (k + 1) : level;
   }
   fm_log_set_level(parameters->node, level);
@@ -695,7 +711,7 @@ static void warn_of_unknown(const struct fm_parameters * parameters, const char 
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
-    "spec", "library", "policy", "period", "rate", "hot_path", "native", "gates"};
+    "spec", "library", "policy", "period", "rate", "native", "gates"};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     const char * dot = strrchr(name, '.');
@@ -761,6 +777,12 @@ double fm_parameter_real(const struct fm_parameters * parameters, const char * n
 {
   const fm_parameter_value * value = &fm_parameter_find(parameters, name)->value;
   return value->type == FM_WHOLE ? (double)value->integer_value : value->double_value;
+}
+
+const char * fm_parameter_hot_path(const struct fm_parameters * parameters)
+{
+  const fm_parameter_value * value = &fm_parameter_find(parameters, "hot_path")->value;
+  return value->type != FM_TRUTH ? value->string_value.data : value->bool_value ? "on" : "off";
 }
 
 void fm_parameter_set(

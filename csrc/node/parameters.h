@@ -91,6 +91,9 @@ bool fm_parameter_is_true(const struct fm_parameters * parameters, const char * 
 int64_t fm_parameter_whole(const struct fm_parameters * parameters, const char * name);
 double fm_parameter_real(const struct fm_parameters * parameters, const char * name);
 
+/// The value of `hot_path`: auto (possibly as an empty text), on or off.
+const char * fm_parameter_hot_path(const struct fm_parameters * parameters);
+
 /// Why a parameter cannot be set to a value now; adds nothing to `reason` if it can.
 void fm_parameter_refuse(
   const struct fm_parameters * parameters, const char * name,

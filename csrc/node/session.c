@@ -279,6 +279,7 @@ static bool open_topic(struct fm_session * session, uint32_t k)
     return true;  // its messages are made
   }
   session->topics[k].gate = is_judged ? &session->gate : NULL;
+  session->topics[k].taking = session->settings.taking;
   return fm_topic_open(
     &session->topics[k], session->node, table,
     is_last ? session->gate_source : session->topic_names[k], &session->settings.fixed[k], k);

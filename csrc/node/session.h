@@ -34,6 +34,7 @@ struct fm_settings
   bool logs_violations;
   const struct fm_fixed_qos * fixed;  // a topic: the bundle's, or of `qos_overrides`
   struct fm_blackbox_settings blackbox;
+  enum fm_taking taking;              // what callbacks do: FM_LISTEN, FM_WAKE
 };
 
 /// Zeroed: no session. The functions below make and end what it holds.

@@ -41,6 +41,7 @@
 // ---- how messages are taken --------------------------------------------------------------------
 
 #define FM_WORDS_WAKES "messages are taken in C, in a thread of its own: "
+#define FM_WORDS_HOT_PATH_IS_OFF "hot_path is off"
 #define FM_WORDS_UNKNOWN_CALLBACKS "the callbacks of %s are not known to allow it"
 #define FM_WORDS_TAKES "messages are taken in C, inside %s%s%s"
 #define FM_WORDS_ALL_COPIED ", and copied before they are read: "
@@ -52,6 +53,9 @@
 #define FM_WORDS_LOG_LEVEL \
   "the least severity that this node logs: debug, info, warn, error or fatal; empty for the " \
   "process's"
+#define FM_WORDS_HOT_PATH \
+  "whether the middleware's callbacks take the messages: auto (where this is known to work), " \
+  "on, off (they wake a thread that does); read by `configure`"
 #define FM_WORDS_HANDLER_DEPTH \
   "violations that a slow listener of one handler may be behind before it loses some; read by " \
   "`configure`"

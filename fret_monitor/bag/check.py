@@ -43,7 +43,8 @@ from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import short_seconds
 from fret_monitor.model.transforms import TOPICS
-from fret_monitor.native.monitor import CompiledMonitor, Monitor
+from fret_monitor.native.compiled import CompiledMonitor
+from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED
 from fret_monitor.runtime.evaluator import (
     Evaluator, NEVER, RequirementCounts, Violation, violation as violation_of,

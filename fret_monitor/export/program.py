@@ -52,7 +52,7 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
     """
     Build the program of a bundle's node, or return it from the cache.
 
-    `origin` is where the bundle is from, for the log.
+    `origin` is the bundle's file, for the log.
 
     Raises
     ------

@@ -56,7 +56,7 @@ def node_table(generated: GeneratedMonitor, origin: str = '',
     """
     Return the C file that defines the table of a bundle, or of one of its gates.
 
-    `origin` is where the bundle is from, if the node stands for `monitor` with this bundle: then
+    `origin` is the bundle's file, if the node stands for `monitor` with this bundle: then
     it also logs the warnings about the bundle. `place`: None if the node has only this one.
     """
     alone = OneOfSeveral(0, '', generated.manifest.name)
@@ -204,10 +204,11 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
     fields = {
         'bundle': _text(place.bundle),
         'node_name': _text('fret_monitor' if manifest.gate is None else 'fret_gate'),
-        'origin': _text(origin),
+        'origin': _text(origin and f'{origin}, native'),
         'warnings': 'warnings',
         'n_warnings': f'{n_warnings}u',
-        'judged_by_gates': _text(judged_by_gates(manifest.kept, FOLDER_OF_EACH)),
+        'judged_by_gates': _text(judged_by_gates(
+            manifest.kept, f'spec:={origin}' if origin else FOLDER_OF_EACH)),
         'monitor': manifest.symbol,
         'gate': 'gate' if manifest.gate else 'NULL',
         'readers': manifest.readers or 'NULL',

@@ -16,8 +16,12 @@
 Compile C to shared libraries, and load them as `Monitor` objects.
 
 `build_library` compiles a library, or returns it from the cache; `load` opens it. This package
-does not depend on bundles, formulas or ROS.
+does not depend on bundles, formulas or ROS. What loads libraries needs cffi, which takes a while,
+and is imported on first use.
 """
+
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
 
 from fret_monitor.native.cache import (
     build_library, cache_directory, csrc_directory, csrc_file, csrc_includes, evaluator_library,
@@ -25,7 +29,9 @@ from fret_monitor.native.cache import (
 )
 from fret_monitor.native.compiler import Compiler, find_compiler
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
-from fret_monitor.native.monitor import Library, load, load_evaluator, Monitor
+
+if TYPE_CHECKING:
+    from fret_monitor.native.monitor import Library, load, load_evaluator, Monitor
 
 __all__ = [
     'CacheError',
@@ -46,3 +52,9 @@ __all__ = [
     'load_evaluator',
     'runtime_headers',
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ('Library', 'Monitor', 'load', 'load_evaluator'):
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.monitor'), name)

@@ -36,22 +36,19 @@ from dataclasses import asdict
 from functools import cache
 from hashlib import sha256
 import json
-import logging
 import os
 from pathlib import Path
-import platform
 import shlex
 import shutil
 import stat
 import sys
-import tempfile
 import time
 
 from fret_monitor.native.compiler import (
     COMPILE_FLAGS, compile_library, Compiler, find_compiler, Linking, SHARED, TIMEOUT,
 )
+from fret_monitor.native.elf import is_cut_short
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
-from fret_monitor.native.monitor import is_cut_short, Library
 
 #: The sources of the library with the evaluator, the engine and the receivers.
 EVALUATOR_SOURCES = (
@@ -80,8 +77,6 @@ _LITTER_AGE = 24 * 3600.0  # seconds after which an unfinished folder is removed
 _UNUSED_AGE = 90 * 24 * 3600.0  # seconds after which an unused library is removed
 _MOST = 200  # libraries that are kept, not counting those used within a day
 _FULL = 1 << 20  # with fewer free bytes, a failed build is attributed to a full disk
-
-_log = logging.getLogger(__name__)
 
 
 def build_library(
@@ -169,6 +164,7 @@ def private_copy(library: Path) -> Path:
 
 def _loadable(copy: Path, library: Path) -> Path:
     """Return the copy, or the original if only that can be loaded: a disk may refuse code."""
+    from fret_monitor.native.monitor import Library
     try:
         Library(copy)
     except LibraryError as error:
@@ -182,7 +178,7 @@ def _loadable(copy: Path, library: Path) -> Path:
 @cache
 def _warn_shared(folder: Path, reason: str) -> None:
     """Warn that the libraries of a folder are not copied, once for each reason."""
-    _log.warning(
+    _warn(
         '%s is used in place, without a copy (%s): do not change it while this process runs',
         folder, reason)
 
@@ -190,10 +186,15 @@ def _warn_shared(folder: Path, reason: str) -> None:
 @cache
 def _warn_once(root: Path, reason: str) -> None:
     """Warn that the cache cannot be written, once for all libraries."""
-    _log.warning(
+    _warn(
         '%s cannot be written (%s): the library is built for this run only, and every start will '
         'compile again: make it writable, make room, or set ROS_HOME to another folder',
         root, reason)
+
+
+def _warn(text: str, *arguments: object) -> None:
+    import logging  # here, as others: a start from the cache does without it
+    logging.getLogger(__name__).warning(text, *arguments)
 
 
 def is_kept(library: Path) -> bool:
@@ -344,7 +345,7 @@ class _Build:
         decisive = [
             {file: sha256(text).hexdigest() for file, text in sorted(self._files.items())},
             self._sources, self.library, self._compiler.identity,
-            COMPILE_FLAGS, asdict(self._linking), identity, platform.machine(), sys.platform]
+            COMPILE_FLAGS, asdict(self._linking), identity, os.uname().machine, sys.platform]
         return sha256(json.dumps(decisive).encode()).hexdigest()
 
     def fill(self, folder: Path) -> None:
@@ -400,6 +401,7 @@ class _Entry:
 
     def make_for_now(self, reason: str) -> Path:
         """Make the library in a private folder, until the process ends."""
+        import tempfile
         if self._warn is not None:
             self._warn(self._root, reason)
         try:
@@ -414,6 +416,7 @@ class _Entry:
         return folder / self._library
 
     def _make_kept(self) -> Path:
+        import tempfile
         self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
         refuse_foreign(self._root)
         _sweep(self._root)

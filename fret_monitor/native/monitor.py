@@ -22,16 +22,14 @@ the inputs, the ids of the requirements, and the groups.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 import os
 from pathlib import Path
-import struct
 from typing import Any, TypeAlias
 
-from fret_monitor.model.diagnostics import Diagnostic
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.binding import ffi
+from fret_monitor.native.elf import is_cut_short
 from fret_monitor.native.errors import LibraryError
 
 CData: TypeAlias = Any  # objects of cffi have C types, which Python's type checker cannot see
@@ -71,27 +69,6 @@ class Library:
         if address == ffi.NULL:
             raise LibraryError(f"{self.path} does not export '{symbol}'")
         return address
-
-
-def is_cut_short(path: Path) -> bool:
-    """
-    Return whether an ELF file ends before its section headers, which come last.
-
-    dlopen maps such a file without an error, and the process is killed by SIGBUS later.
-    """
-    try:
-        with path.open('rb') as file:
-            head = file.read(64)
-            size = os.fstat(file.fileno()).st_size
-    except OSError:
-        return False  # dlopen will give the reason
-    if len(head) < 64 or head[:4] != b'\x7fELF':
-        return False
-    order = '<' if head[5] == 1 else '>'
-    # e_shoff, e_shentsize and e_shnum of the System V ABI, with 32 or 64 bits.
-    fields = 'I10xHH' if head[4] == 1 else 'Q10xHH'
-    begin, width, count = struct.unpack_from(order + fields, head, 0x20 if head[4] == 1 else 0x28)
-    return int(begin + width * count) > size
 
 
 def _reason() -> str:
@@ -176,27 +153,6 @@ def _readers(opened: Library, manifest: Manifest) -> CData | None:
     if not manifest.readers:
         return None
     return ffi.cast('const struct fm_readers * (*)(void)', opened.find(manifest.readers))()
-
-
-@dataclass(frozen=True)
-class CompiledMonitor:
-    """
-    A compiled bundle that is not loaded yet; `monitor` loads it on first use.
-
-    `warnings` are those of the bundle; `sources` are the files it was read from; `evaluator` is
-    the library of the evaluator, None if it was not looked for.
-    """
-
-    manifest: Manifest
-    library: Path
-    warnings: tuple[Diagnostic, ...]
-    sources: tuple[Path, ...] = ()
-    evaluator: Path | None = None
-
-    @cached_property
-    def monitor(self) -> Monitor:
-        """The loaded library; raises `LibraryError`."""
-        return load(self.library, self.manifest)
 
 
 def load_evaluator(library: Path, *, origin: Path | None = None) -> CData:

@@ -29,7 +29,7 @@ from fret_monitor.ros.signals import SIGNALS
 
 if TYPE_CHECKING:
     from fret_monitor.model.parts import NodePart
-    from fret_monitor.native.monitor import CompiledMonitor
+    from fret_monitor.native.compiled import CompiledMonitor
     from fret_monitor.ros.settings.parameters import Settings
 
 GATE, MONITOR = 'fret_gate', 'fret_monitor'
@@ -84,8 +84,6 @@ def _missing(settings: 'Settings') -> str:
     """Return which feature the node in C lacks; an empty text if it has all that is wanted."""
     if any(item.library is not None for item in settings.origins):
         return 'it is built from the bundle, not from a folder of `compile`: give spec alone'
-    if settings.hot_path != 'auto':
-        return f'it has no hot_path:={settings.hot_path}'
     return ''
 
 
@@ -113,7 +111,7 @@ def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']]) -> 
 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import node_program
-        return node_program(generated, f'{spec}, native')
+        return node_program(generated, str(spec))
 
     return start_program(
         spec, make, identity(), policy=settings.policy, period=settings.period,
@@ -143,7 +141,7 @@ def _one_of_several(settings: 'Settings', spec: Path, part: 'NodePart', number: 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import table_object
         from fret_monitor.export.ros2_table import OneOfSeveral
-        return table_object(generated, f'{spec}, native', OneOfSeveral(number, shown, spec.stem))
+        return table_object(generated, str(spec), OneOfSeveral(number, shown, spec.stem))
 
     return start_program(
         spec, make, f'{identity()} {number} {shown}', policy=settings.policy,

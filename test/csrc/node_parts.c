@@ -38,6 +38,7 @@ static int64_t now = 1000 * FM_SECOND;
 static bool fails_to_subscribe;
 static bool fails_to_listen;
 static bool keeps_callback;
+static rmw_event_callback_t listener;  // the last callback for new messages
 static uint32_t attempts;         // to subscribe
 static size_t n_matched;          // publishers
 static bool is_matched_scripted;
@@ -111,6 +112,7 @@ rmw_ret_t __wrap_rmw_subscription_set_on_new_message_callback(
 rmw_ret_t __wrap_rmw_subscription_set_on_new_message_callback(
   rmw_subscription_t * subscription, rmw_event_callback_t callback, const void * user_data)
 {
+  listener = callback == NULL ? listener : callback;
   return (callback == NULL ? keeps_callback : fails_to_listen) ? RMW_RET_ERROR :
          __real_rmw_subscription_set_on_new_message_callback(subscription, callback, user_data);
 }
@@ -316,6 +318,27 @@ static void a_callback_that_cannot_be_removed_ends_no_monitoring(void)
   withdraw(&publisher);
 }
 
+// In the callback, or in the thread that it wakes.
+static void a_parameter_decides_where_messages_are_taken(void)
+{
+  static const uint8_t transitions[] = {4, 2, 1, 3};
+  const rmw_event_callback_t taking = listener;
+  rcl_publisher_t publisher = advertise(&node.node.node, "heat", true);
+  fm_parameter_value off;
+  memset(&off, 0, sizeof(off));
+  CHECK(rcl_interfaces__msg__ParameterValue__init(&off));
+  off.type = FM_TRUTH;  // as YAML reads `off`
+  CHECK(node.sessions[0].topics[HEAT].in_place != NULL);
+  fm_parameter_set(&node.parameters, "hot_path", &off);
+  for (size_t k = 0; k < sizeof(transitions); ++k) {
+    CHECK(fm_lifecycle_change(&node.lifecycle, transitions[k]));
+  }
+  CHECK(node.sessions[0].topics[HEAT].in_place == NULL && listener != taking);
+  CHECK(is_received(&publisher));
+  rcl_interfaces__msg__ParameterValue__fini(&off);
+  withdraw(&publisher);
+}
+
 static void publishers_are_reported_each_and_in_order(void)
 {
   static const char * const namespaces[] = {"/b", "/a", ""};
@@ -405,6 +428,7 @@ int main(int argc, char ** argv)
     {"overlap", the_old_subscription_stays_until_all_publishers_have_found_the_new_one},
     {"many", any_number_of_subscriptions_can_be_replaced_at_once},
     {"leak", a_callback_that_cannot_be_removed_ends_no_monitoring},
+    {"place", a_parameter_decides_where_messages_are_taken},
     {"order", publishers_are_reported_each_and_in_order},
     {"depth", queues_are_as_long_as_the_bundle_says},
     {"clock", a_missing_clock_is_logged_once},

@@ -36,7 +36,7 @@ from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import cache as library_cache
 from fret_monitor.native import compiler as library_compiler
-from fret_monitor.native.monitor import CompiledMonitor
+from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
 import pytest

@@ -32,7 +32,7 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.values import ValueType
-from fret_monitor.native.monitor import CompiledMonitor
+from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.program import layout
 from fret_monitor.runtime.evaluator import Evaluator
 from program.written import kinds, layouts_of

@@ -188,6 +188,7 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
      "'handler_depth' is -3, and has to be a number"),
     (['-p', 'constants.nope:=3.0'],
      "'constants.nope': the bundle has no such constant; its constants are limit, odd, most"),
+    (['-p', 'hot_path:=fast'], "'hot_path' is 'fast', and has to be one of auto, on, off"),
     (['-p', 'log_violations:=7'], "'log_violations' is 7, and has to be true or false"),
     (['-p', 'constants.limit:=0.5'], 'compiled into this node, as 0.7'),
     (['-p', 'qos_overrides./n.subscription.reliability:=high'],
@@ -230,6 +231,21 @@ def test_what_cannot_be_used_ends_the_process_with_the_reason(
         assert reason in node.output
     finally:
         node.kill()
+
+
+@pytest.mark.parametrize(('word', 'told'), [
+    ('on', 'messages are taken in C, inside '),
+    ('off', 'messages are taken in C, in a thread of its own: hot_path is off')])
+def test_a_parameter_decides_whether_callbacks_take_the_messages(
+    partner: Partner, faults: Path, word: str, told: str,
+) -> None:
+    with running(exported_bundle(faults), '-p', f'hot_path:={word}') as node:
+        assert told in node.output and 'ignored' not in node.output
+        partner.listen('FIXED')
+        fixed = partner.publisher(Bool, 'fixed', QoSProfile(depth=10))
+        partner.wait_for_listener(fixed)
+        fixed.publish(Bool(data=False))
+        partner.expect({'FIXED': 1})
 
 
 def test_a_node_stopped_in_a_flood_judges_each_message_of_another_topic(

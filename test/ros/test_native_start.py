@@ -23,6 +23,8 @@ import sys
 from typing import Any
 
 from bundles import write_bundle
+from fret_monitor.build import generate_monitor, read, write
+from fret_monitor.model.parts import UNGATED
 from fret_monitor.native import cache, ros_files
 from fret_monitor.ros.native_start import become_native, GATE, MONITOR
 from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
@@ -35,11 +37,15 @@ import yaml
 
 BUNDLE = """
 format: 1
+evaluation: {policy: relevant_message}
 constants: {limit: 0.5}
 inputs:
   value: {topic: x, type: std_msgs/msg/Float32}
 requirements:
   - {id: R1, ptltl: value < limit}
+  - {id: KEPT, ptltl: value < 9.0}
+gates:
+  kept: {from: x, to: z, type: std_msgs/msg/Float32, keep: [KEPT]}
 """
 NATIVE = ('-p', 'native:=true')
 
@@ -91,6 +97,8 @@ def test_the_process_becomes_the_node_in_c_with_its_names_and_ends_well(
     with started('monitor', *arguments(tmp_path, bundle)) as node:
         assert is_native(node, bundle)
         assert f'({bundle}, native)' in node.output and 'ignored' not in node.output
+        assert ("not monitored here: the gate 'kept' judges KEPT. Run it: ros2 run fret_monitor "
+                f'gate --ros-args -p spec:={bundle}\n') in node.output
         partner.wait_for_listener(speed)
         wait_until(lambda: partner.node.count_publishers('/robot/copilot/handlerpropR1') == 1,
                    'the handler')
@@ -150,10 +158,13 @@ def test_another_value_of_a_constant_is_another_program_and_a_change_of_the_bund
 
 
 def test_a_node_that_cannot_be_native_runs_in_python_and_says_why(
-    bundle: Path, domain: int,
+    bundle: Path, tmp_path: Path, domain: int,
 ) -> None:
-    with started('monitor', '-p', f'spec:={bundle}', *NATIVE, '-p', 'hot_path:=on') as node:
-        node.wait_for('native is not possible, the node runs in Python: it has no hot_path:=on')
+    folder = tmp_path / 'compiled'
+    write(generate_monitor(read(bundle, part=UNGATED)), folder)
+    with started('monitor', '-p', f'library:={folder}', *NATIVE) as node:
+        node.wait_for('native is not possible, the node runs in Python: it is built from the '
+                      'bundle, not from a folder of `compile`: give spec alone')
         assert not is_native(node, bundle)
 
 
@@ -226,7 +237,6 @@ def test_reasons_not_to_be_native(bundle: Path, no_exec: pytest.MonkeyPatch) -> 
     spec = f'spec:={bundle}'
     assert reason_of('-p', f'spec:=["{bundle}", "{bundle}"]') == ''  # of one handler: refused
     assert 'not from a folder' in reason_of('-p', 'library:=/nowhere')
-    assert reason_of('-p', spec, '-p', 'hot_path:=off') == 'it has no hot_path:=off'
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('CC', '/nowhere/cc')
         assert '/nowhere/cc' in reason_of('-p', spec)
@@ -237,6 +247,21 @@ def test_reasons_not_to_be_native(bundle: Path, no_exec: pytest.MonkeyPatch) -> 
         patch.setattr(ros_files, 'prefixes', lambda: [Path('/nowhere')])
         patch.setattr(cache, 'is_kept', lambda library: False)
         assert reason_of('-p', spec) == 'the headers of rcl are not installed here'
+
+
+def test_what_is_recalled_needs_neither_cffi_nor_rclpy(bundle: Path) -> None:
+    program_of(bundle)
+    code = """
+import os, sys
+slow = {'_cffi_backend', 'rclpy', 'logging', 'tempfile', 'yaml'}
+os.execv = lambda *_: print(*slow & {*sys.modules})
+from fret_monitor.ros.native_start import become_native
+assert become_native(sys.argv) is None
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code, '--ros-args', '-p', f'spec:={bundle}', *NATIVE],
+        capture_output=True, text=True, timeout=PATIENCE, check=True)
+    assert done.stdout == '\n'
 
 
 def test_mistakes_of_the_user_are_left_to_the_node_in_python(

@@ -171,7 +171,7 @@ def why_callbacks_wake(hot_path: str, library: Any) -> str | None:
     `library` holds the functions of csrc.
     """
     if hot_path == 'off':
-        return 'hot_path is off'
+        return words.HOT_PATH_IS_OFF
     name = get_rmw_implementation_identifier()
     if hot_path != 'on' and \
             library.fm_receiver_taking(name.encode()) == ffi.integer_const('FM_WAKE'):

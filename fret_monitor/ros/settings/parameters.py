@@ -61,9 +61,7 @@ MONITOR_PARAMETERS = {
                              "bundle's; read by `configure`"),
     'rate': Described(0.0, 'steps a second, with the policy periodic, instead of a period; 0 for '
                            "the bundle's; read by `configure`"),
-    'hot_path': Described('auto', "whether the middleware's callbacks take the messages: auto "
-                                  '(where this is known to work), on, off (they wake a thread '
-                                  'that does); read by `configure`'),
+    'hot_path': Described('auto', words.HOT_PATH),
     'handler_depth': Described(DEFAULT_HANDLER_DEPTH, words.HANDLER_DEPTH),
     'log_violations': Described(True, words.LOG_VIOLATIONS),
     'blackbox': Described('', words.BLACKBOX),
