@@ -38,7 +38,7 @@ from fret_monitor.bundle.inputs import BLOCK_KEYS, FIELD_KEYS, INPUT_KEYS, QOS_K
 from fret_monitor.bundle.reader import BUNDLE_KEYS, EVALUATION_KEYS
 from fret_monitor.bundle.requirements import REQUIREMENT_KEYS
 from fret_monitor.bundle.source_file import MAX_BYTES
-from fret_monitor.cli.main import _VERBS as VERBS
+from fret_monitor.cli.main import _VERBS as VERBS, main
 from fret_monitor.elaboration.durations import MAX_BOUND
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.logic.specification import Specification
@@ -323,6 +323,35 @@ def test_specs_in_commands_of_the_pages_are_found() -> None:
             if not is_there:
                 wrong.append(f'{page.name}: {spec}')
     assert wrong == []
+
+
+# What is added to an example that is a part of a bundle.
+REST = {'format': '1', 'requirements': '[{id: ADDED, ptltl: "speed > 0.0"}]',
+        'inputs': '{speed: {topic: odom, type: nav_msgs/msg/Odometry, '
+                  'field: twist.twist.linear.x, max_rate: 100}}'}
+
+
+def in_full(example: str) -> str:
+    """Return an example with the keys that it lacks."""
+    missing = [f'{key}: {value}' for key, value in REST.items()
+               if not re.search(f'^{key}:', example, re.MULTILINE)
+               and not (key == 'inputs' and 'signals:' in example)]
+    found = re.search(r'^  (\w+): \{topic:', example, re.MULTILINE)
+    read = found[1] if found else 'speed'
+    return '\n'.join([example, *missing]).replace('"speed >', f'"{read} >')
+
+
+@pytest.mark.parametrize('page', ['over_time', 'bundle', 'for_each', 'future', 'new'])
+def test_bundles_of_a_page_pass_check(
+        page: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    examples = re.findall(r'^```yaml\n(.*?)^```', text_of(f'{page}.md'), re.MULTILINE | re.DOTALL)
+    assert examples
+    for number, example in enumerate(examples):
+        name = re.match(r'# (\S+)\n', example)
+        file = tmp_path / (name[1] if name else f'{number}.yaml')
+        file.write_text(in_full(example), encoding='utf-8')
+        assert main(['check', str(file)]) == 0, capsys.readouterr().err
+        file.write_text(example, encoding='utf-8')  # as others share it
 
 
 # -- lines of the log, and statuses --------------------------------------------------------------

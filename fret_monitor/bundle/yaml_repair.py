@@ -22,7 +22,8 @@ their place and a label, and end the reading.
 
 import re
 
-from fret_monitor.model.diagnostics import Problems, Source, Span
+from fret_monitor.model.diagnostics import Problems, Source, Span, Text
+from fret_monitor.model.names import shown
 import yaml
 
 _MAX_REPAIRS = 50
@@ -83,6 +84,14 @@ def report_misread(source: Source, start: int, problems: Problems) -> None:
         label, help_ = 'put all of it in quotes, or add the missing comma', ''
     shown = source.text[start:_value_end(source, start)].partition('\n')[0].rstrip()
     problems.error(title, Span(source, start, start + len(shown)), label, help_)
+
+
+def report_comma(key: Text, span: Span, problems: Problems) -> None:
+    """Report the value of a key in braces that a comma cuts; `span` is what YAML read of it."""
+    written = value_as_written(span.source, span.start)
+    problems.error('a comma ends a value in braces', span,
+                   f'put the value of {shown(key.value)} in quotes',
+                   quoted_line(span.source, span.start, written))
 
 
 def value_as_written(source: Source, start: int) -> str:

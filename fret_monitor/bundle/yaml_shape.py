@@ -27,7 +27,7 @@ import re
 from typing import TypeVar
 
 from fret_monitor.bundle.yaml_repair import (
-    LACKS_SPACE, quoted_line, report_lacking_space, value_as_written,
+    LACKS_SPACE, report_comma, report_lacking_space,
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import (
@@ -201,12 +201,10 @@ def _report_comma(mapping: YamlMapping, known: tuple[str, ...], problems: Proble
         return False
     for (before, cut), (key, node) in zip(mapping.entries, mapping.entries[1:], strict=False):
         if (isinstance(node, YamlScalar) and node.is_missing and key.value not in known
-                and isinstance(cut, YamlScalar) and not cut.style):
-            source, start = cut.span.source, cut.span.start
-            problems.error(
-                'a comma ends a value in braces', Span(source, start, key.span.end),
-                f'put the value of {shown(before.value)} in quotes',
-                quoted_line(source, start, value_as_written(source, start)))
+                and not (isinstance(cut, YamlScalar) and cut.style)):
+            if isinstance(cut, YamlScalar):
+                span = Span(cut.span.source, cut.span.start, key.span.end)
+                report_comma(before.text, span, problems)
             return True
     return False
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 import re
 from typing import Protocol, TypeAlias
 
-from fret_monitor.bundle.yaml_repair import report_misread, YamlRepair
+from fret_monitor.bundle.yaml_repair import report_comma, report_misread, YamlRepair
 from fret_monitor.bundle.yaml_text import scalar_text
 from fret_monitor.model.diagnostics import Problems, Source, Span, Text
 from fret_monitor.model.names import shown
@@ -261,6 +261,8 @@ class _TreeBuilder:
     def _marked(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> Node:
         """Refuse a node with a tag or an anchor."""
         span = self._span(event)
+        if self._is_cut(span):
+            return Unread(span)
         if event.anchor:
             self._anchors.add(event.anchor)
         match = _MARK.match(self.source.text, span.start)
@@ -274,6 +276,22 @@ class _TreeBuilder:
         else:
             report_misread(self.source, span.start, self.problems)
         return Unread(span)
+
+    def _is_cut(self, mark: Span) -> bool:
+        """Report `f(1, !p)` in braces, of which YAML makes a value and a key with a tag."""
+        if not self._open or not isinstance(self._open[-1].event, yaml.MappingStartEvent):
+            return False
+        items = self._open[-1].items
+        if not self._open[-1].event.flow_style or not items or len(items) % 2:
+            return False
+        first = len(items) - 1
+        while first > 1 and isinstance(rest := items[first], YamlScalar) and rest.is_missing:
+            first -= 2
+        key, value = items[first - 1:first + 1]
+        if isinstance(key, YamlScalar) and isinstance(value, YamlScalar) and not value.style:
+            report_comma(key.text, Span(self.source, value.span.start, mark.end), self.problems)
+            items[first:] = [Unread(value.span)]
+        return isinstance(items[first], Unread)  # which was reported
 
 
 class _Mark(Protocol):
