@@ -36,6 +36,7 @@ from fret_monitor.bag.routes import matches, Routes, Target
 from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
+from fret_monitor.model.made import MadeKind
 from fret_monitor.model.manifest import (
     Manifest, ManifestInput, ManifestRequirement, ManifestTopic,
 )
@@ -366,9 +367,10 @@ class _Run:
     def _check_remaps(self) -> None:
         """Refuse a new name for a topic that the bundle does not have."""
         selection = self._selection
-        topics = {absolute(topic.name, selection.namespace): topic.name
-                  for index, topic in enumerate(self._manifest.topics)
-                  if index not in self._manifest.made}
+        named = [topic.name for topic in self._manifest.received] + [
+            made.names[0] for made in self._manifest.in_graph.values()
+            if made.kind is not MadeKind.NODE]
+        topics = {absolute(name, selection.namespace): name for name in named}
         for old, new in selection.remaps.items():
             if absolute(old, selection.namespace) not in topics:
                 refuse(f"--remap {old}:={new}: the bundle has no topic '{old}'",

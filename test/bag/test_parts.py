@@ -200,7 +200,7 @@ def test_a_message_that_is_cut_off_is_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('source', [
-    'node: /controller', 'publishers: /scan', 'subscribers: /scan'])
+    'node: /controller', 'publishers: scan', 'subscribers: /robot/scan'])
 def test_what_only_a_graph_has_is_refused_beside_what_a_recording_has(
         tmp_path: Path, source: str, capsys: pytest.CaptureFixture[str]) -> None:
     text = ASKED.replace('POLICY', 'timed').replace('\nevaluation', f'\n  seen: {{{source}}}'
@@ -210,5 +210,10 @@ def test_what_only_a_graph_has_is_refused_beside_what_a_recording_has(
                       encoding='utf-8')
     recording = write(tmp_path / 'recording', random_records(0)[0])
     assert main(['bag', '--namespace', '/robot', str(bundle), str(recording)]) == 1
-    assert 'is not in a recording, which has no graph of ROS: read a topic instead' in \
-        capsys.readouterr().err
+    refused = 'is not in a recording, which has no graph of ROS: read a topic instead'
+    assert refused in capsys.readouterr().err
+    assert main(['bag', '--namespace', '/robot', str(bundle), str(recording),
+                 '--remap', 'scan:=/front/scan']) == 1
+    err = capsys.readouterr().err
+    assert (refused in err) == ('scan' in source), err
+    assert ("the bundle has no topic 'scan'" in err) == ('scan' not in source)
