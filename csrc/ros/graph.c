@@ -204,6 +204,8 @@ static void note_asked(struct fm_graph * graph, struct watched * item, int64_t n
     note_absence(graph, item, now);
   } else if (item->n_nodes != item->n_before) {
     fm_question_begin(&item->question, now);
+  } else {
+    fm_question_repeat(&item->question, now);
   }
   item->n_before = item->n_nodes;
 }

@@ -62,6 +62,13 @@ void fm_question_begin(struct fm_question * question, int64_t now)
   question->next = now;
 }
 
+void fm_question_repeat(struct fm_question * question, int64_t now)
+{
+  if (question->is_asked) {
+    question->next = now;
+  }
+}
+
 void fm_question_end(struct fm_question * question)
 {
   question->is_wanted = question->is_asked = false;
@@ -121,15 +128,25 @@ static void take_answer(
     now + (question->n_answers < 2u ? FM_QUESTION_SECOND_NS : FM_QUESTION_AGAIN_NS);
 }
 
+static void ask(struct fm_question * question, int64_t now)
+{
+  if (question->is_asked) {
+    fm_call_repeat(&question->call);
+  } else {
+    fm_call_begin(&question->call, now + FM_QUESTION_PATIENCE_NS);
+  }
+  question->is_asked = true;
+  question->next = now + FM_QUESTION_SECOND_NS;
+}
+
 int64_t fm_question_look(
   struct fm_question * question, struct fm_engine * engine, int64_t now, int64_t received)
 {
   if (!question->is_wanted) {
     return INT64_MAX;
   }
-  if (!question->is_asked && now >= question->next) {
-    fm_call_begin(&question->call, now + FM_QUESTION_PATIENCE_NS);
-    question->is_asked = true;
+  if (now >= question->next) {
+    ask(question, now);
   }
   if (!question->is_asked) {
     return question->next;
@@ -143,7 +160,8 @@ int64_t fm_question_look(
   } else if (state != FM_CALL_WAITS) {
     fm_engine_note_fault(engine, question->topic, FM_NO_ANSWER);
     question->is_asked = false;
-    question->next = now + FM_QUESTION_SECOND_NS;
+    question->next =
+      now + (state == FM_CALL_NO_ANSWER ? FM_QUESTION_POLL_NS : FM_QUESTION_SECOND_NS);
   }
   return question->is_asked ? now + FM_QUESTION_POLL_NS : question->next;
 }

@@ -16,7 +16,9 @@
 ///
 /// Messages about the same say it later than an answer, which is on its way meanwhile: after one
 /// of them the question is asked anew. It is asked when the node has come, a second later, since
-/// its messages may not have been received before, and then every FM_QUESTION_AGAIN_NS.
+/// its messages may not have been received before, and then every FM_QUESTION_AGAIN_NS. Without an
+/// answer it is asked again each second, and when the graph changes: a node that was killed still
+/// has a server for a while, and that of the next one may not be known yet.
 /// Nothing waits. One thread at a time.
 
 #ifndef QUESTION_H_
@@ -40,7 +42,7 @@ struct fm_question
   bool is_asked;
   uint32_t n_answers;     // since the node has come
   uint64_t events;        // of the topic, when it was asked
-  int64_t next;           // when it is asked
+  int64_t next;           // when it is asked; when again, while it is
 };
 
 /// Make a question: lifecycle_msgs/srv/GetState, or with a parameter's name
@@ -53,6 +55,9 @@ FM_INTERNAL void fm_question_free(struct fm_question * question);
 
 /// The node has come, or another with its name has. O(1).
 FM_INTERNAL void fm_question_begin(struct fm_question * question, int64_t now);
+
+/// Something else in the graph has changed: without an answer it is asked again. O(1).
+FM_INTERNAL void fm_question_repeat(struct fm_question * question, int64_t now);
 
 /// The node has gone. O(1).
 FM_INTERNAL void fm_question_end(struct fm_question * question);

@@ -195,11 +195,21 @@ static bool take(struct fm_call * call)
     if (call->functions->take(call->service->client, &info, call->response.memory, &taken) != 0) {
       call->functions->forget_error();
     }
-    if (taken && info.sequence_number == call->sequence) {
+    if (taken && info.sequence_number >= call->sequence) {
       return true;
     }
   }
   return false;
+}
+
+void fm_call_repeat(struct fm_call * call)
+{
+  int64_t sequence = 0;
+  if (call->is_sent &&
+    call->functions->send(call->service->client, call->request.memory, &sequence) != 0)
+  {
+    call->functions->forget_error();
+  }
 }
 
 enum fm_call_state fm_call_look(struct fm_call * call, int64_t now)

@@ -133,7 +133,7 @@ struct fm_call
   const struct fm_service_client * service;
   struct fm_typed_message request;
   struct fm_typed_message response;
-  int64_t sequence;
+  int64_t sequence;  // of the first request; repeated ones have greater ones
   int64_t until;
   bool is_sent;
 };
@@ -160,6 +160,10 @@ FM_INTERNAL void fm_call_free(struct fm_call * call);
 
 /// Begin a call; it ends at a time of CLOCK_MONOTONIC, or before. O(1).
 FM_INTERNAL void fm_call_begin(struct fm_call * call, int64_t until);
+
+/// Send the request once more, if it has been sent: to a server that has come meanwhile, too. The
+/// first response to any of them is the answer. O(1).
+FM_INTERNAL void fm_call_repeat(struct fm_call * call);
 
 /// Send the request once there is a server, and look for the response; to be called until it does
 /// not wait any more. O(responses that wait).

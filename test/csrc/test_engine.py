@@ -137,7 +137,8 @@ def sanitized(request: pytest.FixtureRequest) -> Sanitized:
     return found
 
 
-@pytest.mark.parametrize('name', ['engine_threads', 'receivers', 'relay', 'locks', 'actions'])
+@pytest.mark.parametrize('name', [
+    'engine_threads', 'receivers', 'relay', 'locks', 'actions', 'questions'])
 def test_threads(sanitized: Sanitized, name: str) -> None:
     program = sanitized.program(name)
     for _ in range(max(1, EXAMPLES // 50)):
