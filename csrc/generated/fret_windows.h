@@ -161,6 +161,21 @@ static inline double fm_slope_at(
   return *slope;
 }
 
+/// The change of x between the last two steps at which `at` holds, per second, with a step
+/// every `period` ns; 0 before the second. last[0]: the ns since the last such one, 0 before the
+/// first; last[1]: as above.
+static inline double fm_slope(double * slope, int64_t * last, double x, bool at, int64_t period)
+{
+  if (at) {
+    const double seconds = (double)last[0] / 1e9;
+    *slope = last[0] == 0 ? 0.0 : (x - fm_number_f64(last[1])) / seconds;
+    last[0] = 0;
+    last[1] = fm_word_f64(x);
+  }
+  last[0] += (at || last[0] > 0) ? period : 0;
+  return *slope;
+}
+
 /// Whether p held at `least` or more of the last `past` ticks; 0 < least <= past. The entries are
 /// the first and last ticks of intervals in which p holds, FM_NEVER while it does.
 /// queue[4 + 2 * capacity]: the ticks of those that are over.

@@ -40,7 +40,7 @@ from fret_monitor.program.monitor_program import MonitorProgram, room_of
 _FILE_EQUATIONS = 3000
 _BLOCK_EQUATIONS = 600
 _USE_OF_MATH_H = re.compile(rf'\b({"|".join(sorted(OF_MATH_H))})\b')
-_USE_OF_WINDOWS_H = re.compile(r'\bfm_(number|of_key|exact|time_over|slope)_')
+_USE_OF_WINDOWS_H = re.compile(r'\bfm_((number|of_key|exact|time_over)_|slope)')
 WINDOWS_HEADER = 'fret_windows.h'
 """The runtime header of the cells of numbers over time, which includes the others."""
 _HEADERS = ('fret_monitor.h', 'fret_cells.h', WINDOWS_HEADER)

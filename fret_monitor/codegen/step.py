@@ -282,9 +282,7 @@ class PartWriter:
                 return c.Apply('fm_exact_mean', (exact,)) if operation.is_mean \
                     else c.Apply('fm_exact_quotient', (exact, c.Atom('1u')))
             case SlopeBetween():
-                state = (c.Atom(f'&s->number_{index}'), c.Atom(f's->queue_{index}'))
-                return c.Apply('fm_slope_at', (*state, *map(self._operand, operands(operation)),
-                                               *_AT))
+                return self._slope(operation, index)
             case Tally():
                 return c.Apply('fm_tally', (c.Atom(f'&s->number_{index}'),
                                             *map(self._operand, operands(operation))))
@@ -370,6 +368,12 @@ class PartWriter:
                     ((self._operand(cell.at),) if cell.room else ())
                     + (self._word(cell.argument),))
                 return sums if is_float else self._number(index, sums)
+
+    def _slope(self, cell: SlopeBetween, index: int) -> c.CExpression:
+        arguments = (c.Atom(f'&s->number_{index}'), c.Atom(f's->queue_{index}'),
+                     *map(self._operand, operands(cell)))
+        return c.Apply('fm_slope_at', (*arguments, *_AT)) if self._group.is_timed \
+            else c.Apply('fm_slope', (*arguments, _int64(cell.step)))
 
     def _with_room(self, function: str, state: tuple[c.CExpression, ...], past: int,
                    room: Room | None, arguments: tuple[c.CExpression, ...]) -> c.Apply:

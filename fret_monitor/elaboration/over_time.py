@@ -114,7 +114,7 @@ def _change(call: Application) -> Formula:
 def _derivative(call: Application) -> Formula:
     number = _number(call, ValueType.FLOAT64)
     if call.scale.is_timed:
-        return Slope(number, _messages(call, number))
+        return Slope(number, _messages(call, number), 1)
     if call.scale.policy is not Policy.PERIODIC:
         return _between_messages(call, number)
     change = Binary(BinaryOperator.SUB, number, Previous(_ZERO, number))

@@ -24,34 +24,21 @@ from dataclasses import replace
 
 from fret_monitor.logic.specification import Property
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace, value_at
-from fret_monitor.model.policies import InputSource
+from fret_monitor.traces.receptions import with_instants
 from fret_monitor.traces.search import Examples, Recovery
 from fret_monitor.traces.subject import Subject
-from fret_monitor.traces.trace import length, Row, rows_of, Trace
+from fret_monitor.traces.trace import length, rows_of, Trace
 
 _LONGEST = 5_000  # steps; longer examples are not drawn either
 
 
 def verdicts_in_time(item: Property, subject: Subject, trace: Trace, grid: int) -> list[bool]:
     """Return the verdict at each point of a grid; inputs that are receptions last a tick."""
-    pulses = [number for number, signal in enumerate(subject.signals)
-              if signal.source is InputSource.RECEIVED]
-    ticks: list[int] = []
-    rows: list[Row] = []
-    for step, row in enumerate(rows_of(trace)):
-        is_pulse = any(row[number] for number in pulses)
-        if rows and row == rows[-1] and not is_pulse:
-            continue
-        ticks.append(step * grid)
-        rows.append(row)
-        if is_pulse:
-            ticks.append(step * grid + 1)
-            rows.append(tuple(False if number in pulses else value
-                              for number, value in enumerate(row)))
+    ticks, rows = with_instants(
+        ((step * grid, row) for step, row in enumerate(rows_of(trace))), subject.signals)
     columns = {signal.name: [row[number] for row in rows]
                for number, signal in enumerate(subject.signals)}
-    end = (length(trace) - 1) * grid
-    timed = TimedTrace(ticks, columns, max(end, ticks[-1]))
+    timed = TimedTrace(ticks, columns, ticks[-1])
     history, = evaluate_timed([item.formula], timed, item.feedback)
     return [bool(value_at(history, step * grid)) for step in range(length(trace))]
 

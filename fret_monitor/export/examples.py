@@ -28,6 +28,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.traces.boundary import both_sides
 from fret_monitor.traces.csv_trace import LAST_TICK, seconds_text, TIME, trace_text
 from fret_monitor.traces.random_traces import Pools, random_traces
+from fret_monitor.traces.receptions import with_instants
 from fret_monitor.traces.trace import Row, Value
 
 _STEPS = 120
@@ -64,8 +65,9 @@ def _timed(specification: Specification, pools: Pools, rng: Random) -> tuple[str
     gaps = sorted({*_GAPS_NS, *(bound + offset for bound in bounds for offset in (-1, 0, 1)
                                 if 0 < bound <= LAST_TICK // _ROWS_IN_TIME)} - {0})
     times = list(accumulate([0, *(rng.choice(gaps) for _ in range(_ROWS_IN_TIME - 1))]))
-    times = [time for time in times if time <= LAST_TICK]
-    rows = [tuple(rng.choice(pool) for pool in pools) for _ in times]
+    drawn = [(time, tuple(rng.choice(pool) for pool in pools)) for time in times
+             if time < LAST_TICK]
+    times, rows = with_instants(drawn, specification.signals)
     trace = TimedTrace(times, _columns(specification.signals, rows), times[-1])
     histories = [evaluate_timed([item.formula], trace, item.feedback)[0]
                  for item in specification.properties]

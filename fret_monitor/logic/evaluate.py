@@ -37,6 +37,8 @@ from fret_monitor.model.values import ValueType
 Trace: TypeAlias = Mapping[str, Sequence[Value]]
 Equations: TypeAlias = Sequence[tuple[Feedback, Formula]]
 
+_NO_END = 2 ** 63
+
 _Columns: TypeAlias = dict[Formula, list[Value]]
 _Rule: TypeAlias = Callable[[int], Value]
 
@@ -137,7 +139,7 @@ def _rule(node: Formula, columns: _Columns, trace: Trace,
         case Held():
             return _held(columns[node.condition], columns[node.argument])
         case Slope():
-            return _slope(columns[node.argument], columns[node.at], None)
+            return _slope(columns[node.argument], columns[node.at], range(0, _NO_END, node.step))
         case MessageSlope():
             return _slope(columns[node.argument], columns[node.at], columns[node.time])
         case TimeOver():
@@ -198,11 +200,11 @@ def _over(node: Over, x: list[Value], at: list[Value]) -> _Rule:
     return value_at
 
 
-def _slope(x: list[Value], at: list[Value], time: list[Value] | None) -> _Rule:
+def _slope(x: list[Value], at: list[Value], time: Sequence[Value]) -> _Rule:
     def value_at(t: int) -> Value:
         steps = [k for k in range(t + 1) if at[k]][-2:]
         return 0.0 if len(steps) < 2 else slope(
-            *((k if time is None else time[k], x[k]) for k in steps))
+            *((time[k], x[k]) for k in steps))
 
     return value_at
 

@@ -338,13 +338,14 @@ class Held(_Node):
 @dataclass(frozen=True, eq=False, repr=False)
 class Slope(_Node):
     """
-    The change of `argument` between the last two steps at which `at` held, per 10^9 steps.
+    The change of `argument` between the last two steps at which `at` held, per second.
 
-    0.0 before the second one. FLOAT64; only under the policy timed, where it is per second.
+    A step has `step` nanoseconds; under the policy timed, one. 0.0 before the second one. FLOAT64.
     """
 
     argument: 'Formula'
     at: 'Formula'
+    step: int
 
     @property
     def type(self) -> ValueType:

@@ -22,6 +22,7 @@ it, so it shares no code with `program` and `codegen`. Nodes without past have t
 `pointwise`, as those of `evaluate`, which takes each step.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -46,6 +47,7 @@ History: TypeAlias = list[tuple[int, Value]]
 _Spans: TypeAlias = list[tuple[int, int]]
 
 _MAX_FEEDBACK_CHANGES = 4_000
+_MAX_MESSAGES = 200_000
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,7 @@ def _evaluate(node: Formula, arguments: Sequence[History], trace: TimedTrace) ->
         case Slope():
             ticks = _expanded(_true(arguments[1], end))
             pairs = pairwise(zip(ticks, _sampled(arguments[0], ticks), strict=True))
+            assert node.step == 1
             return _canonical([(0, 0.0), *((now[0], slope(before, now)) for before, now in pairs)])
         case MessageSlope():
             ticks = _expanded(_true(arguments[1], end))
@@ -247,13 +250,17 @@ def _over(node: Over, argument: History, at: _Spans, end: int) -> History:
         values = _sampled(argument, ticks)
         spans = [(tick, tick, value) for tick, value in zip(ticks, values, strict=True)]
     compute = aggregate(node)
-    edges = {0}.union(*({first, last + node.past + 1} for first, last, _ in spans))
-    return _canonical((tick, compute([value for first, last, value in spans
-                                      if first <= tick <= last + node.past]))
+    starts, ends = [first for first, _, _ in spans], [last for _, last, _ in spans]
+    edges = {0}.union(starts, (last + node.past + 1 for last in ends))
+    return _canonical((tick, compute([value for _, _, value in spans[
+        bisect_left(ends, tick - node.past):bisect_right(starts, tick)]]))
                       for tick in sorted(edges) if tick <= end)
 
 
 def _expanded(spans: _Spans) -> list[int]:
+    """Return each tick of some intervals, which are those of messages: short."""
+    if sum(last - first + 1 for first, last in spans) > _MAX_MESSAGES:
+        raise TraceError(f'messages come at more than {_MAX_MESSAGES} ticks')
     return [tick for first, last in spans for tick in range(first, last + 1)]
 
 

@@ -318,8 +318,8 @@ class _GroupBuilder:
             case Held():
                 return self._held(node)
             case Slope():
-                return self._windowed(SlopeBetween(self.operand[node.argument],
-                                                   self.operand[node.at]), node.type)
+                return self._windowed(SlopeBetween(
+                    self.operand[node.argument], self.operand[node.at], node.step), node.type)
             case MessageSlope():
                 meaning = slope_by_times(node)
                 self.define([meaning])

@@ -314,13 +314,15 @@ class TimeAtLeast:
 @dataclass(frozen=True)
 class SlopeBetween:
     """
-    The change of a float64 between the last two ticks at which `at` held, per second.
+    The change of a float64 between the last two steps at which `at` held, per second.
 
-    Only in groups that step at ticks. The slope, the last such tick and the number there.
+    A step has `step` nanoseconds, one in groups that step at ticks. The slope, the last such tick
+    (else the steps since), and the number there.
     """
 
     argument: Operand
     at: Operand
+    step: int
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.pointwise import TraceError
 from fret_monitor.logic.specification import Signal
 from fret_monitor.logic.timed import evaluate_timed, History, TimedTrace, value_at
-from fret_monitor.model.policies import InputSource
 from fret_monitor.testgen.obligations import Equations
-from fret_monitor.traces.trace import joined, length, Row, rows_of, Trace
+from fret_monitor.traces.receptions import with_instants
+from fret_monitor.traces.trace import joined, Row, rows_of, Trace
 
 _LONGEST_STEPS = 2000  # for the reference that takes each step
 
@@ -74,21 +74,9 @@ def recorded(trace: Trace, signals: Sequence[Signal], grid: int | None) -> Recor
             starts.append(step)
             step += run.steps
         return Recorded(tuple(starts), tuple(run.row for run in runs), step - 1)
-    pulses = [place for place, signal in enumerate(signals)
-              if signal.source is InputSource.RECEIVED]
-    ticks: list[int] = []
-    rows: list[Row] = []
-    for number, row in enumerate(rows_of(trace)):
-        is_pulse = any(row[place] for place in pulses)
-        if rows and repr(row) == repr(rows[-1]) and not is_pulse:
-            continue
-        ticks.append(number * grid)
-        rows.append(row)
-        if is_pulse:
-            ticks.append(number * grid + 1)
-            rows.append(tuple(False if place in pulses else value
-                              for place, value in enumerate(row)))
-    return Recorded(tuple(ticks), tuple(rows), max((length(trace) - 1) * grid, ticks[-1]))
+    ticks, rows = with_instants(
+        ((number * grid, row) for number, row in enumerate(rows_of(trace))), signals)
+    return merged(Recorded(tuple(ticks), tuple(rows), ticks[-1]))
 
 
 def history(formula: Formula, feedback: Equations, names: Sequence[str],
@@ -113,7 +101,11 @@ def is_met(goal: Formula, feedback: Equations, names: Sequence[str], trace: Reco
 
 
 def moved(trace: Recorded, grid: int) -> Iterator[Recorded]:
-    """Yield traces that end, or whose last rows come, up to a step of the grid from there."""
+    """
+    Yield traces that end, or whose last rows come, up to a step of the grid from there.
+
+    What lasts a nanosecond stays that short: it may be a reception.
+    """
     offsets = (1, -1, 1 - grid, grid - 1, grid)
     for shifted in (trace, *_shifted(trace, offsets)):
         for offset in (0, *offsets):
@@ -123,6 +115,8 @@ def moved(trace: Recorded, grid: int) -> Iterator[Recorded]:
 
 def _shifted(trace: Recorded, offsets: Sequence[int]) -> Iterator[Recorded]:
     for place in range(len(trace.ticks) - 1, 0, -1):
+        if trace.ticks[place] == trace.ticks[place - 1] + 1:
+            continue
         for offset in offsets:
             ticks = (*trace.ticks[:place], *(tick + offset for tick in trace.ticks[place:]))
             if ticks[place] > ticks[place - 1]:

@@ -26,7 +26,8 @@ from math import gcd
 from typing import assert_never
 
 from fret_monitor.logic.formula import (
-    Ago, Formula, Historically, Once, Over, postorder, rebuilt, Since, TimeOver, Triggered, Window,
+    Ago, Formula, Historically, Once, Over, postorder, rebuilt, Since, Slope, TimeOver, Triggered,
+    Window,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.times import NANOSECONDS
@@ -74,6 +75,8 @@ def sampled_formulas(roots: Iterable[Formula], grid: int) -> dict[Formula, Formu
             changed = type(changed)(_window(changed.window, grid), changed.left, changed.right)
         elif isinstance(changed, Over | Ago | TimeOver):
             changed = _narrowed(changed, grid)
+        elif isinstance(changed, Slope):
+            changed = Slope(changed.argument, changed.at, grid)
         found[node] = changed
     return found
 

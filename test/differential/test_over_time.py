@@ -87,9 +87,11 @@ def comparisons(past: int, at: Formula) -> Iterator[Formula]:
         time = as_term(Variable('x_int32', ValueType.INT32), ValueType.INT64)
         yield less(MessageSlope(X, P, time), Y)
         yield equal(MessageSlope(X, TRUE, time), Previous(number(0.0), Y))
+        yield less(Slope(X, P, 10_000_000), Y)
+        yield less(Slope(X, TRUE, 1), Y)
     else:
-        yield less(Slope(X, at), Y)
-        yield equal(Slope(Slope(X, at), at), Previous(number(0.0), Slope(X, at)))
+        yield less(Slope(X, at, 1), Y)
+        yield equal(Slope(Slope(X, at, 1), at, 1), Previous(number(0.0), Slope(X, at, 1)))
     for count in (0, 1, 3, past // 2):
         yield less(number(count, ValueType.INT64), Over(Aggregate.COUNT, past, P, at))
     for least in {0, 1, 2, past // 2, past - 1, past, past + 1}:

@@ -111,7 +111,7 @@ class TimedFormulaMaker(FormulaMaker):
 
     def _mathematics(self) -> Formula:
         if self._draw(2):
-            return Slope(self.term(ValueType.FLOAT64, 3), self.messages())
+            return Slope(self.term(ValueType.FLOAT64, 3), self.messages(), 1)
         return super()._mathematics()
 
     def window(self) -> Window:

@@ -25,6 +25,7 @@ from differential.test_clean_c import has_sanitizers
 from fret_monitor.build import build, generate_monitor, read
 from fret_monitor.export.c99 import c99
 from fret_monitor.export.content import Options
+from fret_monitor.export.examples import example
 from fret_monitor.export.folder import assemble, renamed, write_export
 from fret_monitor.traces.simulate import simulate
 import pytest
@@ -246,3 +247,18 @@ def test_cmake_builds_tests_and_installs_a_package_of_any_name(tmp_path: Path) -
         '  test_reset(&state);\n  return block[0];\n}\n')
     run('-S', tmp_path, '-B', tmp_path / 'robot', f'-DCMAKE_PREFIX_PATH={tmp_path / "prefix"}')
     run('--build', tmp_path / 'robot')
+
+
+def test_messages_come_at_instants_in_the_example_of_windows_of_numbers(tmp_path: Path) -> None:
+    bundle, trace, verdicts = (tmp_path / name for name in ('b.yaml', 'trace.csv', 'verdicts.csv'))
+    bundle.write_text(
+        'format: 1\nevaluation: {policy: timed}\ninputs: {x: {type: float64, max_rate: 20}}\n'
+        'requirements:\n- {id: MEAN, ptltl: "meanOver(4 s, x) <= 5"}\n'
+        '- {id: SLOPE, ptltl: "abs(derivative(x)) <= 2"}\n'
+        '- {id: COUNT, ptltl: "countOver(4 s, x > 3) <= 0"}\n')
+    rows, expected = example(generate_monitor(read(bundle)))
+    trace.write_text(rows)
+    simulate(build(bundle).monitor, trace, verdicts)
+    assert verdicts.read_text() == expected
+    _, *columns = zip(*(line.split(',') for line in expected.splitlines()[1:]), strict=True)
+    assert all({*column} == {'0', '1'} for column in columns)

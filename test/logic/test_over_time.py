@@ -24,6 +24,7 @@ from fret_monitor.logic.formula import (
     Aggregate, Ago, Binary, BinaryOperator, Formula, Held, Historically, Once, Over, Slope,
     TimeOver, TRUE, Variable, Window,
 )
+from fret_monitor.logic.pointwise import TraceError
 from fret_monitor.logic.timed import evaluate_timed, TimedTrace
 from fret_monitor.model.values import ValueType
 import pytest
@@ -119,7 +120,7 @@ def test_nanoseconds_are_steps() -> None:
         *(Over(aggregate, past, X, TRUE if aggregate.is_extreme else AT)
           for aggregate in Aggregate if aggregate is not Aggregate.COUNT for past in (0, 1, 5)),
         *(Over(Aggregate.COUNT, past, P, AT) for past in (0, 1, 5)),
-        *(Ago(past, X) for past in (0, 1, 5)), Held(P, X), Slope(X, AT),
+        *(Ago(past, X) for past in (0, 1, 5)), Held(P, X), Slope(X, AT, 1),
         *(TimeOver(past, least, P) for past in (1, 2, 7) for least in (0, 1, 2, 5, 8))]
     for formula in formulas:
         history = dict(evaluate_timed([formula], trace)[0])
@@ -127,3 +128,10 @@ def test_nanoseconds_are_steps() -> None:
         for t, expected in enumerate(evaluate(formula, columns)):
             value = history.get(t, value)
             assert repr(value) == repr(expected)
+
+
+@pytest.mark.parametrize('formula', [Over(Aggregate.MEAN, 5, X, AT), Slope(X, AT, 1)])
+def test_a_message_that_lasts_a_second_is_refused(formula: Formula) -> None:
+    trace = TimedTrace([0, 10 ** 9], {'x': [1.0, 2.0], 'at': [True, False]}, 2 * 10 ** 9)
+    with pytest.raises(TraceError, match='messages come at more than'):
+        evaluate_timed([formula], trace)

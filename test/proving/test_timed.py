@@ -141,7 +141,7 @@ MEAN = below_one(Over(Aggregate.MEAN, 5, D, P))
     (MEAN, 'in->p, fm_word', 'true, fm_word', 'verdict of R-0'),
     (MEAN, 'fm_exact_mean(s->sum_2)', 'fm_exact_quotient(s->sum_2, 1u)', 'verdict of R-0'),
     (below_one(Ago(5, D)), 'tick, &next)', 'tick - 1, &next)', 'verdict of R-0'),
-    (below_one(Slope(D, P)), 'in->p, tick', 'true, tick', 'verdict of R-0'),
+    (below_one(Slope(D, P, 1)), 'in->p, tick', 'true, tick', 'verdict of R-0'),
     (TimeOver(5, 2, P), 'INT64_C(2)', 'INT64_C(3)', 'verdict of R-0'),
     (TimeOver(5, 2, P), '  return next;', '  return FM_NEVER;', 'next tick'),
 ])

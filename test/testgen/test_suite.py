@@ -25,7 +25,7 @@ from fret_monitor.logic.propositions import propositions
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.testgen import suite as suite_module
 from fret_monitor.testgen.obligations import Kind
-from fret_monitor.testgen.recorded import history, Recorded
+from fret_monitor.testgen.recorded import history, moved, Recorded
 from fret_monitor.testgen.suite import Case, CoverageAnswer, Covered, make_suite, Suite
 from fret_monitor.traces import search
 from fret_monitor.traces.trace import Value
@@ -306,6 +306,16 @@ def test_windows_of_numbers_have_traces_under_timed(tmp_path: Path) -> None:
     assert {'MAX', 'MEAN'} <= {each.requirement for each in found.covered}
     assert any(each.answer is CoverageAnswer.COVERED for each in found.covered
                if each.requirement == 'MAX')
+
+
+def test_a_message_of_a_trace_that_is_moved_takes_one_nanosecond() -> None:
+    trace = Recorded((0, 50, 51, 100, 101), ((False,), (True,), (False,), (True,), (False,)), 101)
+    candidates = list(moved(trace, 50))
+    assert len({candidate.ticks for candidate in candidates}) > 5
+    for candidate in candidates:
+        starts = [tick for tick, row in zip(candidate.ticks, candidate.rows, strict=True)
+                  if row == (True,)]
+        assert [tick + 1 for tick in starts] == [candidate.ticks[2], candidate.ticks[4]]
 
 
 def test_when_the_time_is_over_the_answers_are_marked(

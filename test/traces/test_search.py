@@ -18,9 +18,13 @@ from random import Random
 
 from explain.examples import bundle, examined, reference
 import facts
+from fret_monitor.bundle.reader import parse_bundle
+from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.finality import is_final
+from fret_monitor.model.diagnostics import Source
 from fret_monitor.traces import search
+from fret_monitor.traces.sampled import grid_of, sampled
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
 from fret_monitor.traces.trace import length
@@ -159,3 +163,18 @@ def test_the_72_template_keys_whose_false_means_not_yet_recover(tmp_path: Path) 
         assert (found.recovery is Recovery.POSSIBLE) == (timing in late), subject.item.id
         assert found.satisfying is not None
         assert found.violating is not None
+
+
+@pytest.mark.parametrize('alone', [
+    'abs(derivative(x)) <= 2', 'meanOver(4 s, x) <= 9', 'sumOver(4 s, x) <= 9',
+    'maxOver(4 s, x) <= 9', 'minOver(4 s, x) <= 9', 'abs(changeOver(4 s, x)) <= 2',
+    'countOver(4 s, x > 9) <= 3', 'timeOver(4 s, x > 9) <= 2', 'heldAt(x > 9, x) <= 12',
+])
+def test_a_function_over_time_alone_is_searched_on_a_grid(alone: str) -> None:
+    specification, _ = specify(parse_bundle(Source('b.yaml', (
+        'format: 1\nevaluation: {policy: timed}\ninputs: {x: {type: float64, max_rate: 20}}\n'
+        f'requirements: [{{id: A, ptltl: "{alone}"}}]\n')), Path()))
+    item, = specification.properties
+    subject, = subjects(specification, [sampled(item, grid_of(item))])
+    found = find_examples(subject, Budget())
+    assert found.satisfying and found.violating

@@ -101,7 +101,7 @@ def windows_at_ticks() -> Specification:
     properties = [property_of(f'W-{number}', item)
                   for number, item in enumerate([*terms, Yesterday(P), FTP, Once(ALWAYS, P),
                                                  TimeOver(200, 100, P),
-                                                 less_than_one(Slope(X, P))])]
+                                                 less_than_one(Slope(X, P, 1))])]
     return at_ticks(specification_of(properties, (P, Q, X)))
 
 
