@@ -23,6 +23,7 @@ from bundles import write_bundle
 import pytest
 from ros.harness import NodeProcess, Partner
 from ros.test_asked import both, Watcher
+from strategies import thorough
 
 pytest.importorskip('diagnostic_msgs.msg')
 
@@ -90,6 +91,7 @@ def expect_all(watcher: Watcher) -> None:
     watcher.expect(TOP, 'it has a value')
 
 
+@thorough
 def test_a_node_that_is_killed_is_missed_and_seen_when_it_is_started_again(
         partner: Partner, tmp_path: Path) -> None:
     watcher = Watcher(partner, IDS)
