@@ -118,6 +118,8 @@ class Start:
         self._environment = {
             **os.environ, 'PYTHONPATH': str(checkout), 'ROS_DOMAIN_ID': '77',
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        # Without bytecode, a start would compile the code of this package each time.
+        self._environment.pop('PYTHONDONTWRITEBYTECODE', None)
 
     def round(self) -> Mapping[str, float]:
         """Return the processor time (ms) of a process until the end of each part."""
