@@ -146,7 +146,7 @@ def test_a_user_without_a_safe_cache_folder_gets_a_clear_message(
         if folder != Path(tempfile.gettempdir()):
             folder.chmod(folder.stat().st_mode | 0o055)
     # Other users may have no access to Python's own folder: load it before changing the user.
-    code = ('import os, shutil, sys, tempfile\nfrom fret_monitor.native import *\n'
+    code = ('import logging, os, shutil, sys, tempfile\nfrom fret_monitor.native import *\n'
             'os.setgid(65534)\nos.setuid(65534)\n'
             'library = build_library({"toy.c": sys.argv[1]}, name="toy", headers={})\n'
             'print(cache_directory() in library.parents)')
