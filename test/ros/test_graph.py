@@ -25,6 +25,7 @@ import pytest
 from ros.exported import exported_bundle, running
 from ros.harness import NodeProcess, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Float32
+from strategies import thorough
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 
@@ -108,6 +109,47 @@ def test_what_comes_and_goes_in_the_graph_is_seen(
         may_miss=True, namespace='/robot'))
     assert found.errors == ()
     assert all(item.violations for item in found.findings if item.id in ('ALIVE', 'NEVER', 'ONE'))
+
+
+WAITED = """
+format: 1
+inputs:
+  late: {node: late, startup: 8, initial: true}
+  heard: {subscribers: cmd, startup: 8, initial: 7}
+  here: {node: /partner, timeout: 2, stale: violate}
+  scans: {publishers: scan, startup: 2, timeout: 2, stale: violate}
+  speed: {topic: /speed, type: std_msgs/msg/Float32}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: LATE, ptltl: late}
+  - {id: HEARD, ptltl: heard = 7}
+  - {id: EARLY, ptltl: late & heard = 7 -> speed < 1}
+  - {id: HERE, ptltl: here}
+  - {id: SCANS, ptltl: scans < 9}
+"""
+
+
+@thorough
+@pytest.mark.parametrize('kind', ['rclpy', 'rcl'])
+def test_startup_initial_values_and_timeouts_mean_what_they_mean_for_topics(
+        partner: Partner, tmp_path: Path, kind: str) -> None:
+    def wait_for(**expected: int) -> None:
+        wait_until(lambda: all(partner.heard[name] == number
+                               for name, number in expected.items()), f'{expected}')
+
+    speed = partner.publisher(Float32, '/speed', RELIABLE)
+    partner.listen('LATE', 'HEARD', 'EARLY', 'HERE', 'SCANS', publishers=0,
+                   prefix='/robot/copilot/handlerprop')
+    with node(kind, write_bundle(tmp_path, WAITED), '-r', '__ns:=/robot') as process:
+        partner.wait_for_listener(speed)
+        speed.publish(Float32(data=2.0))
+        wait_for(EARLY=1, HERE=1, SCANS=1)
+        scan = partner.publisher(Float32, '/robot/scan', RELIABLE)
+        wait_for(SCANS=2)
+        partner.node.destroy_publisher(scan)
+        process.wait_for('node late: nothing is there since the start')
+        speed.publish(Float32(data=2.0))
+        partner.expect({'LATE': 1, 'HEARD': 1, 'EARLY': 1, 'HERE': 1, 'SCANS': 3})
 
 
 def _named(partner: Partner) -> Any:

@@ -30,6 +30,9 @@ from ros import tf2_msgs
 from ros.exported import exported_bundle, running
 from ros.harness import LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header
+from strategies import thorough
 from transforms import LinkOf, links
 
 diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
@@ -172,3 +175,67 @@ def test_the_verdicts_are_those_of_bag_and_a_missing_link_is_named(
     found = check_recording(bundle, written, Selection())
     assert (found.errors, found.warnings) == ((), ())
     assert {item.id: item.violations or 0 for item in found.findings} == expected
+
+
+SINCE = """
+format: 1
+inputs:
+  x: {transform: {from: map, to: lidar}, field: translation.x}
+requirements:
+  - {id: EAST, ptltl: H x < 1}
+  - {id: SEEN, ptltl: x > 100}
+"""
+
+
+def moved(stamp: int, x: float, *children: str) -> Message:
+    """Return links at a time in seconds; the last one is x long."""
+    parents = {'odom': 'map', 'base': 'odom'}
+    return False, [LinkOf(stamp * 10**9, parents[child], child,
+                          [x if child == 'base' else 0.0, 0.0, 0.0], HERE) for child in children]
+
+
+class TimeOf:
+    """Publishes /clock until the node has its time."""
+
+    def __init__(self, partner: Partner) -> None:
+        self._clock = partner.publisher(Clock, '/clock')
+        self._alive = -1
+        partner.node.create_subscription(Header, 'fret_monitor/alive', self._take, RELIABLE)
+
+    def _take(self, header: Header) -> None:
+        self._alive = header.stamp.sec
+
+    def tell(self, seconds: int) -> None:
+        def is_told() -> bool:
+            clock = Clock()
+            clock.clock.sec = seconds
+            self._clock.publish(clock)
+            return self._alive == seconds
+        wait_until(is_told, f'/clock at {seconds}')
+
+
+@thorough
+@pytest.mark.parametrize('kind', ['rclpy', 'rcl'])
+def test_a_reset_keeps_all_links_and_a_clock_that_goes_back_only_static_ones(
+        partner: Partner, tmp_path: Path, kind: str) -> None:
+    here, time = Links(partner), TimeOf(partner)
+    with node(kind, write_bundle(tmp_path, SINCE), '-p', 'use_sim_time:=true') as process:
+        partner.listen('EAST', 'SEEN')
+        partner.wait_for_listener(here.moving, here.static)
+        time.tell(100)
+        here.send([(True, [STATIC])])
+        here.wait_for('topic /tf_static', b'\0', 'received')
+        here.send([moved(105, 0.0, 'odom'), moved(100, 2.0, 'odom', 'base'),
+                   moved(101, 0.0, 'base')])
+        partner.expect({'EAST': 2, 'SEEN': 2})
+        partner.reset()
+        here.send([moved(102, 0.0, 'base')])
+        partner.expect({'EAST': 2, 'SEEN': 3})
+        time.tell(10)
+        process.wait_for('time went back, to 10.000 s')
+        here.send([moved(10, 0.0, 'base')])
+        here.wait_for('transform map -> lidar', b'\1', 'no link between map and odom')
+        here.send([moved(11, 0.0, 'odom', 'base'),
+                   moved(12, 0.0, 'odom'), moved(12, 3.0, 'base')])
+        partner.expect({'EAST': 3, 'SEEN': 5})
+        here.wait_for('links of bundle', b'\0', 'taken')
