@@ -65,13 +65,13 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
         if declared:
             variables += [ComponentVariable(one.strip(), VariableRole.INPUT, declared[2])
                           for one in declared[1].split(',')]
+        elif (defined or section in ('FTSPEC', 'PTSPEC')) and (reason := _other_meaning(text)):
+            problems.warning(f'{file}: a formula is left out', place, *reason)
         elif defined:
             wording = Wording((Language.MLTL,), text[defined.end():].strip(),
                               f'{file}, {defined[1]}')
             variables.append(
                 ComponentVariable(defined[1], VariableRole.INTERNAL, assignments=(wording,)))
-        elif section in ('FTSPEC', 'PTSPEC') and (reason := _other_meaning(text)):
-            problems.warning(f'{file}: a formula is left out', place, *reason)
         elif section in ('FTSPEC', 'PTSPEC'):
             requirements.append(_requirement(section, text, file, len(requirements) + 1))
         else:

@@ -110,3 +110,10 @@ def test_what_both_read_alike_is_kept(formula: str, tmp_path: Path) -> None:
     text = f'INPUT a, b, c: bool; x: int;\nFTSPEC\n  {formula};\n'
     found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
     assert len(found.draft.requirements) == 1
+
+
+def test_a_definition_that_c2po_reads_otherwise_is_left_out(tmp_path: Path) -> None:
+    text = 'INPUT a, b, c: bool;\nDEFINE\n  chain = a -> b -> c;\nFTSPEC\n  a;\n'
+    found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
+    assert [item.span.line for item in found.warnings if 'left out' in item.title and item.span] \
+        == [3]
