@@ -15,8 +15,8 @@
 /// daba_lite.cpp: times a step of fm_greatest beside IBM's DABA Lite in C++, on the same values.
 ///
 /// DABALite.hpp is that of github.com/IBM/sliding-window-aggregators (cpp/src); it is no part of
-/// this project. Prints a row for each kind of values and length, in nanoseconds of processor time:
-/// the median of rounds in which the three take turns, and the median of the rounds' ratios.
+/// this project. Prints a row for each kind of values and length, in nanoseconds of processor
+/// time: the median of rounds in which the three take turns, and the median of the rounds' ratios.
 
 #include <time.h>
 

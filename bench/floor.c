@@ -23,7 +23,8 @@
 #include "fret_monitor.h"
 
 // -- the running example ------------------------------------------------------------------------
-// H (O[10,10] (trigger & !r) -> O[0,9] (FTP | r)), trigger = rising edge of persisted(10, overload)
+// H (O[10,10] (trigger & !r) -> O[0,9] (FTP | r)), trigger = rising edge of persisted(10,
+// overload)
 
 struct running_inputs
 {
@@ -59,7 +60,7 @@ static inline bool running_step(struct running * s, const struct running_inputs 
   return s->held;
 }
 
-// -- one operator over 1001 steps -----------------------------------------------------------------
+// -- one operator over 1001 steps ----------------------------------------------------------------
 
 struct pair_inputs
 {
@@ -95,7 +96,7 @@ static inline bool since_step(struct counter * s, const struct pair_inputs * in)
   return age <= 1000u;
 }
 
-// -- descriptions, so that the same loop times both -------------------------------------------------
+// -- descriptions, so that the same loop times both ----------------------------------------------
 
 #define COPIES 100u
 

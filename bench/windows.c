@@ -17,8 +17,8 @@
 ///
 /// Prints a row for each function and length, in nanoseconds: the mean of all steps, in processor
 /// time; then of steps that are timed one by one, with the cost of reading the clock, the median,
-/// the 99.99 % and the greatest, in which the machine may have done something else. The queue is O(1) on average and O(length) in the worst case; the running sum
-/// keeps errors for ever.
+/// the 99.99 % and the greatest, in which the machine may have done something else. The queue is
+/// O(1) on average and O(length) in the worst case; the running sum keeps errors for ever.
 
 #define _POSIX_C_SOURCE 200809L
 

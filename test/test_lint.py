@@ -91,6 +91,15 @@ def test_imports_are_ordered_as_ament_flake8_wants_them() -> None:
     assert wrong == []
 
 
+def test_lines_of_c_have_at_most_99_characters() -> None:
+    files = [path for folder in ('bench', 'csrc', 'examples', 'test')
+             for ending in ('c', 'cpp', 'h') for path in (ROOT / folder).rglob(f'*.{ending}')]
+    assert files
+    assert [f'{file}:{number}' for file in files if 'golden' not in file.parts
+            for number, line in enumerate(file.read_text(encoding='utf-8').splitlines(), start=1)
+            if len(line) > 99] == []
+
+
 @pytest.mark.parametrize('linter', sorted(AMENT))
 def test_the_linter_of_ros_reports_nothing(
     linter: str, monkeypatch: pytest.MonkeyPatch,

@@ -20,7 +20,8 @@
 /// Messages are published on the topics in turn. With `--echo` it subscribes to a topic of
 /// std_msgs/Empty, on which the subject answers each message in order. A latency is the time from
 /// just before a publish to just after the take of its answer, so that one clock of one process
-/// measures both. With `--relayed` the answers have the type of the messages. It reads commands from standard input, one a line, and answers each with a line:
+/// measures both. With `--relayed` the answers have the type of the messages. It reads commands
+/// from standard input, one a line, and answers each with a line:
 ///
 ///     match       wait until each topic has had exactly one subscription, with the offered
 ///                 reliability, for half a second (a monitor may replace a subscription)

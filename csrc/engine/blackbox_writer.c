@@ -91,7 +91,9 @@ static int list_file(struct listing * listing, const char * folder, const char *
   if (!is_part && !(begins_with(name, "blackbox_") && ends_with(name, FINISHED))) {
     return 0;
   }
-  if (snprintf(path, sizeof(path), "%s/%s", folder, name) >= PATH_MAX || stat(path, &status) != 0) {
+  if (snprintf(path, sizeof(path), "%s/%s", folder, name) >= PATH_MAX ||
+    stat(path, &status) != 0)
+  {
     return 0;  // another node has removed it
   }
   const int64_t time = (int64_t)status.st_mtim.tv_sec * SECOND_NS + status.st_mtim.tv_nsec;

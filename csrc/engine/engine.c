@@ -38,7 +38,8 @@ static uint32_t most_inputs(const struct fm_engine_options * options)
   for (uint32_t t = 0; t < options->n_topics; ++t) {
     most = options->topics[t].n_inputs > most ? options->topics[t].n_inputs : most;
   }
-  for (uint32_t k = 0; options->scopes != NULL && fm_scopes_kind(options->scopes, k) != NULL; ++k) {
+  struct fm_scopes * scopes = options->scopes;
+  for (uint32_t k = 0; scopes != NULL && fm_scopes_kind(scopes, k) != NULL; ++k) {
     const uint32_t n = fm_scopes_kind(options->scopes, k)->options->monitor->n_inputs;
     most = n > most ? n : most;
   }

@@ -200,7 +200,7 @@ struct fm_observed
 {
   int64_t value;   // the bits of the number; of a text, a hash
   uint64_t events; // messages about it
-  uint32_t wanted; // enum fm_seen_type: of a part; of all else FM_SEEN_NOTHING
+  uint32_t wanted; // enum fm_seen_type, of a derived topic; else FM_SEEN_NOTHING
   uint32_t type;   // the same of what came
   uint32_t fault;  // enum fm_fault
   bool has_value;

@@ -59,9 +59,9 @@ static int64_t compare_clocks_locked(struct fm_engine * engine, int64_t most)
   return after - before;
 }
 
-// The difference only changes when somebody sets the system time. What was found first therefore
-// holds, also if later readings were closer: a stamp is then exactly as much after the reception
-// of a message as the instant is.
+// The difference changes only when somebody sets the system time. So the first reading is kept,
+// even if a later one is more precise: with one difference for all, the time from the reception of
+// a message to a violation is the same in stamps as in instants.
 int64_t fm_engine_system_ahead_locked(struct fm_engine * engine)
 {
   if (still_holds_locked(engine)) {

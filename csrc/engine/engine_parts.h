@@ -65,7 +65,7 @@ struct fm_engine_topic
   struct fm_observed observed;
   uint64_t links;               // messages with links between frames, which are no steps
   bool has_sources;             // an input that is not a field
-  bool is_source;               // of parts
+  bool is_source;               // of derived topics
 };
 
 // A transform that is made of the tree: the message that came last, and room for the next.
@@ -93,8 +93,8 @@ struct fm_engine
   uint32_t n_kinds;
   uint32_t n_requirements;      // of all scopes
   const struct fm_delivery * delivery;  // whose parts are being taken by instances
-  int64_t later;                // than found are the stamps of violations of a message; FM_NEVER:
-                                // as stamps are later than the evaluator's times
+  int64_t later;                // ns from the evaluator's time of a violation to its stamp, while
+                                // a message takes effect; FM_NEVER: as with a deadline
   struct fm_reorder waiting;    // under FM_TIMED: messages of later stamps
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
@@ -202,13 +202,13 @@ int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);
 /// Keep what locks and the gate depend on, if it has changed. O(requirements + inputs).
 void fm_engine_note_conditions_locked(struct fm_engine * engine);
 
-/// Queue violations of a scope, whose stamps are `later` than found; `first` is the number of its
-/// first requirement.
+/// Queue violations of a scope; `later` is added to their stamps. `first` is the number of the
+/// scope's first requirement.
 void fm_engine_queue_of_locked(
   struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
   const struct fm_outbox_scope * scope, uint32_t first, int64_t later);
 
-/// Queue the violations of engine->found, whose stamps are `later` than found.
+/// Queue the violations of engine->found; `later` is added to their stamps.
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);
 
 /// For an evaluator that has started afresh: no violation goes on.
@@ -266,8 +266,8 @@ void fm_engine_keep_message_locked(
 /// memory is short, or the scopes do not fit the topics.
 bool fm_engine_number_scopes(struct fm_engine * engine);
 
-/// With instances: let a message take effect `now`; the stamps of its violations are `later` than
-/// found, as in struct fm_engine. Returns when it takes effect in the bundle's scope.
+/// With instances: let a message take effect `now`; `later` is added to the stamps of its
+/// violations. Returns when it takes effect in the bundle's scope.
 int64_t fm_engine_step_scopes_locked(
   struct fm_engine * engine, const struct fm_delivery * delivery, int64_t now, int64_t later);
 
@@ -358,8 +358,8 @@ void fm_engine_deliver_locked(
 
 void fm_engine_free_derived(struct fm_engine * engine);
 
-/// Make the messages of the parts of a topic. Returns false, and counts the message, if it cannot
-/// be decoded.
+/// Make the messages of the topics that are derived from a topic. Returns false, and counts the
+/// message, if it cannot be decoded.
 bool fm_engine_take_derived_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin);

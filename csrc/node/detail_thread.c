@@ -76,7 +76,8 @@ static void * run(void * argument)
     const bool is_heard = has_listeners(thread);
     __atomic_fetch_add(&thread->turns, 1u, __ATOMIC_RELAXED);
     fm_engine_want_details(
-      thread->reporter->engine, is_heard || thread->log != NULL, is_heard ? MOST_PER_S : FM_LOGGED_PER_S);
+      thread->reporter->engine, is_heard || thread->log != NULL,
+      is_heard ? MOST_PER_S : FM_LOGGED_PER_S);
     if (fm_engine_take_detail(thread->reporter->engine, thread->detail, WAIT_MS)) {
       pass_on(thread);
     }

@@ -57,7 +57,9 @@ bool fm_lifecycle_begin(
 
 void fm_lifecycle_end(struct fm_lifecycle * lifecycle)
 {
-  if (rcl_lifecycle_state_machine_fini(&lifecycle->machine, &lifecycle->node->node) != RCL_RET_OK) {
+  if (rcl_lifecycle_state_machine_fini(&lifecycle->machine, &lifecycle->node->node) !=
+    RCL_RET_OK)
+  {
     rcl_reset_error();
   }
 }
@@ -81,7 +83,9 @@ static bool work(struct fm_lifecycle * lifecycle)
 
 bool fm_lifecycle_change(struct fm_lifecycle * lifecycle, uint8_t transition)
 {
-  if (rcl_lifecycle_trigger_transition_by_id(&lifecycle->machine, transition, true) != RCL_RET_OK) {
+  if (rcl_lifecycle_trigger_transition_by_id(&lifecycle->machine, transition, true) !=
+    RCL_RET_OK)
+  {
     rcl_reset_error();
     return false;
   }

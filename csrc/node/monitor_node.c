@@ -39,7 +39,7 @@
 #define REPORT_PERIOD_NS FM_SECOND
 #define LOOKS 10u                // for a node of the same name, one a second
 
-enum { OTHER_SERVICES = 2, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHER_SERVICES };
+enum { OTHERS = 2, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHERS };  // services
 
 // ---- transitions -------------------------------------------------------------------------------
 
@@ -387,8 +387,8 @@ static int begin_node(struct fm_monitor_node * monitor)
              "can be written");
   }
   if (rcl_node_init(
-      &monitor->node.node, monitor->tables->tables[0]->node_name, "", &monitor->node.context, &options) !=
-    RCL_RET_OK)
+      &monitor->node.node, monitor->tables->tables[0]->node_name, "", &monitor->node.context,
+      &options) != RCL_RET_OK)
   {
     return fail("the node cannot be made");
   }
@@ -424,11 +424,11 @@ static bool begin_services(struct fm_monitor_node * monitor)
     &monitor->parameter_services, &monitor->node, &monitor->parameters, parameter_changed,
     monitor) && begin_types(monitor) &&
          fm_service_open(
-    &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger), "~/reset",
-    &rmw_qos_profile_services_default) &&
+    &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger),
+    "~/reset", &rmw_qos_profile_services_default) &&
          rcl_wait_set_init(
-    &monitor->wait_set, 1, 1, 0, n_sessions(monitor), WAITS + n_sessions(monitor), 0, &monitor->node.context, monitor->node.allocator) ==
-         RCL_RET_OK;
+    &monitor->wait_set, 1, 1, 0, n_sessions(monitor), WAITS + n_sessions(monitor), 0,
+    &monitor->node.context, monitor->node.allocator) == RCL_RET_OK;
 }
 
 static bool start(struct fm_monitor_node * monitor)

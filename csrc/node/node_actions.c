@@ -182,12 +182,14 @@ uint32_t fm_node_actions_uses(const struct fm_node_actions * actions, struct fm_
   uint32_t n = 0;
   for (uint32_t k = 0; k < table->n_locks; ++k) {
     uses[n++] = (struct fm_use) {
-      "lock", table->locks[k].name, actions->table->bundle, "publish on", actions->lock_names[k], true};
+      "lock", table->locks[k].name, actions->table->bundle, "publish on", actions->lock_names[k],
+      true};
   }
   for (uint32_t k = 0; k < table->n_actions; ++k) {
     if (table->actions[k].kind == FM_ACTION_PUBLISH) {
       uses[n++] = (struct fm_use) {
-        "action", table->actions[k].name, actions->table->bundle, "publish on", actions->names[k], false};
+        "action", table->actions[k].name, actions->table->bundle, "publish on", actions->names[k],
+        false};
     }
   }
   return n;

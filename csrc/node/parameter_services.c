@@ -59,7 +59,7 @@ static bool are_known(
   return true;
 }
 
-// ---- reading: as rclpy, an unknown name gives an empty answer ------------------------------------
+// ---- reading: as rclpy, an unknown name gives an empty answer ----------------------------------
 
 static void answer_describe(
   struct fm_parameter_services * services,

@@ -147,7 +147,7 @@ static void serve_request(struct fm_service_gate * gate, rmw_request_id_t * id)
   }
 }
 
-// An answer that comes too late has nobody who waits for it.
+// The answer to a request that was refused meanwhile is dropped.
 static void pass_on(struct fm_service_gate * gate, int64_t sequence)
 {
   for (size_t k = 0; k < gate->n_pending; ++k) {

@@ -327,7 +327,7 @@ bool fm_session_activate(struct fm_session * session)
     fm_session_deactivate(session);
     return false;
   }
-  fm_engine_begin(session->engine);  // after the subscriptions: no timeout runs while they are made
+  fm_engine_begin(session->engine);  // after the subscriptions: until then, no timeout runs
   session->is_active = true;
   session->next_look = session->next_question = session->next_round = 0;
   (void)fm_session_review(session);

@@ -113,8 +113,8 @@ void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
     }
   }
   if (n > 0 && review->now.missed > 0) {
-    fm_lines_add(lines, FM_INFO, "%" PRIu64 " more change%s of what locks and gates depend on came "
-      "too fast to be logged", review->now.missed,
+    fm_lines_add(lines, FM_INFO, "%" PRIu64 " more change%s of what locks and gates depend on "
+      "came too fast to be logged", review->now.missed,
       review->now.missed == 1u ? "" : "s");
   }
   review_present(review, &state, lines);

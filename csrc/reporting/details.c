@@ -363,7 +363,8 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   fm_text_add(text, ": ");
   for (uint32_t k = FM_OF_ALL_DETAILS; k < n; ++k) {
     fm_text_add(
-      text, "%s%s = %s", k == FM_OF_ALL_DETAILS ? "" : ", ", name_of(values[k].key), values[k].value);
+      text, "%s%s = %s", k == FM_OF_ALL_DETAILS ? "" : ", ", name_of(values[k].key),
+      values[k].value);
   }
   fm_text_add(text, "]");
   if (gate != NULL) {

@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// input_log.c: lines about inputs and topics: silences, messages that cannot be used, requirements
-/// that wait for their first values.
+/// input_log.c: lines about inputs and topics: silences, messages that cannot be used, and
+/// requirements that wait for their first values.
 
 #include <inttypes.h>
 #include <stdlib.h>
@@ -314,7 +314,8 @@ void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
 // ---- what is missing ---------------------------------------------------------------------------
 
 // Set the flags of the inputs for which a requirement waits: those without a value, or if all have
-// an initial value and there was no step, those of which no message came. Returns whether it waits.
+// an initial value and there was no step, those of which no message came. Returns whether there
+// are any.
 static bool note_awaited(const struct fm_review * review, uint32_t requirement, bool * is_awaited)
 {
   const struct fm_report_requirement * about =

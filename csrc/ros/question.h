@@ -14,11 +14,12 @@
 
 /// question.h: asks a node for its state, or for a parameter, and gives the engine the answer.
 ///
-/// Messages about the same say it later than an answer, which is on its way meanwhile: after one
-/// of them the question is asked anew. It is asked when the node has come, a second later, since
-/// its messages may not have been received before, and then every FM_QUESTION_AGAIN_NS. Without an
-/// answer it is asked again each second, and when the graph changes: a node that was killed still
-/// has a server for a while, and that of the next one may not be known yet.
+/// If a message about the state or the parameter came while an answer was on its way, the answer
+/// may be outdated: it is dropped, and the question is asked again. The question is asked when the
+/// node appears, again a second later, since messages sent until the subscription matched are
+/// missed, and then every FM_QUESTION_AGAIN_NS. Without an answer it is asked again each second,
+/// and when the graph changes: the server of a node that was killed stays in the graph for a
+/// while, and that of the next one may not be discovered yet.
 /// Nothing waits. One thread at a time.
 
 #ifndef QUESTION_H_

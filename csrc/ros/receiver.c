@@ -148,7 +148,8 @@ static void deliver_locked(struct fm_receiver * receiver)
 }
 
 // Take the `count` messages of a notification, at most MOST_AT_ONCE. Asking for one more each time
-// would cost a tenth of a message; a later one has its own callback. Returns whether some are left.
+// would cost a tenth of a message; a later one has its own callback. Returns whether some are
+// left.
 static bool take_locked(struct fm_receiver * receiver, size_t count)
 {
   const size_t most = count > MOST_AT_ONCE ? MOST_AT_ONCE : count;

@@ -22,10 +22,11 @@ meaning of an operator. With operands p and q of horizon h, at step r = t + b + 
     G[a,b] p at t   = H[0,b-a] p at r            F[a,b] p at t = O[0,b-a] p at r
     p U[a,b] q at t = q at one of the last b-a+1 steps, and p at those of them that are before
 
-No operator of the past says the last one. At steps, it is made of windows of half its length, with
-a bit for each of their steps. At ticks of a nanosecond, it takes the least, over the window, of a
-number that counts the changes of `p | q`: q comes before they change if the least number at a q is
-the least of all.
+The past has no single operator for `U`. In a bundle that steps, the window is cut into halves down
+to single steps, with a bit for each step. In a bundle of ticks (nanoseconds), a number counts the
+changes of `p | q`. It never falls, so that its least value over the window is that at the window's
+begin. `p U q` is true if the number has this value at a q in the window: `p | q` has been true
+from the begin on.
 """
 
 from dataclasses import replace

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// engine_instances.c: an engine with instances, whose time is told. Random messages: each instance
-/// reports what a plain engine reports that is given the messages of its key. Then keys that come
-/// and end, and messages that are none.
+/// engine_instances.c: an engine with instances, whose time is told. Random messages: each
+/// instance reports what a plain engine reports that is given the messages of its key. Then keys
+/// that come and end, and messages that are none.
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -569,7 +569,8 @@ static struct fm_pool_counts counts_of(const struct bench * bench)
   return fm_scopes_counts(bench->scopes, 0);
 }
 
-static void give_element(struct bench * bench, const struct fm_key * key, uint8_t value, int64_t at)
+static void give_element(
+  struct bench * bench, const struct fm_key * key, uint8_t value, int64_t at)
 {
   struct message message = begin_message(0);
   add_element(&message, key, value);

@@ -1366,7 +1366,8 @@ static const struct fm_input TYPED[] = {
   INPUT(i64, FM_INT64), INPUT(u8, FM_UINT8), INPUT(u16, FM_UINT16), INPUT(u32, FM_UINT32),
   INPUT(u64, FM_UINT64), INPUT(f32, FM_FLOAT32), INPUT(f64, FM_FLOAT64)};
 static const struct fm_monitor TYPES = {
-  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL, NULL, 0, NULL};
+  FM_ABI, 11, 0, 0, 0, sizeof(struct all_types), TYPED, NULL, NULL, "types", "", NULL, NULL, 0,
+  NULL};
 
 static struct fm_evaluator * with_types(void)
 {

@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// Locks beside a thread that delivers messages: their first message, changes, heartbeats, how long
-/// a thread may hang until they are silent, a publisher that fails, and the end.
+/// Locks beside a thread that delivers messages: their first message, changes, heartbeats, how
+/// long a thread may hang until they are silent, a publisher that fails, and the end.
 
 #define _POSIX_C_SOURCE 200809L
 

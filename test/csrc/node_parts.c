@@ -364,7 +364,8 @@ static void publishers_are_reported_each_and_in_order(void)
 
 static size_t depth_of(uint32_t topic)
 {
-  return rcl_subscription_get_options(&node.sessions[0].topics[topic].current.subscription)->qos.depth;
+  const struct fm_mapped_topic * found = &node.sessions[0].topics[topic];
+  return rcl_subscription_get_options(&found->current.subscription)->qos.depth;
 }
 
 static void queues_are_as_long_as_the_bundle_says(void)

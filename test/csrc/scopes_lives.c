@@ -277,7 +277,8 @@ static void give_shared(struct fm_scopes * scopes, int64_t now)
 static void a_group_does_not_step_without_the_least_of_all_instances(void)
 {
   const struct fm_evaluator_options bundle = {
-    &LEAST, ON_SECOND, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, LEAST_SOURCES, false, NULL, NULL, NULL};
+    &LEAST, ON_SECOND, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, LEAST_SOURCES, false, NULL,
+    NULL, NULL};
   const struct fm_evaluator_options instances = {
     &INSTANCES, ON_FIRST, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
   const struct fm_kind kind = {

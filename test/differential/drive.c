@@ -13,8 +13,8 @@
 // limitations under the License.
 
 // Feeds a compiled monitor (MONITOR, its exported function) any values whatever for some thousand
-// steps, with resets, and prints a digest of the verdicts. Groups that step at ticks do so at their
-// deadlines and before. Made to be run under sanitizers.
+// steps, with resets, and prints a digest of the verdicts. Groups that step at ticks do so at
+// their deadlines and before. Made to be run under sanitizers.
 
 #include <stdio.h>
 #include <stdlib.h>

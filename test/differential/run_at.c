@@ -29,7 +29,8 @@ struct timed_rows
   bool only_changes;  // pass over rows that change no input of the group
 };
 
-// The evaluations of one group: ticks, and n_verdicts values each. `count` goes on past `capacity`.
+// The evaluations of one group: ticks, and n_verdicts values each. `count` goes on past
+// `capacity`.
 struct timed_evaluations
 {
   uint64_t capacity;
@@ -64,7 +65,8 @@ static void store(
 {
   for (uint32_t i = 0; i < monitor->n_inputs; ++i) {
     const size_t bytes = value_bytes(monitor->inputs[i].type);
-    memcpy(inputs + monitor->inputs[i].offset, (const char *)rows->columns[i] + row * bytes, bytes);
+    memcpy(
+      inputs + monitor->inputs[i].offset, (const char *)rows->columns[i] + row * bytes, bytes);
   }
 }
 

@@ -16,10 +16,10 @@
 //
 //   program NUMBER [EVENTS] < script
 //
-// runs an application, of which at most EVENTS are sent in a second. A line of the script is the time in nanoseconds, a message identifier in
-// hexadecimal, a function code, the time since the message was stamped (ns), and the bytes behind
-// the first header in hexadecimal, or -. An identifier of 0 ends it. Events and telemetry are
-// printed, each with the time.
+// runs an application, of which at most EVENTS are sent in a second. A line of the script is the
+// time in nanoseconds, a message identifier in hexadecimal, a function code, the time since the
+// message was stamped (ns), and the bytes behind the first header in hexadecimal, or -. An
+// identifier of 0 ends it. Events and telemetry are printed, each with the time.
 
 #include <stdarg.h>
 #include <stdio.h>

@@ -13,9 +13,9 @@
 // limitations under the License.
 
 // Changes messages at random, reads them with generated readers and stores the values in an
-// evaluator: `messages FILE SECONDS SEED`. In the file each message follows the number of its topic
-// and its length (uint32, native byte order). For sanitizers: each message ends where its memory
-// ends. Inputs are numbered by topic.
+// evaluator: `messages FILE SECONDS SEED`. In the file each message follows the number of its
+// topic and its length (uint32, native byte order). For sanitizers: each message ends where its
+// memory ends. Inputs are numbered by topic.
 
 #define _POSIX_C_SOURCE 199309L
 

@@ -71,7 +71,7 @@ static void fail(const char * what)
   exit(1);
 }
 
-// -- the trace ------------------------------------------------------------------------------------
+// -- the trace -----------------------------------------------------------------------------------
 
 // Ends the cell at `from` and takes its quotes away; returns what comes behind it, or NULL.
 static char * end_cell(char * from)
@@ -323,7 +323,7 @@ static bool read_row(int64_t * time)
   return true;
 }
 
-// -- the verdicts ---------------------------------------------------------------------------------
+// -- the verdicts --------------------------------------------------------------------------------
 
 // Prints the line in run.row, or compares it.
 static void give_line(void)
