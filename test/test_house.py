@@ -186,6 +186,13 @@ def test_no_committed_file_names_a_machine() -> None:
     assert wrong == []
 
 
+def test_no_test_is_run_again() -> None:
+    # What needs a second run hides a race, in the test or in the product.
+    files = ('Makefile', 'setup.py', 'setup.cfg', 'pyproject.toml', '.ci/run', 'tools/setup.sh')
+    assert [name for name in files if re.search(
+        r'rerun|flaky', (ROOT / name).read_text(encoding='utf-8'))] == []
+
+
 def test_every_page_that_is_cited_exists() -> None:
     cited = re.compile(r'\b(docs/[\w.-]+\.md|[A-Z]{4,}\.md)\b|\b(DESIGN|STYLE)(?: \d|\b)')
     wrong = []

@@ -38,7 +38,8 @@ enum { PERIOD_MS = 10, RUN_MS = 3000, FED_MS = 500, FEED_MS = 5, QUIET_MS = 30, 
   RESET_MS = 30, CHANGE_MS = 300, WAKE_MS = 1 };
 #endif
 
-enum { BEAT, FED, QUIET, N_REQUIREMENTS, N_TOPICS = 2, MOST = 8192, PATIENCE_MS = 10 };
+enum { BEAT, FED, QUIET, N_REQUIREMENTS, N_TOPICS = 2, MOST = 8192, PATIENCE_MS = 10,
+  LEAST_SENT = 4 };
 
 #define MS 1000000
 #define OTHER_CLOCK 4000000000000000000  // ns ahead of the steady one; the system time is less
@@ -187,14 +188,14 @@ static void * feed(void * engine)
   return NULL;
 }
 
-static uint64_t sent;  // messages for `quiet`
+static uint64_t sent;  // messages for `quiet`; atomic
 
 static void * send_seldom(void * engine)
 {
   while (is_running()) {
     sleep_ms(SEND_MS);
     deliver(engine, 1);
-    sent += 1;
+    __atomic_fetch_add(&sent, 1, __ATOMIC_RELAXED);
   }
   return NULL;
 }
@@ -326,7 +327,7 @@ static void check_counts(struct fm_engine * engine, int64_t least, int64_t most)
   CHECK(requirement_counts_of(engine, BEAT).steps == beats);
   CHECK((int64_t)beats >= (least - lost) / (PERIOD_MS * MS) - 1);
   CHECK((int64_t)beats <= most / (PERIOD_MS * MS) + 1);
-  CHECK(quiet.count <= sent + 1 && quiet.count >= sent / 2 && sent > 3);
+  CHECK(quiet.count <= sent + 1 && quiet.count >= sent / 2);
   CHECK(requirement_counts_of(engine, QUIET).announced >= quiet.count);
   if (longest_gap < (FED_MS - PATIENCE_MS) * (int64_t)MS) {
     CHECK(silence_of(engine, 0).count == 0);
@@ -355,6 +356,9 @@ static void threads_share_an_engine_that_follows_clocks(void)
     pthread_create(&threads[k], NULL, functions[k], engine);
   }
   sleep_ms(RUN_MS);
+  while (__atomic_load_n(&sent, __ATOMIC_RELAXED) < LEAST_SENT) {  // on a busy machine
+    sleep_ms(PERIOD_MS);
+  }
   __atomic_store_n(&is_over, true, __ATOMIC_RELEASE);
   for (int k = 1; k < N_THREADS; ++k) {
     pthread_join(threads[k], NULL);

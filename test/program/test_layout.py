@@ -15,6 +15,7 @@
 """The layout of state: as narrow as the bounds allow, known before the run, equal to that of C."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 import time
@@ -27,13 +28,18 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
-from fret_monitor.program.layout import instance_bytes, lay_out, MAX_STATE_BYTES, state_bytes
+from fret_monitor.program.layout import (
+    check_instances, instance_bytes, lay_out, MAX_STATE_BYTES, state_bytes,
+)
 from fret_monitor.program.lower import lower
+from fret_monitor.program.monitor_program import room_of
 from fret_monitor.runtime.evaluator import Evaluator
 from program.written import generate, layouts_of, specified, state
 import pytest
 from strategies import property_of, random_inputs, random_property, specification_of
+from traces.timed_traces import timed
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 
@@ -167,6 +173,35 @@ def test_16_mib_are_allowed_and_not_a_byte_more() -> None:
     generate(specified(f'O[{steps},{steps}] p'))
     said = refusal(specified(f'O[{steps + 1},{steps + 1}] p'))
     assert 'the bundle needs 16,777,220 bytes' in said
+
+
+@pytest.mark.parametrize('formula', ['O[=20] p', 'p S[=20] q', 'maxOver(20, n) > 3'])
+def test_a_window_of_times_without_a_rate_is_refused_at_its_place(formula: str) -> None:
+    said = refusal(replace(specified('p', formula), policy=Policy.TIMED))
+    assert 'written.yaml:15:23: ' in said and 'R-1 looks back ' in said
+    assert 'how many there can be is not known without a rate of ' in said
+
+
+@pytest.mark.parametrize(('formula', 'entries'), [
+    # Each tick of the window, the one before it, and the one that comes.
+    ('maxOver(3, n) > 3', 5), ('changeOver(3, n) > 3', 5)])
+def test_a_short_window_of_numbers_has_an_entry_for_each_tick(formula: str, entries: int) -> None:
+    program = lower(timed(specified(formula)))
+    rooms = [room_of(item.operation) for group in program.groups for item in group.equations]
+    assert [room.capacity for room in rooms if room is not None] == [entries]
+
+
+def test_instances_may_need_4_gib_and_not_a_byte_more() -> None:
+    program = lower(specified('O[=99] p'))
+    layouts = tuple(lay_out(group) for group in program.groups)
+    each = instance_bytes(program, layouts)
+    most = 4 * 1024 ** 3 // each
+    check_instances(program, layouts, 'robot', most)
+    with pytest.raises(CompileError) as refused:
+        check_instances(program, layouts, 'robot', most + 1)
+    assert f"{most + 1:,} instances of 'robot' need {each * (most + 1):,} bytes" in str(
+        refused.value)
+    assert f'most: {most}' in str(refused.value)
 
 
 @pytest.mark.parametrize(('formula', 'most'), [

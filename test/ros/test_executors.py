@@ -43,7 +43,7 @@ requirements:
 TIMEOUT = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, startup: 2.0,
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, startup: 4.0,
       stale: violate}
 evaluation: {policy: periodic, period: 0.05}
 requirements:
@@ -130,10 +130,10 @@ def test_a_timeout_comes_beside_periods_in_every_executor(
     partner: Partner, stranger: Partner, executor: Any, tmp_path: Path, hot_path: str,
 ) -> None:
     path = write_bundle(tmp_path, TIMEOUT)
+    partner.listen('R', 'ONSET', publishers=0)  # before the time begins
     with spun(executor, MonitorNode(context=stranger.context, parameter_overrides=[
             Parameter('spec', value=str(path)), Parameter('hot_path', value=hot_path)])):
         publisher = partner.publisher(Float32, 'x')
-        partner.listen('R', 'ONSET')
         partner.wait_for_listener(publisher)
         wait_until(lambda: partner.heard['ONSET'] == 1, 'the silence before the first message')
         timer = partner.node.create_timer(0.05, lambda: publisher.publish(Float32(data=2.0)))

@@ -18,6 +18,7 @@ The node that `export --to ros2` writes: its parameters, life cycle, refusals an
 `test_side_by_side` compares what it publishes and logs with the monitor in Python.
 """
 
+from functools import partial
 from pathlib import Path
 import re
 import signal
@@ -32,7 +33,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.qos import QoSProfile
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
-from ros.harness import Partner, PATIENCE, wait_until
+from ros.harness import answer_of, change_state, Partner, wait_until
 from std_msgs.msg import Bool, Int32
 from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
@@ -72,13 +73,11 @@ def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def call(partner: Partner, kind: Any, name: str, **fields: Any) -> Any:
-    """Call a service of the exported node."""
+    """Call a service of the exported node, with a request that may come twice."""
     client = partner.node.create_client(kind, f'exported/{name}')
-    assert client.wait_for_service(PATIENCE)
-    answer = client.call_async(kind.Request(**fields))
-    wait_until(answer.done, f'an answer of {name}')
+    answer = answer_of(client, kind.Request(**fields))
     partner.node.destroy_client(client)
-    return answer.result()
+    return answer
 
 
 def wait_for_subscriptions(partner: Partner, topic: str, count: int = 2) -> None:
@@ -162,9 +161,8 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         assert set_to('use_sim_time', ParameterValue(type=1, bool_value=False)) == ''
         wait_for_subscriptions(partner, '/clock', 0)
 
-        def change(transition: int) -> bool:
-            return bool(call(partner, ChangeState, 'change_state',
-                             transition=Transition(id=transition)).success)
+        client = partner.node.create_client(ChangeState, 'exported/change_state')
+        change = partial(change_state, client)
 
         assert not change(Transition.TRANSITION_CONFIGURE)
         assert change(Transition.TRANSITION_DEACTIVATE)

@@ -33,7 +33,9 @@ from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from ros.harness import BEST_EFFORT, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until
+from ros.harness import (
+    BEST_EFFORT, change_state, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
+)
 from ros.operators import Operator
 from ros.reference import expected, Message
 from ros.talker import talking
@@ -286,9 +288,7 @@ def test_bundles_reloaded_under_load_give_right_verdicts_before_and_after_and_no
 
     def take(*transitions: int) -> None:
         for transition in transitions:
-            answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-            wait_until(answer.done, 'a transition')
-            assert answer.result().success
+            assert change_state(client, transition)
 
     def is_right() -> bool:
         """Return whether the last report has many verdicts, and they are right."""
@@ -303,7 +303,6 @@ def test_bundles_reloaded_under_load_give_right_verdicts_before_and_after_and_no
         return steps > 200 and statuses['NUMBER']['text'] == text
 
     with monitoring(partner, bundle, 'NUMBER', 'NEXT'), talking(tmp_path) as talker:
-        wait_until(client.service_is_ready, 'the service')
         talker.go(0.002)
         for remainder in range(3):
             text = f'n mod 3 = {remainder}'

@@ -43,7 +43,10 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros.forked import environment
-from ros.harness import BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.harness import (
+    answer_of, BEST_EFFORT, change_state, LATCHED, NodeProcess, Partner, RELIABLE, started,
+    wait_until,
+)
 from sensor_msgs.msg import Image
 from std_msgs.msg import Bool, Float32, String
 from std_srvs.srv import SetBool
@@ -249,22 +252,14 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         assert 3.5 in speeds(arrived)
         # While the node is not active nothing passes; afterwards it is closed until all has come.
         change = partner.node.create_client(ChangeState, 'fret_gate/change_state')
-        assert change.wait_for_service(20.0)
-
-        def go(transition: int) -> None:
-            request = ChangeState.Request(transition=Transition(id=transition))
-            answer = change.call_async(request)
-            wait_until(answer.done, 'a transition')
-            assert answer.result().success
-
-        go(Transition.TRANSITION_DEACTIVATE)
+        assert change_state(change, Transition.TRANSITION_DEACTIVATE)
         sleep(0.2)
         n = len(arrived.found)
         front.publish(Float32(data=5.0))
         commands.publish(twist(4.5))
         sleep(0.3)
         assert len(arrived.found) == n
-        go(Transition.TRANSITION_ACTIVATE)
+        assert change_state(change, Transition.TRANSITION_ACTIVATE)
         arrived.wait_for(n + 2)
         assert set(speeds(arrived)[n:]) == {0.0}
 
@@ -492,8 +487,8 @@ def test_a_gate_on_a_service(partner: Partner, stranger: Partner, tmp_path: Path
         return str(future.result().message)
 
     with running(write(tmp_path, SERVICES)) as node:
-        assert client.wait_for_service(20.0)
-        assert answered(ask(True)) == 'withheld'  # nothing is known of `safe`
+        # Nothing is known of `safe`.
+        assert answer_of(client, SetBool.Request(data=True)).message == 'withheld'
         safe.publish(Bool(data=False))
         sleep(0.3)
         assert answered(ask(True)) == 'withheld'

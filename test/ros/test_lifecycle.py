@@ -20,7 +20,6 @@ import gc
 from pathlib import Path
 import shutil
 from time import monotonic
-from typing import Any
 import weakref
 
 from fret_monitor import build
@@ -31,8 +30,8 @@ import pytest
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from ros.harness import (
-    NodeProcess, Partner, PATIENCE, RELIABLE, settle, started, wait_until,
-    without_interface_number,
+    answer_of, change_state, NodeProcess, Partner, PATIENCE, RELIABLE, settle, started,
+    wait_until, without_interface_number,
 )
 from std_msgs.msg import Empty, Float32
 from std_srvs.srv import Trigger
@@ -67,23 +66,16 @@ class Manager:
         self._get = partner.node.create_client(GetState, f'{node}/get_state')
         self._reset = partner.node.create_client(Trigger, f'{node}/reset')
 
-    def _call(self, client: Any, request: Any) -> Any:
-        wait_until(client.service_is_ready, client.srv_name)
-        answer = client.call_async(request)
-        wait_until(answer.done, f'an answer of {client.srv_name}')
-        return answer.result()
-
     def ask(self, *transitions: int) -> list[bool]:
         """Request transitions in order; return which of them succeeded."""
-        return [self._call(self._change, ChangeState.Request(
-            transition=Transition(id=number))).success for number in transitions]
+        return [change_state(self._change, number) for number in transitions]
 
     @property
     def state(self) -> int:
-        return int(self._call(self._get, GetState.Request()).current_state.id)
+        return int(answer_of(self._get, GetState.Request()).current_state.id)
 
     def reset(self) -> tuple[bool, str]:
-        answer = self._call(self._reset, Trigger.Request())
+        answer = answer_of(self._reset, Trigger.Request())
         return answer.success, answer.message
 
 

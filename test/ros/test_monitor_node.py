@@ -20,7 +20,7 @@ from itertools import cycle
 from pathlib import Path
 import random
 import re
-from time import sleep
+from time import monotonic, sleep
 from typing import Any
 
 from bundles import write_bundle
@@ -240,9 +240,11 @@ def test_under_the_policy_periodic_time_triggers_the_steps(partner: Partner, bun
                     '-p', 'rate:=20.0'):
         Talker(partner).publishers['p'].publish(Bool(data=False))
         wait_until(lambda: partner.heard['R_5'] > 0, 'the first violation')
-        before = partner.heard['R_5']
+        begin, before = monotonic(), partner.heard['R_5']
         sleep(2.0)
-        assert 30 <= partner.heard['R_5'] - before <= 45
+        # On a busy machine some come in a bunch, and the test sleeps longer.
+        periods = (monotonic() - begin) * 20
+        assert periods - 15 <= partner.heard['R_5'] - before <= periods + 15
         assert {*partner.heard} == {'R_5'}
 
 

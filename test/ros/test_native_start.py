@@ -31,7 +31,9 @@ from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
-from ros.harness import NodeProcess, Partner, PATIENCE, RELIABLE, START, started, wait_until
+from ros.harness import (
+    change_state, NodeProcess, Partner, PATIENCE, RELIABLE, START, started, wait_until,
+)
 from std_msgs.msg import Empty, Float32
 import yaml
 
@@ -136,11 +138,8 @@ def test_it_is_a_lifecycle_node_that_ends_at_once_when_it_is_killed(
         node.wait_for('waiting to be configured and activated')
         assert is_native(node, bundle)
         client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
-        wait_until(client.service_is_ready, 'the service')
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-            answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-            wait_until(answer.done, 'a transition')
-            assert answer.result().success
+            assert change_state(client, transition)
         node.wait_for('watching')
         assert node.end(signal.SIGKILL) == -signal.SIGKILL
     finally:

@@ -20,11 +20,13 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from fret_monitor import build
+from fret_monitor.ros import GateNode, LoggerNode, MonitorNode
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
-from fret_monitor.ros.intake.node_time import as_time, NodeTime
+from fret_monitor.ros.intake.node_time import as_time, ClockNode, NodeTime
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.throttle import Throttle
 from fret_monitor.runtime import Engine, Evaluator
+import pytest
 import rclpy
 from rclpy.clock import ClockType
 from rclpy.context import Context
@@ -125,6 +127,38 @@ def test_the_engine_learns_that_the_executor_is_alive_while_it_moves_the_clock(
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
+
+
+def test_a_negative_time_on_the_clock_ends_no_node(
+    partner: Partner, capfd: pytest.CaptureFixture[str],
+) -> None:
+    assert all(issubclass(kind, ClockNode) for kind in (MonitorNode, GateNode, LoggerNode))
+    node = ClockNode('clocked', context=partner.context, parameter_overrides=[
+        Parameter('use_sim_time', value=True)])
+    executor = SingleThreadedExecutor(context=partner.context)
+    executor.add_node(node)
+    simulator = partner.publisher(Clock, '/clock')
+
+    def has_time() -> bool:
+        for seconds in (-5, 7):
+            simulator.publish(Clock(clock=Time(sec=seconds)))
+            executor.spin_once(timeout_sec=0.05)  # raises what a callback raises
+        return 'negative' in logged() and node.get_clock().now().nanoseconds == 7 * SECOND
+
+    told = ''
+
+    def logged() -> str:
+        nonlocal told
+        told += capfd.readouterr().err
+        return told
+
+    try:
+        wait_until(has_time, 'the time')
+        assert logged().count(
+            'a message on /clock is ignored: its time is negative, -5.000 s') == 1
+    finally:
+        executor.shutdown()
+        node.destroy_node()
 
 
 def test_a_message_that_waits_while_the_clock_goes_back_counts_by_its_time_of_before(

@@ -24,7 +24,7 @@ from fret_monitor.ros.settings.parameters import read_settings
 import pytest
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
-from ros.harness import Partner, started, wait_until
+from ros.harness import answer_of, Partner, started, wait_until
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
 
 BUNDLE = """
@@ -48,11 +48,7 @@ def bundle(tmp_path: Path) -> Path:
 
 
 def call(partner: Partner, kind: Any, name: str, request: Any) -> Any:
-    client = partner.node.create_client(kind, name)
-    wait_until(client.service_is_ready, name)
-    answer = client.call_async(request)
-    wait_until(answer.done, f'an answer of {name}')
-    return answer.result()
+    return answer_of(partner.node.create_client(kind, name), request)
 
 
 def set_to(partner: Partner, **values: object) -> list[tuple[bool, str]]:

@@ -30,7 +30,7 @@ from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rcl_interfaces.srv import ListParameters
 from rclpy.parameter import Parameter
-from ros.harness import Partner, RELIABLE, settle, started, wait_until
+from ros.harness import answer_of, Partner, RELIABLE, settle, started, wait_until
 from ros.test_native_start import program_of
 from ros.test_side_by_side import compare_files, equal, Face, MISSING
 from std_msgs.msg import Empty, Float32
@@ -216,10 +216,8 @@ class Several(Face):
         """Return the parameters of constants."""
         client = partner.node.create_client(
             ListParameters, f'/{self.name}/fret_monitor/list_parameters')
-        wait_until(client.service_is_ready, 'the service')
-        answer = client.call_async(ListParameters.Request())
-        wait_until(answer.done, 'the answer')
-        return sorted(name for name in answer.result().result.names if 'constants' in name)
+        answer = answer_of(client, ListParameters.Request())
+        return sorted(name for name in answer.result.names if 'constants' in name)
 
     def steady_lines(self) -> Counter[tuple[str, str]]:
         """Return the log without what depends on when a node looks."""

@@ -56,7 +56,9 @@ import pytest
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros.exported import exported_bundle, ExportedNode
-from ros.harness import BEST_EFFORT, NodeProcess, Partner, PATIENCE, RELIABLE, wait_until
+from ros.harness import (
+    BEST_EFFORT, change_state, NodeProcess, Partner, PATIENCE, RELIABLE, wait_until,
+)
 from ros.received import read_detail
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
@@ -247,7 +249,7 @@ class Face:
         found = [(level, self._plain(text)) for level, text in self.lines()
                  if _VERDICT.fullmatch(text) is None and _OF_LOCK.search(text) is None]
         return Counter(item for item in found if 'no message has had' not in item[1]
-                       and not item[1].startswith('the last messages'))
+                       and not item[1].startswith(('the last messages', 'No transition matching')))
 
     def _plain(self, text: str) -> str:
         if text.startswith(('watching', 'bundle ')):
@@ -552,10 +554,8 @@ class Traffic:
         for face in self._faces:
             client = self._partner.node.create_client(
                 ChangeState, f'/{face.name}/fret_monitor/change_state')
-            assert client.wait_for_service(PATIENCE)
-            answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-            wait_until(answer.done, 'a transition', 4 * PATIENCE)  # `configure` may compile
-            assert answer.result().success, face.process.output
+            # `configure` may compile
+            assert change_state(client, transition, 4 * PATIENCE), face.process.output
             self._partner.node.destroy_client(client)
 
     def restart(self) -> None:

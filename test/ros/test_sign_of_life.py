@@ -40,7 +40,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import LivelinessPolicy, QoSProfile
-from ros.harness import Partner, RELIABLE, started, wait_until
+from ros.harness import change_state, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Float32, Header
 
 BUNDLE = """
@@ -282,10 +282,8 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     log = capfd.readouterr().err
     assert log.count('has failed: no sign of life on ~/alive') == log.count('Traceback') == 6
     client = partner.node.create_client(ChangeState, '/fret_monitor/change_state')
-    wait_until(client.service_is_ready, 'the service')
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
-        answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-        wait_until(answer.done, 'a transition')
+        assert change_state(client, transition)
     assert failed() == {}
     wait_until(lambda: len(signs) > before + 1, 'signs of life')
     partner._executor.remove_node(monitor)

@@ -26,7 +26,7 @@ from fret_monitor.model.names import DETAILS_TOPIC
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from ros.harness import NodeProcess, Partner, started, wait_until
+from ros.harness import answer_of, NodeProcess, Partner, started, wait_until
 from ros.operators import Operator
 from ros.received import Detail, read_detail
 from ros.simulator import simulating, Simulator
@@ -132,11 +132,9 @@ def test_without_a_clock_the_waiting_bundle_is_reported(partner: Partner, tmp_pa
 def simulate(partner: Partner, is_simulated: bool) -> None:
     """Set `use_sim_time` of the monitor."""
     client = partner.node.create_client(SetParameters, '/fret_monitor/set_parameters')
-    assert client.wait_for_service(30)
-    answer = client.call_async(SetParameters.Request(parameters=[Parameter(
+    answer = answer_of(client, SetParameters.Request(parameters=[Parameter(
         name='use_sim_time', value=ParameterValue(type=1, bool_value=is_simulated))]))
-    wait_until(answer.done, 'an answer')
-    assert answer.result().results[0].successful
+    assert answer.results[0].successful
 
 
 def test_use_sim_time_may_change_while_the_monitor_runs(
