@@ -278,9 +278,6 @@ class _Run:
         if self._manifest.variables and self._recording.is_trace:
             refuse('`bag` does not run a trace with a bundle with for_each',
                    help='fret-monitor simulate does')
-        if self._manifest.variables and self._watch:
-            refuse('--report is not supported yet for a bundle with for_each',
-                   help='--json has the violated instances of each requirement')
 
     def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection

@@ -39,10 +39,11 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.propositions import bounds, horizon, propositions, triggers
+from fret_monitor.logic.scopes import bundle_scope
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.policies import Policy, Report, Stale
+from fret_monitor.model.policies import InputSource, Policy, Report, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import NEVER, Violation
@@ -157,8 +158,9 @@ def _shown_count(shown: Sequence[Sequence[_Shown]]) -> int:
 def _shown(item: Property, findings: Findings, starts: Sequence[Start], result: RecordingResult,
            specification: Specification, meaning: Meaning) -> Iterable[_Shown]:
     formulas = _formulas(item, specification, meaning)
-    signals = specification.signals
-    inputs = [index for index, signal in enumerate(signals) if signal.name in item.inputs]
+    signals = bundle_scope(specification).signals
+    inputs = [index for index, signal in enumerate(signals) if signal.name in item.inputs
+              and signal.source is not InputSource.INSTANCES]
     plots = [index for index in inputs if signals[index].type is not ValueType.BOOL][:_MOST_PLOTS]
     lead = _lead(item, result, specification)
     for start, (begin, end) in zip(starts, findings.spans):
@@ -370,10 +372,11 @@ def _occurrence(shown: _Shown, parts: int, thinning: Thinning | None, place: int
         verdict.leave_open()
     lanes = [*shown.lanes, _Lane(shown.item.id, 'verdict', shown.item.formula, verdict)]
     plots: tuple[Plot, ...] = ()
+    signals = bundle_scope(specification).signals
     if thinning is not None:
         plots = tuple(
             Plot(index, thinning.before(place + number), tuple(thinning.parts(place + number)),
-                 _thresholds(specification.signals[index], shown.item))
+                 _thresholds(signals[index], shown.item))
             for number, index in enumerate(shown.inputs) if index in shown.plots)
     return Occurrence(
         shown.start, shown.end, shown.window, parts, plots,

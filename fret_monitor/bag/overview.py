@@ -14,13 +14,14 @@
 
 """What a report shows of a whole recording: the verdicts as lanes, and the inputs, thinned."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from fret_monitor.bag.check import AnyBatch
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import InputSource
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
@@ -34,16 +35,47 @@ _LANE_PARTS = 720
 _PARTS = 5000  # of all inputs together
 _FEWEST_PARTS, _MOST_PARTS = 60, 600  # of an input
 _MOST_DETAILS = 5_000  # changes of which details are looked at
+_MOST_KEYS = 100  # violated instances of a requirement that have a lane
 
 
 @dataclass(frozen=True)
 class Start:
-    """The begin of an occurrence: time (ns), step, values of inputs and constants, if known."""
+    """
+    The begin of an occurrence: time (ns), step, values of inputs and constants, if known.
+
+    `key` is that of its instance, None of the bundle.
+    """
 
     time: int
     step: int
     values: tuple[tuple[str, str], ...] = ()
     silent: str = ''
+    key: bytes | None = None
+
+
+@dataclass
+class _Painted:
+    """A lane of verdicts that is painted up to `since`, with the state from then on."""
+
+    lane: Lane
+    since: int
+    begin: int  # when the first change came
+    state: int | None = None  # None: no change yet
+    violated: set[bytes | None] = field(default_factory=set)  # of which instances
+
+    def change(self, violation: Violation) -> None:
+        """Take a change of a verdict: of one instance, or of the bundle."""
+        self.paint(violation.stamp - 1)
+        if self.state is None:
+            self.begin = violation.stamp
+        self.since = violation.stamp
+        (self.violated.discard if violation.is_recovery else self.violated.add)(violation.key)
+        self.state = FALSE if self.violated else TRUE
+
+    def paint(self, until: int) -> None:
+        """Paint the present state up to a time."""
+        if self.state is not None:
+            self.lane.paint(self.since, max(self.since, until), self.state)
 
 
 class Overview:
@@ -55,7 +87,11 @@ class Overview:
         self._monitor = monitor
         self._manifest = monitor.manifest
         self._taken = 0
-        self.starts: list[list[Start]] = [[] for _ in self._manifest.requirements]
+        numbered = [item.id for item in self._manifest.numbered]
+        order = self._manifest.ids or numbered
+        self._place = [order.index(name) for name in numbered]
+        self._numbers = [numbered.index(name) for name in order]
+        self.starts: list[list[Start]] = [[] for _ in order]
 
     @property
     def wants_details(self) -> bool:
@@ -70,10 +106,12 @@ class Overview:
         self.parts = parts
         self.thinning = Thinning(
             self._monitor, [TimeWindow(index, begin, end, parts) for index in range(count)])
-        self.lanes = [Lane(begin, end, _LANE_PARTS) for _ in manifest.requirements]
-        self._state: list[int | None] = [None] * len(self.lanes)  # None: no change yet
-        self._since = [begin] * len(self.lanes)
-        self._begins = [end + 1] * len(self.lanes)  # when the first change came
+        self._begin, self._end = begin, end
+        self._lanes = [self._lane() for _ in self._place]
+        self._keyed: list[dict[bytes, _Painted]] = [{} for _ in self._place]
+
+    def _lane(self) -> _Painted:
+        return _Painted(Lane(self._begin, self._end, _LANE_PARTS), self._begin, self._end + 1)
 
     def watch(self, engine: Engine, batch: AnyBatch) -> None:
         """Take the values of messages or rows."""
@@ -84,54 +122,61 @@ class Overview:
 
     def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take a change of a verdict."""
-        index = violation.requirement
+        index = self._place[violation.requirement]
         self._taken += 1
-        self._paint(index, violation.stamp - 1)
-        if self._state[index] is None:
-            self._begins[index] = violation.stamp
-        self._since[index] = violation.stamp
-        self._state[index] = TRUE if violation.is_recovery else FALSE
+        self._lanes[index].change(violation)
+        self._change_of_key(self._keyed[index], violation)
         if not violation.is_recovery and len(self.starts[index]) < MOST_SHOWN:
-            self.starts[index].append(self._start(violation, detail))
+            self.starts[index].append(_start(violation, detail))
 
-    def _start(self, violation: Violation, detail: StatusRecord | None) -> Start:
-        if detail is None:
-            return Start(violation.stamp, violation.step)
-        requirement = self._manifest.requirements[violation.requirement]
-        names = [*(self._manifest.inputs[k].name for k in requirement.inputs),
-                 *(self._manifest.constants[k][0] for k in requirement.constants)]
-        texts = [text for _, text in detail.values]
-        silent, shown = texts[OF_ALL_DETAILS - 1], texts[OF_ALL_DETAILS:]
-        return Start(violation.stamp, violation.step, tuple(zip(names, shown)), silent)
+    def _change_of_key(self, lanes: dict[bytes, _Painted], violation: Violation) -> None:
+        key = violation.key
+        if key is not None and (key in lanes or len(lanes) < _MOST_KEYS):
+            found = lanes.setdefault(key, self._lane())
+            found.change(violation)
+            if violation.is_end:
+                found.state = None  # until a violation of the next instance of the key
 
     def end(self, time: int) -> None:
         """End the run."""
-        for index in range(len(self.lanes)):
-            self._paint(index, time)
-
-    def _paint(self, index: int, until: int) -> None:
-        state, since = self._state[index], self._since[index]
-        if state is not None:
-            self.lanes[index].paint(since, max(since, until), state)
+        for each in (*self._lanes, *(each for lanes in self._keyed for each in lanes.values())):
+            each.paint(time)
 
     def verdicts(self, findings: Sequence[Findings]) -> list[str]:
         """Return the lanes as text; nothing is judged before all inputs have values."""
         found = []
-        for index, (item, lane) in enumerate(zip(findings, self.lanes)):
-            ready = self._ready(index)
+        for index, (item, painted) in enumerate(zip(findings, self._lanes)):
+            ready, lane = self._ready(index), painted.lane
             is_judged = item.verdict is not None or item.is_open
             # Of several messages at one time, the group starts a nanosecond later with the last.
-            has_changed = self._state[index] is not None
+            has_changed = painted.state is not None
             if is_judged and ready is not None and not (
-                    has_changed and self._begins[index] <= ready + 1):
-                lane.paint(ready, self._begins[index] - 1, TRUE)
+                    has_changed and painted.begin <= ready + 1):
+                lane.paint(ready, painted.begin - 1, TRUE)
             if item.is_open:
                 lane.leave_open()
             found.append(lane.text())
         return found
 
+    def of_instances(self, index: int) -> Mapping[bytes, str]:
+        """Return the lanes of the instances that violated a requirement, by key."""
+        return {key: found.lane.text() for key, found in sorted(self._keyed[index].items())}
+
     def _ready(self, index: int) -> int | None:
-        """Return when all inputs of a requirement had a value."""
-        firsts = [self.thinning.first(k) for k in self._manifest.requirements[index].inputs]
+        """Return when all inputs of a requirement had a value; of instances, the begin."""
+        number = self._numbers[index]
+        read = () if self._manifest.variable_of[number] else [
+            k for k in self._manifest.requirements[number].inputs
+            if self._manifest.inputs[k].source is not InputSource.INSTANCES]
+        firsts = [self.thinning.first(k) for k in read]
         known = [time for time in firsts if time is not None]
-        return max(known, default=self.lanes[index].begin) if len(known) == len(firsts) else None
+        return max(known, default=self._begin) if len(known) == len(firsts) else None
+
+
+def _start(violation: Violation, detail: StatusRecord | None) -> Start:
+    """Return the begin of an occurrence, with the values that its details have."""
+    if detail is None:
+        return Start(violation.stamp, violation.step, key=violation.key)
+    silent = detail.values[OF_ALL_DETAILS - 1][1]
+    return Start(violation.stamp, violation.step, tuple(detail.values[OF_ALL_DETAILS:]), silent,
+                 violation.key)

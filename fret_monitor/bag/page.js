@@ -366,6 +366,10 @@ document.querySelectorAll('button.copy').forEach((button) => {
   };
 });
 
+document.querySelectorAll('details').forEach((node) => {
+  node.ontoggle = () => node.querySelectorAll('svg[data-lane]').forEach(drawOverview);
+});
+
 let drawn = 0;
 window.addEventListener('resize', () => {
   if (document.body.clientWidth !== drawn) {

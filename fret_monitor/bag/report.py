@@ -26,7 +26,9 @@ from typing import Any
 from fret_monitor.bag.check import (
     Changes, compiled, opened, read_bundle, RecordingResult, run, Selection,
 )
-from fret_monitor.bag.evidence import evidence, Occurrence, Plot
+from fret_monitor.bag.evidence import Occurrence, Plot
+from fret_monitor.bag.evidence_by_key import evidence_by_key
+from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.overview import Overview
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
 from fret_monitor.bag.recording import files_of
@@ -67,8 +69,9 @@ def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path,
             result = run(monitor, recording, selection, changes=[overview],
                          watch=overview.watch, progress=progress)
         found = meanings(reading, find)
-        occurrences = evidence(reading, found, recording, selection, result, overview.starts)
-    page = _Report(bundle, reading, found, result, overview, occurrences).page()
+        occurrences, drawn = evidence_by_key(
+            reading, found, recording, selection, result, overview.starts)
+    page = _Report(bundle, reading, found, result, overview, occurrences, drawn).page()
     with open_output(file, [bundle, *reading.paths, *files_of(path)]) as output:
         output.write(page)
     return result
@@ -79,7 +82,8 @@ class _Report:
 
     def __init__(self, bundle: Path, reading: Reading, found: dict[str, Meaning],
                  result: RecordingResult, overview: Overview,
-                 occurrences: Sequence[Sequence[Occurrence]]) -> None:
+                 occurrences: Sequence[Sequence[Occurrence]],
+                 drawn: Sequence[ManifestInput]) -> None:
         self._bundle = bundle
         self._reading = reading
         self._meanings = found
@@ -87,6 +91,8 @@ class _Report:
         self._overview = overview
         self._occurrences = occurrences
         self._manifest: Manifest = result.manifest
+        self._drawn = drawn  # the inputs of the plots
+        self._keyed = [overview.of_instances(index) for index, _ in enumerate(result.findings)]
         self._length = result.end - result.begin
 
     def page(self) -> str:
@@ -125,16 +131,37 @@ class _Report:
         yield '<section id="overview"><h2>Verdicts</h2><div class="card"><div class="rows">'
         for index, item in enumerate(self._result.findings):
             yield (f'<a href="#r{index}">{escaped(item.id)}</a>{badge(verdict_of(item))}'
-                   f'<svg data-lane="{index}" role="img" aria-label="verdicts over time"></svg>')
+                   f'{_lane(index)}')
+            yield from self._instances(index)
         yield '<span></span><span></span><svg data-times="1" role="img" aria-label="time"></svg>'
         yield f'</div>{LEGEND}</div></section>'
+
+    def _instances(self, index: int) -> Iterator[str]:
+        """Yield a row for each instance that violated a requirement, folded."""
+        item = self._result.findings[index]
+        if not item.instances:
+            return
+        yield (f'<details><summary>{counted(len(item.instances), "instance")} violated it'
+               '</summary><div class="rows">')
+        first = len(self._keyed) + sum(map(len, self._keyed[:index]))
+        for number, key in enumerate(self._keyed[index], first):
+            found = item.instances[key]
+            yield (f'<span>{escaped(found.id)}<br><span class="faint">{self._times(found)}</span>'
+                   f'</span>{badge(verdict_of(found))}{_lane(number)}')
+        left = len(item.instances) - len(self._keyed[index])
+        yield f'</div>{f"<p>and {left:,} more</p>" if left else ""}</details>'
+
+    def _times(self, item: Findings) -> str:
+        first = '' if item.first is None else f', first at {self._since(item.first)}'
+        return (f'{counted(item.occurrences, "occurrence")}{first}, the longest '
+                f'{short_seconds(item.longest)} s')
 
     def _requirements(self) -> Iterator[str]:
         yield '<section id="requirements"><h2>Requirements</h2>'
         place = 0
-        for index, (item, requirement) in enumerate(zip(
-                self._result.findings, self._manifest.requirements)):
-            meaning = self._meanings[item.id]
+        by_id = {item.id: item for item in self._manifest.numbered}
+        for index, item in enumerate(self._result.findings):
+            requirement, meaning = by_id[item.id], self._meanings[item.id]
             yield (f'<article class="card" id="r{index}"><h3>{escaped(item.id)} '
                    f'{badge(verdict_of(item))}</h3>')
             if requirement.title:
@@ -145,7 +172,10 @@ class _Report:
                 yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
             yield f'</dl>{self._count(index)}'
             for number, occurrence in enumerate(self._occurrences[index], 1):
-                yield from self._figure(number, occurrence, place, requirement.horizon)
+                key = occurrence.start.key
+                of = '' if key is None else f' of {item.instances[key].id}'
+                yield from self._figure(
+                    f'Occurrence {number}{of}', occurrence, place, requirement.horizon)
                 place += 1
             yield from self._others(index)
             yield '</article>'
@@ -160,10 +190,9 @@ class _Report:
         return (f'<p><strong>{counted(item.occurrences, "occurrence")}</strong>{steps}, '
                 f'the longest {short_seconds(item.longest)} s.</p>')
 
-    def _figure(self, number: int, item: Occurrence, place: int,
-                horizon: int) -> Iterator[str]:
+    def _figure(self, title: str, item: Occurrence, place: int, horizon: int) -> Iterator[str]:
         yield '<figure><figcaption>'
-        yield from self._open(item) if item.is_open else self._occurred(number, item)
+        yield from self._open(item) if item.is_open else self._occurred(title, item)
         if horizon and not item.is_open:
             yield f'<br>It is about {self._about(item, horizon)}.'
         yield (f'</figcaption><svg data-occurrence="{place}" role="img" '
@@ -186,12 +215,12 @@ class _Report:
                    f'<span class="time"><code>{self._moment(item.trigger)}</code> '
                    '<button class="copy">copy</button></span>')
 
-    def _occurred(self, number: int, item: Occurrence) -> Iterator[str]:
+    def _occurred(self, title: str, item: Occurrence) -> Iterator[str]:
         time = item.start.time
         lasts = 'until the end' if item.end is None else \
             f'for {short_seconds(item.end - time)} s'
         moment = self._moment(time)
-        yield (f'<strong>Occurrence {number}</strong> at '
+        yield (f'<strong>{escaped(title)}</strong> at '
                f'{self._since(time)}, {lasts}<br><span class="time"><code>{moment}</code> '
                '<button class="copy">copy</button></span>')
         if not self._result.is_trace:
@@ -210,6 +239,8 @@ class _Report:
 
     def _others(self, index: int) -> Iterator[str]:
         item = self._result.findings[index]
+        if item.variable:
+            return  # the rows of the instances have the first of each
         drawn = sum(not occurrence.is_open for occurrence in self._occurrences[index])
         others = [begin for begin, _ in item.spans[drawn:drawn + _MOST_LISTED]]
         if others:
@@ -241,13 +272,17 @@ class _Report:
         return {
             'begin': self._result.begin - self._result.start,
             'length': self._length,
-            'lanes': overview.verdicts(result.findings),
+            'lanes': [*overview.verdicts(result.findings),
+                      *(lane for lanes in self._keyed for lane in lanes.values())],
             'inputs': [{
                 'name': item.name, 'bool': item.value_type is ValueType.BOOL,
                 'names': item.stored_values,
                 'n': overview.parts, 'b': _number(overview.thinning.before(index), item),
                 'v': _values(overview.thinning.parts(index), item),
-            } for index, item in enumerate(inputs)],
+            } for index, item in enumerate(inputs)] + [{
+                'name': item.name, 'bool': item.value_type is ValueType.BOOL,
+                'names': item.stored_values, 'n': 1, 'b': None, 'v': [],
+            } for item in self._drawn[len(inputs):]],
             'occurrences': [self._occurrence(item)
                             for items in self._occurrences for item in items],
         }
@@ -268,7 +303,7 @@ class _Report:
         }
 
     def _plot(self, plot: Plot) -> dict[str, Any]:
-        item = self._manifest.inputs[plot.input]
+        item = self._drawn[plot.input]
         return {
             'i': plot.input, 'b': _number(plot.before, item), 'v': _values(plot.parts, item),
             'h': [(_number(value, item), self._threshold(value, item))
@@ -283,6 +318,10 @@ class _Report:
         text = f'{value:.{_DIGITS}g}'
         names = [name for name, written in self._reading.constants if _is_number(written, value)]
         return f'{names[0]} = {text}' if len(names) == 1 else text
+
+
+def _lane(number: int) -> str:
+    return f'<svg data-lane="{number}" role="img" aria-label="verdicts over time"></svg>'
 
 
 def _is_number(written: str, value: float) -> bool:

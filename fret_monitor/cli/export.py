@@ -26,6 +26,7 @@ from fret_monitor.export.content import HandlerArguments, Options, unacted
 from fret_monitor.export.folder import assemble, check_output, is_name, renamed, write_export
 from fret_monitor.export.sizes import measured_sizes, PartSizes
 from fret_monitor.export.targets import TARGETS
+from fret_monitor.export.written_keys import with_written_keys
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, missing_packages, pip_install, refuse
 from fret_monitor.model.parts import NodePart
@@ -84,8 +85,11 @@ def run(options: Namespace) -> int:
     if name is not None and not is_name(name):
         options.refuse(f"'{name}' cannot begin names in C: "
                        'use a letter, then at most 99 letters, digits and _')
+    limits = TARGETS[options.target].limits
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
-                   part=_part(options))
+                   part=_part(options), takes_instances=limits is not None)
+    if limits is not None:
+        reading = with_written_keys(reading, options.target, limits)
     generated = generate_monitor(renamed(reading, name) if name is not None else reading)
     print_diagnostics(generated.warnings)
     chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))

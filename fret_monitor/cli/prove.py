@@ -20,7 +20,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import generate_monitor, read
+from fret_monitor.build import generate_monitor, read_one_instance
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
@@ -57,7 +57,8 @@ def run(options: Namespace) -> int:
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
     bundle = existing_bundle(options.bundle)
-    generated = generate_monitor(read(bundle, constants=dict(options.constants)))
+    generated = generate_monitor(read_one_instance(
+        bundle, constants=dict(options.constants)))
     if not options.json:
         print_diagnostics(generated.warnings)
     if options.sources is not None:

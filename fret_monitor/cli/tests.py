@@ -17,7 +17,7 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from fret_monitor.build import compile_monitor, generate_monitor, read
+from fret_monitor.build import compile_monitor, generate_monitor, read_one_instance
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
@@ -47,7 +47,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Write the tests of a bundle."""
-    reading = read(existing_bundle(options.bundle), constants=dict(options.constants))
+    reading = read_one_instance(
+        existing_bundle(options.bundle), constants=dict(options.constants))
     check_output(options.output)
     compiled = compile_monitor(generate_monitor(reading))
     with progress('tests') as report:

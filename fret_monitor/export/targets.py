@@ -24,6 +24,7 @@ from fret_monitor.export.content import Content, Options
 from fret_monitor.export.copilot import copilot
 from fret_monitor.export.fprime import fprime
 from fret_monitor.export.ros2 import ros2
+from fret_monitor.export.written_keys import Limits, OF_MESSAGES
 from fret_monitor.model.parts import NodePart, UNGATED
 
 
@@ -34,22 +35,26 @@ class Target:
 
     The function raises a `CompileError` with places for a bundle that the target cannot do. `part`
     is what the target takes of a bundle; None: all requirements. `acts`: it starts its actions,
-    and runs a gate instead, if one is named.
+    and runs a gate instead, if one is named. `limits` are those of a bundle with `for_each`, whose
+    keys are written in place of the variables; None: the target has no such bundles.
     """
 
     summary: str
     content: Callable[[GeneratedMonitor, Options], Content]
     part: NodePart | None = None
     acts: bool = False
+    limits: Limits | None = None
 
 
 TARGETS = {
-    'c99': Target('C99 and CMake: the monitors, and the evaluator that runs any of them', c99),
-    'cfs': Target('an application of the core Flight System: an event for each violation', cfs),
+    'c99': Target('C99 and CMake: the monitors, and the evaluator that runs any of them', c99,
+                  limits=OF_MESSAGES | Limits.ELEMENTS),
+    'cfs': Target('an application of the core Flight System: an event for each violation', cfs,
+                  limits=OF_MESSAGES),
     'copilot': Target('the interface of the C that Copilot generates: step() and handlers',
-                      copilot),
+                      copilot, limits=Limits.NONE),
     'fprime': Target('a component of F Prime: an event and a channel for each requirement',
-                     fprime),
+                     fprime, limits=OF_MESSAGES),
     'ros2': Target('a package for colcon, with one node in C on rcl', ros2,
                    UNGATED, acts=True),
 }

@@ -49,6 +49,8 @@ def obstacle(specification: Specification) -> str:
             return f"'{signal.name}' is {signal.made.kind.words}"
         if signal.topic is None:
             return f"'{signal.name}' has no topic"
+        if signal.layout is None:
+            return 'the traces are of one instance'
         if signal.source is not InputSource.FIELD or signal.reduction not in _SETTABLE or not all(
                 isinstance(step, str) for step in signal.path) or (
                 signal.reduction == 'norm' and not _is_of_doubles(signal)):

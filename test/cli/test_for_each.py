@@ -45,8 +45,7 @@ HEADING = 'time,robot,speed,load,joint,effort,enabled\n'
 
 
 @pytest.mark.parametrize('arguments', [
-    ['compile', '--output', 'out'], ['export', '--to', 'c99', '--output', 'out'],
-    ['export', '--to', 'ros2', '--output', 'out'], ['prove'], ['tests', '--output', 'out'],
+    ['compile', '--output', 'out'], ['export', '--to', 'ros2', '--output', 'out'],
     ['analyze', '--output', 'out']])
 def test_what_does_not_know_instances_refuses_them_with_the_place(
         here: Here, arguments: list[str]) -> None:
@@ -69,6 +68,23 @@ def test_explain_analyze_and_bench_judge_one_instance(here: Here) -> None:
     assert 'no       LOAD' in done.out
     assert 'yes      SPEED' in done.out
     assert here.run('check', '--analyze', path).status == 0
+
+
+def test_tests_and_prove_judge_one_instance(here: Here) -> None:
+    path = here.file('fleet.yaml', FLEET)
+    done = here.run('tests', path, '--output', here.folder / 'out', '--json')
+    assert done.status == 0, done.err
+    found = json.loads(done.out)
+    assert {item['requirement'] for item in found['obligations']} == {
+        'FLEET', 'SPEED', 'LOAD', 'EFFORT'}
+    shown = here.run('tests', path, '--output', here.folder / 'out').out
+    assert 'the traces are of one instance' in shown
+    # A value over all instances is an input like any other.
+    heading = next((here.folder / 'out').rglob('*.csv')).read_text().splitlines()[0]
+    assert 'count(robot: speed > 0.5)' in heading
+    pytest.importorskip('z3')
+    pytest.importorskip('pycparser')
+    assert here.run('prove', path).out.startswith('fleet.yaml: proved, 4 requirements\n')
 
 
 def test_a_node_refuses_instances_also_after_simulate_has_built_them(here: Here) -> None:

@@ -14,13 +14,25 @@
 
 """`bag` with instance variables: its table, JSON, JUnit, CSV, MCAP, and what it refuses."""
 
+from csv import DictReader
+from decimal import Decimal
+from io import StringIO
 import json
 from pathlib import Path
+from random import Random
+from typing import Any
 
 from bag.recordings import START, statuses_of, TYPES, verdicts_of, write
 from cli.command import Here
+import fret_monitor
+import numpy
 import pytest
+from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import StoragePlugin, Writer
+
+ROOT = Path(fret_monitor.__file__).resolve().parents[1]
+FLEET_TYPES = {'speed': 'nav_msgs/msg/Odometry', 'charge': 'sensor_msgs/msg/BatteryState',
+               'people_near': 'std_msgs/msg/Bool'}
 
 FLEET = """\
 format: 1
@@ -129,7 +141,80 @@ requirements: [{id: NEAR, ptltl: x > 1.0}]
         'NEAR[track=%s%n?"\u00e9?]', 'NEAR[track=\u20ac??????]']
 
 
-def test_a_report_is_refused_so_far(here: Here, fleet: tuple[str, str]) -> None:
-    done = here.run('bag', *fleet, '--report', 'out.html')
-    assert done.status == 1
-    assert '--report is not supported yet for a bundle with for_each' in done.err
+def blank(kind: str) -> Any:
+    """Return a message whose numbers are 0, and whose arrays are empty."""
+    made = dict[str, Any]()
+    fields: Any = TYPES.fielddefs[kind][1]
+    for name, (node, what) in fields:
+        match node:
+            case Nodetype.BASE:
+                made[name] = '' if what[0] == 'string' else False if what[0] == 'bool' else 0
+            case Nodetype.NAME:
+                made[name] = blank(what)
+            case Nodetype.ARRAY:
+                made[name] = numpy.zeros(what[1], what[0][1][0])
+            case _:
+                made[name] = numpy.array([]) if what[0][0] is Nodetype.BASE and \
+                    what[0][1][0] != 'string' else []
+    return TYPES.types[kind](**made)
+
+
+def fleet_message(name: str, value: float) -> Any:
+    """Return a message that has a value of an input of the fleet."""
+    if name == 'people_near':
+        return TYPES.types['std_msgs/msg/Bool'](bool(value))
+    message = blank(FLEET_TYPES[name])
+    if name == 'speed':
+        message.twist.twist.linear.x = value
+    else:
+        message.percentage = value
+    return message
+
+
+def test_the_bundle_of_a_fleet_judges_a_recording_as_the_same_values_in_a_table(
+        here: Here) -> None:
+    file = ROOT / 'config' / 'fleet.yaml'
+    if not file.is_file():
+        pytest.skip('needs the source tree')
+    assert here.run('check', file).status == 0
+    rng, rows = Random(31), list[tuple[int, str, str, float]]()  # time, robot, input, value
+    for step in range(200):
+        rows += [(step * 10**8, '', 'people_near', step == 90)] * (step % 30 == 0)
+        rows += [(step * 10**8 + number, robot, 'speed',
+                  0.9 if robot == 'beta' and 85 < step < 150 else
+                  rng.choice((0.0, 0.25, 0.5, 0.9, 0.9, 1.01 if step > 150 else 0.2)))
+                 for number, robot in enumerate(('alpha', 'beta', 'gamma'), 1)
+                 if robot != 'gamma' or 50 < step < 90 or rng.random() < 0.2]
+        rows += [(step * 10**8 + 9, 'beta', 'charge', 0.1)] * (step == 20)
+    trace = here.file('fleet.csv', 'time,robot,speed,charge,people_near\n' + ''.join(
+        f'{time / 1e9:.9f},{robot},' + ','.join(
+            f'{value:g}' if name == input_ else '' for name in FLEET_TYPES) + '\n'
+        for time, robot, input_, value in rows))
+    topics = {'speed': 'odom', 'charge': 'battery_state', 'people_near': 'people_near'}
+    with Writer(here.folder / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = dict[str, Any]()
+        for time, robot, name, value in rows:
+            topic = f'/{robot}/{topics[name]}'.replace('//', '/')
+            if topic not in connections:
+                connections[topic] = writer.add_connection(
+                    topic, FLEET_TYPES[name], typestore=TYPES)
+            writer.write(connections[topic], START + time, TYPES.serialize_cdr(
+                fleet_message(name, value), FLEET_TYPES[name]))
+    done = here.run('bag', file, here.folder / 'bag', '--csv', here.folder / 'out.csv')
+    assert done.status == 0, done.err
+    of_bag = first_violations((here.folder / 'out.csv').read_text(), START)
+    assert of_bag == first_violations(here.run('simulate', file, '--trace', trace).out, 0)
+    assert {name for _, name in of_bag} == {'ROBOT-001', 'ROBOT-002', 'FLEET-002'}
+    assert {robot for robot, _ in of_bag} == {'', 'alpha', 'beta'}
+
+
+def first_violations(table: str, start: int) -> dict[tuple[str, str], int]:
+    """Return when each requirement is first violated, by robot, in ns since the start."""
+    found = dict[tuple[str, str], int]()
+    for row in DictReader(StringIO(table)):
+        time = int(Decimal(row['time']) * 10**9) - start
+        for name, cell in row.items():
+            robot = row['robot'] if name.startswith('ROBOT') else ''
+            if cell == '0' and name not in ('time', 'robot'):
+                found.setdefault((robot, name), time)
+    return found

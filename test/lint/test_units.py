@@ -16,7 +16,7 @@
 
 from pathlib import Path
 
-from fret_monitor.build import read
+from fret_monitor.build import read_one_instance
 from lint.warned import warned
 import pytest
 
@@ -72,5 +72,5 @@ def test_a_timeout_of_minutes_is_warned_of_once_for_a_topic(
     'path', sorted([*ROOT.glob('config/*.yaml'), *ROOT.glob('examples/*.yaml')]),
     ids=lambda path: path.stem)
 def test_no_bundle_that_comes_with_the_package_is_warned_of(path: Path) -> None:
-    found = [item.title for item in read(path).warnings]
+    found = [item.title for item in read_one_instance(path).warnings]
     assert not [title for title in found if 'is compared with' in title or 'minutes' in title]

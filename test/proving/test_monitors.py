@@ -23,7 +23,7 @@ from typing import Any
 from bench.equivalence import verify_edited
 from codegen.workbench import specify
 import facts
-from fret_monitor.build import generate_monitor, GeneratedMonitor, read, Reading
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read_one_instance, Reading
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.elaboration.languages import read_formula
 from fret_monitor.logic.formula import Formula, Variable
@@ -66,7 +66,7 @@ def failures(found: list[GroupResult]) -> list[str]:
 
 @pytest.mark.parametrize('path', BUNDLES, ids=lambda path: path.stem)
 def test_the_bundles_of_this_repository_are_proved(path: Path) -> None:
-    found = settled(generate_monitor(read(path)))
+    found = settled(generate_monitor(read_one_instance(path)))
     assert failures(found) == []
 
 
@@ -101,7 +101,7 @@ def bundle(tmp_path: Path, *requirements: str) -> GeneratedMonitor:
              'requirements:', *(f'  - {{id: R-{number}, ptltl: "{text}"}}'
                                 for number, text in enumerate(requirements))]
     path.write_text('\n'.join(lines), encoding='utf-8')
-    return generate_monitor(read(path))
+    return generate_monitor(read_one_instance(path))
 
 
 @pytest.mark.parametrize(('formula', 'old', 'new'), [

@@ -31,7 +31,7 @@ from typing import Any, TypeAlias
 
 from differential.compiled import compile_c, CSRC, gcc, write_module
 from differential.test_clean_c import every_window
-from fret_monitor.build import read
+from fret_monitor.build import read_one_instance
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.formula import (
     ALWAYS, Binary, BinaryOperator, Constant, Formula, FTP, Historically, Once, postorder, Since,
@@ -211,7 +211,7 @@ def test_the_bound_of_a_bundle_holds_and_is_close(
 ) -> None:
     if not bundle.is_file():
         pytest.skip('needs the source tree')
-    check(build, read(bundle).specification, SLACK)
+    check(build, read_one_instance(bundle).specification, SLACK)
 
 
 @pytest.mark.parametrize('seed', range(EXAMPLES // 8))

@@ -1,0 +1,140 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Exports of bundles with `for_each`: the listed keys are written in place of the variables.
+
+Each instance is then a part of a plain bundle. What would not have the verdicts of an instance is
+refused with its place.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from enum import Flag
+import re
+
+from fret_monitor.build import Reading
+from fret_monitor.logic.expansion import expanded, Written
+from fret_monitor.logic.specification import InstanceAggregate, Signal, Specification
+from fret_monitor.model.diagnostics import Problems, Span
+from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.paths import LookUp
+from fret_monitor.model.policies import OverInstances, Policy
+
+
+class Limits(Flag):
+    """What a target cannot have of a bundle with instances."""
+
+    NONE = 0
+    AGGREGATES = 1  # they count the instances that are ready; there are inputs without values
+    EVERY_MESSAGE = 2  # a message of one key would be a step of all instances
+    WHERE = 4  # messages are not selected by a field
+    ELEMENTS = 8  # a message without an element of a key would be one of its instance
+
+
+OF_MESSAGES = Limits.AGGREGATES | Limits.EVERY_MESSAGE | Limits.WHERE
+"""Of targets that are given messages."""
+
+
+def with_written_keys(reading: Reading, target: str, limits: Limits) -> Reading:
+    """
+    Return a bundle without instance variables, in which their listed keys are written.
+
+    Raises
+    ------
+    CompileError
+        if keys are not listed, names clash, or the target is too limited; with the places.
+    """
+    specification, problems = reading.specification, Problems()
+    if Limits.WHERE in limits:
+        for signal in specification.signals:
+            if signal.where is not None:
+                problems.error(f'{target} does not select messages by `where`', signal.place,
+                               f"of '{signal.name}'", 'give the input a topic of its own')
+    if specification.instance_variables:
+        _check(specification, target, limits, problems)
+    problems.raise_errors()
+    if not specification.instance_variables:
+        return reading
+    keys = {item.name: item.keys for item in specification.instance_variables}
+    found = expanded(specification, keys, _name)
+    _check_names(found, problems)
+    problems.raise_errors()
+    return replace(reading, specification=found)
+
+
+def _name(name: str, written: Written) -> str:
+    """Return a name for C: `speed_alpha`."""
+    return '_'.join([name, *(re.sub('[^A-Za-z0-9_]', '_', key) for _, key in written)])
+
+
+def _check(specification: Specification, target: str, limits: Limits,
+           problems: Problems) -> None:
+    keyed = [item for item in specification.signals if item.variables]
+    for variable in specification.instance_variables:
+        if not variable.keys:
+            _refuse_found(variable, next(
+                item for item in keyed if variable.name in item.variables), target, problems)
+    if Limits.EVERY_MESSAGE in limits and specification.policy is Policy.EVERY_MESSAGE:
+        problems.error(
+            f'{target} takes instances under another policy than every_message', keyed[0].place,
+            f"a message of one '{keyed[0].variables[0]}' would be a step of all",
+            'evaluation: {policy: relevant_message}')
+    for signal in keyed if Limits.ELEMENTS in limits else ():
+        if any(isinstance(step, LookUp) and step.variable for step in signal.path):
+            problems.error(
+                f'{target} takes no elements that are looked up by a key', signal.place,
+                f"a message without the element would be one of its '{signal.variables[0]}'",
+                'give each key a topic of its own')
+    for item in specification.aggregates:
+        _check_aggregate(item, target, limits, problems)
+
+
+def _refuse_found(variable: ManifestVariable, signal: Signal, target: str,
+                  problems: Problems) -> None:
+    problems.error(
+        f"{target} needs the keys of '{variable.name}' in a list", signal.place,
+        f"'{signal.name}' is of each '{variable.name}' that is found",
+        f'for_each: {{{variable.name}: [alpha, beta]}}')
+
+
+def _check_aggregate(item: InstanceAggregate, target: str, limits: Limits,
+                     problems: Problems) -> None:
+    if Limits.AGGREGATES in limits:
+        problems.error(
+            f'{target} has no values over all instances', item.place,
+            'they are over the instances that have values',
+            'monitor this requirement by the target ros2 or copilot')
+    elif item.function is OverInstances.SUM and item.operand.type.is_float:
+        problems.error(
+            f'{target} has no sums of floats over instances', item.place,
+            'it would be rounded at each addition, not once', 'sum integers')
+
+
+def _check_names(found: Specification, problems: Problems) -> None:
+    """Report copies of inputs or requirements that have one name in C."""
+    _check_distinct(((item.name, item.name, item.place) for item in found.signals),
+                    'inputs', problems)
+    _check_distinct(((item.handler, item.id, item.id_place) for item in found.properties),
+                    'requirements', problems)
+
+
+def _check_distinct(items: Iterable[tuple[str, str, Span | None]], what: str,
+                    problems: Problems) -> None:
+    taken: dict[str, str] = {}
+    for word, shown, place in items:
+        if word in taken:
+            problems.error(f'with keys in their names, two {what} are {word}', place,
+                           f'{taken[word]} and {shown}', 'rename one, or a key')
+        taken[word] = shown
