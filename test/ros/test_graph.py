@@ -32,10 +32,10 @@ diagnostic_msgs = pytest.importorskip('diagnostic_msgs.msg')
 BUNDLE = """
 format: 1
 inputs:
-  alive: {node: /robot/controller, startup: 3}
-  never: {node: never, startup: 3}
-  scans: {publishers: scan, startup: 3}
-  heard: {subscribers: /speed, startup: 3}
+  alive: {node: /robot/controller, startup: 5}
+  never: {node: never, startup: 5}
+  scans: {publishers: scan, startup: 5}
+  heard: {subscribers: /speed, startup: 5}
   speed: {topic: /speed, type: std_msgs/msg/Float32}
 evaluation: {policy: relevant_message}
 requirements:
@@ -73,10 +73,10 @@ def test_what_comes_and_goes_in_the_graph_is_seen(
             f'{name}: {text}, {seen}')
 
     partner.node.create_subscription(diagnostic_msgs.DiagnosticArray, '/diagnostics', take, 10)
+    partner.listen(*IDS, prefix='/robot/copilot/handlerprop', publishers=0)
+    speed = partner.publisher(Float32, '/speed', RELIABLE)
     with node(kind, write_bundle(tmp_path, BUNDLE), '-r', '__ns:=/robot', '-r', 'scan:=lidar',
               '-p', f'blackbox:={tmp_path / "box"}') as process:
-        partner.listen(*IDS, prefix='/robot/copilot/handlerprop')
-        speed = partner.publisher(Float32, '/speed', RELIABLE)
         partner.wait_for_listener(speed)  # this node's own subscription is not counted
         process.wait_for('node never: nothing is there since the start')
         expect('graph node never', 'never seen', 0, b'\1')
