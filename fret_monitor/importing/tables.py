@@ -54,12 +54,14 @@ ROLES = (*_HEADS, *_LANGUAGES)
 """What a column may be."""
 
 _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
+_QUOTED = re.compile('"[^"]*"')
+_FIRST_ROW = re.compile(r'(?:"[^"]*"|[^"\n])*')
 _MANY = 12
 
 
 @dataclass(frozen=True)
 class _Row:
-    """A row: its number in the file, from 1, and its cells."""
+    """A row: its number, from 1, as a spreadsheet counts them, and its cells."""
 
     number: int
     cells: tuple[str, ...]
@@ -67,8 +69,9 @@ class _Row:
 
 def has_heads(path: Path, max_bytes: int) -> bool:
     """Whether the first row of a file names columns of ids and texts."""
-    first = next((line for line in _decoded(path, max_bytes).splitlines() if line.strip()), '')
-    heads = {_head(cell) for cell in next(csv.reader([first], delimiter=_delimiter(first)), [])}
+    text = _decoded(path, max_bytes).lstrip()
+    reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(text))
+    heads = {_head(cell) for cell in next(reader, [])}
     return bool(heads & {*_HEADS['id']}) and bool(heads & {*_HEADS['text'], *_LANGUAGES})
 
 
@@ -116,8 +119,10 @@ def _decoded(path: Path, max_bytes: int) -> str:
                help="save it as 'CSV UTF-8'")
 
 
-def _delimiter(line: str) -> str:
-    return max(',;\t', key=line.count)
+def _delimiter(text: str) -> str:
+    """Return what separates the cells of the first row: the most frequent sign beside quotes."""
+    first = _FIRST_ROW.match(text)
+    return max(',;\t', key=_QUOTED.sub('', first[0] if first else '').count)
 
 
 def _head(cell: str) -> str:
@@ -126,13 +131,13 @@ def _head(cell: str) -> str:
 
 def _rows(text: str, path: Path) -> list[_Row]:
     """Return the rows that are not empty; the first one has the heads."""
-    first = next((line for line in text.splitlines() if line.strip()), '')
-    reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(first), strict=True)
+    reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(text.lstrip()),
+                        strict=True)
     found: list[_Row] = []
     try:
-        for cells in reader:
+        for number, cells in enumerate(reader, 1):
             if any(cell.strip() for cell in cells):
-                found.append(_Row(reader.line_num, tuple(cells)))
+                found.append(_Row(number, tuple(cells)))
             if len(found) > MAX_ROWS + 1:
                 refuse(f'{shown(str(path))} has more than {MAX_ROWS:,} rows',
                        help='split it, or leave out what is no requirement')

@@ -76,6 +76,14 @@ def test_columns_can_be_named(tmp_path: Path) -> None:
     assert (item.id, item.text) == ('1', 'the sw shall satisfy x > 0')
 
 
+def test_line_breaks_and_other_delimiters_inside_a_cell_are_no_rows_and_no_columns(
+        tmp_path: Path) -> None:
+    text = '\n"ID (of a;b;c;d;\ne)",text\n\n1,"x >\n0"\n,x > 1\n'
+    target = imported(tmp_path, text.encode(), columns='id=ID (of a;b;c;d; e)')
+    assert {item.id: item.text for item in read(target).specification.properties} == {
+        '1': 'x > 0', 'row 5': 'x > 1'}
+
+
 def test_topics_of_a_list_are_taken(tmp_path: Path) -> None:
     (tmp_path / 'topics.csv').write_text('speed,/speed,std_msgs/msg/Float32\n')
     (tmp_path / 'rover.csv').write_text('id,text\nR,speed < 1.0\n')
