@@ -73,11 +73,17 @@ ANALYZE = [
     Z3,
 ]
 
+# What `fret-monitor import` needs of a workbook.
+XLSX = [
+    'openpyxl>=3.1,<4',
+]
+
 TEST = [
     *ANALYZE,
     *BAG,
     *DASK,
     *PROVE,
+    *XLSX,
     'argcomplete>=3,<4',
     'catkin-pkg>=1',
     'colcon-core>=0.18',
@@ -139,7 +145,7 @@ setup(
     extras_require={
         'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
         'ros-test': ROS_TEST_WHEELS, 'ros-kilted': KILTED_WHEELS,
-        'ros-kilted-test': KILTED_TEST_WHEELS, 'test': TEST,
+        'ros-kilted-test': KILTED_TEST_WHEELS, 'test': TEST, 'xlsx': XLSX,
     },
     entry_points={
         'console_scripts': [

@@ -37,7 +37,7 @@ from fret_monitor.importing.fret import (
 )
 from fret_monitor.importing.json_text import read_json
 from fret_monitor.importing.lustre import is_lustre, read_lustre
-from fret_monitor.importing.tables import has_heads, read_table, SUFFIXES
+from fret_monitor.importing.tables import has_heads, read_table, SUFFIXES, WORKBOOK
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
@@ -46,8 +46,8 @@ from fret_monitor.model.names import fret_name, handler_fault, handler_name, sho
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a specification of '
-          'R2U2 (C2PO), a table (CSV) with columns of ids and requirements, a variable database '
-          'of Ogma (JSON), or a list of names and topics')
+          'R2U2 (C2PO), a table (CSV, XLSX) with columns of ids and requirements, a variable '
+          'database of Ogma (JSON), or a list of names and topics')
 _LONGEST_ID = 100
 
 
@@ -85,7 +85,8 @@ def read_files(paths: Sequence[Path], problems: Problems,
 
 def _read(path: Path, problems: Problems, columns: Mapping[str, str]
           ) -> tuple[list[ImportedComponent], list[Connection]]:
-    if path.suffix.lower() in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
+    kind = path.suffix.lower()
+    if kind == WORKBOOK or kind in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
         return read_table(path, MAX_BYTES, columns, problems), []
     source = read_source(path, MAX_BYTES)
     content = source.text.lstrip()

@@ -14,14 +14,14 @@
 
 
 """
-Reads tables of requirements: CSV, with commas, semicolons or tabs, in UTF-8 or UTF-16.
+Reads tables of requirements: CSV, with commas, semicolons or tabs, in UTF-8 or UTF-16; or XLSX.
 
 The first row has the heads of the columns. A row is a requirement: its id, its text, and, if there
 are such columns, title, rationale and component. Sentences of FRETish and formulas are recognised
 row by row; everything else is prose, which is kept as a comment and reported.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass
 import io
@@ -30,6 +30,7 @@ import re
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import ComponentRequirement, ImportedComponent, Wording
+from fret_monitor.importing.workbook import sheets
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.model.diagnostics import (
     CompileError, did_you_mean, Problems, refuse, Source, Text,
@@ -40,6 +41,7 @@ MAX_ROWS = 100_000
 """Rows of a table; a tool that traces requirements exports fewer."""
 
 SUFFIXES = ('.csv', '.tsv')
+WORKBOOK = '.xlsx'
 
 _HEADS = {
     'id': ('id', 'reqid', 'req id', 'requirement id', 'identifier', 'uid', 'key', 'number'),
@@ -67,11 +69,25 @@ class _Row:
     cells: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class _Table:
+    """A table: its name in errors and in labels, its heads, and the rows that are not empty."""
+
+    name: str
+    label: str
+    head: tuple[str, ...]
+    rows: list[_Row]
+
+
 def has_heads(path: Path, max_bytes: int) -> bool:
     """Whether the first row of a file names columns of ids and texts."""
     text = _decoded(path, max_bytes).lstrip()
     reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(text))
-    heads = {_head(cell) for cell in next(reader, [])}
+    return _is_head(next(reader, []))
+
+
+def _is_head(cells: Iterable[str]) -> bool:
+    heads = {_head(cell) for cell in cells}
     return bool(heads & {*_HEADS['id']}) and bool(heads & {*_HEADS['text'], *_LANGUAGES})
 
 
@@ -88,17 +104,36 @@ def read_table(path: Path, max_bytes: int, columns: Mapping[str, str],
     CompileError
         if it cannot be read, is too large, or has no columns of ids and texts.
     """
-    head, *rows = _rows(_decoded(path, max_bytes), path)
-    places = _places(head, columns, path)
     found: dict[str, list[ComponentRequirement]] = {}
-    for row in rows:
-        cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
-                 for role, place in places.items()}
-        if any(cells.values()):
-            item = _requirement(cells, row.number, path.name, problems)
-            found.setdefault(cells.get('component', '') or _component(item), []).append(item)
+    for table in _tables(path, max_bytes, columns, problems):
+        places = _places(table, columns)
+        for row in table.rows:
+            cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
+                     for role, place in places.items()}
+            if any(cells.values()):
+                item = _requirement(cells, row.number, table.label, problems)
+                found.setdefault(cells.get('component', '') or _component(item), []).append(item)
     return [ImportedComponent(name, path.stem, (), tuple(items), (path.name,))
             for name, items in found.items()]
+
+
+def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
+            problems: Problems) -> list[_Table]:
+    """Return the table of a file, or the sheets of a workbook that have the columns."""
+    if path.suffix.lower() != WORKBOOK:
+        return [_table(_csv_rows(_decoded(path, max_bytes), path), str(path), path.name)]
+    read = [(name, rows) for name, rows in sheets(path, max_bytes, MAX_ROWS, problems)
+            if any(map(any, rows))]
+    if len(read) == 1:
+        return [_table(read[0][1], str(path), path.name)]
+    found = [_table(rows, f'{path}, {name}', f'{path.name}, {name}') for name, rows in read
+             if columns or _is_head(next(filter(any, rows)))]
+    for name in {name for name, _ in read} - {item.label.split(', ')[-1] for item in found}:
+        problems.warning(f'{path.name}: the sheet {shown(name)} has no columns of ids and '
+                         'requirements', None, '', 'it is left out')
+    if not found:
+        refuse(f'{shown(str(path))} has no sheet with columns of ids and requirements')
+    return found
 
 
 def _decoded(path: Path, max_bytes: int) -> str:
@@ -129,34 +164,38 @@ def _head(cell: str) -> str:
     return ' '.join(cell.split()).casefold()
 
 
-def _rows(text: str, path: Path) -> list[_Row]:
-    """Return the rows that are not empty; the first one has the heads."""
+def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
     reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(text.lstrip()),
                         strict=True)
-    found: list[_Row] = []
     try:
-        for number, cells in enumerate(reader, 1):
-            if any(cell.strip() for cell in cells):
-                found.append(_Row(number, tuple(cells)))
-            if len(found) > MAX_ROWS + 1:
-                refuse(f'{shown(str(path))} has more than {MAX_ROWS:,} rows',
-                       help='split it, or leave out what is no requirement')
+        yield from reader
     except csv.Error as error:
         refuse(f'{shown(str(path))}, line {reader.line_num}: {error}',
                help='a quote inside a cell is written twice, and a cell with quotes is in quotes')
+
+
+def _table(rows: Iterable[Sequence[str]], name: str, label: str) -> _Table:
+    """Return the rows that are not empty; the first one has the heads."""
+    found: list[_Row] = []
+    for number, cells in enumerate(rows, 1):
+        if any(cell.strip() for cell in cells):
+            found.append(_Row(number, tuple(cells)))
+        if len(found) > MAX_ROWS + 1:
+            refuse(f'{shown(name)} has more than {MAX_ROWS:,} rows',
+                   help='split it, or leave out what is no requirement')
     if len(found) < 2:
-        refuse(f'{shown(str(path))} has no row below the heads of its columns')
-    return found
+        refuse(f'{shown(name)} has no row below the heads of its columns')
+    return _Table(name, label, found[0].cells, found[1:])
 
 
-def _places(head: _Row, columns: Mapping[str, str], path: Path) -> dict[str, int]:
+def _places(table: _Table, columns: Mapping[str, str]) -> dict[str, int]:
     """Return which column is what."""
-    heads = [_head(cell) for cell in head.cells]
+    heads = [_head(cell) for cell in table.head]
     found: dict[str, int] = {}
     for role, name in columns.items():
         if _head(name) not in heads:
-            refuse(f'{shown(str(path))} has no column {shown(name)}',
-                   help=did_you_mean(name, head.cells) or _listed(head.cells))
+            refuse(f'{shown(table.name)} has no column {shown(name)}',
+                   help=did_you_mean(name, table.head) or _listed(table.head))
         found[role] = heads.index(_head(name))
     for role, names in {**_HEADS, **{name: (name,) for name in _LANGUAGES}}.items():
         place = next((heads.index(name) for name in names if name in heads
@@ -165,8 +204,8 @@ def _places(head: _Row, columns: Mapping[str, str], path: Path) -> dict[str, int
             found[role] = place
     if 'id' not in found or not found.keys() & {'text', *_LANGUAGES}:
         missing = 'ids' if 'id' not in found else 'requirements'
-        refuse(f'{shown(str(path))} has no column of {missing}',
-               help=f'{_listed(head.cells)}; write --columns id=NAME,text=NAME')
+        refuse(f'{shown(table.name)} has no column of {missing}',
+               help=f'{_listed(table.head)}; write --columns id=NAME,text=NAME')
     return found
 
 

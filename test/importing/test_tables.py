@@ -13,15 +13,17 @@
 # limitations under the License.
 
 
-"""Tables of requirements: CSV of any spreadsheet becomes a bundle; what is no formula is told."""
+"""Tables of requirements, CSV and XLSX, become bundles; what is no formula is told."""
 
 from pathlib import Path
+import zipfile
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.importing import import_bundles
 from fret_monitor.importing.tables import MAX_ROWS
 from fret_monitor.model.diagnostics import CompileError
+import openpyxl
 import pytest
 
 ROWS = (
@@ -111,3 +113,65 @@ def test_columns_that_are_not_there_are_refused(columns: dict[str, str], message
     (tmp_path / 'a.csv').write_text('id,text\nR,x > 0\n')
     with pytest.raises(CompileError, match=message):
         import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml', columns=columns)
+
+
+def workbook(path: Path, **sheets: tuple[tuple[object, ...], ...]) -> Path:
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+def test_a_workbook_becomes_what_its_table_does(tmp_path: Path) -> None:
+    from_csv = imported(tmp_path, csv_of(ROWS).encode()).read_text(encoding='utf-8')
+    target = tmp_path / 'rover.yaml'
+    path = workbook(tmp_path / 'rover.xlsx', Rover=ROWS)
+    assert main(['import', str(path), '-o', str(target), '--force']) == 0
+    assert target.read_text(encoding='utf-8') == from_csv.replace('rover.csv', 'rover.xlsx')
+
+
+def test_each_sheet_with_the_columns_is_read_and_others_are_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head = ('Key', 'Formula')
+    path = workbook(tmp_path / 'two.xlsx', A=(head, (1, 'x > 0'), (2.5, '=B2')),
+                    B=((), (None,), head, ('b', 'y > 0')), Notes=(('nothing', 'here'), (1, 2)))
+    book = openpyxl.load_workbook(path)
+    book['A'].merge_cells('A2:A3')
+    book.create_sheet('Old').sheet_state = 'hidden'
+    book.save(path)
+    assert main(['import', str(path), '-o', str(tmp_path / 'b.yaml')]) == 0
+    found = {item.id: item.text for item in read(tmp_path / 'b.yaml').specification.properties}
+    assert found == {'1': 'x > 0', 'b': 'y > 0'}
+    told = capsys.readouterr().err
+    assert "'Notes' has no columns of ids and requirements" in told
+    assert "two.xlsx, A, row 3 has a formula of the spreadsheet without its value: '=B2'" in told
+
+
+def test_what_is_no_workbook_is_refused(tmp_path: Path) -> None:
+    def message(path: Path) -> str:
+        with pytest.raises(CompileError) as caught:
+            import_bundles([path], tmp_path / 'a.yaml')
+        return str(caught.value)
+
+    (tmp_path / 'text.xlsx').write_text('id,text\nR,x > 0\n')
+    assert 'cannot be read as a workbook: File is not a zip file' in message(tmp_path / 'text.xlsx')
+    good = workbook(tmp_path / 'good.xlsx', A=(('id', 'text'), ('R', 'x > 0')))
+    bomb = tmp_path / 'bomb.xlsx'
+    with zipfile.ZipFile(good) as source, zipfile.ZipFile(bomb, 'w') as target:
+        for part in source.namelist():
+            data = source.read(part).decode()
+            if part == 'xl/workbook.xml':
+                data = '<!DOCTYPE a [<!ENTITY b "' + 'c' * 99 + '">]>' + data
+            target.writestr(part, data)
+    assert "declares a document type, in 'xl/workbook.xml'" in message(bomb)
+    with zipfile.ZipFile(tmp_path / 'empty.xlsx', 'w') as target:
+        target.writestr('a.txt', '')
+    assert 'cannot be read as a workbook' in message(tmp_path / 'empty.xlsx')
+    assert 'no sheet with columns' in message(workbook(tmp_path / 'none.xlsx', A=((),)))
+    cut = tmp_path / 'cut.xlsx'
+    cut.write_bytes(good.read_bytes()[:-40])
+    assert 'cannot be read as a workbook' in message(cut)
