@@ -158,7 +158,8 @@ def test_what_is_no_workbook_is_refused(tmp_path: Path) -> None:
         return str(caught.value)
 
     (tmp_path / 'text.xlsx').write_text('id,text\nR,x > 0\n')
-    assert 'cannot be read as a workbook: File is not a zip file' in message(tmp_path / 'text.xlsx')
+    assert 'cannot be read as a workbook: File is not a zip file' in message(
+        tmp_path / 'text.xlsx')
     good = workbook(tmp_path / 'good.xlsx', A=(('id', 'text'), ('R', 'x > 0')))
     bomb = tmp_path / 'bomb.xlsx'
     with zipfile.ZipFile(good) as source, zipfile.ZipFile(bomb, 'w') as target:
