@@ -63,7 +63,7 @@ KEYS = {
 # Only with wheels: a ROS 2 installation has no key for these, and their tests are skipped there.
 OPTIONAL = {
     'apsw', 'atheris', 'backports', 'catkin_pkg', 'compression', 'dd', 'distributed', 'openpyxl',
-    'pycparser', 'reelay', 'reqif', 'rosbags', 'xdist', 'z3', 'ziglang'}
+    'pycparser', 'reelay', 'rosbags', 'xdist', 'z3', 'ziglang'}
 
 
 def git(*arguments: str) -> str:

@@ -28,8 +28,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
                         help="FRET's project, component specification or Lustre; R2U2's "
-                             "specification (C2PO); a table (CSV, XLSX); Ogma's variable "
-                             'database; a list of names and topics')
+                             "specification (C2PO); a table (CSV, XLSX); ReqIF; Ogma's "
+                             'variable database; a list of names and topics')
     parser.add_argument('-o', '--output', metavar='BUNDLE',
                         help='the bundle to write, or a folder for a bundle of each component; '
                              'default: standard output')

@@ -37,6 +37,7 @@ from fret_monitor.importing.fret import (
 )
 from fret_monitor.importing.json_text import read_json
 from fret_monitor.importing.lustre import is_lustre, read_lustre
+from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.tables import has_heads, read_table, SUFFIXES, WORKBOOK
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
@@ -46,8 +47,8 @@ from fret_monitor.model.names import fret_name, handler_fault, handler_name, sho
 
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a specification of '
-          'R2U2 (C2PO), a table (CSV, XLSX) with columns of ids and requirements, a variable '
-          'database of Ogma (JSON), or a list of names and topics')
+          'R2U2 (C2PO), a table (CSV, XLSX) with columns of ids and requirements, ReqIF, a '
+          'variable database of Ogma (JSON), or a list of names and topics')
 _LONGEST_ID = 100
 
 
@@ -94,6 +95,8 @@ def _read(path: Path, problems: Problems, columns: Mapping[str, str]
         return _read_json(source, path, problems)
     if is_c2po(source.text):
         return [read_c2po(source, path.name, path.stem, problems)], []
+    if is_reqif(source.text):
+        return read_table(path, MAX_BYTES, columns, problems, source.text), []
     if is_lustre(source.text):
         return read_lustre(source, path.name, problems), []
     if is_list(source.text):

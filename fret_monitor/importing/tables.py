@@ -21,7 +21,7 @@ are such columns, title, rationale and component. Sentences of FRETish and formu
 row by row; everything else is prose, which is kept as a comment and reported.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass
 import io
@@ -30,6 +30,7 @@ import re
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import ComponentRequirement, ImportedComponent, Wording
+from fret_monitor.importing.reqif_file import IDENTIFIER, reqif_rows, SECTION
 from fret_monitor.importing.workbook import sheets
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.model.diagnostics import (
@@ -44,16 +45,20 @@ SUFFIXES = ('.csv', '.tsv')
 WORKBOOK = '.xlsx'
 
 _HEADS = {
-    'id': ('id', 'reqid', 'req id', 'requirement id', 'identifier', 'uid', 'key', 'number'),
+    'id': ('id', 'reqid', 'req id', 'requirement id', 'identifier', 'uid', 'key', 'number',
+           'reqif.foreignid', 'object identifier'),
     'text': ('requirement', 'requirement text', 'text', 'statement', 'sentence',
-             'formula', 'description', 'specification'),
-    'title': ('title', 'name', 'summary', 'heading'),
+             'formula', 'description', 'specification', 'reqif.text', 'object text'),
+    'title': ('title', 'name', 'summary', 'heading', 'reqif.name', 'object short text'),
     'rationale': ('rationale', 'comment', 'comments', 'justification', 'note', 'notes'),
     'component': ('component', 'system', 'subsystem'),
 }
 _LANGUAGES = {language.value: (language,) for language in Language}
 ROLES = (*_HEADS, *_LANGUAGES)
 """What a column may be."""
+
+_FOUND_HEADS = {**_HEADS, **{name: (name,) for name in _LANGUAGES},
+                'section': (SECTION,), 'identifier': (IDENTIFIER,)}
 
 _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
 _QUOTED = re.compile('"[^"]*"')
@@ -63,9 +68,9 @@ _MANY = 12
 
 @dataclass(frozen=True)
 class _Row:
-    """A row: its number, from 1, as a spreadsheet counts them, and its cells."""
+    """A row: what messages call it, such as `row 2`, as a spreadsheet counts them; its cells."""
 
-    number: int
+    name: str
     cells: tuple[str, ...]
 
 
@@ -91,13 +96,13 @@ def _is_head(cells: Iterable[str]) -> bool:
     return bool(heads & {*_HEADS['id']}) and bool(heads & {*_HEADS['text'], *_LANGUAGES})
 
 
-def read_table(path: Path, max_bytes: int, columns: Mapping[str, str],
-               problems: Problems) -> list[ImportedComponent]:
+def read_table(path: Path, max_bytes: int, columns: Mapping[str, str], problems: Problems,
+               reqif: str | None = None) -> list[ImportedComponent]:
     """
     Return the components of the requirements of a table.
 
     `columns` names the heads of columns by what they are (`ROLES`); others are found by their
-    heads.
+    heads. `reqif` is the text of the file if it is ReqIF, whose attributes are the columns.
 
     Raises
     ------
@@ -105,21 +110,23 @@ def read_table(path: Path, max_bytes: int, columns: Mapping[str, str],
         if it cannot be read, is too large, or has no columns of ids and texts.
     """
     found: dict[str, list[ComponentRequirement]] = {}
-    for table in _tables(path, max_bytes, columns, problems):
+    for table in _tables(path, max_bytes, columns, problems, reqif):
         places = _places(table, columns)
         for row in table.rows:
             cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
                      for role, place in places.items()}
             if any(cells.values()):
-                item = _requirement(cells, row.number, table.label, problems)
+                item = _requirement(cells, row.name, table.label, problems)
                 found.setdefault(cells.get('component', '') or _component(item), []).append(item)
     return [ImportedComponent(name, path.stem, (), tuple(items), (path.name,))
             for name, items in found.items()]
 
 
-def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
-            problems: Problems) -> list[_Table]:
+def _tables(path: Path, max_bytes: int, columns: Mapping[str, str], problems: Problems,
+            reqif: str | None) -> list[_Table]:
     """Return the table of a file, or the sheets of a workbook that have the columns."""
+    if reqif is not None:
+        return [_table(reqif_rows(reqif, path), str(path), path.name, lambda cells: cells[-1])]
     if path.suffix.lower() != WORKBOOK:
         return [_table(_csv_rows(_decoded(path, max_bytes), path), str(path), path.name)]
     read = [(name, rows) for name, rows in sheets(path, max_bytes, MAX_ROWS, problems)
@@ -174,12 +181,13 @@ def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
                help='a quote inside a cell is written twice, and a cell with quotes is in quotes')
 
 
-def _table(rows: Iterable[Sequence[str]], name: str, label: str) -> _Table:
+def _table(rows: Iterable[Sequence[str]], name: str, label: str,
+           name_of: Callable[[Sequence[str]], str] | None = None) -> _Table:
     """Return the rows that are not empty; the first one has the heads."""
     found: list[_Row] = []
     for number, cells in enumerate(rows, 1):
         if any(cell.strip() for cell in cells):
-            found.append(_Row(number, tuple(cells)))
+            found.append(_Row(name_of(cells) if name_of else f'row {number}', tuple(cells)))
         if len(found) > MAX_ROWS + 1:
             refuse(f'{shown(name)} has more than {MAX_ROWS:,} rows',
                    help='split it, or leave out what is no requirement')
@@ -197,13 +205,13 @@ def _places(table: _Table, columns: Mapping[str, str]) -> dict[str, int]:
             refuse(f'{shown(table.name)} has no column {shown(name)}',
                    help=did_you_mean(name, table.head) or _listed(table.head))
         found[role] = heads.index(_head(name))
-    for role, names in {**_HEADS, **{name: (name,) for name in _LANGUAGES}}.items():
+    for role, names in _FOUND_HEADS.items():
         place = next((heads.index(name) for name in names if name in heads
                       and heads.index(name) not in found.values()), None)
         if role not in found and place is not None:
             found[role] = place
-    if 'id' not in found or not found.keys() & {'text', *_LANGUAGES}:
-        missing = 'ids' if 'id' not in found else 'requirements'
+    if not found.keys() & {'id', 'identifier'} or not found.keys() & {'text', *_LANGUAGES}:
+        missing = 'ids' if not found.keys() & {'id', 'identifier'} else 'requirements'
         refuse(f'{shown(table.name)} has no column of {missing}',
                help=f'{_listed(table.head)}; write --columns id=NAME,text=NAME')
     return found
@@ -214,15 +222,15 @@ def _listed(cells: Iterable[str]) -> str:
     return 'its columns are ' + ', '.join(names[:_MANY]) + (', ...' if len(names) > _MANY else '')
 
 
-def _requirement(cells: Mapping[str, str], row: int, file: str,
+def _requirement(cells: Mapping[str, str], row: str, file: str,
                  problems: Problems) -> ComponentRequirement:
-    id_ = cells['id']
+    id_ = cells.get('id', '') or cells.get('identifier', '')
     if not id_:
-        id_ = f'row {row}'
-        problems.warning(f'{file}, row {row} has no id', None, '', f'its id is {shown(id_)}')
+        id_ = row
+        problems.warning(f'{file}, {row} has no id', None, '', f'its id is {shown(id_)}')
     return ComponentRequirement(
-        id_, tuple(_wordings(cells, f'{file}, row {row}')), cells.get('title', ''),
-        cells.get('rationale', ''))
+        id_, tuple(_wordings(cells, f'{file}, {row}')),
+        cells.get('title', '') or cells.get('section', ''), cells.get('rationale', ''))
 
 
 def _wordings(cells: Mapping[str, str], label: str) -> Iterator[Wording]:

@@ -1,0 +1,125 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Reads the requirements of a ReqIF file (OMG ReqIF 1.2) as a table.
+
+Requirement tools (DOORS, Polarion, StrictDoc, ...) exchange requirements so; each names the
+attributes of a requirement as it likes. They are the columns, a requirement is a row, and the
+titles of the chapters around it are a column more. The package reqif is not used: it refuses files
+without what the standard leaves optional.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.names import shown
+
+SECTION = 'section'
+"""The head of the column with the titles of the chapters."""
+
+IDENTIFIER = 'spec-object identifier'
+"""The head of the column with the identifier that every requirement has."""
+
+_TITLES = ('reqif.chaptername', 'reqif.name', 'title', 'name', 'object heading')
+_HEAD_CHARS = 10_000
+_BLOCKS = ('p', 'div', 'br', 'li', 'tr', 'td', 'th', 'table')
+
+
+def is_reqif(text: str) -> bool:
+    """Whether a text is a ReqIF file."""
+    return '<REQ-IF' in text[:_HEAD_CHARS] and text.lstrip()[:1] == '<'
+
+
+def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
+    """
+    Yield the heads, then a row for each requirement, in the order of the documents.
+
+    Raises
+    ------
+    CompileError
+        if it is no XML, or declares a document type (entities).
+    """
+    if '<!DOCTYPE' in text:
+        refuse(f'{shown(str(path))} declares a document type',
+               help='no ReqIF has one: entities are not read')
+    try:
+        yield from _rows(ElementTree.fromstring(text))
+    except (ElementTree.ParseError, RecursionError) as error:
+        reason = 'too deep' if isinstance(error, RecursionError) else str(error)
+        refuse(f'{shown(str(path))} cannot be read as XML: {reason}')
+
+
+def _rows(root: Element) -> Iterator[Sequence[str]]:
+    names = {item.get('IDENTIFIER', ''): item.get('LONG-NAME') or item.get('IDENTIFIER', '')
+             for item in root.iter() if _name(item).startswith('ATTRIBUTE-DEFINITION-')
+             and item.get('IDENTIFIER')}
+    heads = tuple(dict.fromkeys(names.values()))
+    yield (*heads, SECTION, IDENTIFIER)
+    objects = {item.get('IDENTIFIER', ''): _cells(item, names)
+               for item in root.iter() if _name(item) == 'SPEC-OBJECT'}
+    for identifier, section in (*_places(root, objects, ''), *((name, '') for name in objects)):
+        cells = objects.pop(identifier, None)
+        if cells is not None:  # of several places, or none, the first one counts
+            yield (*(cells.get(head, '') for head in heads), section, identifier)
+
+
+def _places(element: Element, objects: Mapping[str, Mapping[str, str]],
+            section: str) -> Iterator[tuple[str, str]]:
+    """Yield the objects of all documents in order, with the titles of the chapters around."""
+    for child in element:
+        if _name(child) != 'SPEC-HIERARCHY':
+            yield from _places(child, objects, section)
+            continue
+        identifier = next((item.text or '' for item in child.iter()
+                           if _name(item) == 'SPEC-OBJECT-REF'), '').strip()
+        yield identifier, section
+        title = _title(objects.get(identifier, {}))
+        yield from _places(child, objects, ' / '.join(filter(None, (section, title))))
+
+
+def _title(cells: Mapping[str, str]) -> str:
+    return ' '.join(next((text for wanted in _TITLES for head, text in cells.items()
+                          if head.casefold() == wanted and text), '').split())
+
+
+def _cells(item: Element, names: Mapping[str, str]) -> dict[str, str]:
+    """Return the values of a requirement by the names of their attributes."""
+    found = {}
+    for value in item.iter():
+        if _name(value).startswith('ATTRIBUTE-VALUE-'):
+            of = next((part.text or '' for part in value.iter()
+                       if _name(part).startswith('ATTRIBUTE-DEFINITION-')), '').strip()
+            written = next((part for part in value if _name(part) == 'THE-VALUE'), None)
+            found[names.get(of, of)] = value.get('THE-VALUE', '') if written is None \
+                else ''.join(_spoken(written))
+    return found
+
+
+def _spoken(element: Element) -> Iterator[str]:
+    """Yield the text of XHTML; paragraphs, lines and cells are apart."""
+    gap = ' ' if _name(element) in _BLOCKS else ''
+    yield gap + (element.text or '')
+    for child in element:
+        yield from _spoken(child)
+        yield child.tail or ''
+    yield gap
+
+
+def _name(element: Element) -> str:
+    """Return the name of a tag without its namespace."""
+    return element.tag.rpartition('}')[2]

@@ -1,0 +1,110 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""ReqIF, as requirement tools exchange it: attributes are columns, chapters are titles."""
+
+from pathlib import Path
+
+from fret_monitor.build import read
+from fret_monitor.cli.main import main
+from fret_monitor.importing import import_bundles
+from fret_monitor.model.diagnostics import CompileError
+import pytest
+
+DOCUMENT = """<?xml version="1.0" encoding="UTF-8"?>
+<REQ-IF xmlns="http://www.omg.org/spec/ReqIF/20110401/reqif.xsd" xmlns:h="http://www.w3.org/1999/xhtml">
+  <THE-HEADER><REQ-IF-HEADER IDENTIFIER="header"><TITLE>Rover</TITLE></REQ-IF-HEADER></THE-HEADER>
+  <CORE-CONTENT><REQ-IF-CONTENT>
+    <DATATYPES>
+      <DATATYPE-DEFINITION-STRING IDENTIFIER="string" LONG-NAME="String"/>
+      <DATATYPE-DEFINITION-XHTML IDENTIFIER="xhtml" LONG-NAME="XHTML"/>
+    </DATATYPES>
+    <SPEC-TYPES>
+      <SPEC-OBJECT-TYPE IDENTIFIER="kind" LONG-NAME="Requirement"><SPEC-ATTRIBUTES>
+        <ATTRIBUTE-DEFINITION-STRING IDENTIFIER="a-id" LONG-NAME="ReqIF.ForeignID"><TYPE>
+          <DATATYPE-DEFINITION-STRING-REF>string</DATATYPE-DEFINITION-STRING-REF></TYPE>
+        </ATTRIBUTE-DEFINITION-STRING>
+        <ATTRIBUTE-DEFINITION-STRING IDENTIFIER="a-name" LONG-NAME="ReqIF.ChapterName"><TYPE>
+          <DATATYPE-DEFINITION-STRING-REF>string</DATATYPE-DEFINITION-STRING-REF></TYPE>
+        </ATTRIBUTE-DEFINITION-STRING>
+        <ATTRIBUTE-DEFINITION-XHTML IDENTIFIER="a-text" LONG-NAME="ReqIF.Text"><TYPE>
+          <DATATYPE-DEFINITION-XHTML-REF>xhtml</DATATYPE-DEFINITION-XHTML-REF></TYPE>
+        </ATTRIBUTE-DEFINITION-XHTML>
+      </SPEC-ATTRIBUTES></SPEC-OBJECT-TYPE>
+      <SPECIFICATION-TYPE IDENTIFIER="document" LONG-NAME="Document"/>
+    </SPEC-TYPES>
+    <SPEC-OBJECTS>%s</SPEC-OBJECTS>
+    <SPECIFICATIONS><SPECIFICATION IDENTIFIER="s" LONG-NAME="Rover">
+      <TYPE><SPECIFICATION-TYPE-REF>document</SPECIFICATION-TYPE-REF></TYPE>
+      <CHILDREN>%s</CHILDREN>
+    </SPECIFICATION></SPECIFICATIONS>
+  </REQ-IF-CONTENT></CORE-CONTENT>
+</REQ-IF>
+"""
+
+
+def requirement(identifier: str, **values: str) -> str:
+    written = ''.join(
+        f'<ATTRIBUTE-VALUE-XHTML><DEFINITION><ATTRIBUTE-DEFINITION-XHTML-REF>a-{name}'
+        '</ATTRIBUTE-DEFINITION-XHTML-REF></DEFINITION><THE-VALUE>' + value +
+        '</THE-VALUE></ATTRIBUTE-VALUE-XHTML>' if name == 'text' else
+        f'<ATTRIBUTE-VALUE-STRING THE-VALUE="{value}"><DEFINITION><ATTRIBUTE-DEFINITION-STRING-REF>'
+        f'a-{name}</ATTRIBUTE-DEFINITION-STRING-REF></DEFINITION></ATTRIBUTE-VALUE-STRING>'
+        for name, value in values.items())
+    return (f'<SPEC-OBJECT IDENTIFIER="{identifier}"><TYPE><SPEC-OBJECT-TYPE-REF>kind'
+            f'</SPEC-OBJECT-TYPE-REF></TYPE><VALUES>{written}</VALUES></SPEC-OBJECT>')
+
+
+def place(identifier: str, *children: str) -> str:
+    inner = f'<CHILDREN>{"".join(children)}</CHILDREN>' if children else ''
+    return (f'<SPEC-HIERARCHY IDENTIFIER="at-{identifier}"><OBJECT><SPEC-OBJECT-REF>{identifier}'
+            f'</SPEC-OBJECT-REF></OBJECT>{inner}</SPEC-HIERARCHY>')
+
+
+ROVER = DOCUMENT % (
+    requirement('o-1', name='Safety') + requirement('o-2', name='Speed')
+    + requirement('o-3', id='R-1', text='<h:div><h:p>the rover shall <h:b>always</h:b></h:p>'
+                                        '<h:p>satisfy speed &lt;= 2.0</h:p></h:div>')
+    + requirement('o-4', text='<h:div>H (armed -&gt; speed &lt; 1.0)<!-- ! --></h:div>')
+    + requirement('o-5', id='R-3', text='<h:div>The rover is red.</h:div>')
+    + requirement('o-6', id='R-4', text='<h:div>speed &gt; 0<h:br/>&amp; armed</h:div>'),
+    place('o-1', place('o-2', place('o-3')), place('o-4')) + place('o-5') + place('o-4'))
+
+
+def test_each_object_is_a_requirement_with_its_chapters_as_title(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'rover.reqif').write_text(ROVER, encoding='utf-8')
+    assert main(['import', str(tmp_path / 'rover.reqif'), '-o', str(tmp_path / 'r.yaml')]) == 0
+    found = {item.id: (item.text, item.title)
+             for item in read(tmp_path / 'r.yaml').specification.properties}
+    assert found == {'R-1': ('the rover shall always satisfy speed <= 2.0', 'Safety / Speed'),
+                     'o-4': ('H (armed -> speed < 1.0)', 'Safety'),
+                     'R-4': ('speed > 0 & armed', '')}
+    assert 'The rover is red.' in (tmp_path / 'r.yaml').read_text(encoding='utf-8')
+    assert 'R-3' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    (ROVER.replace('<REQ-IF ', '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]><REQ-IF '),
+     'declares a document type'),
+    (ROVER[:-20], 'cannot be read as XML: unclosed token: line'),
+    (ROVER.replace('<SPEC-OBJECTS>', '<SPEC-OBJECTS>' + 5000 * '<a>' + 5000 * '</a>'), 'too deep'),
+    (ROVER.replace('SPEC-OBJECT ', 'O ').replace('SPEC-OBJECT>', 'O>'), 'no row below the heads'),
+    (ROVER.replace('ReqIF.Text', 'Remark'), 'no column of requirements')],
+    ids=['entity', 'cut', 'deep', 'other tags', 'no text'])
+def test_what_is_no_reqif_or_has_no_texts_is_refused(
+        text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / 'a.reqif').write_text(text, encoding='utf-8')
+    with pytest.raises(CompileError, match=message):
+        import_bundles([tmp_path / 'a.reqif'], tmp_path / 'a.yaml')
