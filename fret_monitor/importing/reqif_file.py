@@ -65,9 +65,9 @@ def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
 
 
 def _rows(root: Element) -> Iterator[Sequence[str]]:
-    names = {item.get('IDENTIFIER', ''): item.get('LONG-NAME') or item.get('IDENTIFIER', '')
-             for item in root.iter() if _name(item).startswith('ATTRIBUTE-DEFINITION-')
-             and item.get('IDENTIFIER')}
+    names = {identifier: item.get('LONG-NAME') or identifier for item in root.iter()
+             if _name(item).startswith('ATTRIBUTE-DEFINITION-')
+             and (identifier := item.get('IDENTIFIER'))}
     heads = tuple(dict.fromkeys(names.values()))
     yield (*heads, SECTION, IDENTIFIER)
     objects = {item.get('IDENTIFIER', ''): _cells(item, names)
