@@ -115,7 +115,8 @@ def read_table(path: Path, max_bytes: int, columns: Mapping[str, str], problems:
         for row in table.rows:
             cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
                      for role, place in places.items()}
-            if any(cells.values()):
+            has_text = any(cells.get(role) for role in ('text', *_LANGUAGES))
+            if has_text or 'identifier' not in places and any(cells.values()):  # no chapter
                 item = _requirement(cells, row.name, table.label, problems)
                 found.setdefault(cells.get('component', '') or _component(item), []).append(item)
     return [ImportedComponent(name, path.stem, (), tuple(items), (path.name,))
