@@ -28,6 +28,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "draws.h"
+
 enum { MESSAGES = 1000000, ROUNDS = 5, KEY_BYTES = 14 };
 
 static const int64_t SPACING = 1000;             // ns between messages
@@ -97,16 +99,6 @@ static double processor_seconds(void)
 
 static char (* keys)[KEY_BYTES + 4];
 static uint32_t * order;   // the instance of each message
-static uint64_t seed = 88172645463325252u;
-
-// Marsaglia's xorshift: the same numbers on every machine.
-static uint32_t random_below(uint32_t limit)
-{
-  seed ^= seed << 13;
-  seed ^= seed >> 7;
-  seed ^= seed << 17;
-  return (uint32_t)(seed >> 32) % limit;
-}
 
 static void make_messages(uint32_t n_keys)
 {

@@ -36,6 +36,18 @@ inputs:
 requirements:
   - {id: ARMED, ptltl: "data -> safe"}
 """
+# A gate on a service, which keeps a requirement ARM of the input `data` of its requests
+ARM_INPUT = """\
+  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+"""
+ARM_GATE = """\
+  arm:
+    service: arm
+    to: arm_raw
+    type: std_srvs/srv/SetBool
+    keep: [ARM]
+    otherwise: {respond: {success: false, message: withheld}}
+"""
 
 
 def write_bundle(folder: Path, text: str, name: str = 'bundle.yaml') -> Path:

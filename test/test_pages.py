@@ -358,11 +358,12 @@ def test_bundles_of_a_page_pass_check(
 
 # Functions of C that word a line or status, and their arguments that are its words.
 WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increase': (3,),
-          'add_status': (4,), 'add_reason': (1,), 'add_requirements': (4,), 'add_state': (1, 2),
-          'fm_log': (2,), 'fm_log_failure': (1,)}
+          'add_status': (4,), 'add_judged': (4,), 'add_reason': (1,),
+          'add_requirements': (4,), 'add_state': (1, 2),
+          'fm_log': (2,), 'fm_log_failure': (1,), 'count_result': (5,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.
-REASONS = ('action_lines.c', 'health.c', 'input_log.c', 'reasons.c', 'monitor_node.c',
-           'transform_lines.c', 'graph_lines.c')
+REASONS = ('action_call.c', 'action_lines.c', 'health.c', 'input_log.c', 'reasons.c',
+           'monitor_node.c', 'transform_lines.c', 'graph_lines.c')
 # Functions of Python that word what a node logs, but do not log it.
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',
@@ -456,7 +457,7 @@ def texts_of_python(path: Path) -> set[str]:
 
 def texts_of_nodes() -> set[str]:
     """Return every line and status of the nodes that has words of its own."""
-    found = {text for folder in ('reporting', 'node')
+    found = {text for folder in ('reporting', 'ros', 'node')
              for path in sorted((ROOT / 'csrc' / folder).glob('*.c')) for text in texts_of_c(path)}
     for path in [*sorted((ROOT / 'fret_monitor/ros').rglob('*.py')),
                  ROOT / 'fret_monitor/model/parts.py']:
@@ -501,7 +502,8 @@ def test_the_page_on_topics_has_the_values_of_every_status() -> None:
     said = {word for row in rows for word in words(row[2])}
     assert len(keys) > 40 and keys - said == set()
     assert said - keys <= {'timed', 'report: occurrence', 'stamp: header', 'max_rate', 'H p', 'p'}
-    calls = [arguments(source, call.end()) for call in re.finditer(r'\badd_status\(', source)]
+    calls = [arguments(source, call.end())
+             for call in re.finditer(r'\badd_(?:status|judged)\(', source)]
     kinds = {kind for given in calls for kind in literals(given[2])}
     named = {word.removeprefix('NODE: ').rstrip('ABDEILMNU') for row in rows
              for word in words(row[1])}

@@ -352,13 +352,6 @@ void fm_scopes_listen(struct fm_scopes * scopes, fm_scopes_sink sink, void * con
   scopes->context = context;
 }
 
-uint32_t fm_scopes_find(
-  const struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
-{
-  return kind < scopes->n_kinds ? fm_keys_find(&scopes->kinds[kind].pool.keys, key, size) :
-         FM_NO_SLOT;
-}
-
 size_t fm_scopes_key(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t slot, uint8_t * out)
 {

@@ -189,10 +189,6 @@ FM_INTERNAL const struct fm_kind * fm_scopes_kind(const struct fm_scopes * scope
 FM_INTERNAL void fm_scopes_listen(
   struct fm_scopes * scopes, fm_scopes_sink sink, void * context);
 
-/// The slot of a key; FM_NO_SLOT: none. O(1) expected.
-FM_EXPORT uint32_t fm_scopes_find(
-  const struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size);
-
 /// Copy the key of a slot to FM_MOST_KEY_BYTES bytes; returns its bytes, 0 if the slot is free.
 FM_EXPORT size_t fm_scopes_key(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t slot, uint8_t * out);

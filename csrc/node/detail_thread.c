@@ -19,10 +19,10 @@
 #include "detail_thread.h"
 
 #include <pthread.h>
-#include <rcl/error_handling.h>
 #include <stdlib.h>
 
 #include "details.h"
+#include "endpoints.h"
 #include "status_messages.h"
 #include "violation_log.h"
 
@@ -41,15 +41,6 @@ struct fm_detail_thread
   uint64_t turns;  // atomic
 };
 
-static bool has_listeners(const struct fm_detail_thread * thread)
-{
-  size_t n = 0;
-  if (rcl_publisher_get_subscription_count(thread->publisher, &n) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
-  return n > 0;
-}
-
 static void publish(const struct fm_detail_thread * thread)
 {
   struct fm_statuses list = {NULL, 0, 0};
@@ -60,7 +51,7 @@ static void publish(const struct fm_detail_thread * thread)
 
 static void pass_on(struct fm_detail_thread * thread)
 {
-  if (has_listeners(thread)) {
+  if (fm_listeners(thread->publisher) > 0) {
     publish(thread);
   }
   if (thread->log != NULL) {
@@ -73,7 +64,7 @@ static void * run(void * argument)
 {
   struct fm_detail_thread * thread = argument;
   while (!fm_engine_is_closed(thread->reporter->engine)) {
-    const bool is_heard = has_listeners(thread);
+    const bool is_heard = fm_listeners(thread->publisher) > 0;
     __atomic_fetch_add(&thread->turns, 1u, __ATOMIC_RELAXED);
     fm_engine_want_details(
       thread->reporter->engine, is_heard || thread->log != NULL,

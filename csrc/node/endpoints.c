@@ -40,8 +40,8 @@ bool fm_service_open(
 
 void fm_service_close(struct fm_node * node, rcl_service_t * service)
 {
-  if (service->impl != NULL && rcl_service_fini(service, &node->node) != RCL_RET_OK) {
-    rcl_reset_error();
+  if (service->impl != NULL) {
+    fm_ignore(rcl_service_fini(service, &node->node));
   }
 }
 
@@ -84,8 +84,37 @@ bool fm_advertise(
 
 void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher)
 {
-  if (publisher->impl != NULL && rcl_publisher_fini(publisher, &node->node) != RCL_RET_OK) {
-    rcl_reset_error();
+  if (publisher->impl != NULL) {
+    fm_ignore(rcl_publisher_fini(publisher, &node->node));
+  }
+}
+
+size_t fm_listeners(const rcl_publisher_t * publisher)
+{
+  size_t n = 0;
+  fm_ignore(rcl_publisher_get_subscription_count(publisher, &n));
+  return n;
+}
+
+bool fm_client_open(
+  const struct fm_node * node, rcl_client_t * client, const rosidl_service_type_support_t * type,
+  const char * name, struct fm_service_client * end)
+{
+  const rcl_client_options_t options = rcl_client_get_default_options();
+  *client = rcl_get_zero_initialized_client();
+  if (rcl_client_init(client, &node->node, type, name, &options) != RCL_RET_OK) {
+    return false;
+  }
+  *end = (struct fm_service_client) {
+    rcl_node_get_rmw_handle(&node->node), rcl_client_get_rmw_handle(client), (const void *)type,
+    rcl_client_get_service_name(client)};
+  return true;
+}
+
+void fm_client_close(struct fm_node * node, rcl_client_t * client)
+{
+  if (client->impl != NULL) {
+    fm_ignore(rcl_client_fini(client, &node->node));
   }
 }
 
@@ -121,7 +150,5 @@ void fm_look_for_publishers(
     use(context, offers, (uint32_t)found.size);
   }
   free(offers);
-  if (rmw_topic_endpoint_info_array_fini(&found, &allocator) != RMW_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_ignore(rmw_topic_endpoint_info_array_fini(&found, &allocator));
 }

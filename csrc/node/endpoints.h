@@ -12,21 +12,32 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// endpoints.h: services and publishers of the node; answers the requests of a service.
+/// endpoints.h: services, clients and publishers of the node; answers the requests of a service.
 ///
 /// The main thread only.
 
 #ifndef ENDPOINTS_H_
 #define ENDPOINTS_H_
 
+#include <rcl/client.h>
+#include <rcl/error_handling.h>
+
 #include "log.h"
+#include "service_call.h"
 #include "subscription.h"
 
-/// Define a function `name` that takes the waiting requests of a service and answers each with
-/// `answer(context, &request, &response)`; a response is initialised before, and freed after. The
-/// service's headers (functions of requests and responses) are included before.
-#define FM_DEFINE_SERVER(name, package, type, context_type, answer) \
-  static void name(const rcl_service_t * service, context_type * context) \
+#define FM_ANSWER(serve, package, type, context_type, context) \
+  static void serve ## _one( \
+    context_type * context, const package ## __srv__ ## type ## _Request * request, \
+    package ## __srv__ ## type ## _Response * response)
+
+/// Define a function `serve(service, context)` that takes the waiting requests of a service and
+/// answers each by the body that follows, which has `context`, `request` and `response`; that is
+/// initialised before, and freed after. The service's headers (functions of requests and
+/// responses) are included before.
+#define FM_SERVER(serve, package, type, context_type, context) \
+  FM_ANSWER(serve, package, type, context_type, context); \
+  static void serve(const rcl_service_t * service, context_type * context) \
   { \
     package ## __srv__ ## type ## _Request request; \
     package ## __srv__ ## type ## _Response response; \
@@ -36,16 +47,15 @@
     } \
     while (rcl_take_request(service, &id, &request) == RCL_RET_OK) { \
       if (package ## __srv__ ## type ## _Response__init(&response)) { \
-        answer(context, &request, &response); \
-        if (rcl_send_response(service, &id, &response) != RCL_RET_OK) { \
-          rcl_reset_error(); \
-        } \
+        serve ## _one(context, &request, &response); \
+        fm_ignore(rcl_send_response(service, &id, &response)); \
         package ## __srv__ ## type ## _Response__fini(&response); \
       } \
     } \
     rcl_reset_error(); \
     package ## __srv__ ## type ## _Request__fini(&request); \
-  }
+  } \
+  FM_ANSWER(serve, package, type, context_type, context)
 
 /// Make a service; `name` is relative to the node (`~/reset`). Returns false, with the error
 /// logged.
@@ -64,9 +74,19 @@ bool fm_advertise(
   const struct fm_node * node, rcl_publisher_t * publisher,
   const rosidl_message_type_support_t * type, const char * topic, uint32_t depth);
 
-/// End a service, or a publisher; does nothing to a zeroed one.
+/// Make a client, and fill in what calls of the service need. Returns false, with the error of rcl
+/// set, and nothing to close.
+bool fm_client_open(
+  const struct fm_node * node, rcl_client_t * client, const rosidl_service_type_support_t * type,
+  const char * name, struct fm_service_client * end);
+
+/// End a service, a publisher or a client; does nothing to a zeroed one.
 void fm_service_close(struct fm_node * node, rcl_service_t * service);
 void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher);
+void fm_client_close(struct fm_node * node, rcl_client_t * client);
+
+/// How many subscriptions a publisher has matched. Any thread.
+size_t fm_listeners(const rcl_publisher_t * publisher);
 
 /// Call `use` with the publishers on a topic, by its full name; `offers` are valid during the
 /// call. It is not called if rcl fails, or memory is short. O(publishers).

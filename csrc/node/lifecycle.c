@@ -57,11 +57,7 @@ bool fm_lifecycle_begin(
 
 void fm_lifecycle_end(struct fm_lifecycle * lifecycle)
 {
-  if (rcl_lifecycle_state_machine_fini(&lifecycle->machine, &lifecycle->node->node) !=
-    RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_lifecycle_state_machine_fini(&lifecycle->machine, &lifecycle->node->node));
 }
 
 static bool work(struct fm_lifecycle * lifecycle)
@@ -90,12 +86,9 @@ bool fm_lifecycle_change(struct fm_lifecycle * lifecycle, uint8_t transition)
     return false;
   }
   const bool is_done = work(lifecycle);
-  if (rcl_lifecycle_trigger_transition_by_label(
+  fm_ignore(rcl_lifecycle_trigger_transition_by_label(
       &lifecycle->machine, is_done ? rcl_lifecycle_transition_success_label :
-      rcl_lifecycle_transition_failure_label, true) != RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
+      rcl_lifecycle_transition_failure_label, true));
   return is_done;
 }
 
@@ -125,9 +118,7 @@ static void write_transitions(
   }
 }
 
-static void answer_change(
-  struct fm_lifecycle * lifecycle, const lifecycle_msgs__srv__ChangeState_Request * request,
-  lifecycle_msgs__srv__ChangeState_Response * response)
+FM_SERVER(serve_change, lifecycle_msgs, ChangeState, struct fm_lifecycle, lifecycle)
 {
   uint8_t id = request->transition.id;
   if (request->transition.label.size > 0) {
@@ -142,17 +133,13 @@ static void answer_change(
   response->success = fm_lifecycle_change(lifecycle, id);
 }
 
-static void answer_state(
-  struct fm_lifecycle * lifecycle, const lifecycle_msgs__srv__GetState_Request * request,
-  lifecycle_msgs__srv__GetState_Response * response)
+FM_SERVER(serve_state, lifecycle_msgs, GetState, struct fm_lifecycle, lifecycle)
 {
   (void)request;
   write_state(&response->current_state, lifecycle->machine.current_state);
 }
 
-static void answer_states(
-  struct fm_lifecycle * lifecycle, const lifecycle_msgs__srv__GetAvailableStates_Request * request,
-  lifecycle_msgs__srv__GetAvailableStates_Response * response)
+FM_SERVER(serve_states, lifecycle_msgs, GetAvailableStates, struct fm_lifecycle, lifecycle)
 {
   const rcl_lifecycle_transition_map_t * map = &lifecycle->machine.transition_map;
   (void)request;
@@ -163,35 +150,20 @@ static void answer_states(
   }
 }
 
-static void answer_transitions(
-  struct fm_lifecycle * lifecycle,
-  const lifecycle_msgs__srv__GetAvailableTransitions_Request * request,
-  lifecycle_msgs__srv__GetAvailableTransitions_Response * response)
+FM_SERVER(
+  serve_transitions, lifecycle_msgs, GetAvailableTransitions, struct fm_lifecycle, lifecycle)
 {
   const rcl_lifecycle_state_t * state = lifecycle->machine.current_state;
   (void)request;
   write_transitions(response, state->valid_transitions, state->valid_transition_size);
 }
 
-static void answer_graph(
-  struct fm_lifecycle * lifecycle,
-  const lifecycle_msgs__srv__GetAvailableTransitions_Request * request,
-  lifecycle_msgs__srv__GetAvailableTransitions_Response * response)
+FM_SERVER(serve_graph, lifecycle_msgs, GetAvailableTransitions, struct fm_lifecycle, lifecycle)
 {
   const rcl_lifecycle_transition_map_t * map = &lifecycle->machine.transition_map;
   (void)request;
   write_transitions(response, map->transitions, map->transitions_size);
 }
-
-FM_DEFINE_SERVER(serve_change, lifecycle_msgs, ChangeState, struct fm_lifecycle, answer_change)
-FM_DEFINE_SERVER(serve_state, lifecycle_msgs, GetState, struct fm_lifecycle, answer_state)
-FM_DEFINE_SERVER(
-  serve_states, lifecycle_msgs, GetAvailableStates, struct fm_lifecycle, answer_states)
-FM_DEFINE_SERVER(
-  serve_transitions, lifecycle_msgs, GetAvailableTransitions, struct fm_lifecycle,
-  answer_transitions)
-FM_DEFINE_SERVER(
-  serve_graph, lifecycle_msgs, GetAvailableTransitions, struct fm_lifecycle, answer_graph)
 
 void fm_lifecycle_services(
   const struct fm_lifecycle * lifecycle, const rcl_service_t * services[FM_LIFECYCLE_SERVICES])

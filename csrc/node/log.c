@@ -55,9 +55,7 @@ bool fm_log_begin(struct fm_node * node)
 
 void fm_log_end(void)
 {
-  if (rcl_logging_fini() != RCL_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_logging_fini());
 }
 
 void fm_log_set_level(const struct fm_node * node, int severity)
@@ -106,6 +104,13 @@ void fm_log_failure(const struct fm_node * node, const char * what)
 {
   fm_log(node, FM_ERROR, "%s: %s", what, rcl_get_error_string().str);
   rcl_reset_error();
+}
+
+void fm_ignore(rcl_ret_t result)
+{
+  if (result != RCL_RET_OK) {
+    rcl_reset_error();
+  }
 }
 
 int64_t fm_steady_now(void)

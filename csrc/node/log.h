@@ -50,6 +50,9 @@ void fm_log_lines(const struct fm_node * node, struct fm_lines * lines);
 /// Log the error of rcl after a text, and clear it.
 void fm_log_failure(const struct fm_node * node, const char * what);
 
+/// Clear the error of rcl, or of what it stands on, if a call has failed: nothing depends on it.
+void fm_ignore(rcl_ret_t result);
+
 /// CLOCK_MONOTONIC, and the system time, in nanoseconds.
 int64_t fm_steady_now(void);
 int64_t fm_system_now(void);

@@ -138,10 +138,8 @@ static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake
     return false;
   }
   intake->is_relayed = false;
-  if (intake->subscription.impl != NULL &&
-    rcl_subscription_fini(&intake->subscription, &topic->node->node) != RCL_RET_OK)
-  {
-    rcl_reset_error();
+  if (intake->subscription.impl != NULL) {
+    fm_ignore(rcl_subscription_fini(&intake->subscription, &topic->node->node));
   }
   return true;
 }
@@ -254,9 +252,7 @@ static void follow(void * context, const struct fm_offer * offers, uint32_t n_of
   size_t matched = 0;
   struct fm_text problem = {NULL, 0, 0};
   struct fm_lines lines = {NULL, 0, 0};
-  if (rcl_subscription_get_publisher_count(&topic->current.subscription, &matched) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_subscription_get_publisher_count(&topic->current.subscription, &matched));
   const struct fm_decision decision =
     fm_subscription_decide(topic->state, offers, n_offers, matched, fm_steady_now());
   end_oldest(topic, decision.n_ended);

@@ -257,15 +257,13 @@ static uint64_t reset_all(struct fm_monitor_node * monitor)
 {
   uint64_t n_groups = 0;
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
-    fm_session_reset(&monitor->sessions[k]);
+    fm_engine_reset(monitor->sessions[k].engine);
     n_groups += monitor->tables->tables[k]->monitor()->n_groups;
   }
   return n_groups;
 }
 
-static void answer_reset(
-  struct fm_monitor_node * monitor, const std_srvs__srv__Trigger_Request * request,
-  std_srvs__srv__Trigger_Response * response)
+FM_SERVER(serve_reset, std_srvs, Trigger, struct fm_monitor_node, monitor)
 {
   const char * message = FM_WORDS_NO_RESTART;
   struct fm_lines lines = {NULL, 0, 0};
@@ -279,22 +277,14 @@ static void answer_reset(
   fm_log_lines(&monitor->node, &lines);
 }
 
-FM_DEFINE_SERVER(serve_reset, std_srvs, Trigger, struct fm_monitor_node, answer_reset)
-
-static void answer_type(
-  struct fm_monitor_node * monitor,
-  const type_description_interfaces__srv__GetTypeDescription_Request * request,
-  type_description_interfaces__srv__GetTypeDescription_Response * response)
+FM_SERVER(
+  serve_type, type_description_interfaces, GetTypeDescription, struct fm_monitor_node, monitor)
 {
   const rmw_request_id_t unused = {{0}, 0};  // it must not be NULL
   type_description_interfaces__srv__GetTypeDescription_Response__fini(response);  // rcl begins it
   rcl_node_type_description_service_handle_request(
     &monitor->node.node, &unused, request, response);
 }
-
-FM_DEFINE_SERVER(
-  serve_type, type_description_interfaces, GetTypeDescription, struct fm_monitor_node,
-  answer_type)
 
 // rcl makes the service, and knows the types.
 static bool begin_types(struct fm_monitor_node * monitor)
@@ -319,15 +309,32 @@ static void for_all(
   }
 }
 
-// The engines leave /clock before it ends, and follow it after it has begun.
+// The same with the engines of the active sessions.
+static void for_engines(
+  struct fm_monitor_node * monitor, void (* act)(struct fm_engine * engine))
+{
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    if (monitor->sessions[k].is_active) {
+      act(monitor->sessions[k].engine);
+    }
+  }
+}
+
+// The engines leave /clock before it ends, and follow it after it has begun: it still has the time
+// at which it was left.
 static void simulate(struct fm_monitor_node * monitor, bool is_simulated)
 {
-  if (!is_simulated) {
-    for_all(monitor, fm_session_leave_clock);
-  }
   const bool was_simulated = monitor->clock.is_simulated;
-  if (fm_clock_simulate(&monitor->clock, is_simulated) && is_simulated && !was_simulated) {
-    for_all(monitor, fm_session_follow_clock);
+  if (was_simulated && !is_simulated) {
+    for_engines(monitor, fm_engine_follow_steady);
+  }
+  const bool is_new = fm_clock_simulate(&monitor->clock, is_simulated) && !was_simulated &&
+    is_simulated;
+  for (uint32_t k = 0; is_new && k < n_sessions(monitor); ++k) {
+    if (monitor->sessions[k].is_active) {
+      fm_engine_follow_clock(
+        monitor->sessions[k].engine, fm_clock_read, &monitor->clock, true);
+    }
   }
 }
 
@@ -478,17 +485,12 @@ void fm_monitor_node_end(struct fm_monitor_node * monitor)
       fm_lifecycle_end(&monitor->lifecycle);
     }
     fm_parameters_end(&monitor->parameters);
-    if (rcl_wait_set_fini(&monitor->wait_set) != RCL_RET_OK ||
-      rcl_node_fini(&monitor->node.node) != RCL_RET_OK)
-    {
-      rcl_reset_error();
-    }
+    fm_ignore(rcl_wait_set_fini(&monitor->wait_set));
+    fm_ignore(rcl_node_fini(&monitor->node.node));
   }
-  if (monitor->node.context.impl != NULL &&
-    (rcl_shutdown(&monitor->node.context) != RCL_RET_OK ||
-    rcl_context_fini(&monitor->node.context) != RCL_RET_OK))
-  {
-    rcl_reset_error();
+  if (monitor->node.context.impl != NULL) {
+    fm_ignore(rcl_shutdown(&monitor->node.context));
+    fm_ignore(rcl_context_fini(&monitor->node.context));
   }
   if (monitor->has_log) {
     fm_log_end();
@@ -540,10 +542,10 @@ static void serve_clock(struct fm_monitor_node * monitor)
   int64_t time;
   if (monitor->clock.is_simulated && fm_clock_take(&monitor->clock, &time)) {
     if (time < fm_clock_now(&monitor->clock)) {
-      for_all(monitor, fm_session_drain);
+      for_engines(monitor, fm_engine_drain);
     }
     fm_clock_move(&monitor->clock, time);
-    for_all(monitor, fm_session_wake);
+    for_engines(monitor, fm_engine_wake);
   }
 }
 
@@ -612,18 +614,13 @@ static bool has_namesake(struct fm_monitor_node * monitor)
   rcutils_string_array_t names = rcutils_get_zero_initialized_string_array();
   rcutils_string_array_t namespaces = rcutils_get_zero_initialized_string_array();
   size_t n = 0;
-  if (rcl_get_node_names(node, monitor->node.allocator, &names, &namespaces) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_get_node_names(node, monitor->node.allocator, &names, &namespaces));
   for (size_t k = 0; k < names.size; ++k) {
     n += strcmp(names.data[k], rcl_node_get_name(node)) == 0 &&
       strcmp(namespaces.data[k], rcl_node_get_namespace(node)) == 0 ? 1u : 0u;
   }
-  if (rcutils_string_array_fini(&names) != RCUTILS_RET_OK ||
-    rcutils_string_array_fini(&namespaces) != RCUTILS_RET_OK)
-  {
-    rcutils_reset_error();
-  }
+  fm_ignore(rcutils_string_array_fini(&names));
+  fm_ignore(rcutils_string_array_fini(&namespaces));
   return n > 1u;
 }
 
@@ -667,7 +664,7 @@ bool fm_monitor_node_spin_once(struct fm_monitor_node * monitor)
   if (result == RCL_RET_OK) {
     serve_all(monitor);
   }
-  for_all(monitor, fm_session_serve_clock);
+  for_engines(monitor, fm_engine_serve_clock);
   run_timers(monitor);
   return true;
 }

@@ -19,8 +19,6 @@
 
 #include <lifecycle_msgs/srv/change_state.h>
 #include <lifecycle_msgs/srv/get_state.h>
-#include <rcl/client.h>
-#include <rcl/error_handling.h>
 #include <std_msgs/msg/bool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,7 +26,6 @@
 #include "endpoints.h"
 #include "mapped_topic.h"
 #include "rmw_functions.h"
-#include "words.h"
 
 #define DEPTH 10u  // messages that wait to be sent
 
@@ -53,17 +50,13 @@ static bool make_client(
   struct fm_node_actions * actions, uint32_t action, uint32_t place,
   const rosidl_service_type_support_t * type, const char * name)
 {
-  const rcl_client_options_t options = rcl_client_get_default_options();
-  rcl_client_t * client = &actions->clients[2u * action + place];
-  *client = rcl_get_zero_initialized_client();
-  if (rcl_client_init(client, &actions->node->node, type, name, &options) != RCL_RET_OK) {
+  const bool is_made = fm_client_open(
+    actions->node, &actions->clients[2u * action + place], type, name,
+    &actions->ends[action].services[place]);
+  if (!is_made) {
     fm_log_failure(actions->node, "cannot subscribe or advertise");
-    return false;
   }
-  actions->ends[action].services[place] = (struct fm_service_client) {
-    rcl_node_get_rmw_handle(&actions->node->node), rcl_client_get_rmw_handle(client),
-    (const void *)type, rcl_client_get_service_name(client)};
-  return true;
+  return is_made;
 }
 
 static bool make_transition(struct fm_node_actions * actions, uint32_t k)
@@ -145,11 +138,7 @@ static void end_action(struct fm_node_actions * actions, uint32_t k)
 {
   fm_publisher_close(actions->node, &actions->publishers[k]);
   for (uint32_t place = 2u * k; place < 2u * k + 2u; ++place) {
-    if (actions->clients[place].impl != NULL &&
-      rcl_client_fini(&actions->clients[place], &actions->node->node) != RCL_RET_OK)
-    {
-      rcl_reset_error();
-    }
+    fm_client_close(actions->node, &actions->clients[place]);
   }
   free(actions->names[k]);
 }
@@ -179,46 +168,22 @@ void fm_node_actions_end(struct fm_node_actions * actions)
 uint32_t fm_node_actions_uses(const struct fm_node_actions * actions, struct fm_use * uses)
 {
   const struct fm_report_table * table = &actions->table->report;
+  const char * bundle = actions->table->bundle;
   uint32_t n = 0;
   for (uint32_t k = 0; k < table->n_locks; ++k) {
     uses[n++] = (struct fm_use) {
-      "lock", table->locks[k].name, actions->table->bundle, "publish on", actions->lock_names[k],
-      true};
+      "lock", table->locks[k].name, bundle, "publish on", actions->lock_names[k], true, NULL,
+      NULL};
   }
   for (uint32_t k = 0; k < table->n_actions; ++k) {
-    if (table->actions[k].kind == FM_ACTION_PUBLISH) {
-      uses[n++] = (struct fm_use) {
-        "action", table->actions[k].name, actions->table->bundle, "publish on", actions->names[k],
-        false};
-    }
+    const bool publishes = table->actions[k].kind == FM_ACTION_PUBLISH;
+    const bool is_transition = table->actions[k].kind == FM_ACTION_TRANSITION;
+    uses[n++] = (struct fm_use) {
+      "action", table->actions[k].name, bundle, publishes ? "publish on" : "call",
+      publishes ? actions->names[k] : actions->ends[k].services[is_transition ? 1 : 0].name, false,
+      NULL, NULL};
   }
   return n;
-}
-
-static bool is_own(const struct fm_node_actions * actions, const char * service)
-{
-  static const char * const own[] = {"~/reset", "~/change_state"};
-  bool is_found = false;
-  for (size_t k = 0; k < sizeof(own) / sizeof(own[0]); ++k) {
-    char * name = fm_resolved_service(actions->node, own[k]);
-    is_found = is_found || (name != NULL && strcmp(name, service) == 0);
-    free(name);
-  }
-  return is_found;
-}
-
-bool fm_node_actions_call_own(const struct fm_node_actions * actions)
-{
-  const struct fm_report_table * table = &actions->table->report;
-  for (uint32_t k = 0; k < table->n_actions; ++k) {
-    const bool is_transition = table->actions[k].kind == FM_ACTION_TRANSITION;
-    const char * service = actions->ends[k].services[is_transition ? 1 : 0].name;
-    if (service != NULL && is_own(actions, service)) {
-      fm_log(actions->node, FM_ERROR, FM_WORDS_OWN_SERVICE, table->actions[k].name, service);
-      return true;
-    }
-  }
-  return false;
 }
 
 // ---- while the session is active ---------------------------------------------------------------

@@ -44,13 +44,9 @@ struct fm_node_actions
 bool fm_node_actions_begin(
   struct fm_node_actions * actions, struct fm_node * node, const struct fm_node_table * table);
 
-/// Add to `uses` what locks and actions publish on. Returns how many there are, at most n_locks +
+/// Add to `uses` what locks and actions publish on and call. Returns how many there are: n_locks +
 /// n_actions of the table.
 uint32_t fm_node_actions_uses(const struct fm_node_actions * actions, struct fm_use * uses);
-
-/// Log the first action that calls a service of this node, which could end its own monitoring.
-/// Returns whether there is one. O(actions).
-bool fm_node_actions_call_own(const struct fm_node_actions * actions);
 
 /// Fill `locks`, n_locks of the table, for an announcer.
 void fm_node_actions_locks(const struct fm_node_actions * actions, struct fm_lock * locks);

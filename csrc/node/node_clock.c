@@ -50,10 +50,8 @@ bool fm_clock_simulate(struct fm_node_clock * clock, bool is_simulated)
     return false;
   }
   clock->is_simulated = is_simulated;
-  if (!is_simulated &&
-    rcl_subscription_fini(&clock->subscription, &clock->node->node) != RCL_RET_OK)
-  {
-    rcl_reset_error();
+  if (!is_simulated) {
+    fm_ignore(rcl_subscription_fini(&clock->subscription, &clock->node->node));
   }
   return true;
 }

@@ -129,19 +129,10 @@ static void follow(struct fm_node_gate * gate, bool is_durable)
   }
 }
 
-static uint64_t matched_by(const rcl_publisher_t * publisher)
-{
-  size_t n = 0;
-  if (rcl_publisher_get_subscription_count(publisher, &n) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
-  return n;
-}
-
 static void use_next_if_due(struct fm_node_gate * gate)
 {
   if (gate->next.impl != NULL && fm_gate_target_review(
-      gate->state, matched_by(&gate->publisher), matched_by(&gate->next), fm_steady_now()))
+      gate->state, fm_listeners(&gate->publisher), fm_listeners(&gate->next), fm_steady_now()))
   {
     rcl_publisher_t before = gate->publisher;
     fm_relay_publish_with(gate->relay, rcl_publisher_get_rmw_handle(&gate->next));

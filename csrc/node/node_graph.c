@@ -17,14 +17,11 @@
 #include "node_graph.h"
 
 #include <lifecycle_msgs/srv/get_state.h>
-#include <rcl/client.h>
-#include <rcl/error_handling.h>
-#include <rcl/graph.h>
 #include <rcl_interfaces/srv/get_parameters.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "endpoints.h"
 #include "rmw_functions.h"
 
 char * fm_node_name(const struct fm_node * node, const char * name)
@@ -63,19 +60,11 @@ static bool make_client(
   struct fm_node_graph * graph, uint32_t k, const rosidl_service_type_support_t * type,
   const char * service)
 {
-  const rcl_client_options_t options = rcl_client_get_default_options();
-  rcl_client_t * const client = &graph->clients[k];
   struct fm_text name = {NULL, 0, 0};
   fm_text_add(&name, "%s/%s", graph->names[k], service);
-  *client = rcl_get_zero_initialized_client();
-  const bool is_made = rcl_client_init(
-    client, &graph->node->node, type, fm_text_get(&name), &options) == RCL_RET_OK;
+  const bool is_made = fm_client_open(
+    graph->node, &graph->clients[k], type, fm_text_get(&name), &graph->services[k]);
   fm_text_free(&name);
-  if (is_made) {
-    graph->services[k] = (struct fm_service_client) {
-      rcl_node_get_rmw_handle(&graph->node->node), rcl_client_get_rmw_handle(client),
-      (const void *)type, rcl_client_get_service_name(client)};
-  }
   return is_made;
 }
 
@@ -150,11 +139,7 @@ void fm_node_graph_end(struct fm_node_graph * graph)
 {
   fm_graph_destroy(graph->watch);
   for (uint32_t k = 0; graph->clients != NULL && k < graph->n; ++k) {
-    if (graph->clients[k].impl != NULL &&
-      rcl_client_fini(&graph->clients[k], &graph->node->node) != RCL_RET_OK)
-    {
-      rcl_reset_error();
-    }
+    fm_client_close(graph->node, &graph->clients[k]);
   }
   for (uint32_t k = 0; graph->names != NULL && k < graph->n; ++k) {
     free(graph->names[k]);

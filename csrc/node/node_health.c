@@ -17,7 +17,6 @@
 #include "node_health.h"
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
-#include <rcl/error_handling.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -90,17 +89,13 @@ static void look(struct fm_health * health)
 
 void fm_health_review(struct fm_health * health)
 {
-  size_t listeners = 0;
   fm_node_actions_look(&health->session->actions);
   fm_service_gate_review(&health->session->gate.service);
   fm_node_blackbox_look(&health->session->blackbox);
   look(health);
   fm_review_log(health->review, &health->lines);
   fm_log_lines(health->session->node, &health->lines);
-  if (rcl_publisher_get_subscription_count(&health->publisher, &listeners) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
-  if (listeners > 0) {
+  if (fm_listeners(&health->publisher) > 0) {
     fm_review_report(health->review, &health->statuses);
     fm_publish_statuses(
       &health->publisher, &health->statuses, fm_clock_now(health->session->clock));

@@ -16,7 +16,6 @@
 
 #include "parameter_services.h"
 
-#include <rcl/error_handling.h>
 #include <rcl_interfaces/msg/parameter.h>
 #include <rcl_interfaces/msg/parameter_descriptor.h>
 #include <rcl_interfaces/msg/parameter_event.h>
@@ -61,10 +60,8 @@ static bool are_known(
 
 // ---- reading: as rclpy, an unknown name gives an empty answer ----------------------------------
 
-static void answer_describe(
-  struct fm_parameter_services * services,
-  const rcl_interfaces__srv__DescribeParameters_Request * request,
-  rcl_interfaces__srv__DescribeParameters_Response * response)
+FM_SERVER(
+  serve_describe, rcl_interfaces, DescribeParameters, struct fm_parameter_services, services)
 {
   if (!are_known(services, &request->names) ||
     !rcl_interfaces__msg__ParameterDescriptor__Sequence__init(
@@ -82,10 +79,7 @@ static void answer_describe(
   }
 }
 
-static void answer_get(
-  struct fm_parameter_services * services,
-  const rcl_interfaces__srv__GetParameters_Request * request,
-  rcl_interfaces__srv__GetParameters_Response * response)
+FM_SERVER(serve_get, rcl_interfaces, GetParameters, struct fm_parameter_services, services)
 {
   if (!are_known(services, &request->names) ||
     !rcl_interfaces__msg__ParameterValue__Sequence__init(&response->values, request->names.size))
@@ -98,10 +92,7 @@ static void answer_get(
   }
 }
 
-static void answer_types(
-  struct fm_parameter_services * services,
-  const rcl_interfaces__srv__GetParameterTypes_Request * request,
-  rcl_interfaces__srv__GetParameterTypes_Response * response)
+FM_SERVER(serve_types, rcl_interfaces, GetParameterTypes, struct fm_parameter_services, services)
 {
   if (!are_known(services, &request->names) ||
     !rosidl_runtime_c__uint8__Sequence__init(&response->types, request->names.size))
@@ -161,10 +152,7 @@ static void add_prefix(rosidl_runtime_c__String__Sequence * prefixes, const char
   (void)rosidl_runtime_c__String__assignn(&prefixes->data[prefixes->size++], name, length);
 }
 
-static void answer_list(
-  struct fm_parameter_services * services,
-  const rcl_interfaces__srv__ListParameters_Request * request,
-  rcl_interfaces__srv__ListParameters_Response * response)
+FM_SERVER(serve_list, rcl_interfaces, ListParameters, struct fm_parameter_services, services)
 {
   const struct fm_parameters * parameters = services->parameters;
   rosidl_runtime_c__String__Sequence * names = &response->result.names;
@@ -197,10 +185,8 @@ static void publish_changes(
   event.stamp.sec = (int32_t)(now / FM_SECOND);
   event.stamp.nanosec = (uint32_t)(now % FM_SECOND);
   assign(&event.node, rcl_node_get_fully_qualified_name(&services->node->node));
-  if (!rcl_interfaces__msg__Parameter__Sequence__copy(changed, &event.changed_parameters) ||
-    rcl_publish(&services->events, &event, NULL) != RCL_RET_OK)
-  {
-    rcl_reset_error();
+  if (rcl_interfaces__msg__Parameter__Sequence__copy(changed, &event.changed_parameters)) {
+    fm_ignore(rcl_publish(&services->events, &event, NULL));
   }
   rcl_interfaces__msg__ParameterEvent__fini(&event);
 }
@@ -229,10 +215,7 @@ static void set_all(
   fm_text_free(&reason);
 }
 
-static void answer_set(
-  struct fm_parameter_services * services,
-  const rcl_interfaces__srv__SetParameters_Request * request,
-  rcl_interfaces__srv__SetParameters_Response * response)
+FM_SERVER(serve_set, rcl_interfaces, SetParameters, struct fm_parameter_services, services)
 {
   if (!rcl_interfaces__msg__SetParametersResult__Sequence__init(
       &response->results, request->parameters.size))
@@ -245,30 +228,14 @@ static void answer_set(
   }
 }
 
-static void answer_set_atomically(
-  struct fm_parameter_services * services,
-  const rcl_interfaces__srv__SetParametersAtomically_Request * request,
-  rcl_interfaces__srv__SetParametersAtomically_Response * response)
+FM_SERVER(
+  serve_set_atomically, rcl_interfaces, SetParametersAtomically, struct fm_parameter_services,
+  services)
 {
   set_all(services, &request->parameters, &response->result);
 }
 
 // ---- services ----------------------------------------------------------------------------------
-
-FM_DEFINE_SERVER(
-  serve_describe, rcl_interfaces, DescribeParameters, struct fm_parameter_services,
-  answer_describe)
-FM_DEFINE_SERVER(
-  serve_get, rcl_interfaces, GetParameters, struct fm_parameter_services, answer_get)
-FM_DEFINE_SERVER(
-  serve_types, rcl_interfaces, GetParameterTypes, struct fm_parameter_services, answer_types)
-FM_DEFINE_SERVER(
-  serve_list, rcl_interfaces, ListParameters, struct fm_parameter_services, answer_list)
-FM_DEFINE_SERVER(
-  serve_set, rcl_interfaces, SetParameters, struct fm_parameter_services, answer_set)
-FM_DEFINE_SERVER(
-  serve_set_atomically, rcl_interfaces, SetParametersAtomically, struct fm_parameter_services,
-  answer_set_atomically)
 
 bool fm_parameter_services_begin(
   struct fm_parameter_services * services, struct fm_node * node,

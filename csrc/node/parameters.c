@@ -186,11 +186,8 @@ static void read_given(struct fm_parameters * parameters)
 {
   const char * own = rcl_node_get_fully_qualified_name(&parameters->node->node);
   rcl_params_t * found = NULL;
-  if (rcl_arguments_get_param_overrides(
-      &parameters->node->context.global_arguments, &found) != RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_arguments_get_param_overrides(
+      &parameters->node->context.global_arguments, &found));
   for (size_t node = 0; found != NULL && node < found->num_nodes; ++node) {
     const rcl_node_params_t * of_node = &found->params[node];
     const size_t n = is_addressed(found->node_names[node], own) ? of_node->num_params : 0u;

@@ -40,9 +40,7 @@ static const rosidl_service_type_support_t * support_of(const struct fm_service_
 static void respond(
   const struct fm_service_gate * gate, rmw_request_id_t * id, const struct fm_typed_message * what)
 {
-  if (rcl_send_response(&gate->service, id, what->memory) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_send_response(&gate->service, id, what->memory));
 }
 
 static void refuse_unanswered(struct fm_service_gate * gate, rmw_request_id_t * id)
@@ -72,11 +70,7 @@ static void refuse_pending(struct fm_service_gate * gate, int64_t now)
 static bool has_server(const struct fm_service_gate * gate)
 {
   bool is_available = false;
-  if (rcl_service_server_is_available(&gate->node->node, &gate->client, &is_available) !=
-    RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_service_server_is_available(&gate->node->node, &gate->client, &is_available));
   return is_available;
 }
 
@@ -111,8 +105,8 @@ static bool passes(struct fm_service_gate * gate)
     is_passed = serialize_event(gate, &bytes) && fm_engine_judge(
       gate->engine, bytes.buffer, bytes.buffer_length, &origin, &due) == FM_PASSED;
   }
-  if (bytes.buffer != NULL && rmw_serialized_message_fini(&bytes) != RMW_RET_OK) {
-    rcl_reset_error();
+  if (bytes.buffer != NULL) {
+    fm_ignore(rmw_serialized_message_fini(&bytes));
   }
   return is_passed;
 }
@@ -187,16 +181,13 @@ static bool make_messages(struct fm_service_gate * gate)
 
 static bool make_client(struct fm_service_gate * gate)
 {
-  const rcl_client_options_t options = rcl_client_get_default_options();
-  gate->client = rcl_get_zero_initialized_client();
-  if (rcl_client_init(
-      &gate->client, &gate->node->node, support_of(gate), gate->table->gate->to, &options) !=
-    RCL_RET_OK)
-  {
+  struct fm_service_client unused;
+  const bool is_made = fm_client_open(
+    gate->node, &gate->client, support_of(gate), gate->table->gate->to, &unused);
+  if (!is_made) {
     fm_log_failure(gate->node, "cannot subscribe or advertise");
-    return false;
   }
-  return true;
+  return is_made;
 }
 
 bool fm_service_gate_open(
@@ -230,11 +221,8 @@ void fm_service_gate_review(struct fm_service_gate * gate)
 bool fm_service_gate_has_other(const struct fm_service_gate * gate)
 {
   size_t n = 0;
-  if (rcl_count_services(
-      &gate->node->node, rcl_service_get_service_name(&gate->service), &n) != RCL_RET_OK)
-  {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_count_services(
+      &gate->node->node, rcl_service_get_service_name(&gate->service), &n));
   return n > 1u;
 }
 
@@ -243,11 +231,7 @@ void fm_service_gate_close(struct fm_service_gate * gate)
   if (gate->node != NULL) {
     refuse_pending(gate, FM_NEVER);
     fm_service_close(gate->node, &gate->service);
-    if (gate->client.impl != NULL &&
-      rcl_client_fini(&gate->client, &gate->node->node) != RCL_RET_OK)
-    {
-      rcl_reset_error();
-    }
+    fm_client_close(gate->node, &gate->client);
   }
   fm_message_free(&gate->request);
   fm_message_free(&gate->answer);

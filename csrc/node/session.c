@@ -441,47 +441,6 @@ int64_t fm_session_review(struct fm_session * session)
   return graph < next ? graph : next;
 }
 
-void fm_session_reset(struct fm_session * session)
-{
-  fm_engine_reset(session->engine);
-}
-
-void fm_session_leave_clock(struct fm_session * session)
-{
-  if (session->is_active && session->clock->is_simulated) {
-    fm_engine_follow_steady(session->engine);
-  }
-}
-
-void fm_session_follow_clock(struct fm_session * session)
-{
-  if (session->is_active && session->clock->is_simulated) {
-    // /clock still has the time at which it was left.
-    fm_engine_follow_clock(session->engine, fm_clock_read, session->clock, true);
-  }
-}
-
-void fm_session_drain(struct fm_session * session)
-{
-  if (session->is_active) {
-    fm_engine_drain(session->engine);
-  }
-}
-
-void fm_session_serve_clock(struct fm_session * session)
-{
-  if (session->is_active) {
-    fm_engine_serve_clock(session->engine);
-  }
-}
-
-void fm_session_wake(struct fm_session * session)
-{
-  if (session->is_active) {
-    fm_engine_wake(session->engine);
-  }
-}
-
 void fm_session_serve_requests(struct fm_session * session)
 {
   if (session->gate.service.engine != NULL) {

@@ -94,17 +94,6 @@ int64_t fm_session_note_change(struct fm_session * session);
 /// Returns when to call it again, on the steady clock. O(topics).
 int64_t fm_session_review(struct fm_session * session);
 
-/// Reset all step groups between two steps.
-void fm_session_reset(struct fm_session * session);
-
-/// `use_sim_time` is about to be changed, was changed; /clock is about to go back, is served, has
-/// moved.
-void fm_session_leave_clock(struct fm_session * session);
-void fm_session_follow_clock(struct fm_session * session);
-void fm_session_drain(struct fm_session * session);
-void fm_session_serve_clock(struct fm_session * session);
-void fm_session_wake(struct fm_session * session);
-
 /// Serve what a gate on a service has received.
 void fm_session_serve_requests(struct fm_session * session);
 

@@ -12,7 +12,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// session_names.h: names of topics and services that the sessions of a node share.
+/// session_names.h: the names of topics and services that the sessions of a node use.
 
 #ifndef SESSION_NAMES_H_
 #define SESSION_NAMES_H_

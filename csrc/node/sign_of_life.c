@@ -16,7 +16,6 @@
 
 #include "sign_of_life.h"
 
-#include <rcl/error_handling.h>
 #include <rmw/qos_profiles.h>
 #include <rosidl_runtime_c/string_functions.h>
 #include <std_msgs/msg/header.h>
@@ -41,9 +40,7 @@ static void publish(struct fm_sign_of_life * sign)
   header.stamp.nanosec = (uint32_t)(now % FM_SECOND);
   (void)rosidl_runtime_c__String__assign(
     &header.frame_id, rcl_node_get_name(&session->node->node));
-  if (rcl_publish(&sign->publisher, &header, NULL) != RCL_RET_OK) {
-    rcl_reset_error();
-  }
+  fm_ignore(rcl_publish(&sign->publisher, &header, NULL));
   std_msgs__msg__Header__fini(&header);
   sign->published = fm_steady_now();
   sign->suspected = 0;

@@ -19,9 +19,9 @@
 #include <diagnostic_msgs/msg/diagnostic_array.h>
 #include <diagnostic_msgs/msg/diagnostic_status.h>
 #include <diagnostic_msgs/msg/key_value.h>
-#include <rcl/error_handling.h>
 #include <rosidl_runtime_c/string_functions.h>
 
+#include "log.h"
 #include "reporter.h"
 
 static void fill_status(
@@ -55,9 +55,7 @@ void fm_publish_statuses(
     for (uint32_t k = 0; k < list->n; ++k) {
       fill_status(&array.status.data[k], &list->statuses[k]);
     }
-    if (rcl_publish(publisher, &array, NULL) != RCL_RET_OK) {
-      rcl_reset_error();
-    }
+    fm_ignore(rcl_publish(publisher, &array, NULL));
   }
   diagnostic_msgs__msg__DiagnosticArray__fini(&array);
 }

@@ -33,20 +33,4 @@ FM_EXPORT void fm_describe_actions(
 FM_INTERNAL void fm_add_failure(
   struct fm_lines * lines, const struct fm_action * action, uint32_t tries, const char * why);
 
-/// Add why a call failed: no server, no response in time, or one without success, which may have
-/// a message.
-FM_INTERNAL void fm_add_no_server(struct fm_text * why, const char * service, int64_t timeout);
-FM_INTERNAL void fm_add_no_answer(struct fm_text * why, const char * service, int64_t timeout);
-FM_INTERNAL void fm_add_no_success(
-  struct fm_text * why, const char * service, const char * message);
-
-/// Add that the middleware does not send a request to a service, or a message (NULL).
-FM_INTERNAL void fm_add_not_sent(struct fm_text * why, const char * service);
-
-/// Add why a transition failed, by the state in which the node is: it refused to leave the state;
-/// no transition leads from there; or `wanted` is NULL: it is there nevertheless.
-FM_INTERNAL void fm_add_refused(struct fm_text * why, const char * node, const char * state);
-FM_INTERNAL void fm_add_no_way(
-  struct fm_text * why, const char * node, const char * state, const char * wanted);
-
 #endif  // ACTION_LINES_H_

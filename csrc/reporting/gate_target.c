@@ -154,23 +154,6 @@ static uint32_t place_of_own(
   return found;
 }
 
-static int compare_names(const void * one, const void * other)
-{
-  return strcmp(*(char * const *)one, *(char * const *)other);
-}
-
-// Write the names: sorted, each once.
-static void list_others(struct fm_gate_target * state, char ** names, uint32_t n)
-{
-  fm_text_clear(&state->others);
-  qsort(names, n, sizeof(*names), compare_names);
-  for (uint32_t k = 0; k < n; ++k) {
-    if (k == 0 || strcmp(names[k], names[k - 1u]) != 0) {
-      fm_text_list(&state->others, ", ", names[k]);
-    }
-  }
-}
-
 static char * name_of(const struct fm_gate_target * state, const struct fm_offer * offer)
 {
   struct fm_text name = {NULL, 0, 0};
@@ -199,7 +182,7 @@ void fm_gate_target_look(
   }
   state->unnamed_looks = has_unnamed ? state->unnamed_looks + 1u : 0;
   if (names != NULL) {
-    list_others(state, names, n_names);
+    fm_text_sort(&state->others, names, n_names);
   }
   for (uint32_t k = 0; k < n_names; ++k) {
     free(names[k]);

@@ -158,6 +158,18 @@ static void add_trouble(struct troubles * troubles, uint8_t level, const char * 
   troubles->level = level > troubles->level ? level : troubles->level;
 }
 
+// The status of what has troubles, or is `good`; frees their text.
+static struct fm_status * add_judged(
+  const struct report * report, struct troubles * troubles, const char * kind, const char * name,
+  const char * good)
+{
+  struct fm_status * status = add_status(
+    report, troubles->level, kind, name,
+    troubles->text.length > 0 ? fm_text_get(&troubles->text) : good);
+  fm_text_free(&troubles->text);
+  return status;
+}
+
 static void add_silence(
   const struct fm_review * review, const struct fm_topic * fed, struct troubles * troubles)
 {
@@ -310,9 +322,9 @@ static void add_topic(const struct report * report, uint32_t topic)
     table->is_one_of_several ? " for " : "", table->is_one_of_several ? table->bundle : "");
   const bool is_made = table->topics[topic].kind != FM_TOPIC;
   const bool is_seen = fm_is_of_graph(review->reporter, topic);
-  struct fm_status * status = add_status(
-    report, troubles.level, is_seen ? "graph " : is_made ? "transform " : "topic ",
-    fm_text_get(&name), troubles.text.length > 0 ? fm_text_get(&troubles.text) : "received");
+  struct fm_status * status = add_judged(
+    report, &troubles, is_seen ? "graph " : is_made ? "transform " : "topic ", fm_text_get(&name),
+    "received");
   if (is_seen && table->topics[topic].kind != FM_PARAMETER) {
     fm_status_value(status, "seen", "%" PRId64, now->observed.value);
   }
@@ -335,7 +347,6 @@ static void add_topic(const struct report * report, uint32_t topic)
   }
   add_counts_of_inputs(review, &table->topic_inputs[topic], status);
   fm_text_free(&name);
-  fm_text_free(&troubles.text);
 }
 
 // ---- what acts ---------------------------------------------------------------------------------
@@ -381,14 +392,12 @@ static void add_action(const struct report * report, uint32_t action)
     add_trouble(&troubles, ERROR, "%" PRIu64 " failed since the last report",
       review->failed[action] - review->failed_before[action]);
   }
-  struct fm_status * status = add_status(
-    report, troubles.level, "action ", review->reporter->table->actions[action].name,
-    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "ready");
+  struct fm_status * status = add_judged(
+    report, &troubles, "action ", review->reporter->table->actions[action].name, "ready");
   add_count(status, "started", counts->started);
   add_count(status, "sent", counts->sent);
   add_count(status, "failed", counts->failed);
   add_count(status, "skipped", counts->skipped);
-  fm_text_free(&troubles.text);
 }
 
 static void add_lock(const struct report * report, const struct fm_report_lock * lock)
@@ -415,15 +424,14 @@ static void add_blackbox(const struct report * report)
   if (now->early > before->early) {
     add_trouble(&troubles, WARN, "`blackbox_bytes` is too little for `blackbox_seconds`");
   }
-  struct fm_status * status = add_status(
-    report, troubles.level, "black box of ", report->review->reporter->table->bundle,
-    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "keeps the last messages");
+  struct fm_status * status = add_judged(
+    report, &troubles, "black box of ", report->review->reporter->table->bundle,
+    "keeps the last messages");
   add_count(status, "written", now->written);
   add_count(status, "not written", now->failed);
   add_count(status, "kept", now->kept);
   add_count(status, "left out", now->left_out);
   add_count(status, "overwritten early", now->early);
-  fm_text_free(&troubles.text);
 }
 
 // ---- time, violations, failures ----------------------------------------------------------------
@@ -459,13 +467,11 @@ static void add_links(const struct report * report)
   add_increase(&troubles, before->loops, now->loops, "would close a loop");
   add_increase(&troubles, before->unusable, now->unusable, "cannot be used");
   add_increase(&troubles, before->old, now->old, "too old");
-  struct fm_status * status = add_status(
-    report, troubles.level, "links of ", report->review->reporter->table->bundle,
-    troubles.text.length > 0 ? fm_text_get(&troubles.text) : "taken");
+  struct fm_status * status = add_judged(
+    report, &troubles, "links of ", report->review->reporter->table->bundle, "taken");
   add_count(status, "loops", now->loops);
   add_count(status, "unusable", now->unusable);
   add_count(status, "old", now->old);
-  fm_text_free(&troubles.text);
 }
 
 static void add_periods(const struct report * report)

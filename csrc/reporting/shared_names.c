@@ -17,7 +17,63 @@
 
 #include "shared_names.h"
 
+#include <stdlib.h>
 #include <string.h>
+
+// ---- circles of gates --------------------------------------------------------------------------
+
+static bool leads_to(const struct fm_use * one, const struct fm_use * other)
+{
+  return one->from != NULL && other->from != NULL && strcmp(one->verb, other->verb) == 0 &&
+         strcmp(one->to, other->from) == 0;
+}
+
+// The use after the first on a shortest circle, and in `after` the use after each; n: it is on
+// none. `found` has room for n.
+static uint32_t second_of_circle(
+  const struct fm_use * uses, uint32_t n, uint32_t first, uint32_t * found, uint32_t * after)
+{
+  uint32_t n_found = 1;
+  for (uint32_t k = 0; k < n; ++k) {
+    after[k] = n;
+  }
+  found[0] = after[first] = first;
+  for (uint32_t k = 0; k < n_found; ++k) {
+    if (leads_to(&uses[first], &uses[found[k]])) {
+      return found[k];
+    }
+    for (uint32_t before = 0; before < n; ++before) {
+      if (after[before] == n && leads_to(&uses[before], &uses[found[k]])) {
+        after[before] = found[k];
+        found[n_found++] = before;
+      }
+    }
+  }
+  return n;
+}
+
+static bool find_circle(struct fm_lines * lines, const struct fm_use * uses, uint32_t n)
+{
+  uint32_t * found = calloc(2u * (size_t)n + 1u, sizeof(*found));
+  struct fm_text way = {NULL, 0, 0};
+  for (uint32_t first = 0; found != NULL && way.length == 0 && first < n; ++first) {
+    uint32_t next = second_of_circle(uses, n, first, found, found + n);
+    if (next < n) {
+      fm_text_add(&way, "%s -> %s", uses[first].from, uses[first].to);
+      for (; next != first; next = found[n + next]) {
+        fm_text_add(&way, " -> %s", uses[next].to);
+      }
+      fm_lines_add(lines, FM_ERROR,
+        "these gates are a circle: %s; remap their names to different ones", fm_text_get(&way));
+    }
+  }
+  const bool is_found = way.length > 0;
+  fm_text_free(&way);
+  free(found);
+  return is_found;
+}
+
+// ---- one name ----------------------------------------------------------------------------------
 
 static void add_what(struct fm_text * text, const struct fm_use * use, bool names_bundle)
 {
@@ -60,7 +116,7 @@ static const struct fm_use * owner_of(
   return NULL;
 }
 
-bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n)
+static bool find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n)
 {
   for (uint32_t k = 0; k < 2u * n; ++k) {  // first those that must be alone
     const struct fm_use * use = &uses[k % n];
@@ -72,6 +128,35 @@ bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_
   }
   return false;
 }
+
+static bool calls_node(const struct fm_use * use, const struct fm_use * other)
+{
+  return use->kind[0] != '\0' && other->kind[0] == '\0' && strcmp(use->verb, "call") == 0 &&
+         strcmp(other->verb, "call") == 0 && strcmp(use->name, other->name) == 0;
+}
+
+static bool find_call(struct fm_lines * lines, const struct fm_use * uses, uint32_t n)
+{
+  for (uint32_t k = 0; k < n; ++k) {
+    for (uint32_t other = 0; other < n; ++other) {
+      if (calls_node(&uses[k], &uses[other])) {
+        fm_lines_add(lines, FM_ERROR,
+          "the action '%s' calls %s, a service of this node: a violation would end its own "
+          "monitoring or begin it anew; choose a service of another node", uses[k].owner,
+          uses[k].name);
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n)
+{
+  return find_circle(lines, uses, n) || find_shared(lines, uses, n) || find_call(lines, uses, n);
+}
+
+// ---- topics of a bundle ------------------------------------------------------------------------
 
 static bool is_conflict(const struct fm_report_topic * one, const struct fm_report_topic * other)
 {

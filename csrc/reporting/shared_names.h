@@ -23,19 +23,22 @@
 #include "lines.h"
 #include "report_table.h"
 
-/// What publishes on a topic, or offers a service.
+/// What publishes on a topic, offers a service, or calls one.
 struct fm_use
 {
   const char * kind;    // "gate", "lock" or "action"; "": the node itself
   const char * owner;   // the name of that
   const char * bundle;
-  const char * verb;    // "publish on" or "offer"
+  const char * verb;    // "publish on", "offer" or "call"; the node itself: no action may call it
   const char * name;    // the full name of the topic or service
   bool is_alone;        // it must be the only one
+  const char * from;    // of a gate, the full names of its ends; otherwise NULL
+  const char * to;
 };
 
-/// Add the line about the first two uses of one name, one of which must be alone. Returns whether
-/// there are any. O(n * uses that must be alone).
+/// Add the line about the first problem: a shortest circle of gates, in which a message would go
+/// round for ever; two uses of one name, one of which must be alone; an action that calls the node
+/// itself. Returns whether there is any. O(n * uses that must be alone + gates^3).
 FM_EXPORT bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_t n);
 
 /// Add the line about the first topic of the table that is one with an earlier one: each message

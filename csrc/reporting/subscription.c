@@ -428,29 +428,13 @@ static void log_losses(
 
 // ---- conclusions -------------------------------------------------------------------------------
 
-static int compare(const void * one, const void * other)
-{
-  return strcmp(*(const char * const *)one, *(const char * const *)other);
-}
-
-static void join_sorted(struct fm_text * list, const char ** words, uint32_t n)
-{
-  fm_text_clear(list);
-  qsort(words, n, sizeof(*words), compare);
-  for (uint32_t k = 0; k < n; ++k) {
-    if (k == 0 || strcmp(words[k - 1u], words[k]) != 0) {
-      fm_text_list(list, ", ", words[k]);
-    }
-  }
-}
-
 static void note_mismatches(struct fm_subscription * state)
 {
-  const char ** words = calloc(2u * state->n_publishers + 1u, sizeof(*words));
+  char ** words = calloc(2u * state->n_publishers + 1u, sizeof(*words));
   if (words == NULL) {
     return;
   }
-  const char ** types = words + state->n_publishers;
+  char ** types = words + state->n_publishers;
   uint32_t n_words = 0;
   uint32_t n_types = 0;
   for (uint32_t k = 0; k < state->n_publishers; ++k) {
@@ -461,8 +445,8 @@ static void note_mismatches(struct fm_subscription * state)
       words[n_words++] = publisher->who;
     }
   }
-  join_sorted(&state->unmatched, words, n_words);
-  join_sorted(&state->other_types, types, n_types);
+  fm_text_sort(&state->unmatched, words, n_words);
+  fm_text_sort(&state->other_types, types, n_types);
   free(words);
 }
 

@@ -84,6 +84,22 @@ void fm_text_list(struct fm_text * text, const char * separator, const char * wo
   fm_text_add(text, "%s%s", text->length == 0 ? "" : separator, word);
 }
 
+static int compare_words(const void * one, const void * other)
+{
+  return strcmp(*(char * const *)one, *(char * const *)other);
+}
+
+void fm_text_sort(struct fm_text * text, char ** words, uint32_t n)
+{
+  fm_text_clear(text);
+  qsort(words, n, sizeof(*words), compare_words);
+  for (uint32_t k = 0; k < n; ++k) {
+    if (k == 0 || strcmp(words[k], words[k - 1u]) != 0) {
+      fm_text_list(text, ", ", words[k]);
+    }
+  }
+}
+
 // ---- bytes -------------------------------------------------------------------------------------
 
 // The length of the character of UTF-8 that such a byte begins; 0: none.

@@ -54,6 +54,9 @@ void fm_text_add_arguments(struct fm_text * text, const char * format, va_list a
 /// Add `word`, after `separator` unless the text is empty.
 void fm_text_list(struct fm_text * text, const char * separator, const char * word);
 
+/// Replace the text by `n` words, sorted, each once, with commas; sorts `words`. O(n log n).
+void fm_text_sort(struct fm_text * text, char ** words, uint32_t n);
+
 /// Add bytes that somebody sent: each byte outside characters of UTF-8 that can be shown is
 /// a '?'.
 void fm_text_add_bytes(struct fm_text * text, const uint8_t * bytes, size_t size);

@@ -12,8 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// words.h: words in which both nodes log and refuse where nothing else is to be decided; formats
-/// of printf, of which Python reads %s, %d and %.3f alike (`native/words.py`, generated).
+/// words.h: words in which both nodes log and refuse where nothing else is to be decided, and why
+/// an action failed; formats of printf, of which Python reads %s, %d and %.3f alike
+/// (`native/words.py`, generated).
 
 #ifndef WORDS_H_
 #define WORDS_H_
@@ -29,14 +30,17 @@
   "to tell them apart in /diagnostics, ~/reset and transitions"
 #define FM_WORDS_UNANSWERED "gate '%s': no server of %s answers; the request is refused"
 #define FM_WORDS_NEGATIVE_TIME "a message on /clock is ignored: its time is negative, %.3f s"
-#define FM_WORDS_OWN_SERVICE \
-  "the action '%s' calls %s, a service of this node: a violation would end its own monitoring " \
-  "or begin it anew; choose a service of another node"
 
-// ---- a gate ------------------------------------------------------------------------------------
+// ---- why an action failed ----------------------------------------------------------------------
 
-#define FM_WORDS_CIRCLE \
-  "these gates are a circle: %s; remap their names to different ones"
+#define FM_WORDS_NO_SERVER "no server of %s in %g s"
+#define FM_WORDS_NO_ANSWER "%s has not answered in %g s"
+#define FM_WORDS_NO_SUCCESS "%s answered without success%s%s"
+#define FM_WORDS_NOT_SENT "the middleware does not send the request to %s"
+#define FM_WORDS_NOT_PUBLISHED "the middleware does not publish its message"
+#define FM_WORDS_REFUSED "%s refused to leave the state %s"
+#define FM_WORDS_STILL_IN "%s is %s"
+#define FM_WORDS_NO_WAY "%s is %s, from where no transition leads to %s"
 
 // ---- how messages are taken --------------------------------------------------------------------
 

@@ -19,6 +19,8 @@
 
 #include <string.h>
 
+#include "words.h"
+
 #define POLL_NS 10000000  // between two looks for a server or a response
 #define MOST_STEPS 3u     // transitions from any state to any other
 
@@ -98,8 +100,11 @@ static enum fm_action_result change_state(
     fm_message_field(&call->calls[1].request, "transition", "id", FM_UINT8_FIELD);
   const uint8_t transition = transition_from(state, call->action->state);
   if (transition == 0 || id == NULL || call->steps == MOST_STEPS) {
-    fm_add_no_way(
-      why, call->action->target, state, transition == 0 ? call->action->state : NULL);
+    if (transition == 0) {
+      fm_text_add(why, FM_WORDS_NO_WAY, call->action->target, state, call->action->state);
+    } else {
+      fm_text_add(why, FM_WORDS_STILL_IN, call->action->target, state);
+    }
     return FM_ACTION_FAILED;
   }
   *id = transition;
@@ -118,11 +123,12 @@ static enum fm_action_result take_answer(
   }
   if (!has_success(answered)) {
     if (call->is_changing) {
-      fm_add_refused(why, call->action->target,
+      fm_text_add(why, FM_WORDS_REFUSED, call->action->target,
         fm_message_text(&call->calls[0].response, "current_state", "label"));
     } else {
-      fm_add_no_success(
-        why, answered->service->name, fm_message_text(&answered->response, NULL, "message"));
+      const char * message = fm_message_text(&answered->response, NULL, "message");
+      fm_text_add(why, FM_WORDS_NO_SUCCESS, answered->service->name,
+        message[0] == '\0' ? "" : ": ", message);
     }
     return FM_ACTION_FAILED;
   }
@@ -140,20 +146,21 @@ static enum fm_action_result run_try(
   struct fm_action_call * call, int64_t now, struct fm_text * why)
 {
   struct fm_call * one = &call->calls[call->is_changing ? 1 : 0];
+  const double timeout = (double)call->action->timeout / 1e9;
   switch (fm_call_look(one, now)) {
     case FM_CALL_WAITS:
       return FM_ACTION_GOES_ON;
     case FM_CALL_ANSWERED:
       return take_answer(call, now, why);
     case FM_CALL_NO_SERVER:
-      fm_add_no_server(why, one->service->name, call->action->timeout);
+      fm_text_add(why, FM_WORDS_NO_SERVER, one->service->name, timeout);
       return FM_ACTION_FAILED;
     case FM_CALL_REFUSED:
-      fm_add_not_sent(why, one->service->name);
+      fm_text_add(why, FM_WORDS_NOT_SENT, one->service->name);
       return FM_ACTION_FAILED;
     case FM_CALL_NO_ANSWER:
     default:
-      fm_add_no_answer(why, one->service->name, call->action->timeout);
+      fm_text_add(why, FM_WORDS_NO_ANSWER, one->service->name, timeout);
       return FM_ACTION_FAILED;
   }
 }

@@ -24,6 +24,7 @@
 #include <string.h>
 
 #include "thread.h"
+#include "words.h"
 
 #define MILLISECOND_NS 1000000
 #define WAIT_NS 500000000  // closing the engine wakes it at once
@@ -84,11 +85,8 @@ static void publish(struct fm_actions * actions, uint32_t number, int64_t now)
 {
   const bool is_good = publish_copy(actions, number);
   const bool is_logged = !is_good && now >= actions->next_lines[number];
-  struct fm_text why = {NULL, 0, 0};
   actions->next_lines[number] = is_logged ? now + FM_SECOND : actions->next_lines[number];
-  fm_add_not_sent(&why, NULL);
-  count_result(actions, number, is_good, is_logged, 1, fm_text_get(&why));
-  fm_text_free(&why);
+  count_result(actions, number, is_good, is_logged, 1, FM_WORDS_NOT_PUBLISHED);
 }
 
 static void call(struct fm_actions * actions, uint32_t number, int64_t now)

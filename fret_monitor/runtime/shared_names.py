@@ -23,9 +23,10 @@ from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
 
 class Use(NamedTuple):
     """
-    What publishes on a topic, or offers a service; `is_alone`: it must be the only one.
+    What publishes on a topic, offers a service, or calls one, as `struct fm_use`.
 
     `kind` is `gate`, `lock` or `action`, and `owner` its name; both are empty for the node itself.
+    `is_alone`: it must be the only one; `ends` are the full names of a gate.
     """
 
     kind: str
@@ -34,15 +35,17 @@ class Use(NamedTuple):
     verb: str
     name: str
     is_alone: bool
+    ends: tuple[str, str] | None = None
 
 
 def find_shared(library: Any, uses: Sequence[Use]) -> list[LogLine]:
-    """Return the line about the first two uses of one name, if one of them must be alone."""
+    """Return the line about the first problem of the uses of names, if there is any."""
     lines = Lines(library)
-    texts = [[ffi.new('char[]', text.encode(errors='replace')) for text in use[:-1]]
-             for use in uses]
+    texts = [[ffi.new('char[]', text.encode(errors='replace'))
+              for text in (*use[:5], *(use.ends or ()))] for use in uses]
     found = ffi.new('struct fm_use[]', [
-        (*kept, use.is_alone) for kept, use in zip(texts, uses)])
+        (*kept[:5], use.is_alone, *(kept[5:] or (ffi.NULL, ffi.NULL)))
+        for kept, use in zip(texts, uses)])
     library.fm_find_shared(lines.pointer, found, len(uses))
     return lines.take()
 

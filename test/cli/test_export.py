@@ -18,6 +18,7 @@ import json
 from pathlib import Path
 import re
 
+from bundles import ARM_GATE, ARM_INPUT
 from cli.command import Here, PUMP
 import pytest
 
@@ -147,15 +148,10 @@ def test_a_gate_on_a_topic_is_exported_as_a_node_of_its_own(here: Here) -> None:
 format: 1
 inputs:
   x: {topic: cmd_in, type: std_msgs/msg/Float32}
-  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+""" + ARM_INPUT + """\
 gates:
   cmd: {from: cmd_in, to: cmd_out, type: std_msgs/msg/Float32, keep: [KEPT]}
-  arm:
-    service: arm
-    to: arm_raw
-    type: std_srvs/srv/SetBool
-    keep: [ARM]
-    otherwise: {respond: {success: false, message: withheld}}
+""" + ARM_GATE + """\
 requirements:
   - {id: KEPT, ptltl: "x < 1.0"}
   - {id: ARM, ptltl: "!data"}

@@ -23,6 +23,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "below_one.h"
 #include "check.h"
 #include "fakes.h"
 
@@ -93,31 +94,6 @@ static void test_schedule(void)
 
 // ---- the thread --------------------------------------------------------------------------------
 
-static void reset(void * state) {(void)state;}
-
-static void step(void * state, const void * inputs, bool * verdicts)
-{
-  (void)state;
-  verdicts[0] = *(const int32_t *)inputs < 1;
-}
-
-static const struct fm_input inputs[] = {{"x", 0, FM_INT32}};
-static const uint32_t first[] = {0};
-static const struct fm_group groups[] = {{first, 1, first, 1, reset, step, NULL}};
-static const struct fm_requirement requirements[] = {{"X", 0}};
-static const struct fm_monitor monitor = {
-  FM_ABI, 1, 1, 1, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
-
-static bool read(const uint8_t * message, size_t size, struct fm_field * out)
-{
-  out[0].value.i = message[0];
-  out[0].outcome = FM_FIELD_READ;
-  return size == 1;
-}
-
-static const struct fm_reader reader = {.read = read, .n_inputs = 1};
-static const struct fm_readers readers = {FM_ABI, 1, &reader};
-
 static bool has_stamp = true;
 static struct clock simulated = {77 * SECOND + 5, false};
 
@@ -131,16 +107,8 @@ static int fail(const void * publisher, const struct fm_serialized * message, vo
 
 static void test_thread(void)
 {
-  const struct fm_topic topic = {first, 1};
-  const uint8_t report = FM_OCCURRENCE;
-  const struct fm_evaluator_options evaluator = {
-    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, NULL, NULL, 0, 0, NULL, true, NULL,
-    NULL, NULL};
-  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1,
-    NULL, false, 0, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&options);
+  void * memory;
+  struct fm_engine * engine = make_engine(&memory, NULL);
   fm_engine_follow_states(engine);
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
   fm_engine_begin(engine);

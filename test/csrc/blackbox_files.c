@@ -30,6 +30,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
+#include "below_one.h"
 #include "check.h"
 
 #define SECOND_NS INT64_C(1000000000)
@@ -131,31 +132,6 @@ static void test_full_disk(const char * root)
 
 // ---- a writer beside a thread that delivers ----------------------------------------------------
 
-static void reset(void * state) {(void)state;}
-
-static void step(void * state, const void * inputs, bool * verdicts)
-{
-  (void)state;
-  verdicts[0] = *(const int32_t *)inputs < 1;
-}
-
-static const struct fm_input inputs[] = {{"x", 0, FM_INT32}};
-static const uint32_t first[] = {0};
-static const struct fm_group groups[] = {{first, 1, first, 1, reset, step, NULL}};
-static const struct fm_requirement requirements[] = {{"R-1", 0}};
-static const struct fm_monitor monitor = {
-  FM_ABI, 1, 1, 1, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
-
-static bool read_x(const uint8_t * message, size_t size, struct fm_field * out)
-{
-  out[0].value.i = message[4];
-  out[0].outcome = FM_FIELD_READ;
-  return size == 8;
-}
-
-static const struct fm_reader reader = {.read = read_x, .n_inputs = 1};
-static const struct fm_readers readers = {FM_ABI, 1, &reader};
-
 static void * deliver(void * engine)
 {
   const struct timespec pause = {0, 100000};
@@ -201,20 +177,12 @@ static void run_writer(struct fm_engine * engine)
 
 static void test_writer(const char * root)
 {
-  const struct fm_topic topic = {first, 1};
-  const uint8_t report = FM_OCCURRENCE;
-  const struct fm_evaluator_options evaluator = {
-    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, NULL, NULL, 0, 0, NULL, true, NULL,
-    NULL, NULL};
-  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options made = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1,
-    NULL, false, 0, false, NULL};
+  void * memory;
   options.folder = in_folder(root, "writer");
   options.memory = 4096;  // less than what is delivered between two looks
   options.poll = 5000000;
   options.after = 20000000;
-  run_writer(fm_engine_create(&made));
+  run_writer(make_engine(&memory, NULL));
   free(memory);
 }
 

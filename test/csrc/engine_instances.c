@@ -25,23 +25,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "draws.h"
 #include "scenarios.h"
 
 enum { SHARED, PARTS, NAMED, N_TOPICS };      // an input of the bundle; elements; key in the name
 enum { E, X, R, Y, P, A, N_INPUTS };         // inputs of the kind, on these topics
 enum { N_KEYS = 4, CALLS = 400, RUNS = 150, MOST_FOUND = 4096, LONGEST = 64, WINDOW = 25 };
 enum { UNRELATED = 77, UNUSABLE = 55 };       // values of NAMED
-
-static uint64_t seed = 88172645463325252u;
-
-// Marsaglia's xorshift.
-static uint32_t random_below(uint32_t limit)
-{
-  seed ^= seed << 13;
-  seed ^= seed >> 7;
-  seed ^= seed << 17;
-  return (uint32_t)(seed >> 32) % limit;
-}
 
 // ---- the monitors ------------------------------------------------------------------------------
 

@@ -29,20 +29,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "draws.h"
+
 enum { MAX_INPUTS = 6, MAX_GROUPS = 8, MAX_REQUIREMENTS = 12, MAX_TOPICS = 4 };
 enum { MAX_MORE = 4, MAX_WINDOW = 20, MAX_PAST = 32 };
 enum { CALLS = 200, CALLS_AGAIN = 40 };
-
-static uint64_t seed = 1;
-
-// Marsaglia's xorshift: the same numbers on every machine.
-static uint32_t random_below(uint32_t limit)
-{
-  seed ^= seed << 13;
-  seed ^= seed >> 7;
-  seed ^= seed << 17;
-  return (uint32_t)(seed >> 32) % limit;
-}
 
 static uint64_t random_bits(void)
 {

@@ -28,6 +28,8 @@
 #include "seen.h"
 #include "fakes.h"
 
+#include "below_one.h"  // the last: it has names that headers use as parameters
+
 #define HEARTBEAT_NS 20000000
 #define SECOND_NS 1000000000
 
@@ -117,33 +119,6 @@ static bool is_locked_again(uint64_t seen)
   return found > seen;
 }
 
-// ---- a monitor: x < 1 --------------------------------------------------------------------------
-
-static void reset(void * state) {(void)state;}
-
-static void step(void * state, const void * inputs, bool * verdicts)
-{
-  (void)state;
-  verdicts[0] = *(const int32_t *)inputs < 1;
-}
-
-static const struct fm_input inputs[] = {{"x", 0, FM_INT32}};
-static const uint32_t first[] = {0};
-static const struct fm_group groups[] = {{first, 1, first, 1, reset, step, NULL}};
-static const struct fm_requirement requirements[] = {{"X", 0}};
-static const struct fm_monitor monitor = {
-  FM_ABI, 1, 1, 1, 8, 8, inputs, groups, requirements, "m", "", NULL, NULL, 0, NULL};
-
-static bool read(const uint8_t * message, size_t size, struct fm_field * out)
-{
-  out[0].value.i = message[0];
-  out[0].outcome = FM_FIELD_READ;
-  return size == 1;
-}
-
-static const struct fm_reader reader = {.read = read, .n_inputs = 1};
-static const struct fm_readers readers = {FM_ABI, 1, &reader};
-
 static void deliver(struct fm_engine * engine, uint8_t value)
 {
   static uint64_t sequence = 0;
@@ -168,17 +143,9 @@ static uint64_t end_of_messages(void)
 
 int main(void)
 {
-  const struct fm_topic topic = {first, 1};
-  const uint8_t report = FM_OCCURRENCE;
   const int64_t timeout = SECOND_NS / 2;
-  const struct fm_evaluator_options evaluator = {
-    &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, &timeout, NULL, 0, 0, NULL, true, NULL,
-    NULL, NULL};
-  void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
-  const struct fm_engine_options options = {
-    fm_evaluator_init(memory, &evaluator), &monitor, &readers, &topic, 1,
-    NULL, false, 0, false, NULL};
-  struct fm_engine * engine = fm_engine_create(&options);
+  void * memory;
+  struct fm_engine * engine = make_engine(&memory, &timeout);
   fm_engine_follow_clock(engine, read_clock, &simulated, false);
   int handler = 0;
   void * publishers[] = {&handler};

@@ -19,16 +19,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static uint64_t seed = 1;
-
-// Marsaglia's xorshift: the same numbers on every machine.
-static uint32_t random_below(uint32_t limit)
-{
-  seed ^= seed << 13;
-  seed ^= seed >> 7;
-  seed ^= seed << 17;
-  return (uint32_t)(seed >> 32) % limit;
-}
+#include "draws.h"
 
 static int failures = 0;
 

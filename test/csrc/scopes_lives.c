@@ -55,18 +55,9 @@ size_t weak_keys_copy(const struct fm_keys * keys, uint32_t slot, uint8_t * out)
 #undef fm_keys_has
 #undef fm_keys_copy
 
+#include "draws.h"
+
 enum { MOST_WEAK = 24, N_LISTED = 60, N_WEAK_CALLS = 20000 };
-
-static uint64_t seed = 88172645463325252u;
-
-// Marsaglia's xorshift: the same numbers on every machine.
-static uint32_t random_below(uint32_t limit)
-{
-  seed ^= seed << 13;
-  seed ^= seed >> 7;
-  seed ^= seed << 17;
-  return (uint32_t)(seed >> 32) % limit;
-}
 
 static uint8_t listed[N_LISTED][FM_MOST_KEY_BYTES];
 static size_t sizes[N_LISTED];

@@ -30,6 +30,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "draws.h"
 #include "due.h"
 #include "steps.h"
 
@@ -37,17 +38,7 @@ enum { MAX_INPUTS = 6, MAX_GROUPS = 4, MAX_REQUIREMENTS = 8, N_TOPICS = 5, N_OUT
 enum { N_KEYS = 7, MOST = 4, MAX_WINDOW = 20, CALLS = 300, MAX_FOUND = 4000, N_AGGREGATES = 8 };
 enum { BUNDLE, KIND };
 
-static uint64_t seed = 1;
 static long run_number = 0;
-
-// Marsaglia's xorshift: the same numbers on every machine.
-static uint32_t random_below(uint32_t limit)
-{
-  seed ^= seed << 13;
-  seed ^= seed >> 7;
-  seed ^= seed << 17;
-  return (uint32_t)(seed >> 32) % limit;
-}
 
 static void expect(bool condition, const char * text, int line)
 {
@@ -748,7 +739,7 @@ static void compare_all(void)
 {
   uint64_t alive = 0;
   for (uint32_t k = 0; k < N_KEYS; ++k) {
-    const uint32_t slot = fm_scopes_find(scopes, 0, KEYS[k], SIZES[k]);
+    const uint32_t slot = fm_keys_find(&scopes->kinds[0].pool.keys, KEYS[k], SIZES[k]);
     EXPECT((slot != FM_NO_SLOT) == plains[k].is_alive);
     if (plains[k].is_alive) {
       compare_instance(&plains[k], slot);

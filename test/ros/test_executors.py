@@ -152,7 +152,7 @@ def test_the_logger_logs_in_every_executor(
     monitor = MonitorNode(context=partner.context, parameter_overrides=[bundle(tmp_path)])
     with spun(SingleThreadedExecutor(context=partner.context), monitor), spun(executor, LoggerNode(
             context=stranger.context, parameter_overrides=[bundle(tmp_path)])):
-        handler, = monitor._sessions[0]._handlers.publishers
+        handler, = monitor._sessions[0]._handlers
         wait_until(lambda: handler.subscriptions > 0, 'the logger')
         publisher = partner.publisher(Float32, 'x')
         partner.wait_for_listener(publisher)

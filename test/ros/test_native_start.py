@@ -22,7 +22,7 @@ import subprocess
 import sys
 from typing import Any
 
-from bundles import write_bundle
+from bundles import ARM_GATE, ARM_INPUT, write_bundle
 from fret_monitor.build import generate_monitor, read, write
 from fret_monitor.model.parts import UNGATED
 from fret_monitor.native import cache, ros_files
@@ -172,19 +172,13 @@ format: 1
 evaluation: {policy: relevant_message}
 inputs:
   speed: {topic: raw, type: std_msgs/msg/Float32}
-  data: {topic: arm/_service_event, type: std_srvs/srv/SetBool_Event, field: "request[0].data"}
+""" + ARM_INPUT + """\
 requirements:
   - {id: SLOW, ptltl: "speed <= 1.0"}
   - {id: ARM, ptltl: "!data"}
 gates:
   drive: {from: raw, to: out, type: std_msgs/msg/Float32, keep: [SLOW]}
-  arm:
-    service: arm
-    to: arm_raw
-    type: std_srvs/srv/SetBool
-    keep: [ARM]
-    otherwise: {respond: {success: false, message: withheld}}
-"""
+""" + ARM_GATE
 
 
 def test_a_gate_on_a_topic_becomes_native(

@@ -19,7 +19,7 @@ from pathlib import Path
 from bundles import engine_of, NEGATIVE
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import Announcer, Middleware
-from fret_monitor.ros.reports.handlers import Handlers
+from fret_monitor.ros.nodes.bundle_session import handlers_of
 from fret_monitor.runtime import Engine
 import pytest
 from rclpy.context import Context
@@ -42,7 +42,7 @@ def test_violations_that_a_publisher_refuses_are_counted(
     middleware = Middleware()
     refuse = ffi.callback(ffi.typeof(middleware.functions.publish), lambda *_: 1)
     middleware.functions.publish = refuse
-    announcer = Announcer(engine, middleware, Handlers(node, engine.monitor.manifest).publishers)
+    announcer = Announcer(engine, middleware, handlers_of(node, engine.monitor.manifest, 10))
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)
     announcer.join()
@@ -54,8 +54,7 @@ def test_violations_are_published_while_the_context_ends(engine: Engine, domain:
     context = Context()
     context.init(args=[], domain_id=domain)
     node = Node('fret_monitor', context=context)
-    announcer = Announcer(
-        engine, Middleware(), Handlers(node, engine.monitor.manifest).publishers)
+    announcer = Announcer(engine, Middleware(), handlers_of(node, engine.monitor.manifest, 10))
     context.shutdown()
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)

@@ -62,11 +62,13 @@ class Topic(Protocol):
         """Start taking the messages of a subscription."""
 
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Follow its publishers, which are of its type."""
+        """Follow its publishers, which are of its type; does nothing unless it is overridden."""
+        return
 
     @property
     def is_settled(self) -> bool:
         """Whether the next review can wait until the graph changes."""
+        return True
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""

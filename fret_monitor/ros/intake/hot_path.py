@@ -30,7 +30,7 @@ from fret_monitor.model.frozen import frozen
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.feed import Receiver
+from fret_monitor.ros.intake.feed import Receiver, Topic
 from fret_monitor.ros.intake.in_place import InPlaceTypes
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavailable
@@ -38,7 +38,6 @@ from fret_monitor.runtime.engine import Engine
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import get_rmw_implementation_identifier
 
 
@@ -59,19 +58,12 @@ class Middleware:
             'librmw_implementation.so', f'lib{get_rmw_implementation_identifier()}.so')
         rcl, rcutils = loaded_library('librcl.so'), loaded_library('librcutils.so')
         self._rmw, self._rcl, self._rcutils = rmw, rcl, rcutils
-        self.functions: Any = ffi.new('struct fm_middleware *')
         self._in_place: InPlaceTypes | None = None
-        wanted = [('take', rmw, 'rmw_take_serialized_message_with_info'),
-                  ('listen', rmw, 'rmw_subscription_set_on_new_message_callback'),
-                  ('publish', rmw, 'rmw_publish'),
-                  ('forget_error', rcutils, 'rcutils_reset_error'),
-                  ('has_error', rcutils, 'rcutils_error_is_set')]
-        for field, library, name in wanted:
-            kind = ffi.typeof(getattr(self.functions, field))
-            setattr(self.functions, field, find_symbol(library, name, kind))
-        self._of_subscription = find_symbol(
-            rcl, 'rcl_subscription_get_rmw_handle', 'void * (*)(void *)')
-        self._of_publisher = find_symbol(rcl, 'rcl_publisher_get_rmw_handle', 'void * (*)(void *)')
+        self.functions = _functions(
+            'struct fm_middleware *', take=(rmw, 'rmw_take_serialized_message_with_info'),
+            listen=(rmw, 'rmw_subscription_set_on_new_message_callback'),
+            publish=(rmw, 'rmw_publish'), forget_error=(rcutils, 'rcutils_reset_error'),
+            has_error=(rcutils, 'rcutils_error_is_set'))
         self._gid_of = find_symbol(rmw, 'rmw_get_gid_for_publisher', 'int (*)(void *, void *)')
         self.clock_now = find_symbol(rcl, 'rcl_clock_get_now', 'int (*)(void *, int64_t *)')
 
@@ -83,27 +75,21 @@ class Middleware:
 
     def service_functions(self) -> Any:
         """Return a `struct fm_service_functions *`, to call services; raises `Unavailable`."""
-        found: Any = ffi.new('struct fm_service_functions *')
-        for field, name in (('is_available', 'rmw_service_server_is_available'),
-                            ('send', 'rmw_send_request'), ('take', 'rmw_take_response'),
-                            ('deserialize', 'rmw_deserialize')):
-            kind = ffi.typeof(getattr(found, field))
-            setattr(found, field, find_symbol(self._rmw, name, kind))
-        found.forget_error = self.functions.forget_error
-        return found
+        return _functions(
+            'struct fm_service_functions *',
+            is_available=(self._rmw, 'rmw_service_server_is_available'),
+            send=(self._rmw, 'rmw_send_request'), take=(self._rmw, 'rmw_take_response'),
+            deserialize=(self._rmw, 'rmw_deserialize'),
+            forget_error=(self._rcutils, 'rcutils_reset_error'))
 
     def graph_functions(self) -> Any:
         """Return a `struct fm_graph_functions *`, to look at the graph; raises `Unavailable`."""
-        found: Any = ffi.new('struct fm_graph_functions *')
-        for field, library, name in (
-                ('node_names', self._rmw, 'rmw_get_node_names'),
-                ('count_publishers', self._rmw, 'rmw_count_publishers'),
-                ('count_subscribers', self._rmw, 'rmw_count_subscribers'),
-                ('free_strings', self._rcutils, 'rcutils_string_array_fini')):
-            kind = ffi.typeof(getattr(found, field))
-            setattr(found, field, find_symbol(library, name, kind))
-        found.forget_error = self.functions.forget_error
-        return found
+        return _functions(
+            'struct fm_graph_functions *', node_names=(self._rmw, 'rmw_get_node_names'),
+            count_publishers=(self._rmw, 'rmw_count_publishers'),
+            count_subscribers=(self._rmw, 'rmw_count_subscribers'),
+            free_strings=(self._rcutils, 'rcutils_string_array_fini'),
+            forget_error=(self._rcutils, 'rcutils_reset_error'))
 
     def node(self, node: Node) -> Any:
         """Return the rmw handle of a node; the caller holds its rclpy handle."""
@@ -113,9 +99,12 @@ class Middleware:
         """Return the rmw handle of a client; the caller holds its rclpy handle."""
         return self._handle_of('rcl_client_get_rmw_handle', item)
 
-    def _handle_of(self, function: str, item: Node | RclClient) -> Any:
-        found = find_symbol(self._rcl, function, 'void * (*)(void *)')
-        return _not_null(found(ffi.cast('void *', item.handle.pointer)))
+    def _handle_of(self, function: str, item: Any) -> Any:
+        found: Any = find_symbol(self._rcl, function, 'void * (*)(void *)')(
+            ffi.cast('void *', item.handle.pointer))
+        if found == ffi.NULL:
+            raise Unavailable('rcl gives no handle of the middleware')
+        return found
 
     def read_in_place(self, library: Any) -> None:
         """
@@ -150,11 +139,11 @@ class Middleware:
 
     def subscription(self, item: RclSubscription) -> Any:
         """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
-        return _not_null(self._of_subscription(ffi.cast('void *', item.handle.pointer)))
+        return self._handle_of('rcl_subscription_get_rmw_handle', item)
 
     def publisher(self, item: Publisher | RclPublisher) -> Any:
         """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
-        return _not_null(self._of_publisher(ffi.cast('void *', item.handle.pointer)))
+        return self._handle_of('rcl_publisher_get_rmw_handle', item)
 
     def gid(self, item: RclPublisher) -> bytes:
         """Return the identity of a publisher; the caller holds its rclpy handle."""
@@ -162,6 +151,14 @@ class Middleware:
         if self._gid_of(self.publisher(item), found):
             self.functions.forget_error()
         return bytes(ffi.buffer(found.data))
+
+
+def _functions(kind: str, **wanted: tuple[Any, str]) -> Any:
+    """Return a struct of functions, each by its library and its name; raises `Unavailable`."""
+    found: Any = ffi.new(kind)
+    for field, (library, name) in wanted.items():
+        setattr(found, field, find_symbol(library, name, ffi.typeof(getattr(found, field))))
+    return found
 
 
 def why_callbacks_wake(hot_path: str, library: Any) -> str | None:
@@ -239,7 +236,7 @@ class EngineReceiver:
             self._held.close()
 
 
-class EngineTopic:
+class EngineTopic(Topic):
     """A topic of an engine: delivers its messages, across handovers, and counts losses."""
 
     def __init__(self, engine: Engine, middleware: Middleware, topic: int) -> None:
@@ -251,14 +248,6 @@ class EngineTopic:
     def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
         return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
-
-    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Do nothing: each message names its publisher, and goes no further."""
-
-    @property
-    def is_settled(self) -> bool:
-        """Nothing is reviewed."""
-        return True
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
@@ -347,9 +336,3 @@ class Announcer:
         """Do as `end`; afterwards the publishers may be destroyed."""
         self.end()
         self._held.close()
-
-
-def _not_null(pointer: Any) -> Any:
-    if pointer == ffi.NULL:
-        raise Unavailable('rcl gives no handle of the middleware')
-    return pointer

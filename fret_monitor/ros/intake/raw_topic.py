@@ -20,7 +20,7 @@ are delivered in the order of the middleware's reception times. Which are repeat
 lost, is decided as an engine does (`csrc/engine/handover.h`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from heapq import merge
 from itertools import islice
@@ -29,12 +29,12 @@ from time import time_ns
 from typing import Any, NamedTuple
 
 from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.feed import Topic
 from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.settings.parameters import Refusal
 
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have their turn
 
@@ -112,7 +112,7 @@ class RawIntake:
         self._ended.set()
 
 
-class RawTopic:
+class RawTopic(Topic):
     """Delivers the serialized messages of a topic to a callback."""
 
     def __init__(self, intake: RawIntake, deliver: Deliver) -> None:
@@ -135,14 +135,6 @@ class RawTopic:
         if not self._library.fm_arrivals_is_repeated(self._arrivals, origin):
             self._library.fm_arrivals_note(self._arrivals, origin)
             self._deliver(record.data, record.received, record.sent)
-
-    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
-        """Do nothing: each message names its publisher, and goes no further."""
-
-    @property
-    def is_settled(self) -> bool:
-        """Nothing is reviewed."""
-        return True
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""

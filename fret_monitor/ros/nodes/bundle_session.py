@@ -34,17 +34,18 @@ from fret_monitor.ros.intake.fields import message_class, MessageTypeError
 from fret_monitor.ros.intake.graph_sources import GraphSources, node_name
 from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.detail_publisher import DetailPublisher
 from fret_monitor.ros.reports.details import Details
-from fret_monitor.ros.reports.handlers import Handlers
 from fret_monitor.ros.reports.health import CountsBefore, Health
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import (
     BlackBoxSettings, DEFAULT_HANDLER_DEPTH, Refusal,
 )
+from fret_monitor.ros.settings.qos import violation_profile
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
@@ -53,6 +54,7 @@ from fret_monitor.runtime.reporting import LogLine, Reporter, ReportTable, Topic
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
+from std_msgs.msg import Empty
 
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
@@ -146,8 +148,9 @@ class BundleSession:
         return engine
 
     def _advertise(self, depth: int) -> None:
-        self._handlers = Handlers(self._node, self.manifest, depth)
-        self._advertised.callback(self._handlers.close)
+        self._handlers = handlers_of(self._node, self.manifest, depth)
+        for handler in self._handlers:
+            self._advertised.callback(handler.close)
         self._details = Details(self._node, depth)
         self._advertised.callback(self._details.close)
         try:
@@ -255,7 +258,7 @@ class BundleSession:
             self._running.callback(self._stop_blackbox, self._blackbox)
             self._blackbox.start(engine)
         self._actions.prepare(engine)
-        announcer = Announcer(engine, middleware, self._handlers.publishers, self._actions.locks)
+        announcer = Announcer(engine, middleware, self._handlers, self._actions.locks)
         self._running.callback(announcer.join)
         self._running.callback(self._stop_actions)
         self._actions.start(engine, middleware)
@@ -366,6 +369,12 @@ class BundleSession:
         self._overrides.refuse_publishers([
             self._node.resolve_topic_name(name) for name in (
                 DETAILS_TOPIC, *(item.topic for item in self.manifest.requirements))])
+
+
+def handlers_of(node: Node, manifest: Manifest, depth: int) -> list[RclPublisher]:
+    """Advertise the topics that announce violations; return a publisher for each requirement."""
+    return [RclPublisher(node, Empty, item.topic, violation_profile(depth))
+            for item in manifest.requirements]
 
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:

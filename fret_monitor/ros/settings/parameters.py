@@ -97,6 +97,7 @@ LOGGER_PARAMETERS = {
     'log_level': _LOG_LEVEL,
 }
 
+_MOST = (1 << 62) - 1
 _LEAST_BYTES = 4096  # of a black box
 _LEAST_DISK_BYTES = 1 << 20
 _HOT_PATHS = ('auto', 'on', 'off')
@@ -211,7 +212,8 @@ def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
     return Settings(
         _origins(given, problems), _policy(given, problems), _period(given, problems),
         read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
-        _depth(given, problems), read_truth(given, 'log_violations', problems),
+        _whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
+        read_truth(given, 'log_violations', problems),
         _constant_texts(given, problems), _blackbox(given, problems),
         tuple(_texts(given, 'gates', problems)), _scheduling(given, problems))
 
@@ -266,9 +268,10 @@ def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str
 def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings | None:
     folder = given.get('blackbox') or ''
     seconds = _positive(given, 'blackbox_seconds', 'seconds, say 10.0', problems)
-    numbers = [_count(given, f'blackbox_{name}', unit, least, problems) for name, unit, least in (
-        ('bytes', 'bytes', _LEAST_BYTES), ('files', 'files', 1),
-        ('disk_bytes', 'bytes', _LEAST_DISK_BYTES))]
+    numbers = [_whole(given, name, least, _MOST, f'a number of {unit}, at least {least}: -p {name}'
+                      f':={least}', problems) for name, unit, least in (
+        ('blackbox_bytes', 'bytes', _LEAST_BYTES), ('blackbox_files', 'files', 1),
+        ('blackbox_disk_bytes', 'bytes', _LEAST_DISK_BYTES))]
     if not isinstance(folder, str):
         problems.append(f"parameter 'blackbox' is {folder!r}, and has to be the path of a folder")
     if not folder or problems:
@@ -282,36 +285,23 @@ def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings
     return BlackBoxSettings(path, float(seconds or 10), *numbers)
 
 
-def _count(given: Mapping[str, Any], name: str, unit: str, least: int,
+def _whole(given: Mapping[str, Any], name: str, least: int, most: int, wanted: str,
            problems: list[str]) -> int:
     value = given.get(name, MONITOR_PARAMETERS[name].default)
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << 62:
-        problems.append(f"parameter '{name}' is {value!r}, and has to be a number of {unit}, "
-                        f'at least {least}: -p {name}:={least}')
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        problems.append(f"parameter '{name}' is {value!r}, and has to be {wanted}")
         return least
     return value
 
 
 def _scheduling(given: Mapping[str, Any], problems: list[str]) -> Scheduling:
-    priority, processors = given.get('priority', 0), given.get('processors', '')
-    for name, value, is_good, wanted in (
-            ('priority', priority, isinstance(priority, int) and 0 <= priority <= 99,
-             words.ANY_PRIORITY),
-            ('processors', processors, isinstance(processors, int | str),
-             words.SOME_PROCESSORS)):
-        if not is_good or isinstance(value, bool):
-            problems.append(f"parameter '{name}' is {value!r}, and has to be {wanted}")
-            return Scheduling()
+    priority = _whole(given, 'priority', 0, 99, words.ANY_PRIORITY, problems)
+    processors = given.get('processors', '')
+    if not isinstance(processors, int | str) or isinstance(processors, bool):
+        problems.append(f"parameter 'processors' is {processors!r}, and has to be "
+                        f'{words.SOME_PROCESSORS}')
     locks_memory = 'lock_memory' in given and read_truth(given, 'lock_memory', problems)
     return Scheduling(priority, str(processors), locks_memory)
-
-
-def _depth(given: Mapping[str, Any], problems: list[str]) -> int:
-    value = given.get('handler_depth', DEFAULT_HANDLER_DEPTH)
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= LARGEST_DEPTH:
-        problems.append(f"parameter 'handler_depth' is {value!r}, and has to be {words.COUNT}")
-        return DEFAULT_HANDLER_DEPTH
-    return value
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:

@@ -17,12 +17,10 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from fret_monitor.model.graph import cycles
-from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate
 from fret_monitor.model.names import DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVICES
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.model.report_table import used_topics
-from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime.reporting import ReportTable
 from fret_monitor.runtime.shared_names import find_merged, find_shared, Use
@@ -63,47 +61,46 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any)
     Refusal
         with the first problem.
     """
-    gates = [item.gate for item in manifests if item.gate is not None]
-    for is_service in (False, True):
-        ends = [ends_of(node, gate) for gate in gates if gate.is_service is is_service]
-        for way in cycles(ends):
-            raise Refusal(words.CIRCLE % ' -> '.join(way))
     used = [*_own_names(node, manifests),
             *(item for manifest in manifests for item in _used_names(node, manifest))]
     if lines := find_shared(library, used):
         raise Refusal(lines[0].text)
-    _refuse_own_services(node, manifests)
-
-
-def _refuse_own_services(node: Node, manifests: Sequence[Manifest]) -> None:
-    own = [node.resolve_service_name(name) for name in OWN_SERVICES]
-    suffixes = {ActionKind.CALL: '', ActionKind.TRANSITION: '/change_state'}
-    for action in (item for manifest in manifests for item in manifest.actions):
-        if action.kind not in suffixes:
-            continue
-        full = node.resolve_service_name(action.target + suffixes[action.kind])
-        if full in own:
-            raise Refusal(words.OWN_SERVICE % (action.name, full))
 
 
 def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
-    """Yield what the node itself publishes; an action may publish on `/diagnostics` too."""
+    """
+    Yield the topics of the node itself, and the services that no action may call.
+
+    An action may publish on `/diagnostics` too.
+    """
     handlers = [item.topic for manifest in manifests for item in manifest.requirements]
     for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
         yield Use('', '', '', 'publish on', node.resolve_topic_name(topic),
                   topic != DIAGNOSTICS_TOPIC)
+    for name in OWN_SERVICES:
+        yield Use('', '', '', 'call', node.resolve_service_name(name), False)
 
 
 def _used_names(node: Node, manifest: Manifest) -> Iterator[Use]:
     if (gate := manifest.gate) is not None:
         source, target = ends_of(node, gate)
         yield Use('gate', gate.name, manifest.name,
-                  *(('offer', source) if gate.is_service else ('publish on', target)), True)
+                  *(('offer', source) if gate.is_service else ('publish on', target)), True,
+                  (source, target))
     for action in manifest.actions:
-        if action.kind in (ActionKind.LOCK, ActionKind.PUBLISH):
-            is_lock = action.kind is ActionKind.LOCK
-            yield Use('lock' if is_lock else 'action', action.name, manifest.name,
-                      'publish on', node.resolve_topic_name(action.target), is_lock)
+        kind = 'lock' if action.kind is ActionKind.LOCK else 'action'
+        yield Use(kind, action.name, manifest.name, *_done(node, action), kind == 'lock')
+
+
+def _done(node: Node, action: ManifestAction) -> tuple[str, str]:
+    """Return what an action does with which topic or service."""
+    match action.kind:
+        case ActionKind.LOCK | ActionKind.PUBLISH:
+            return 'publish on', node.resolve_topic_name(action.target)
+        case ActionKind.CALL:
+            return 'call', node.resolve_service_name(action.target)
+        case ActionKind.TRANSITION:
+            return 'call', node.resolve_service_name(f'{action.target}/change_state')
 
 
 def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
