@@ -52,6 +52,7 @@ from fret_monitor.model.diagnostics import (
     by_place, CompileError, Diagnostic, Level, Problems, Text,
 )
 from fret_monitor.model.manifest import FORMAT, Manifest, ManifestTopic
+from fret_monitor.model.names import fret_name
 from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.native.cache import build_library, runtime_headers
@@ -206,6 +207,12 @@ def constant_names(path: Path) -> tuple[str, ...]:
     """Return the names of the constants of a bundle, as far as it can be read."""
     bundle = survey_bundle(path, Problems())
     return tuple(item.name.value for item in bundle.constants) if bundle else ()
+
+
+def own_constants(path: Path, constants: Mapping[str, Text]) -> dict[str, Text]:
+    """Return the constants that a bundle has, of those that are given for several."""
+    names = {fret_name(name) for name in constant_names(path)}
+    return {name: text for name, text in constants.items() if fret_name(name) in names}
 
 
 def gate_names(path: Path) -> tuple[str, ...]:

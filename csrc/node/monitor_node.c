@@ -33,6 +33,7 @@
 #include "scheduling.h"
 #include "session_names.h"
 #include "start_lines.h"
+#include "typed_names.h"
 #include "words.h"
 
 #define WAIT_NS (FM_SECOND / 5)  // a longer wait would outlast a signal
@@ -97,6 +98,9 @@ static enum fm_taking taking_of(const struct fm_parameters * given)
 static bool configure_all(struct fm_monitor_node * monitor)
 {
   const struct fm_parameters * given = &monitor->parameters;
+  if (!fm_refuse_two_types(&monitor->node, monitor->tables)) {
+    return false;
+  }
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
     const struct fm_settings settings = {
       (uint32_t)fm_parameter_whole(given, "handler_depth"),

@@ -54,6 +54,7 @@ struct fm_action_type
 {
   const rosidl_message_type_support_t * (* message)(void);
   const rosidl_service_type_support_t * (* service)(void);
+  const char * type;  // std_srvs/srv/Trigger
 };
 
 struct fm_node_topic
@@ -109,11 +110,19 @@ struct fm_node_table
   const uint32_t * rooms;
 };
 
-/// The bundles of a node, at least one, or its gates.
+struct fm_own_service
+{
+  const char * name;  // ~/reset
+  const char * type;
+};
+
+/// The bundles of a node, at least one, or its gates; and the services that every node offers.
 struct fm_node_tables
 {
   const struct fm_node_table * const * tables;
   uint32_t n;
+  const struct fm_own_service * services;
+  uint32_t n_services;
 };
 
 extern const struct fm_node_tables fm_node_tables;

@@ -156,7 +156,59 @@ bool fm_find_shared(struct fm_lines * lines, const struct fm_use * uses, uint32_
   return find_circle(lines, uses, n) || find_shared(lines, uses, n) || find_call(lines, uses, n);
 }
 
-// ---- topics of a bundle ------------------------------------------------------------------------
+// ---- types -------------------------------------------------------------------------------------
+
+#define ONE_TYPE ": a process can use a %s with one type only; correct the type, or "
+
+static bool is_of_one(const struct fm_typed_use * first, const struct fm_typed_use * use)
+{
+  return first->owner == use->owner || first->owner == 0;
+}
+
+static void add_two_types(
+  struct fm_lines * lines, const struct fm_typed_use * first, const struct fm_typed_use * use,
+  const char * const * owners, const char * kind)
+{
+  const char * what = use->is_service ? "service" : "topic";
+  if (is_of_one(first, use)) {
+    fm_lines_add(lines, FM_ERROR,
+      "the %s %s has the types %s and %s" ONE_TYPE "write different names", what, use->name,
+      first->type, use->type, what);
+  } else {
+    fm_lines_add(lines, FM_ERROR,
+      "the %s %s has the type %s in the %s '%s' and %s in '%s'" ONE_TYPE "start a %s for each %s",
+      what, use->name, first->type, kind, owners[first->owner - 1u], use->type,
+      owners[use->owner - 1u], what, strcmp(kind, "gate") == 0 ? "node" : "monitor", kind);
+  }
+}
+
+static const struct fm_typed_use * first_of(
+  const struct fm_typed_use * uses, const struct fm_typed_use * use)
+{
+  const struct fm_typed_use * first = uses;
+  while (first->is_service != use->is_service || strcmp(first->name, use->name) != 0) {
+    first += 1;
+  }
+  return first;
+}
+
+bool fm_find_two_types(
+  struct fm_lines * lines, const struct fm_typed_use * uses, uint32_t n,
+  const char * const * owners, const char * kind)
+{
+  bool is_found = false;
+  for (uint32_t k = 0; k < n; ++k) {
+    const struct fm_typed_use * first = first_of(uses, &uses[k]);
+    const bool is_left = uses[k].is_input && is_of_one(first, &uses[k]);
+    if (!is_left && strcmp(first->type, uses[k].type) != 0) {
+      add_two_types(lines, first, &uses[k], owners, kind);
+      is_found = true;
+    }
+  }
+  return is_found;
+}
+
+// ---- topics that are one -----------------------------------------------------------------------
 
 static bool is_conflict(const struct fm_report_topic * one, const struct fm_report_topic * other)
 {

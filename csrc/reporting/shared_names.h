@@ -36,6 +36,24 @@ struct fm_use
   const char * to;
 };
 
+/// A topic or service that something uses, with its type.
+struct fm_typed_use
+{
+  const char * name;  // the full name
+  const char * type;  // package/msg/Name
+  uint32_t owner;     // which bundle or gate uses it, from 1; 0: the node itself
+  bool is_service;
+  bool is_input;      // an input reads it
+};
+
+/// Add a line about each use of a name with another type than that of the name's first use: the
+/// middleware refuses it. `owners`: the names of the bundles or gates; `kind` is what they are.
+/// Left to fm_find_merged are two inputs of one bundle, and an input and the node itself. Returns
+/// whether there are any. O(n * n).
+FM_EXPORT bool fm_find_two_types(
+  struct fm_lines * lines, const struct fm_typed_use * uses, uint32_t n,
+  const char * const * owners, const char * kind);
+
 /// Add the line about the first problem: a shortest circle of gates, in which a message would go
 /// round for ever; two uses of one name, one of which must be alone; an action that calls the node
 /// itself. Returns whether there is any. O(n * uses that must be alone + gates^3).

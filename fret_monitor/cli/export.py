@@ -12,24 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`export BUNDLE --to TARGET --output DIR`: sources that build without this package."""
+"""`export BUNDLE... --to TARGET --output DIR`: sources that build without this package."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Mapping, Sequence
+from functools import partial
 import json
 from pathlib import Path
 from typing import Any
 
-from fret_monitor.build import generate_monitor, GeneratedMonitor, read
+from fret_monitor.build import (
+    gate_names, generate_monitor, GeneratedMonitor, own_constants, read, Reading, with_name,
+)
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics, progress
-from fret_monitor.export.content import HandlerArguments, Options, unacted
+from fret_monitor.export.content import Content, HandlerArguments, Options, unacted
 from fret_monitor.export.folder import assemble, check_output, is_name, renamed, write_export
 from fret_monitor.export.sizes import measured_sizes, PartSizes
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.export.written_keys import with_written_keys
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import counted, missing_packages, pip_install, refuse
-from fret_monitor.model.parts import NodePart
+from fret_monitor.model.diagnostics import (
+    counted, missing_packages, pip_install, refuse, Text,
+)
+from fret_monitor.model.parts import NodePart, without_gates
 
 _PROVER = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
@@ -39,7 +45,8 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.epilog = 'targets:\n' + '\n'.join(
         f'  {name:9} {target.summary}' for name, target in TARGETS.items())
-    parser.add_argument('bundle', metavar='BUNDLE', help=BUNDLE_HELP)
+    parser.add_argument('bundles', metavar='BUNDLE', nargs='+',
+                        help=f'{BUNDLE_HELP}; of ros2 also several, for one node')
     add_constants(parser)
     parser.add_argument('--to', dest='target', choices=TARGETS, required=True,
                         help='what to write, see below')
@@ -47,7 +54,8 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='the folder to write; an earlier export there is replaced')
     names = parser.add_mutually_exclusive_group()
     names.add_argument('--name', metavar='NAME',
-                       help='what files and symbols begin with; default: the name of the bundle')
+                       help='what files and symbols begin with; default: the name of the bundle; '
+                            'of several bundles, the name of the package')
     names.add_argument('--prefix', metavar='NAME',
                        help='as --name, and for all other names that the export defines, so that '
                             'several exports fit into one program')
@@ -55,9 +63,9 @@ def add_arguments(parser: ArgumentParser) -> None:
                         default=HandlerArguments.NONE.value,
                         help='of copilot: what handlers are called with: nothing (default), or '
                              'the values of the inputs that the requirement reads')
-    parser.add_argument('--gate', metavar='NAME',
-                        help='of ros2: export the node of this gate; default: the node of the '
-                             'requirements that no gate keeps')
+    parser.add_argument('--gate', dest='gates', metavar='NAME', action='append', default=[],
+                        help='of ros2: export the node of this gate, or of these, if it is given '
+                             'again; default: the node of the requirements that no gate keeps')
     parser.add_argument('--templates', metavar='DIR', type=Path,
                         help='a folder with files of your own in place of some of the export')
     parser.add_argument('--no-proof', action='store_true',
@@ -71,52 +79,118 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def run(options: Namespace) -> int:
-    """Export a bundle to a folder."""
+def _refuse_arguments(options: Namespace) -> None:
+    target = TARGETS[options.target]
     if options.handler_arguments != HandlerArguments.NONE.value and options.target != 'copilot':
         options.refuse(f'the target {options.target} calls no handlers of yours, only copilot '
                        'does: leave --handler-arguments out')
     if options.templates is not None and not options.templates.is_dir():
         options.refuse(f"argument --templates: there is no folder '{options.templates}'")
-    if options.gate is not None and not TARGETS[options.target].acts:
+    if options.gates and not target.acts:
         options.refuse(f'the target {options.target} runs no gate, only ros2 does: leave --gate '
                        'out')
-    name = options.name if options.name is not None else options.prefix
+    if len(options.bundles) > 1 and target.several is None:
+        options.refuse(f'the target {options.target} takes one bundle, only ros2 takes several')
+    name = _name(options)
     if name is not None and not is_name(name):
         options.refuse(f"'{name}' cannot begin names in C: "
                        'use a letter, then at most 99 letters, digits and _')
-    limits = TARGETS[options.target].limits
-    reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
-                   part=_part(options), takes_instances=limits is not None)
-    if limits is not None:
-        reading = with_written_keys(reading, options.target, limits)
-    generated = generate_monitor(renamed(reading, name) if name is not None else reading)
-    print_diagnostics(generated.warnings)
-    chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments))
-    content = TARGETS[options.target].content(generated, chosen)
-    print_diagnostics([*unacted(generated, acts=TARGETS[options.target].acts), *content.warnings])
+
+
+def _name(options: Namespace) -> str | None:
+    name: str | None = options.name if options.name is not None else options.prefix
+    return name
+
+
+def run(options: Namespace) -> int:
+    """Export bundles to a folder."""
+    _refuse_arguments(options)
+    monitors = [generate_monitor(item) for item in _readings(options)]
+    for item in monitors:
+        print_diagnostics(item.warnings)
+    chosen = Options(options.prefix or '', HandlerArguments(options.handler_arguments),
+                     _package(options) if len(monitors) > 1 else '')
+    content = _content(options, monitors, chosen)
     check_output(options.output, content.templates)
     # Once without the certificate, so that a mistake in --templates is reported before the proof.
-    assemble(options.target, generated, chosen, content, templates=options.templates)
+    written = partial(assemble, options.target, monitors[0], chosen, content,
+                      others=monitors[1:], templates=options.templates)
+    written()
     is_proved = not (options.no_proof or missing_packages(_PROVER))
-    certificate = _certificate(generated) if is_proved else None
-    files = assemble(options.target, generated, chosen, content, templates=options.templates,
-                     certificate=certificate)
+    files = written(certificate=_certificates(monitors) if is_proved else None)
     write_export(options.output, files)
+    manifests = [item.manifest for item in monitors]
+    n_requirements = sum(len(item.requirements) for item in manifests)
     print(f'{options.output}: {options.target}, {counted(len(files), "file")}, '
-          f'{counted(len(generated.manifest.requirements), "requirement")}, '
-          f'{counted(generated.manifest.state_bytes, "byte")} of state')
-    print(_proof_line(options, is_proved=certificate is not None))
+          f'{counted(n_requirements, "requirement")}, '
+          f'{counted(sum(item.state_bytes for item in manifests), "byte")} of state')
+    print(_proof_line(options, is_proved=is_proved))
     print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
     return 0
 
 
-def _part(options: Namespace) -> NodePart | None:
-    """Return what is exported of the bundle."""
-    return TARGETS[options.target].part if options.gate is None else NodePart(options.gate)
+def _content(options: Namespace, monitors: Sequence[GeneratedMonitor], chosen: Options) -> Content:
+    target = TARGETS[options.target]
+    content = target.content(monitors[0], chosen) if target.several is None or len(
+        monitors) == 1 else target.several(monitors, chosen)
+    for item in monitors:
+        print_diagnostics(unacted(item, acts=target.acts))
+    print_diagnostics(content.warnings)
+    return content
 
 
-def _certificate(generated: GeneratedMonitor) -> str:
+def _package(options: Namespace) -> str:
+    """Return the name of a package of several bundles, or gates."""
+    return _name(options) or '_'.join(dict.fromkeys(
+        Path(name).stem for name in options.bundles))
+
+
+def _readings(options: Namespace) -> list[Reading]:
+    """Read what is exported: each bundle, or each gate of one; several with distinct names."""
+    constants = dict(options.constants)
+    paths = [existing_bundle(name) for name in options.bundles]
+    parts = _parts(options, paths)
+    if len(parts) == 1:
+        reading = _reading(options, paths[0], constants, parts[0][1])
+        name = _name(options)
+        return [reading if name is None else renamed(reading, name)]
+    meant = {path: own_constants(path, constants) for path in paths}
+    unknown = {*constants}.difference(*meant.values())
+    meant[paths[0]] |= {name: constants[name] for name in unknown}  # it is refused there
+    return [with_name(_reading(options, path, meant[path], part), f'b{number}_{path.stem}')
+            for number, (path, part) in enumerate(parts)]
+
+
+def _reading(options: Namespace, path: Path, constants: Mapping[str, Text],
+             part: NodePart | None) -> Reading:
+    limits = TARGETS[options.target].limits
+    reading = read(path, constants=constants, part=part, takes_instances=limits is not None)
+    return reading if limits is None else with_written_keys(reading, options.target, limits)
+
+
+def _parts(options: Namespace, paths: Sequence[Path]) -> list[tuple[Path, NodePart | None]]:
+    """Return what is exported of each bundle."""
+    if not options.gates:
+        return [(path, TARGETS[options.target].part) for path in paths]
+    wanted = list(dict.fromkeys(options.gates))
+    if len(paths) == 1:
+        return [(paths[0], NodePart(name)) for name in wanted]
+    found = {path: [name for name in wanted if name in gate_names(path)] for path in paths}
+    for name in sorted({*wanted}.difference(*found.values())):
+        refuse(f"no bundle has the gate '{name}'")
+    for path, names in found.items():
+        if not names:
+            refuse(without_gates(str(path), wanted))
+    return [(path, NodePart(name)) for path, names in found.items() for name in names]
+
+
+def _certificates(monitors: Sequence[GeneratedMonitor]) -> str:
+    """Return the certificate of a bundle, or a list of those of several."""
+    found = [_certificate(item) for item in monitors]
+    return json.dumps(found[0] if len(found) == 1 else found, indent=1, ensure_ascii=False) + '\n'
+
+
+def _certificate(generated: GeneratedMonitor) -> Any:
     """Prove the generated C; the certificate has no times, so that the export has equal bytes."""
     from fret_monitor.proving.certificate import as_dict, Certificate
     from fret_monitor.proving.verification import verify
@@ -126,8 +200,7 @@ def _certificate(generated: GeneratedMonitor) -> str:
         refuse('the generated C is not proved',
                help='`fret-monitor prove` shows what is missing; '
                     '--no-proof exports without a certificate')
-    certificate = Certificate(generated.manifest.name, generated, found)
-    return json.dumps(_without_times(as_dict(certificate)), indent=1, ensure_ascii=False) + '\n'
+    return _without_times(as_dict(Certificate(generated.manifest.name, generated, found)))
 
 
 def _without_times(value: Any) -> Any:

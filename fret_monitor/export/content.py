@@ -14,7 +14,7 @@
 
 """What a target makes of a bundle: files, and values for the placeholders in some of them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 import re
@@ -45,11 +45,13 @@ class Options:
     Options of an export.
 
     `prefix` begins every name that the export defines for others to use; '' if the names are those
-    that the target has by itself. The bundle then has the same name, see `renamed`.
+    that the target has by itself. The bundle then has the same name, see `renamed`. `name`: of an
+    export of several bundles.
     """
 
     prefix: str = ''
     handler_arguments: HandlerArguments = HandlerArguments.NONE
+    name: str = ''
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,17 @@ def common_values(generated: GeneratedMonitor, options: Options) -> dict[str, st
         'REQUIREMENTS': '\n'.join(_requirements(manifest.requirements)),
         'INPUT_TABLE': '\n'.join(_inputs(manifest)),
     }
+
+
+_BETWEEN = {'BUNDLE': ', ', 'STATE_BYTES': ', ', 'SOURCES': '\n  '}
+
+
+def values_of_several(monitors: Sequence[GeneratedMonitor], options: Options) -> dict[str, str]:
+    """Return these placeholders for an export of several bundles, one value after the other."""
+    each = [common_values(item, options) for item in monitors]
+    joined = {key: _BETWEEN.get(key, '\n\n').join(dict.fromkeys(values[key] for values in each))
+              for key in each[0]}
+    return {**joined, 'NAME': options.name}
 
 
 def unacted(generated: GeneratedMonitor, *, acts: bool) -> tuple[Diagnostic, ...]:

@@ -14,7 +14,7 @@
 
 """The folder of an export: its files, the user's own in place of some, and a manifest."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 import hashlib
 import json
 import os
@@ -55,10 +55,12 @@ def renamed(reading: Reading, name: str) -> Reading:
 
 
 def assemble(target: str, generated: GeneratedMonitor, options: Options, content: Content, *,
-             templates: Path | None = None, certificate: str | None = None) -> dict[str, str]:
+             others: Sequence[GeneratedMonitor] = (), templates: Path | None = None,
+             certificate: str | None = None) -> dict[str, str]:
     """
     Return all files of an export by relative path, the manifest last.
 
+    `others` are further bundles of the same export.
     `templates` is a folder with the user's own files, each in place of one of the export;
     `certificate` is the text of the proof.
 
@@ -76,25 +78,34 @@ def assemble(target: str, generated: GeneratedMonitor, options: Options, content
     if certificate is not None:
         files[CERTIFICATE_FILE] = certificate
     files = dict(sorted(files.items()))
-    return {**files, MANIFEST_FILE: _manifest(target, generated, options, files)}
+    return {**files, MANIFEST_FILE: _manifest(
+        target, (generated, *others), options, files)}
 
 
-def _manifest(target: str, generated: GeneratedMonitor, options: Options,
+def _manifest(target: str, monitors: Sequence[GeneratedMonitor], options: Options,
               files: Mapping[str, str]) -> str:
+    bundles = [_bundle(item) for item in monitors]
     content = {
         'export': FORMAT,
         'target': target,
         'fret_monitor': __version__,
-        'name': export_name(generated),
+        'name': options.name or export_name(monitors[0]),
         'prefix': options.prefix,
         'handler_arguments': options.handler_arguments.value,
-        'policy': generated.manifest.policy.value,
-        'constants': dict(generated.manifest.constants),
-        'bundle_hash': generated.manifest.bundle_hash,
-        'source_hash': generated.manifest.source_hash,
+        **(bundles[0] if len(bundles) == 1 else {'bundles': bundles}),
         'files': {name: _hash(text.encode()) for name, text in files.items()},
     }
     return json.dumps(content, indent=1, ensure_ascii=False) + '\n'
+
+
+def _bundle(generated: GeneratedMonitor) -> dict[str, object]:
+    manifest = generated.manifest
+    return {
+        'policy': manifest.policy.value,
+        'constants': dict(manifest.constants),
+        'bundle_hash': manifest.bundle_hash,
+        'source_hash': manifest.source_hash,
+    }
 
 
 def _hash(content: bytes) -> str:

@@ -18,18 +18,20 @@ Target `ros2`: a package for colcon, with one node in C on rcl and rmw.
 The node is the C in `csrc/node` on the engine and on `csrc/ros`; only its table is generated.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 import re
 
 from fret_monitor.build import GeneratedMonitor
 from fret_monitor.export.content import (
     common_values, Content, csrc_files, export_name, ExportPart, hand_written, HandlerArguments,
-    markdown, Options,
+    markdown, Options, values_of_several,
 )
-from fret_monitor.export.ros2_table import node_table, node_tables, packages_of
-from fret_monitor.model.diagnostics import CompileError, Diagnostic, refuse
-from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.names import HANDLER_TOPIC
+from fret_monitor.export.ros2_table import (
+    node_table, node_tables, OneOfSeveral, packages_of,
+)
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Problems, refuse, Span
+from fret_monitor.model.manifest import Manifest, ManifestRequirement, shared_handlers
+from fret_monitor.model.names import distinct_names, HANDLER_TOPIC
 from fret_monitor.native.cache import csrc_directory, CSRC_ROOMS
 
 NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgraph_msgs',
@@ -48,33 +50,93 @@ def ros2(generated: GeneratedMonitor, options: Options) -> Content:
     CompileError
         if an input that a requirement reads has no topic, or handlers should have arguments.
     """
+    name = export_name(generated)
+    return _package([generated], options, {'node_table.c': node_table(generated)}, {
+        **common_values(generated, options),
+        'PACKAGE': package_name(name, _program(generated)),
+        'TABLES': f'`src/node_table.c`, `src/{name}_*`',
+    })
+
+
+def ros2_of_several(monitors: Sequence[GeneratedMonitor], options: Options) -> Content:
+    """
+    Return the files of a package whose node runs several bundles, or gates.
+
+    Their names in C must be distinct; `options.name` is that of the package.
+
+    Raises
+    ------
+    CompileError
+        as `ros2`, or if two requirements have one handler.
+    """
+    _refuse_shared_handlers(monitors)
+    paths = [item.sources[0] for item in monitors]
+    gates = [item.manifest.gate for item in monitors]
+    shown = distinct_names([gate.name if gate else path.stem for gate, path in zip(gates, paths)])
+    tables = {
+        f'node_table_{number}.c':
+        node_table(item, place=OneOfSeveral(number, shown[number], paths[number].stem))
+        for number, item in enumerate(monitors)}
+    return _package(monitors, options, tables, {
+        **values_of_several(monitors, options),
+        'PACKAGE': package_name(options.name, _program(monitors[0])),
+        'TABLES': ', '.join(['`src/node_table_*`', *(
+            f'`src/{export_name(item)}_*`' for item in monitors)]),
+    })
+
+
+def _program(generated: GeneratedMonitor) -> str:
+    return 'gate' if generated.manifest.gate else 'monitor'
+
+
+def _package(monitors: Sequence[GeneratedMonitor], options: Options, tables: Mapping[str, str],
+             values: Mapping[str, str]) -> Content:
     if options.handler_arguments is not HandlerArguments.NONE:
         refuse('handlers of ros2 are topics of std_msgs/msg/Empty, without arguments',
                help='copilot/violations has the values; leave --handler-arguments out')
-    refuse_what_no_node_has(generated)
-    manifest = generated.manifest
-    files = {**csrc_files(*hand_written_sources()), **generated.module.files}
+    for item in monitors:
+        refuse_what_no_node_has(item)
+    own = {name: text for item in monitors for name, text in item.module.files.items()}
+    files = {**csrc_files(*hand_written_sources()), **own, **tables,
+             'node_tables.c': node_tables(len(monitors))}
     sources = {f'src/{name}': text for name, text in files.items()}
-    sources['src/node_table.c'] = node_table(generated)
-    sources['src/node_tables.c'] = node_tables()
-    program = 'gate' if manifest.gate else 'monitor'
-    interfaces = sorted({*NODE_PACKAGES, *packages_of(manifest)})
-    values = {
-        **common_values(generated, options),
-        'PACKAGE': package_name(export_name(generated), program),
-        'PROGRAM': program,
-        'NODE': 'fret_gate' if manifest.gate else 'fret_monitor',
+    program = _program(monitors[0])
+    return Content(
+        generated=sources, templates=_templates(program), values={
+            **values, **_node_values([item.manifest for item in monitors]),
+            'PROGRAM': program, 'NODE': f'fret_{program}',
+            'NODE_SOURCES': '\n  '.join(name for name in sorted(sources) if name.endswith('.c'))},
+        parts=(ExportPart('monitors with readers of messages, without the node', tuple(
+            f'src/{name}' for name in own if name.endswith('.c')), 'src'),))
+
+
+def _node_values(manifests: Sequence[Manifest]) -> dict[str, str]:
+    used = sorted({name for item in manifests for name in packages_of(item)})
+    interfaces = sorted({*NODE_PACKAGES, *used})
+    topics = dict.fromkeys(topic for item in manifests for topic in _topics(item))
+    return {
         'INTERFACES': ' '.join(interfaces),
         'DEPENDS': '\n  '.join(f'<depend>{name}</depend>' for name in interfaces),
-        'NODE_SOURCES': '\n  '.join(name for name in sorted(sources) if name.endswith('.c')),
-        'MESSAGES': ', '.join(f'`{name}`' for name in packages_of(manifest)) or 'none',
-        'TOPICS': _topics(manifest),
-        'HANDLERS': '\n'.join(_handlers(manifest)),
+        'MESSAGES': ', '.join(f'`{name}`' for name in used) or 'none',
+        'TOPICS': f'It subscribes to {", ".join(topics) or "no topic"}.',
+        'HANDLERS': '\n'.join(line for item in manifests for line in _handlers(item)),
     }
-    return Content(
-        generated=sources, templates=_templates(program), values=values,
-        parts=(ExportPart('monitors with readers of messages, without the node', tuple(
-            f'src/{name}' for name in generated.module.files if name.endswith('.c')), 'src'),))
+
+
+def _refuse_shared_handlers(monitors: Sequence[GeneratedMonitor]) -> None:
+    problems = Problems()
+    for (owner, other), (number, item) in shared_handlers([one.manifest for one in monitors]):
+        place, first = _place(monitors[number], item), _place(monitors[owner], other)
+        problems.error(
+            f"'{item.id}' would be announced on copilot/{item.handler}, as '{other.id}' is "
+            f'({first.source.name}:{first.line}:{first.column})', place,
+            help='give one of them another id')
+    problems.raise_errors()
+
+
+def _place(generated: GeneratedMonitor, requirement: ManifestRequirement) -> Span:
+    return next(item.id_place for item in generated.specification.properties
+                if item.id == requirement.id and item.id_place is not None)
 
 
 def _templates(program: str) -> dict[str, str]:
@@ -84,7 +146,7 @@ def _templates(program: str) -> dict[str, str]:
 
 def package_name(name: str, program: str = 'monitor') -> str:
     """Return the name of the package: lower case, one underscore at a time (REP 144)."""
-    word = re.sub('_+', '_', name.lower()).strip('_')
+    word = re.sub('[^a-z0-9]+', '_', name.lower()).strip('_')
     return f'{word if word[:1].isalpha() else f"m_{word}"}_{program}'.replace('__', '_')
 
 
@@ -117,9 +179,8 @@ def refuse_what_no_node_has(generated: GeneratedMonitor) -> None:
         raise CompileError(problems)
 
 
-def _topics(manifest: Manifest) -> str:
-    names = ', '.join(f'`{item.name}` (`{item.message_type}`)' for item in manifest.received)
-    return f'It subscribes to {names}.' if names else 'It subscribes to no topic.'
+def _topics(manifest: Manifest) -> list[str]:
+    return [f'`{item.name}` (`{item.message_type}`)' for item in manifest.received]
 
 
 def _handlers(manifest: Manifest) -> Iterator[str]:

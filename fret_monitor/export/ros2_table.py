@@ -27,6 +27,7 @@ from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.messages.installed import definition_or_none
 from fret_monitor.model.made import MadeKind, SEEN_TYPES
 from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate, ManifestTopic
+from fret_monitor.model.names import OWN_SERVICE_TYPES
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.policies import ActionKind, fixed_qos, Stale
 from fret_monitor.model.report_table import (
@@ -71,7 +72,10 @@ def node_tables(n: int = 1) -> str:
         '#include "node_table.h"', '',
         *(f'extern const struct fm_node_table {name};' for name in names), '',
         *_array('struct fm_node_table * const', 'tables', (f'&{name}' for name in names)),
-        f'const struct fm_node_tables fm_node_tables = {{tables, {n}u}};', ''])
+        *_array('struct fm_own_service', 'services', (
+            f'{{{_text(name)}, {_text(kind)}}}' for name, kind in OWN_SERVICE_TYPES.items())),
+        'const struct fm_node_tables fm_node_tables = '
+        f'{{tables, {n}u, services, {len(OWN_SERVICE_TYPES)}u}};', ''])
 
 
 def packages_of(manifest: Manifest) -> list[str]:
@@ -186,11 +190,12 @@ def _gate_topic(manifest: Manifest, gate: ManifestGate) -> str:
 
 
 def _action_type(item: ManifestAction) -> str:
+    kind = _text(item.interface)
     if item.kind is ActionKind.PUBLISH:
-        return f'{{FM_TYPE_SUPPORT({_arguments(item.interface)}), NULL}}'
+        return f'{{FM_TYPE_SUPPORT({_arguments(item.interface)}), NULL, {kind}}}'
     if item.kind is ActionKind.CALL:
-        return f'{{NULL, FM_SERVICE_SUPPORT({_arguments(item.interface)})}}'
-    return '{NULL, NULL}'
+        return f'{{NULL, FM_SERVICE_SUPPORT({_arguments(item.interface)}), {kind}}}'
+    return f'{{NULL, NULL, {kind}}}'
 
 
 def _table(manifest: Manifest, origin: str, n_warnings: int,

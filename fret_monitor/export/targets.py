@@ -14,7 +14,7 @@
 
 """The targets of `export` by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fret_monitor.build import GeneratedMonitor
@@ -23,7 +23,7 @@ from fret_monitor.export.cfs import cfs
 from fret_monitor.export.content import Content, Options
 from fret_monitor.export.copilot import copilot
 from fret_monitor.export.fprime import fprime
-from fret_monitor.export.ros2 import ros2
+from fret_monitor.export.ros2 import ros2, ros2_of_several
 from fret_monitor.export.written_keys import Limits, OF_MESSAGES
 from fret_monitor.model.parts import NodePart, UNGATED
 
@@ -36,7 +36,8 @@ class Target:
     The function raises a `CompileError` with places for a bundle that the target cannot do. `part`
     is what the target takes of a bundle; None: all requirements. `acts`: it starts its actions,
     and runs a gate instead, if one is named. `limits` are those of a bundle with `for_each`, whose
-    keys are written in place of the variables; None: the target has no such bundles.
+    keys are written in place of the variables; None: the target has no such bundles. `several`
+    makes the files of more than one bundle; None: it takes one.
     """
 
     summary: str
@@ -44,6 +45,7 @@ class Target:
     part: NodePart | None = None
     acts: bool = False
     limits: Limits | None = None
+    several: Callable[[Sequence[GeneratedMonitor], Options], Content] | None = None
 
 
 TARGETS = {
@@ -56,5 +58,5 @@ TARGETS = {
     'fprime': Target('a component of F Prime: an event and a channel for each requirement',
                      fprime, limits=OF_MESSAGES),
     'ros2': Target('a package for colcon, with one node in C on rcl', ros2,
-                   UNGATED, acts=True),
+                   UNGATED, acts=True, several=ros2_of_several),
 }

@@ -20,7 +20,7 @@ groups, ids, texts and policy, so that a robot needs neither parser nor compiler
 format number; other formats are refused.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
 import json
@@ -455,6 +455,18 @@ class ManifestKind:
         """Return the inputs with a value for each key that a topic feeds."""
         return tuple(index for index in self.manifest.topics[topic].inputs
                      if self.shared[index] is None)
+
+
+def shared_handlers(
+    manifests: Sequence[Manifest],
+) -> Iterator[tuple[tuple[int, ManifestRequirement], tuple[int, ManifestRequirement]]]:
+    """Yield two requirements that one handler would announce, each with its bundle's number."""
+    first: dict[str, tuple[int, ManifestRequirement]] = {}
+    for number, manifest in enumerate(manifests):
+        for item in manifest.requirements:
+            other = first.setdefault(item.handler, (number, item))
+            if other[1] is not item:
+                yield other, (number, item)
 
 
 def followed(manifest: Manifest) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

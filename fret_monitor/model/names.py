@@ -44,6 +44,22 @@ OWN_TOPICS = {
 """The topics of a node itself, with their types, besides those of violations."""
 
 _PUBLISHED = (f'/{DETAILS_TOPIC}', DIAGNOSTICS_TOPIC, '~/alive')
+OWN_SERVICE_TYPES = {
+    '~/reset': 'std_srvs/srv/Trigger',
+    **{f'~/{name}': f'lifecycle_msgs/srv/{kind}' for name, kind in (
+        ('change_state', 'ChangeState'), ('get_state', 'GetState'),
+        ('get_available_states', 'GetAvailableStates'),
+        ('get_available_transitions', 'GetAvailableTransitions'),
+        ('get_transition_graph', 'GetAvailableTransitions'))},
+    **{f'~/{name}': f'rcl_interfaces/srv/{kind}' for name, kind in (
+        ('describe_parameters', 'DescribeParameters'),
+        ('get_parameter_types', 'GetParameterTypes'), ('get_parameters', 'GetParameters'),
+        ('list_parameters', 'ListParameters'), ('set_parameters', 'SetParameters'),
+        ('set_parameters_atomically', 'SetParametersAtomically'))},
+    '~/get_type_description': 'type_description_interfaces/srv/GetTypeDescription',
+}
+"""The services of a node itself, with their types."""
+
 OWN_SERVICES = ('~/reset', '~/change_state')  # those that change what is monitored
 
 # As in formulas: FRET's names may have points and percent signs inside.

@@ -31,6 +31,12 @@ FOLDER_OF_EACH = 'library:=FOLDER, of each gate'
 """Where gates come from if what was compiled does not name its bundle."""
 
 
+def without_gates(origin: str, wanted: Sequence[str]) -> str:
+    """Return why a bundle is refused that has no gates, or none of those that are wanted."""
+    missing = f'none of the gates {", ".join(wanted)}' if wanted else 'no gates'
+    return f"'{origin}' has {missing}: leave it out"
+
+
 def judged_by_gates(kept: Sequence[tuple[str, Sequence[str]]], origin: str) -> str:
     """
     Return what the log says of the requirements that gates keep; an empty text if none does.

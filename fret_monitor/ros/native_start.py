@@ -88,7 +88,7 @@ def _missing(settings: 'Settings') -> str:
 
 
 def _parts(settings: 'Settings', node: str) -> list[tuple[Path, 'NodePart']]:
-    """Return what the node runs of each bundle; of a gate's, nothing if a gate is missing."""
+    """Return what the node runs of each bundle; nothing if a gate, or a bundle's, is missing."""
     from fret_monitor.model.parts import NodePart, UNGATED
     specs = [item.spec for item in settings.origins if item.spec is not None]
     if node == MONITOR:
@@ -97,7 +97,7 @@ def _parts(settings: 'Settings', node: str) -> list[tuple[Path, 'NodePart']]:
     wanted = settings.gates
     found = [(spec, name) for spec in specs for name in gate_names(spec)
              if not wanted or name in wanted]
-    if set(wanted) - {name for _, name in found}:
+    if set(wanted) - {name for _, name in found} or set(specs) - {spec for spec, _ in found}:
         return []
     return [(spec, NodePart(name)) for spec, name in found]
 

@@ -38,6 +38,29 @@ class Use(NamedTuple):
     ends: tuple[str, str] | None = None
 
 
+class TypedUse(NamedTuple):
+    """A topic or service with its type; `owner` is the bundle's or gate's number from 1, or 0."""
+
+    name: str
+    interface: str
+    owner: int
+    is_service: bool
+    is_input: bool
+
+
+def find_two_types(library: Any, uses: Sequence[TypedUse], owners: Sequence[str],
+                   kind: str) -> list[LogLine]:
+    """Return a line about each name with a second type; `owners` are names of `kind`."""
+    lines = Lines(library)
+    texts = [[ffi.new('char[]', text.encode(errors='replace')) for text in use[:2]]
+             for use in uses]
+    names = [ffi.new('char[]', name.encode(errors='replace')) for name in owners]
+    found = ffi.new('struct fm_typed_use[]', [
+        (*kept, *use[2:]) for kept, use in zip(texts, uses)])
+    library.fm_find_two_types(lines.pointer, found, len(uses), names, kind.encode())
+    return lines.take()
+
+
 def find_shared(library: Any, uses: Sequence[Use]) -> list[LogLine]:
     """Return the line about the first problem of the uses of names, if there is any."""
     lines = Lines(library)

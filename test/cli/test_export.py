@@ -143,6 +143,69 @@ requirements:
     assert done.status == 1 and "gates keep all requirements of 'all' (cmd)" in done.err
 
 
+SPEED = """\
+format: 1
+constants: {most: 1.0}
+inputs:
+  x: {topic: cmd_in, type: std_msgs/msg/Float32}
+gates:
+  NAME: {from: cmd_in, to: NAME_out, type: std_msgs/msg/Float32, keep: [KEPT-NAME]}
+requirements:
+  - {id: KEPT-NAME, ptltl: "x < most"}
+  - {id: OWN-NAME, ptltl: "x < 3.0"}
+"""
+
+
+def test_several_bundles_are_exported_as_one_node(here: Here) -> None:
+    bundles = [here.file(f'{name}.yaml', SPEED.replace('NAME', name.replace('-', '_')))
+               for name in ('a-b', 'c')]
+    out = here.folder / 'out'
+    done = here.run('export', *bundles, '--to', 'ros2', '--output', out,
+                    '--constant', 'most=2.5')
+    assert done.status == 0 and '2 requirements' in done.out, done.err
+    assert done.err.count('not monitored here') == 2
+    package, cmake = ((out / name).read_text(encoding='utf-8')
+                      for name in ('package.xml', 'CMakeLists.txt'))
+    assert '<name>a_b_c_monitor</name>' in package
+    for number, name in enumerate(('a-b', 'c')):
+        table = (out / 'src' / f'node_table_{number}.c').read_text(encoding='utf-8')
+        assert f'.bundle = "{name}"' in table and '{.name = "most", .value = "2.5"}' in table
+        assert f'src/node_table_{number}.c' in cmake
+    assert '&fm_node_table_1' in (out / 'src' / 'node_tables.c').read_text(encoding='utf-8')
+    readme = (out / 'README.md').read_text(encoding='utf-8')
+    assert 'monitors a-b.yaml, c.yaml' in readme and readme.count('OWN') == 6
+    assert len(json.loads((out / 'manifest.json').read_text(encoding='utf-8'))['bundles']) == 2
+    if 'proved: the generated C computes its program' in done.out:
+        proofs = json.loads((out / 'certificate.json').read_text(encoding='utf-8'))
+        assert [item['proved'] for item in proofs] == [True, True]
+
+
+def test_several_gates_are_exported_as_one_node(here: Here) -> None:
+    bundles = [here.file(f'{name}.yaml', SPEED.replace('NAME', name)) for name in ('a', 'c')]
+    out = here.folder / 'out'
+    export = ('export', *bundles, '--to', 'ros2', '--no-proof', '--output', out, '--gate')
+    done = here.run(*export, 'c', '--gate', 'a', '--name', 'Both')
+    assert done.status == 0 and '2 requirements' in done.out, done.err
+    assert '<name>both_gate</name>' in (out / 'package.xml').read_text(encoding='utf-8')
+    tables = [(out / 'src' / f'node_table_{number}.c').read_text(encoding='utf-8')
+              for number in range(2)]
+    assert all(f'"{name}_out"' in table for name, table in zip('ac', tables))
+    assert "no bundle has the gate 'd'" in here.run(*export, 'd').err
+    assert f"'{bundles[1]}' has none of the gates a: leave it out" in here.run(*export, 'a').err
+
+
+def test_what_cannot_be_one_node_is_refused(here: Here) -> None:
+    bundles = [here.file(f'{name}.yaml', SPEED.replace('NAME', 'n')) for name in ('a', 'c')]
+    done = here.run('export', *bundles, '--to', 'c99', '--output', here.folder / 'out')
+    assert done.status == 2 and 'the target c99 takes one bundle, only ros2 takes' in done.err
+    export = ('export', *bundles, '--to', 'ros2', '--output', here.folder / 'out')
+    done = here.run(*export)
+    assert done.status == 1
+    assert "c.yaml:9:10: error: 'OWN-n' would be announced on copilot/handlerpropOWN_n, as " \
+           "'OWN-n' is (" in done.err and 'a.yaml:9:10)' in done.err
+    assert "a.yaml has no constant 'none'" in here.run(*export, '--constant', 'none=1').err
+
+
 def test_a_gate_on_a_topic_is_exported_as_a_node_of_its_own(here: Here) -> None:
     bundle, out = here.file('gated.yaml', """\
 format: 1

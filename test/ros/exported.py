@@ -18,7 +18,7 @@ The node that `export --to ros2` writes, built here by `cc` against the wheels o
 The hand-written C is compiled once in a run of tests, and each bundle's own C once.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 import hashlib
@@ -36,7 +36,9 @@ from differential.compiled import SANITIZERS
 from fret_monitor import build
 from fret_monitor.export.content import Options
 from fret_monitor.export.folder import assemble
-from fret_monitor.export.ros2 import NODE_PACKAGES, ros2
+from fret_monitor.export.ros2 import (
+    hand_written_sources, NODE_PACKAGES, ros2, ros2_of_several,
+)
 from fret_monitor.export.ros2_table import node_table, node_tables, packages_of
 from fret_monitor.model.parts import NodePart, UNGATED
 from fret_monitor.native import csrc_directory
@@ -78,8 +80,23 @@ _BUILT: dict[str, Path] = {}
 def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
     """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
     generated = build.generate_monitor(build.read(bundle, part=part))
-    files = {**generated.module.files, 'node_table.c': node_table(generated),
-             'node_tables.c': node_tables()}
+    return _built({**generated.module.files, 'node_table.c': node_table(generated),
+                   'node_tables.c': node_tables()}, packages_of(generated.manifest))
+
+
+def exported_bundles(*bundles: Path) -> Path:
+    """Return the program of the node of several bundles, as `exported_bundle`."""
+    monitors = [build.generate_monitor(build.with_name(
+        build.read(path, part=UNGATED), f'b{number}_{path.stem}'))
+        for number, path in enumerate(bundles)]
+    made = ros2_of_several(monitors, Options(name='several')).generated
+    names = {name: Path(name).name for name in made}
+    return _built({names[name]: text for name, text in made.items()
+                   if names[name] not in hand_written_sources()},
+                  [name for item in monitors for name in packages_of(item.manifest)])
+
+
+def _built(files: Mapping[str, str], more_packages: Sequence[str]) -> Path:
     key = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:20]
     if key not in _BUILT:
         folder = Path(_folder().name) / key
@@ -87,7 +104,7 @@ def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
         for name, text in files.items():
             (folder / name).write_text(text, encoding='utf-8')
         made = objects.compiled(sorted(folder.glob('*.c')), folder, _command(SANITIZERS, folder))
-        packages = sorted({*NODE_PACKAGES, *packages_of(generated.manifest)})
+        packages = sorted({*NODE_PACKAGES, *more_packages})
         _BUILT[key] = _linked([*made, *hand_written()], packages, folder / 'node', SANITIZERS)
     return _BUILT[key]
 

@@ -230,17 +230,25 @@ class Feeder:
 
     def near(self, value: bool) -> None:
         """Publish where the robot is, and wait until both nodes have received it."""
-        self._n_near += 1
-        self._near.publish(Bool(data=value))
+        self.publish_near(value)
         for gate in self._gates:
             wait_until(lambda: int(gate.counts('topic /near')['received']) ==  # noqa: B023
                        self._n_near, f'topic /near of {gate.name}')
 
-    def judge(self, *values: float) -> None:
-        """Publish messages, and wait until both gates have judged and reported all of them."""
+    def publish_near(self, value: bool) -> None:
+        """Publish where the robot is."""
+        self._n_near += 1
+        self._near.publish(Bool(data=value))
+
+    def publish(self, *values: float) -> None:
+        """Publish messages to be judged."""
         for value in values:
             self.judged += 1
             self._cmd.publish(Float32(data=value))
+
+    def judge(self, *values: float) -> None:
+        """Publish messages, and wait until both gates have judged and reported all of them."""
+        self.publish(*values)
         for gate in self._gates:
             wait_until(lambda: self._judged_by(gate) == self.judged,  # noqa: B023
                        f'{gate.name} has judged')

@@ -26,11 +26,14 @@ from bundles import ARM_GATE, ARM_INPUT, write_bundle
 from fret_monitor.build import generate_monitor, read, write
 from fret_monitor.model.parts import UNGATED
 from fret_monitor.native import cache, ros_files
+from fret_monitor.ros import Refusal
 from fret_monitor.ros.native_start import become_native, GATE, MONITOR
+from fret_monitor.ros.nodes.gate_node import GateNode
 from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
+from rclpy.parameter import Parameter
 from ros.harness import (
     change_state, NodeProcess, Partner, PATIENCE, RELIABLE, START, started, wait_until,
 )
@@ -211,6 +214,21 @@ def test_a_gate_on_a_topic_becomes_native(
         raw.publish(Float32(data=1.5))
         wait_until(lambda: passes(0.75), 'the last message')
         assert 1.5 not in received
+
+
+def test_a_bundle_without_gates_is_refused_by_the_node_gate_native_or_not(
+    bundle: Path, tmp_path: Path, no_exec: pytest.MonkeyPatch, partner: Partner,
+) -> None:
+    other = tmp_path / 'other.yaml'
+    other.write_text(BUNDLE.partition('gates:')[0], encoding='utf-8')
+    for more, missing in (('', 'no gates'), ('kept', 'none of the gates kept')):
+        given = [Parameter('spec', value=[str(bundle), str(other)]),
+                 *([Parameter('gates', value=[more])] if more else [])]
+        with pytest.raises(Refusal, match=f"'{other}' has {missing}: leave it out"):
+            GateNode(context=partner.context, parameter_overrides=given)
+        arguments = ['gate', '--ros-args', *NATIVE, '-p', f'spec:=["{bundle}", "{other}"]']
+        assert become_native(
+            [*arguments, *(['-p', f'gates:={more}'] if more else [])], GATE) == ''
 
 
 @pytest.fixture

@@ -26,10 +26,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
 from fret_monitor.model.names import distinct_names
 from fret_monitor.ros import MonitorNode, Refusal
+from fret_monitor.ros.native_start import GATE, MONITOR
 from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rcl_interfaces.srv import ListParameters
 from rclpy.parameter import Parameter
+from ros.exported import exported_bundles, ExportedNode, running
 from ros.harness import answer_of, Partner, RELIABLE, settle, started, wait_until
 from ros.test_native_start import program_of
 from ros.test_side_by_side import compare_files, equal, Face, MISSING
@@ -138,6 +140,17 @@ def refusal(partner: Partner, **parameters: object) -> str:
                     cli_args=['--ros-args'])
     assert partner.node.get_node_names() == ['partner']
     return str(found.value)
+
+
+def error_in_c(*bundles: Path, node: str = MONITOR) -> str:
+    """Return the error with which the node in C of these bundles ends."""
+    specs = ', '.join(map(str, bundles))
+    process = ExportedNode(Path(program_of(f'[{specs}]', node=node)))
+    try:
+        assert process.status() == 1
+        return process.output
+    finally:
+        process.kill()
 
 
 def test_a_handler_that_two_bundles_share_is_refused_with_both_places(
@@ -275,6 +288,23 @@ def test_several_bundles_in_c_do_as_those_in_python(partner: Partner, tmp_path: 
     compare_files(faces, least=8)
 
 
+def test_an_exported_node_runs_several_bundles(
+    partner: Partner, bundles: tuple[Path, Path],
+) -> None:
+    with running(exported_bundles(*bundles)) as node:
+        assert node.output.index('bundle first: 1 requirement on 2 inputs of 2 topics') \
+            < node.output.index('bundle second: 2 requirements on 2 inputs of 2 topics') \
+            < node.output.index('watching 3 requirements on 4 inputs of 3 topics in 2 bundles')
+        partner.listen('R_1', 'R_2', 'R_3')
+        x, y, z = (partner.publisher(Float32, name) for name in 'xyz')
+        partner.wait_for_listener(x, y, z)
+        y.publish(Float32(data=0.1))
+        z.publish(Float32(data=0.9))
+        partner.expect({'R_3': 1})
+        x.publish(Float32(data=0.9))
+        partner.expect({'R_3': 1, 'R_1': 1})
+
+
 def test_bundles_of_one_name_have_different_names_in_diagnostics() -> None:
     assert distinct_names(['a b', 'a b', 'a c', 'a b', 'a b 2']) == [
         'a b', 'a b 2', 'a c', 'a b 3', 'a b 2 2']
@@ -285,10 +315,12 @@ def test_one_topic_with_two_types_is_refused_with_both_bundles(
 ) -> None:
     first = write(tmp_path, 'first', FIRST)
     second = write(tmp_path, 'second', SECOND.replace('Float32', 'Float64'))
-    assert refusal(partner, spec=[str(first), str(second)]) == (
-        "error: the topic /x has the type std_msgs/msg/Float32 in the bundle 'first' and "
+    reason = (
+        "the topic /x has the type std_msgs/msg/Float32 in the bundle 'first' and "
         "std_msgs/msg/Float64 in 'second': a process can use a topic with one type only; correct "
         'the type, or start a monitor for each bundle')
+    assert refusal(partner, spec=[str(first), str(second)]) == f'error: {reason}'
+    assert reason in error_in_c(first, second)
 
 
 ACTING = """
@@ -319,14 +351,28 @@ CALL = 'call: {service: NAME, type: std_srvs/srv/KIND}'
      'use a topic with one type only; correct the type, or write different names'),
     (CALL.replace('NAME', '/fret_monitor/get_state').replace('KIND', 'Empty'),
      'lock: {topic: stop}',
-     'cannot call /fret_monitor/get_state as std_srvs/srv/Empty: this process uses the service '
-     'with the type lifecycle_msgs/srv/GetState, and can use it with one type only')])
+     'the service /fret_monitor/get_state has the types lifecycle_msgs/srv/GetState and '
+     'std_srvs/srv/Empty: a process can use a service with one type only; correct the type, or '
+     'write different names')])
 def test_an_action_with_a_second_type_is_refused_with_both_types(
     partner: Partner, tmp_path: Path, one: str, two: str, reason: str,
 ) -> None:
     first = write(tmp_path, 'first', FIRST)
     acting = write(tmp_path, 'acting', ACTING.replace('ONE', one).replace('TWO', two))
     assert refusal(partner, spec=[str(first), str(acting)]) == f'error: {reason}'
+    if 'service' in reason:
+        assert reason in error_in_c(first, acting)
+
+
+def test_a_type_that_another_node_of_the_process_uses_is_named(
+    partner: Partner, tmp_path: Path,
+) -> None:
+    partner.publisher(Float32, '/shown')
+    acting = write(tmp_path, 'acting', ACTING.replace('ONE', SHOW.replace(
+        'TOPIC', '/shown')).replace('TWO', 'lock: {topic: stop}'))
+    assert refusal(partner, spec=str(acting)) == (
+        'error: cannot publish on /shown as std_msgs/msg/Bool: this process uses the topic with '
+        'the type std_msgs/msg/Float32, and can use it with one type only')
 
 
 def test_gates_with_two_types_of_one_topic_are_refused_with_both(
@@ -338,9 +384,12 @@ def test_gates_with_two_types_of_one_topic_are_refused_with_both(
         'otherwise: drop}}}}\n'
     paths = [str(write(tmp_path, name, gate.format(*ends, name, kind))) for *ends, name, kind in (
         ('x', 'u', 'g', 'Float32'), ('u', 'w', 'h', 'Float64'))]
-    with pytest.raises(Refusal, match="/u has the type std_msgs/msg/Float32 in the gate 'g' and "
-                                      "std_msgs/msg/Float64 in 'h'"):
+    reason = ("/u has the type std_msgs/msg/Float32 in the gate 'g' and std_msgs/msg/Float64 in "
+              "'h': a process can use a topic with one type only; correct the type, or start a "
+              'node for each gate')
+    with pytest.raises(Refusal, match=reason):
         GateNode(context=partner.context, parameter_overrides=[Parameter('spec', value=paths)])
+    assert reason in error_in_c(*map(Path, paths), node=GATE)
 
 
 @pytest.mark.parametrize('hot_path', ['on', 'off'])

@@ -156,8 +156,9 @@ class MonitorNode(ClockNode, LifecycleNode):
             settings = read_settings(self._declared.values())
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
-            refuse_shared_names(self, manifests, load_evaluator(opened[0].evaluator))
-            refuse_two_types(self, manifests, self._names(opened))
+            library = load_evaluator(opened[0].evaluator)
+            refuse_two_types(self, manifests, self._names(opened), library)
+            refuse_shared_names(self, manifests, library)
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)

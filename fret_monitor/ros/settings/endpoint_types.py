@@ -16,63 +16,53 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.names import OWN_TOPICS
+from fret_monitor.model.names import OWN_SERVICE_TYPES, OWN_TOPICS
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.ros.settings.parameters import Refusal
+from fret_monitor.runtime.shared_names import find_two_types, TypedUse
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
-_NODE = -1  # in place of the number of a bundle
 
-
-def refuse_two_types(node: Node, manifests: Sequence[Manifest], names: Sequence[str]) -> None:
+def refuse_two_types(node: Node, manifests: Sequence[Manifest], names: Sequence[str],
+                     library: Any) -> None:
     """
     Refuse two types for one topic or service, after remapping.
 
-    `names` are those of the bundles or gates, for the text. Of two inputs of one bundle, and of an
-    input and the node itself, nothing is said: see `shared_names.refuse_merged_topics`.
+    `names` are those of the bundles or gates, for the text; `library` has the functions of csrc.
 
     Raises
     ------
     Refusal
         with all problems.
     """
-    first = {('topic', node.resolve_topic_name(name)): (interface, _NODE)
-             for name, interface in OWN_TOPICS.items()}
-    problems = []
+    uses = [TypedUse(node.resolve_topic_name(name), interface, 0, False, False)
+            for name, interface in OWN_TOPICS.items()]
+    uses += [TypedUse(node.resolve_service_name(name), interface, 0, True, False)
+             for name, interface in OWN_SERVICE_TYPES.items()]
     for number, manifest in enumerate(manifests):
-        kind = 'bundle' if manifest.gate is None else 'gate'
-        for what, name, interface, is_input in _uses(node, manifest):
-            other, owner = first.setdefault((what, name), (interface, number))
-            if other == interface or (is_input and owner in (number, _NODE)):
-                continue
-            is_one = owner in (number, _NODE)
-            types = f'has the types {other} and {interface}' if is_one else (
-                f"has the type {other} in the {kind} '{names[owner]}' and {interface} in "
-                f"'{names[number]}'")
-            remedy = 'write different names' if is_one else (
-                f'start a {"monitor" if kind == "bundle" else "node"} for each {kind}')
-            problems.append(f'the {what} {name} {types}: a process can use a {what} with one type '
-                            f'only; correct the type, or {remedy}')
-    if problems:
-        raise Refusal(*problems)
+        uses.extend(_uses(node, manifest, number + 1))
+    kind = 'gate' if manifests[0].gate else 'bundle'
+    if lines := find_two_types(library, uses, names, kind):
+        raise Refusal(*(line.text for line in lines))
 
 
-def _uses(node: Node, manifest: Manifest) -> Iterator[tuple[str, str, str, bool]]:
-    """Yield topics and services with their types, and whether inputs read them; inputs first."""
-    def used(name: str, interface: str, *, is_service: bool) -> tuple[str, str, str, bool]:
-        return (('service', node.resolve_service_name(name)) if is_service else
-                ('topic', node.resolve_topic_name(name))) + (interface, False)
+def _uses(node: Node, manifest: Manifest, owner: int) -> Iterator[TypedUse]:
+    """Yield topics and services with their types: those of inputs, the gate, locks, actions."""
+    def used(name: str, interface: str, *, is_service: bool) -> TypedUse:
+        resolve = node.resolve_service_name if is_service else node.resolve_topic_name
+        return TypedUse(resolve(name), interface, owner, is_service, False)
 
     for topic in manifest.received:
-        yield 'topic', node.resolve_topic_name(topic.name), topic.message_type, True
+        yield used(topic.name, topic.message_type, is_service=False)._replace(is_input=True)
     if (gate := manifest.gate) is not None:
         for name in (gate.source, gate.target):
             yield used(name, gate.interface, is_service=gate.is_service)
-    for action in manifest.actions:
+    for action in sorted(manifest.actions, key=lambda item: item.kind is not ActionKind.LOCK):
         if action.interface:
             yield used(action.target, action.interface, is_service=action.kind is ActionKind.CALL)
 

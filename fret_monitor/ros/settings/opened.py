@@ -29,9 +29,11 @@ from typing import Any
 
 from fret_monitor.model.bundle_files import refuse_missing
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
-from fret_monitor.model.manifest import Manifest, ManifestRequirement
+from fret_monitor.model.manifest import Manifest, ManifestRequirement, shared_handlers
 from fret_monitor.model.names import exact, fret_name
-from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates, NodePart, UNGATED
+from fret_monitor.model.parts import (
+    FOLDER_OF_EACH, judged_by_gates, NodePart, UNGATED, without_gates,
+)
 from fret_monitor.model.policies import Policy
 from fret_monitor.native import evaluator_library, load, load_evaluator, Monitor, NativeError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
@@ -80,7 +82,7 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
     Raises
     ------
     Refusal
-        as `open_monitors`, or if there is no such gate, or no gate at all.
+        as `open_monitors`, or if there is no such gate, or a bundle has none of them.
     """
     found = _all(lambda origin: _open_gates(settings, origin, names), settings)
     opened = [item for several in found for item in several]
@@ -94,6 +96,8 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
                         for name in sorted(missing)),
                       *(['no gates: write them in the bundle, under gates'] if not opened
                         and not missing else []))
+    if useless := [str(origin) for origin, several in zip(settings.origins, found) if not several]:
+        raise Refusal(*(without_gates(origin, names) for origin in useless))
     refuse_combinations(settings, manifests)
     return opened
 
@@ -190,16 +194,11 @@ def _refuse_slips(origin: Origin) -> None:
 
 def _refuse_shared_handlers(origins: Sequence[Origin], manifests: Sequence[Manifest]) -> None:
     """Refuse two requirements with the same handler topic."""
-    first: dict[str, tuple[Origin, ManifestRequirement]] = {}
-    problems = []
-    for origin, manifest in zip(origins, manifests):
-        for item in manifest.requirements:
-            other_origin, other = first.setdefault(item.handler, (origin, item))
-            if other is not item:
-                problems.append(
-                    f"'{other.id}' ({_place(other_origin, other)}) and '{item.id}' "
-                    f'({_place(origin, item)}) would both be announced on '
-                    f'copilot/{item.handler}: give one of them another id')
+    problems = [
+        f"'{other.id}' ({_place(origins[owner], other)}) and '{item.id}' "
+        f'({_place(origins[number], item)}) would both be announced on copilot/{item.handler}: '
+        'give one of them another id'
+        for (owner, other), (number, item) in shared_handlers(manifests)]
     if problems:
         raise Refusal(*problems)
 
@@ -239,9 +238,8 @@ def constants_of(settings: Settings, spec: Path) -> Mapping[str, Text]:
     """Return the constants that are meant for a bundle: of several bundles, those it has."""
     if len(settings.origins) == 1 or not settings.constants:
         return settings.constants
-    from fret_monitor.build import constant_names
-    names = {fret_name(name) for name in constant_names(spec)}
-    return {name: text for name, text in settings.constants.items() if fret_name(name) in names}
+    from fret_monitor.build import own_constants
+    return own_constants(spec, settings.constants)
 
 
 def _refuse_unknown_constants(settings: Settings, manifests: Sequence[Manifest]) -> None:
