@@ -39,9 +39,9 @@ demo: setup
 demo-gate: setup
 	@$(PYTHON) examples/wall.py
 
-# Five workers; three of them start with the tests with ROS 2, which wait more than they compute.
+# Six workers; four of them start with the tests with ROS 2, which wait more than they compute.
 test: setup-test
-	@$(PYTHON) -m pytest -n 5 $(TESTS)
+	@$(PYTHON) -m pytest -n 6 $(TESTS)
 
 # The tests with ROS 2 on the wheels of Kilted, in an environment of their own.
 kilted:

@@ -131,10 +131,10 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """
-    Give a worker of pytest-xdist all tests of a module, and three workers those with processes.
+    Give a worker of pytest-xdist all tests of a module, and four workers those with processes.
 
-    So what a module builds for its tests is built once. One of the three runs the tests with ROS 2
-    that keep a processor busy, the others those that mostly wait; all three take about as long.
+    So what a module builds for its tests is built once. One of the four runs the tests with ROS 2
+    that keep a processor busy, the others those that mostly wait; all four take about as long.
     One worker runs all proofs: what it has proved of the cells of bounds serves the next ones.
     """
     from xdist.scheduler import LoadScopeScheduling
@@ -157,7 +157,8 @@ def _scope(nodeid: str) -> str:
         return module
     if re.search(_BUSY, module):
         return 'busy'
-    return 'waiting' if re.search(r'/test_[a-l]', module) else 'waiting too'  # equally long
+    first = module.partition('/test_')[2][0]
+    return f'waiting {(first > "f") + (first > "m")}'  # equally long
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

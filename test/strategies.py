@@ -45,6 +45,7 @@ Trace = dict[str, list[Any]]
 T = TypeVar('T')
 EXAMPLES = settings().max_examples  # of a test; `make thorough` has ten times as many
 thorough = pytest.mark.skipif(EXAMPLES <= 50, reason='make thorough')
+HOT_PATHS = ('on', pytest.param('off', marks=thorough))  # ways in which a node takes messages
 
 BOOL, INT64, UINT64 = ValueType.BOOL, ValueType.INT64, ValueType.UINT64
 FLOAT32, FLOAT64 = ValueType.FLOAT32, ValueType.FLOAT64

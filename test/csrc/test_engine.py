@@ -187,7 +187,7 @@ def test_messages_that_wait_in_the_queues_of_the_middleware(addresses: Sanitized
     assert (done.returncode, done.stdout) == (0, '')
 
 
-@pytest.mark.parametrize('is_preempted', [False, True])
+@pytest.mark.parametrize('is_preempted', [pytest.param(False, marks=thorough), True])
 def test_clocks_that_run(sanitized: Sanitized, is_preempted: bool) -> None:
     done = run(sanitized.program('engine_clock', is_preempted=is_preempted))
     assert (done.returncode, done.stdout) == (0, '')

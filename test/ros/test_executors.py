@@ -31,6 +31,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.parameter import Parameter
 from ros.harness import Partner, wait_until
 from std_msgs.msg import Float32
+from strategies import HOT_PATHS
 
 BUNDLE = """
 format: 1
@@ -86,7 +87,7 @@ def executor(request: pytest.FixtureRequest, stranger: Partner) -> Any:
     return request.param(context=stranger.context)
 
 
-@pytest.mark.parametrize('hot_path', ['on', 'off'])
+@pytest.mark.parametrize('hot_path', HOT_PATHS)
 def test_every_message_is_a_step_in_every_executor(
     partner: Partner, stranger: Partner, executor: Any, tmp_path: Path, hot_path: str,
 ) -> None:
@@ -125,7 +126,7 @@ def test_every_period_is_a_step_in_every_executor(
         wait_until(lambda: partner.heard['R'] > 10, 'a violation each period')
 
 
-@pytest.mark.parametrize('hot_path', ['on', 'off'])
+@pytest.mark.parametrize('hot_path', HOT_PATHS)
 def test_a_timeout_comes_beside_periods_in_every_executor(
     partner: Partner, stranger: Partner, executor: Any, tmp_path: Path, hot_path: str,
 ) -> None:

@@ -40,9 +40,9 @@ from ros.operators import Operator
 from ros.reference import expected, Message
 from ros.talker import talking
 from std_msgs.msg import Float32, Float64, Int32, String
-from strategies import thorough
+from strategies import HOT_PATHS, thorough
 
-both_ways = pytest.mark.parametrize('hot_path', ['on', 'off'], indirect=True)
+both_ways = pytest.mark.parametrize('hot_path', HOT_PATHS, indirect=True)
 
 # Deep enough that nothing is lost on a busy machine.
 # NEXT is violated where a number is missing, repeated or out of order.

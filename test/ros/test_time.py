@@ -31,6 +31,7 @@ from ros.operators import Operator
 from ros.received import Detail, read_detail
 from ros.simulator import simulating, Simulator
 from std_msgs.msg import Bool, Float32
+from strategies import HOT_PATHS
 
 PERIODIC = """
 format: 1
@@ -156,7 +157,7 @@ def test_use_sim_time_may_change_while_the_monitor_runs(
         assert (found['missed'], found['restarts']) == ('0', '0'), 'a change is no jump'
 
 
-@pytest.mark.parametrize('hot_path', ['on', 'off'])
+@pytest.mark.parametrize('hot_path', HOT_PATHS)
 def test_a_stopped_process_loses_no_period_and_finds_no_silence(
     partner: Partner, operator: Operator, tmp_path: Path, hot_path: str,
 ) -> None:
@@ -226,7 +227,7 @@ def wait_for_log(operator: Operator) -> None:
     operator.wait(2)  # the log is written with each report
 
 
-@pytest.mark.parametrize('hot_path', ['on', 'off'])
+@pytest.mark.parametrize('hot_path', HOT_PATHS)
 def test_an_input_that_falls_silent_violates_its_requirements_in_the_time_of_the_node(
     partner: Partner, operator: Operator, simulator: Simulator, tmp_path: Path, hot_path: str,
 ) -> None:
