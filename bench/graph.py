@@ -13,117 +13,140 @@
 # limitations under the License.
 
 """
-What a graph of ROS costs that keeps changing: processor time of the watch, by node names.
+What a graph of ROS costs that keeps changing: processor time of nodes, beside a bare one.
 
-A process has 200 nodes, of which one comes and goes ten times a second; in another one the watch
-of `csrc/ros/graph.c` looks at a node and two topics whenever the graph has changed. Its looks are
-measured in processor time of the thread within them: it waits for changes in any case. Beside it,
-the same looks through rclpy.
+A process has 200 nodes, of which one comes and goes ten times a second. Beside it run a bare node
+of rclpy, which waits for nothing, and monitors with and without inputs of the graph: a node, and
+the publishers and subscriptions of a topic. All run at once, and are measured over the same
+windows of time. A bare node pays for the discovery of the middleware, too.
 
-    .venv/bin/python -m bench.graph [--seconds N] [--nodes N]
+    .venv/bin/python -m bench.graph [--windows N] [--seconds N] [--nodes N]
 """
 
 from argparse import ArgumentParser
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, ExitStack
 import os
 from pathlib import Path
+from signal import SIGINT
+from statistics import median
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
-from time import monotonic, sleep, thread_time_ns
-from typing import Any
+from time import sleep
 
-from fret_monitor.ros.intake.graph_sources import GraphSources
-from fret_monitor.ros.intake.graph_wait import GraphWait
-from fret_monitor.ros.intake.hot_path import Middleware
-from fret_monitor.runtime.engine import Engine
-from fret_monitor.runtime.evaluator import Evaluator
-from fret_monitor.start import start
-import rclpy
-from rclpy.node import Node
-
-BUNDLE = """
+_TOPIC = """
 format: 1
 inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float32}
+requirements:
+  - {id: R, ptltl: speed <= 1.0}
+"""
+_GRAPH = """
+format: 1
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float32}
   alive: {node: /flapping}
   scans: {publishers: /scan}
   heard: {subscribers: /scan}
 requirements:
-  - {id: R, ptltl: alive & scans < 1 & heard < 1}
+  - {id: R, ptltl: speed <= 1.0}
+  - {id: S, ptltl: alive & scans < 1 & heard < 1}
 """
-FLAPPING = """
-import sys, time, rclpy
+_FLAPPING = """
+import signal, sys, threading, rclpy
 from rclpy.node import Node
-rclpy.init()
+from rclpy.signals import SignalHandlerOptions
+stop = threading.Event()
+signal.signal(signal.SIGINT, lambda *_: stop.set())
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 options = {'start_parameter_services': False, 'enable_rosout': False}
 nodes = [Node(f'node_{number}', **options) for number in range(int(sys.argv[1]))]
-print('ready', flush=True)
-while True:
-    if not rclpy.ok():
-        break
+print('watching', flush=True)
+while not stop.is_set():
     node = Node('flapping', **options)
-    time.sleep(0.05)
+    stop.wait(0.05)
     node.destroy_node()
-    time.sleep(0.05)
+    stop.wait(0.05)
+rclpy.shutdown()
 """
+_BARE = """
+import signal, rclpy
+from rclpy.signals import SignalHandlerOptions
+signal.signal(signal.SIGINT, lambda *_: None)
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+node = rclpy.create_node('bare')
+print('watching', flush=True)
+signal.pause()
+rclpy.shutdown()
+"""
+_MONITOR = 'from fret_monitor.ros.monitor import main; main()'
+_SETTLE_S = 15.0  # discovery, and the `startup` of the inputs
 
 
-def measured(act: Any, seconds: float, node: Node) -> tuple[float, int]:
-    """
-    Call a function at each change, and when it asks for it.
+@contextmanager
+def running(program: str, *arguments: str) -> Iterator[int]:
+    """Run a program until it is ready; yield its process."""
+    process = subprocess.Popen([sys.executable, '-c', program, *arguments],
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert process.stdout is not None
+    try:
+        while 'watching' not in (line := process.stdout.readline()):
+            if not line:
+                raise RuntimeError(f'{arguments}: ended')
+        yield process.pid
+    finally:
+        process.send_signal(SIGINT)
+        process.communicate()
 
-    Return the processor time within it, in ms a second, and the changes.
-    """
-    graph = GraphWait(node)
-    calls = used = 0
-    wait = 0.05
-    end = monotonic() + seconds
-    while monotonic() < end:
-        has_changed = graph.wait(min(0.05, wait))
-        began = thread_time_ns()
-        wait = act(has_changed)
-        used += thread_time_ns() - began
-        calls += has_changed
-    graph.close()
-    return used / 1e6 / seconds, calls
+
+def used_ns(pid: int) -> int:
+    """Return the processor time of all threads of a process."""
+    return sum(int(file.read_text().split()[0])
+               for file in Path(f'/proc/{pid}/task').glob('*/schedstat'))
+
+
+def measured(pids: Sequence[int], windows: int, seconds: float) -> Iterator[list[float]]:
+    """Yield the processor times in ms a second of some processes, for each window."""
+    for _ in range(windows):
+        before = [used_ns(pid) for pid in pids]
+        sleep(seconds)
+        yield [(used_ns(pid) - old) / 1e6 / seconds for pid, old in zip(pids, before, strict=True)]
+
+
+@contextmanager
+def subjects(folder: Path) -> Iterator[dict[str, int]]:
+    """Run all subjects; yield their processes."""
+    with ExitStack() as stack:
+        found = {'a bare node of rclpy': stack.enter_context(running(_BARE))}
+        for kind in ('', ', native:=true'):
+            for name, text in (('a topic', _TOPIC), ('a topic and the graph', _GRAPH)):
+                spec = folder / f'{len(found)}.yaml'
+                spec.write_text(text, encoding='utf-8')
+                found[f'monitor of {name}{kind}'] = stack.enter_context(running(
+                    _MONITOR, '--ros-args', '-r', f'__node:=monitor_{len(found)}', '-p',
+                    f'spec:={spec}', '-p', f'native:={"true" if kind else "false"}'))
+        yield found
 
 
 def main() -> int:
     """Print the table."""
     parser = ArgumentParser(description=__doc__.split('\n\n')[0])
+    parser.add_argument('--windows', type=int, default=7)
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--nodes', type=int, default=200)
     options = parser.parse_args()
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     os.environ.setdefault('ROS_DOMAIN_ID', '101')
-    others = subprocess.Popen([sys.executable, '-c', FLAPPING, str(options.nodes)],
-                              stdout=subprocess.PIPE)
-    try:
-        assert others.stdout is not None and others.stdout.readline() == b'ready\n'
-        with TemporaryDirectory() as folder:
-            spec = Path(folder) / 'bundle.yaml'
-            spec.write_text(BUNDLE, encoding='utf-8')
-            engine = Engine(Evaluator(start(spec).monitor))
-        rclpy.init()
-        node = Node('bench')
-        sleep(3.0)  # discovery
-        sources = GraphSources(node, engine, Middleware())
-
-        def look(has_changed: bool) -> float:
-            if has_changed:
-                node.get_node_names_and_namespaces()
-                node.count_publishers('/scan')
-                node.count_subscribers('/scan')
-            return 1.0
-
-        print(f'{len(node.get_node_names())} nodes\n')
-        print('| looks | processor time (ms/s) | changes |\n|---|---|---|')
-        for name, act in (('the watch', lambda changed: sources.review(changed, lambda _: 0)),
-                          ('rclpy, at each change', look)):
-            used, calls = measured(act, options.seconds, node)
-            print(f'| {name} | {used:.2f} | {calls} |')
-    finally:
-        others.terminate()
-        others.wait()
+    with TemporaryDirectory() as folder, running(_FLAPPING, str(options.nodes)), \
+            subjects(Path(folder)) as found:
+        sleep(_SETTLE_S)
+        rows = list(measured([*found.values()], options.windows, options.seconds))
+    print('| processor time (ms/s) | median | windows | above the bare node |\n|---|---|---|---|')
+    for name, *times in zip(found, *rows, strict=True):
+        above = median(time - row[0] for time, row in zip(times, rows, strict=True))
+        print(f'| {name} | {median(times):.2f} | {min(times):.2f} to {max(times):.2f} | '
+              f'{above:.2f} |')
     return 0
 
 

@@ -195,7 +195,7 @@ enum fm_fault
 };
 
 /// What was seen last of something in the graph of ROS, of a node's state or parameter. In the
-/// graph, or of a state, 0: it is not there.
+/// graph, or of a state, 0: it is not there. A node may have been there without an answer.
 struct fm_observed
 {
   int64_t value;   // the bits of the number; of a text, a hash
@@ -220,6 +220,9 @@ FM_EXPORT bool fm_engine_observe(
 
 /// What was seen last of a topic. O(1).
 FM_EXPORT struct fm_observed fm_engine_observed(struct fm_engine * engine, uint32_t topic);
+
+/// Note that the node of a topic is there, whatever is known of its state or parameter. O(1).
+FM_EXPORT void fm_engine_note_node(struct fm_engine * engine, uint32_t topic);
 
 /// Note why nothing is known of a topic, until something is. O(1).
 FM_EXPORT void fm_engine_note_fault(

@@ -205,6 +205,15 @@ struct fm_observed fm_engine_observed(struct fm_engine * engine, uint32_t topic)
   return observed;
 }
 
+void fm_engine_note_node(struct fm_engine * engine, uint32_t topic)
+{
+  fm_engine_lock(engine);
+  if (topic < engine->options.n_topics) {
+    engine->topics[topic].observed.was_there = true;
+  }
+  fm_engine_unlock(engine);
+}
+
 void fm_engine_note_fault(struct fm_engine * engine, uint32_t topic, enum fm_fault fault)
 {
   fm_engine_lock(engine);

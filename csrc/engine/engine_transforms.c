@@ -209,6 +209,7 @@ static bool is_missing_locked(
   struct fm_engine * engine, const struct fm_transform_topic * transform, char * from, char * to)
 {
   struct fm_looked_up found;
+  note_restart_locked(engine);
   if (fm_tree_look_up(engine->tree, transform->from, transform->to, &found)) {
     return false;
   }

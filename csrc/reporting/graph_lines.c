@@ -61,7 +61,8 @@ void fm_add_seen(
   if (observed->fault != FM_NO_FAULT) {
     add_fault(text, observed);
   } else if (!observed->has_value) {
-    fm_text_add(text, "not seen yet");
+    fm_text_add(
+      text, "%s", observed->was_there ? "its node has not answered yet" : "not seen yet");
   } else if (kind == FM_PARAMETER) {
     fm_text_add(text, "it has a value");
   } else if (observed->value != 0) {

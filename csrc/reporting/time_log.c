@@ -113,9 +113,9 @@ void fm_review_time(struct fm_review * review, struct fm_lines * lines)
     fm_passes(&review->time.next_line, review->facts.now, PERIODS_S * FM_SECOND))
   {
     fm_lines_add(lines, FM_WARN,
-      "%" PRIu64 " changes found no room in the queue of a window [a,a]: inputs change more often "
-      "than their max_rate; what looks back at them is violated until the lost changes have left "
-      "the window", counts->overflows);
+      "%" PRIu64 " changes found no room in a window: inputs change, or messages come, more often "
+      "than their max_rate; what reads the window is violated until the lost changes have left it",
+      counts->overflows);
   }
   if (review->reporter->table->policy == FM_PERIODIC) {
     review_periods(review, lines);

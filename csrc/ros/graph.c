@@ -203,6 +203,7 @@ static void note_asked(struct fm_graph * graph, struct watched * item, int64_t n
     fm_question_end(&item->question);
     note_absence(graph, item, now);
   } else if (item->n_nodes != item->n_before) {
+    fm_engine_note_node(graph->engine, item->about.topic);
     fm_question_begin(&item->question, now);
   } else {
     fm_question_repeat(&item->question, now);

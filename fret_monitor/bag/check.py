@@ -42,7 +42,7 @@ from fret_monitor.model.manifest import (
 )
 from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
-from fret_monitor.model.times import short_seconds
+from fret_monitor.model.times import overflow_text, short_seconds
 from fret_monitor.model.transforms import TOPICS
 from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.monitor import Monitor
@@ -634,8 +634,7 @@ class _Run:
             self._errors.append(f'{counted(times.missed, "period")} in gaps of the recording '
                                 'were left out')
         if times.overflows:
-            self._errors.append(f'{counted(times.overflows, "change")} came faster than max_rate '
-                                'says')
+            self._errors.append(overflow_text(times.overflows))
 
     def _complain_of_instances(self) -> None:
         for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):

@@ -31,7 +31,7 @@ from fret_monitor.bundle.yaml_shape import (
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.made import (
-    Made, MadeKind, PARAMETER_TYPES, STATES, USUAL_PATIENCE_S,
+    Made, MadeKind, PARAMETER_SLIPS, PARAMETER_TYPES, STATES, USUAL_PATIENCE_S,
 )
 from fret_monitor.model.names import (
     exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLACEHOLDER,
@@ -53,10 +53,11 @@ _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _NOTHING = 'none'
-_WATCHED = tuple(item for item in MadeKind if item is not MadeKind.TRANSFORM)
+_WATCHED = (MadeKind.PARAMETER, *(  # which has a node, but in its mapping
+    item for item in MadeKind if item not in (MadeKind.TRANSFORM, MadeKind.PARAMETER)))
 _LONGEST_FRAME = 255  # bytes; FM_MOST_FRAME_BYTES
-_TRANSFORM_EXAMPLE = 'transform: {from: map, to: base_link}'
 _PARAMETER_EXAMPLE = 'parameter: {node: /controller_server, name: max_vel}'
+_TRANSFORM_EXAMPLE = 'transform: {from: map, to: base_link}'
 QOS_KEYS = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
@@ -80,8 +81,11 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
 def _watched(name: DeclaredName, kind: MadeKind, shape: Shape, problems: Problems) -> InputEntry:
     """Return an input that is seen in the graph of ROS, or that a node there is asked for."""
     place = shape.key(kind.value) or name
-    for key in ('topic', 'where', 'qos', *(item.value for item in _WATCHED if item is not kind),
-                *(() if kind is MadeKind.PARAMETER else ('type',))):
+    is_parameter = kind is MadeKind.PARAMETER
+    others = [item for item in _WATCHED if item is not kind
+              and not (is_parameter and item is MadeKind.NODE)]
+    for key in ('topic', 'where', 'qos', *(item.value for item in others),
+                *(() if is_parameter else ('type',))):
         if other := shape.key(key):
             problems.error(f"an input with '{kind.value}' has no '{key}'", other.span,
                            f'it is {kind.words}' if kind.is_asked_for else
@@ -108,7 +112,7 @@ def _names(kind: MadeKind, shape: Shape, problems: Problems) -> tuple[str, ...] 
     if kind is not MadeKind.PARAMETER:
         found = _checked(shape, kind.value, lambda text: _graph_fault(kind.value, text), problems)
         return (found.value,) if found else None
-    mapping = mapping_of(shape.node('parameter'), "'parameter'", problems, _PARAMETER_EXAMPLE)
+    mapping = _parameter(shape, problems)
     if mapping is None:
         return None
     part = Shape(mapping, "'parameter'", PARAMETER_KEYS, problems, {
@@ -123,6 +127,19 @@ def _names(kind: MadeKind, shape: Shape, problems: Problems) -> tuple[str, ...] 
     return (node.value, name.value) if node and name else None
 
 
+def _parameter(shape: Shape, problems: Problems) -> YamlMapping | None:
+    """Return the node and name of a parameter; refuse a node beside them."""
+    node, written = shape.node('node'), shape.node('parameter')
+    names = [item.value if isinstance(item, YamlScalar) and not _parameter_fault(item.value)
+             else usual for item, usual in ((node, '/controller_server'), (written, 'max_vel'))]
+    example = f'parameter: {{node: {names[0]}, name: {names[1]}}}'
+    mapping = mapping_of(written, "'parameter'", problems, example)
+    if mapping is not None and node is not None:
+        problems.error("an input with 'parameter' has no 'node' of its own", node.span,
+                       'it belongs to the parameter', example)
+    return mapping
+
+
 def _message_type(name: DeclaredName, kind: MadeKind, shape: Shape,
                   problems: Problems) -> str | None:
     if kind is not MadeKind.PARAMETER:
@@ -134,7 +151,7 @@ def _message_type(name: DeclaredName, kind: MadeKind, shape: Shape,
                            'a node may give a parameter any', 'type: float64')
         return None
     if found.value not in PARAMETER_TYPES:
-        report_choice(found, 'type', tuple(PARAMETER_TYPES), problems)
+        report_choice(found, 'type', tuple(PARAMETER_TYPES), problems, PARAMETER_SLIPS)
     return PARAMETER_TYPES.get(found.value)
 
 
@@ -289,8 +306,12 @@ def _with_field(entry: InputEntry, shape: Shape, problems: Problems) -> InputEnt
         | _refused(shape, field=entry.field, initial=entry.initial, role=entry.role)
     if entry.field and entry.type and entry.type.value in PLAIN_TYPES and entry.block is None:
         damaged |= {'field'}
+        is_measure = entry.field.value.startswith(('rate', 'period'))
         problems.error(f"'{entry.type.value}' has no fields", entry.field.span,
-                       'only a message has fields', "remove 'field', or name a message type")
+                       'this is measured of the messages of a topic' if is_measure else
+                       'only a message has fields',
+                       'topic: scan\ntype: sensor_msgs/msg/LaserScan' if is_measure else
+                       "remove 'field', or name a message type")
     return replace(entry, damaged=damaged)
 
 

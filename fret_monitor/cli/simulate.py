@@ -26,7 +26,7 @@ from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
-from fret_monitor.model.times import known_text
+from fret_monitor.model.times import known_text, overflow_text
 from fret_monitor.start import start
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate
@@ -72,6 +72,8 @@ def run(options: Namespace) -> int:
     for item in summary.beyond:
         print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' beyond most: {item.most} "
               'not evaluated', file=sys.stderr)
+    if summary.overflows:
+        print(overflow_text(summary.overflows), file=sys.stderr)
     if options.json:
         print_document(_as_dict(summary, is_timed, horizons), compiled.warnings)
     elif verdicts is not None:
@@ -126,4 +128,5 @@ def _as_dict(summary: Summary, is_timed: bool,
         return {'id': name, 'violations': count, **when}
 
     return {'rows' if is_timed else 'steps': summary.steps,
-            'requirements': [requirement(*item) for item in summary.violations.items()]}
+            'requirements': [requirement(*item) for item in summary.violations.items()],
+            **({'overflows': summary.overflows} if summary.overflows else {})}

@@ -103,7 +103,7 @@ class Aggregates:
 
     def _name(self, span: Span) -> str:
         """Return an aggregate as it is written, on one line."""
-        text = ' '.join(span.source.text[span.start:span.end].split())
+        text = span.written
         name = text if len(text) <= _LONGEST_NAME else f'{text[:_LONGEST_NAME]}...'
         taken = {item.signal.name for item in self.all}
         return name if name not in taken else f'{name} [{len(taken)}]'

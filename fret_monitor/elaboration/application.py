@@ -16,8 +16,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil
 
-from fret_monitor.elaboration.durations import STEPS, TimeScale
+from fret_monitor.elaboration.durations import approximate, STEPS, TimeScale
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.terms import describe, Lasting, TypedTerm
 from fret_monitor.logic.formula import Formula, FTP
@@ -55,13 +56,14 @@ class Function:
     A predefined function: the arguments of each form, and its formula.
 
     `gives_truth`: the result is Boolean for all arguments. `counts_steps`: all arguments except
-    the last are numbers of steps.
+    the last are numbers of steps. `is_timed`: only under the policy timed.
     """
 
     forms: tuple[str, ...]
     meaning: Callable[[Application], Formula | ExactNumber | Lasting]
     gives_truth: bool = False
     counts_steps: bool = False
+    is_timed: bool = False
 
     def takes(self, count: int) -> bool:
         """Whether a form has `count` arguments."""
@@ -75,5 +77,19 @@ def count_of(call: Application, term: TypedTerm) -> int:
         what = 'a time, up to 2^62 ns, or a count' if call.scale.is_timed else \
             f'a number of steps, from 0 to {longest}'
         refuse(f'{call.quoted} takes {what}, as digits or as a constant', term.span,
-               f'this is {describe(term)}')
+               f'this is {describe(term)}', f'write {_mended(call, term)}')
     return value.value.numerator
+
+
+def _mended(call: Application, term: TypedTerm) -> str:
+    """Return a call with a count in place of an argument that is none."""
+    last, value = call.arguments[-1], term.value
+    unit = ' s' if call.scale.is_timed else ''
+    if not isinstance(value, ExactNumber):
+        is_swapped = isinstance(last.value, ExactNumber) and len(call.arguments) == 2
+        return f'{call.name}({last.span.written}{unit}, {term.span.written})' if is_swapped else \
+            f'{call.name}(10{unit}, ...): its length is the same at every step'
+    number = abs(value.value)
+    if number > call.scale.longest:
+        return f'{call.scale.longest} at most'
+    return f'{call.name}({approximate(number) if unit else ceil(number)}{unit}, ...)'

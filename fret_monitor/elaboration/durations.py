@@ -21,6 +21,7 @@ All arithmetic is exact.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from math import ceil
 from typing import Final
 
 from fret_monitor.language.expression import Duration, Unit
@@ -165,7 +166,7 @@ class TimeScale:
         self.check_longest(int(nanoseconds), place, margin)
         if nanoseconds.denominator != 1:
             refuse('a time must be a whole number of nanoseconds', place,
-                   f'this is {approximate(nanoseconds)} ns')
+                   f'this is {approximate(nanoseconds)} ns', f'write {ceil(nanoseconds)} ns')
         return int(nanoseconds)
 
     def _refuse_ticks(self, duration: Duration) -> None:

@@ -46,7 +46,9 @@ from fret_monitor.elaboration.instances import check_instances, described_variab
 from fret_monitor.elaboration.languages import read_expression, read_formula
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
-from fret_monitor.elaboration.terms import Broken, describe, formula_of, TypedTerm, Vocabulary
+from fret_monitor.elaboration.terms import (
+    Broken, describe, formula_of, truth_help, TypedTerm, Vocabulary,
+)
 from fret_monitor.language.expression import Equations, Expression, Name
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.sentence import ComponentPhrase, Sentence
@@ -263,7 +265,7 @@ class _Reading:
             return None
         if not term.is_boolean:
             self.problems.error('a requirement must be true or false', term.span,
-                                f'this is {describe(term)}')
+                                f'this is {describe(term)}', truth_help(term))
             return None
         if term.undefined:
             self.problems.warning(

@@ -44,6 +44,7 @@ from fret_monitor.language.expression import (
     Prefix,
 )
 from fret_monitor.language.fretish_words import TIME
+from fret_monitor.language.misplaced import refuse_measure, refuse_time_last
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Choice, Constant, FALSE, Feedback, Formula, FTP, Historically, Once,
     Previous, Since, Triggered, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
@@ -52,6 +53,7 @@ from fret_monitor.logic.numbers import ExactNumber, NumberError, parse_number
 from fret_monitor.model.diagnostics import (
     CompileError, Diagnostic, did_you_mean, Problems, refuse, Span, TYPO,
 )
+from fret_monitor.model.policies import Policy
 
 _CONNECTIVES = {item.value: item for item in BinaryOperator if item.is_boolean}
 _RELATIONS = {item.value: item for item in BinaryOperator if item.is_relation}
@@ -339,18 +341,29 @@ class Elaborator:
         """Return the operands with the counts and times among them as steps or nanoseconds."""
         parts = self._operands(node)
         counts = len(parts) - 1 if isinstance(node, Call) and node.function in COUNTING else 0
+        if isinstance(node, Call) and counts:
+            self._check_policy(node)
         for part in parts[counts:]:
             if isinstance(part, Duration):
                 if isinstance(node, Call) and node.function not in FUNCTIONS:
+                    if node.function == 'rate':
+                        refuse_measure(part.span)
                     self._refuse_function(node)
                 if isinstance(node, Call) and counts:
-                    time = part.span.source.text[part.span.start:part.span.end]
-                    refuse('a time cannot be used here', part.span, 'the condition stands here',
-                           f'the time comes first: {node.function}({time}, p)')
+                    refuse_time_last(node.function, parts[0].span.written, part.span)
                 refuse('a time cannot be used here', part.span, 'this has a unit',
                        'only bounds, and functions such as persisted, take times')
         return [replace(term, value=self._steps(part, term)) for part, term in
                 zip(parts[:counts], operands, strict=False)] + operands[counts:]
+
+    def _check_policy(self, node: Call) -> None:
+        if FUNCTIONS[node.function].is_timed and not self._scale.is_timed:
+            first = node.arguments[0]
+            is_count = not isinstance(first, Duration) or self._scale.policy is Policy.PERIODIC
+            refuse(f"'{node.function}' needs the policy timed", node.span,
+                   'here steps are counted, and have no length',
+                   f'write countOver({first.span.written if is_count else 10}, ...), which counts '
+                   'steps; or evaluation: {policy: timed}')
 
     def _steps(self, part: Expression, term: TypedTerm) -> Value:
         if isinstance(part, Duration):

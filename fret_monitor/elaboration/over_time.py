@@ -23,7 +23,7 @@ from collections.abc import Callable
 
 from fret_monitor.elaboration.application import Application, count_of, Function
 from fret_monitor.elaboration.terms import (
-    alike, cast, convert, expect_bool, expect_number, Lasting, promoted,
+    alike, cast, convert, expect_bool, expect_number, Lasting, promoted, TypedTerm,
 )
 from fret_monitor.logic.formula import (
     Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Choice, Constant, Formula, FTP, Held,
@@ -35,6 +35,9 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 
 _ZERO = Constant(0.0, ValueType.FLOAT64)
+_TRUTHS = {'maxOver': 'occurred', 'minOver': 'persisted', 'meanOver': 'countOver',
+           'sumOver': 'countOver'}
+"""Functions that say of a truth value what others say of numbers."""
 
 
 def _past(call: Application) -> int:
@@ -51,11 +54,22 @@ def _past(call: Application) -> int:
 def _number(call: Application, kind: ValueType | None = None) -> Formula:
     """Return the last argument, a number that an input gives, as one of a type."""
     term = call.arguments[-1]
-    value = expect_number(term, call.quoted)
+    value = expect_number(term, call.quoted, _numbers_of(call, term))
     if isinstance(value, ExactNumber):
         refuse(f'{call.quoted} takes a number that an input changes', term.span,
-               f'this is {value} at every step')
+               f'this is {value} at every step', 'write an input, or what is computed of one')
     return cast(term, value, kind) if kind else promoted(value)
+
+
+def _numbers_of(call: Application, term: TypedTerm) -> str:
+    """Return what to write for a truth value, or text, in place of a number."""
+    condition = term.span.written
+    if term.is_text:
+        condition += f' = {next(iter(term.vocabulary.numbers))}' if term.vocabulary else ''
+    if call.name not in _TRUTHS:
+        return f'write {call.name}({call.arguments[0].span.written}, ite({condition}, 1, 0))' \
+            if len(call.arguments) > 1 else f'write {call.name}(ite({condition}, 1, 0))'
+    return f'write {_TRUTHS[call.name]}({call.arguments[0].span.written}, {condition})'
 
 
 def _messages(call: Application, formula: Formula) -> Formula:
@@ -67,7 +81,7 @@ def _messages(call: Application, formula: Formula) -> Formula:
     found = call.implied.messages(formula) if call.implied else None
     if found is None:
         refuse(f'{call.quoted} takes what the messages of an input say', call.arguments[-1].span,
-               'this reads no input')
+               'this reads no input', 'write a comparison of an input, as in x > 0')
     return found
 
 
@@ -98,11 +112,6 @@ def _count(call: Application) -> Formula:
 
 
 def _time(call: Application) -> Lasting:
-    if not call.scale.is_timed:
-        refuse(f'{call.quoted} needs the policy timed', call.place,
-               'here steps are counted, and have no length',
-               f'write countOver({call.arguments[0].value}, ...), which counts steps; or '
-               'evaluation: {policy: timed}')
     return Lasting(_past(call), expect_bool(call.arguments[-1], call.quoted))
 
 
@@ -156,5 +165,5 @@ OVER_TIME = {
     'meanOver': Function(('d, x',), _mean, counts_steps=True),
     'minOver': Function(('d, x',), _extreme(Aggregate.LEAST), counts_steps=True),
     'sumOver': Function(('d, x',), _sum, counts_steps=True),
-    'timeOver': Function(('d, p',), _time, counts_steps=True),
+    'timeOver': Function(('d, p',), _time, counts_steps=True, is_timed=True),
 }

@@ -184,12 +184,13 @@ def expect_bool(term: TypedTerm, operator: str) -> Formula:
     value = term.value
     if not term.is_boolean or isinstance(value, (ExactNumber, Undeclared, Broken, Lasting)):
         refuse(f'{operator} takes only true or false', term.span,
-               f'this is {describe(term)}', _truth_help(term))
+               f'this is {describe(term)}', truth_help(term))
     return value
 
 
-def _truth_help(term: TypedTerm) -> str:
-    written = term.span.source.text[term.span.start:term.span.end]
+def truth_help(term: TypedTerm) -> str:
+    """Return what to write for a term that is not true or false."""
+    written = term.span.written
     match term.value:
         case ExactNumber() if written.isidentifier():  # the name of a constant
             return f'compare it with something, as in x <= {written}'
@@ -204,16 +205,17 @@ def _truth_help(term: TypedTerm) -> str:
     return 'compare it with something, as in x > 0'
 
 
-def expect_number(term: TypedTerm, operator: str) -> Number:
+def expect_number(term: TypedTerm, operator: str, instead: str = '') -> Number:
     """Return a term's formula or literal; refuse it unless it is a number."""
     if term.is_text:
-        refuse(f'{operator} takes numbers', term.span, 'this is text',
+        refuse(f'{operator} takes numbers', term.span, 'this is text', instead or
                f'text can be compared by = and != with its names: {term.vocabulary}')
     value = term.value
     if isinstance(value, Lasting):
         _refuse_lasting(term)
     if term.is_boolean or isinstance(value, (Undeclared, Broken)):
-        refuse(f'{operator} takes numbers', term.span, f'this is {describe(term)}')
+        refuse(f'{operator} takes numbers', term.span, f'this is {describe(term)}',
+               instead if term.is_boolean else '')
     return value
 
 
@@ -297,7 +299,7 @@ def alike(terms: Sequence[TypedTerm], operator: str) -> list[Formula]:
 def _same_truth(term: TypedTerm, operator: str) -> Formula:
     if not term.is_boolean:
         refuse(f'{operator} takes two numbers, or two truth values', term.span,
-               f'this is {describe(term)}, the other is true or false', _truth_help(term))
+               f'this is {describe(term)}, the other is true or false', truth_help(term))
     return expect_bool(term, operator)
 
 

@@ -35,7 +35,7 @@ def in_words(root: Expression, scale: TimeScale) -> str:
         if own or any(part in looks_ahead for part in parts):
             looks_ahead.add(node)
         done[node] = _worded(node, done, looks_ahead, scale) if node in looks_ahead \
-            else _written(node)
+            else node.span.written
     return done[root]
 
 
@@ -47,11 +47,6 @@ def _operands(node: Expression) -> tuple[Expression, ...]:
             return node.left, node.right
         case _:
             return ()
-
-
-def _written(node: Expression) -> str:
-    span = node.span
-    return ' '.join(span.source.text[span.start:span.end].split())
 
 
 def _worded(node: Expression, done: dict[Expression, str], looks_ahead: set[Expression],
@@ -108,9 +103,9 @@ def _ahead(bound: Bound, scale: TimeScale) -> str:
 
 def _length(end: str | Expression, scale: TimeScale) -> str:
     if isinstance(end, Duration):
-        return time_text(scale.time(end)) if scale.is_timed else _written(end)
+        return time_text(scale.time(end)) if scale.is_timed else end.span.written
     if not isinstance(end, str):
-        return _written(end)
+        return end.span.written
     if scale.is_timed:
         return time_text(int(int(end) * (scale.unit or 1) * 10 ** 9))
     return f'{int(end):,} step{"" if end == "1" else "s"}'

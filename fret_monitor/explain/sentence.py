@@ -27,7 +27,6 @@ from fret_monitor.language.expression import Duration, Expression, Unit
 from fret_monitor.language.sentence import (
     ConditionKind, ConditionPhrase, ScopeKind, Sentence, TimingKind,
 )
-from fret_monitor.model.diagnostics import Span
 from fret_monitor.model.times import time_text
 
 _JOINTS = {'&': 'and', '|': 'or'}
@@ -74,10 +73,10 @@ _TIMINGS[TimingKind.EVENTUALLY] = _TIMINGS[TimingKind.NONE]
 
 def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
     """Yield the name and text of each field of a sentence; `-` for an omitted field."""
-    yield 'scope', _written(sentence.scope.span) if sentence.scope else '-'
-    yield 'condition', _written(sentence.condition.span) if sentence.condition else '-'
+    yield 'scope', sentence.scope.span.written if sentence.scope else '-'
+    yield 'condition', sentence.condition.span.written if sentence.condition else '-'
     yield 'component', sentence.component.name
-    yield 'timing', _written(sentence.timing.span) if sentence.timing else '-'
+    yield 'timing', sentence.timing.span.written if sentence.timing else '-'
     yield 'response', _of(sentence.response)
 
 
@@ -155,8 +154,4 @@ def _count(number: Fraction) -> str:
 
 
 def _of(expression: Expression) -> str:
-    return _written(expression.span)
-
-
-def _written(span: Span) -> str:
-    return ' '.join(span.source.text[span.start:span.end].split())
+    return expression.span.written

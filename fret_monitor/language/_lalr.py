@@ -30,6 +30,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 from fret_monitor.language.expression import (
     Boolean, Call, Duration, Expression, Name, Number, Prefix, Unit,
 )
+from fret_monitor.language.misplaced import refuse_measure, refuse_time_last, TIMES_FIRST
 from fret_monitor.language.precedence import Chain, Operator, Pending, Precedence
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.tables import END, Parser, read_tables, UnexpectedLexemeError
@@ -328,10 +329,11 @@ def check_unit(text: Text, lexemes: Sequence[Lexeme], index: int,
     if is_time and opened and word.lower() not in units:
         _refuse_unit(number.text, word, unit.span, units)
     function = next((before.text for before, after in pairwise(lexemes) if after in opened), '')
-    if function in ('persisted', 'occurred') and word.lower() in units:
-        refuse('a time cannot be used here', join(number.span, unit.span),
-               'the condition stands here',
-               f'the time comes first: {function}({number.text} {word}, p)')
+    if word.lower() in units and function == 'rate':
+        refuse_measure(join(number.span, unit.span))
+    if word.lower() in units and function in TIMES_FIRST and lexemes[index - 2].type == 'COMMA':
+        refuse_time_last(function, text.value[opened[0].end:lexemes[index - 2].start],
+                         join(number.span, unit.span))
     if (word.lower() in units and function.isidentifier() and lexemes[index - 2].type == 'MINUS'
             and lexemes[index - 3] in opened):
         refuse('a time cannot be negative', join(lexemes[index - 2].span, unit.span), 'below 0',

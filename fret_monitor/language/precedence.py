@@ -112,13 +112,8 @@ class Chain:
 
     def _refuse_second(self, operator: Operator) -> None:
         first = self._waiting[-1].operator.text
-        left, middle = map(_source, self._operands[-2:])
+        left, middle = (node.span.written for node in self._operands[-2:])
         instead = (f'write {left} {first} {middle} {self._precedence.conjunction} '
                    f'{middle} {operator.text} ...')
         refuse('comparisons cannot be chained', operator.span, 'a second comparison',
                instead if len(instead) <= 100 else 'put parentheses around one comparison')
-
-
-def _source(node: Expression) -> str:
-    span = node.span
-    return ' '.join(span.source.text[span.start:span.end].split())

@@ -140,7 +140,7 @@ class SmvBuilder(_lalr.ExpressionBuilder):
         end = self._end(parts[1])
         place = join(parts[0].span, parts[2].span)
         if isinstance(end, Duration):
-            time = end.span.source.text[end.span.start:end.span.end]
+            time = end.span.written
             refuse('a bound must have two times, or a relation', place, 'this is one time',
                    f'write [0, {time}] for the last {time}, [={time}] for exactly {time} ago')
         number = end if isinstance(end, str) else 'n'

@@ -87,6 +87,11 @@ class Span:
         """Column of the start, from 1, in characters."""
         return self.source.position(self.start)[1]
 
+    @property
+    def written(self) -> str:
+        """The characters, on one line."""
+        return ' '.join(self.source.text[self.start:self.end].split())
+
 
 @dataclass(frozen=True, eq=False)
 class Text:

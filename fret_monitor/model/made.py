@@ -100,6 +100,12 @@ PARAMETER_TYPES = {'float64': 'std_msgs/msg/Float64', 'int64': 'std_msgs/msg/Int
                    'bool': 'std_msgs/msg/Bool', 'string': 'std_msgs/msg/String'}
 """The types of parameters, and of the messages that are made of them."""
 
+PARAMETER_SLIPS = {**{message: name for name, message in PARAMETER_TYPES.items()},
+                   **dict.fromkeys(('double', 'float', 'float32', 'real'), 'float64'),
+                   **dict.fromkeys(('int', 'int32', 'integer', 'long'), 'int64'),
+                   'boolean': 'bool', 'str': 'string'}
+"""What is written in place of the types of parameters."""
+
 STATES = {'UNKNOWN': 0, 'UNCONFIGURED': 1, 'INACTIVE': 2, 'ACTIVE': 3, 'FINALIZED': 4}
 """The states of a lifecycle node, as in lifecycle_msgs/msg/State."""
 

@@ -17,6 +17,8 @@
 from datetime import datetime, timedelta
 from fractions import Fraction
 
+from fret_monitor.model.diagnostics import counted
+
 NANOSECONDS = {
     's': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1, 'min': 60_000_000_000,
     'h': 3_600_000_000_000,
@@ -63,6 +65,12 @@ def known_text(horizon: int, *, is_timed: bool) -> str:
     late = time_text(horizon) if is_timed else f'{horizon:,} step{"" if horizon == 1 else "s"}'
     return (f'{late} later: a verdict is about what was {late} before, and true until there is '
             f'such a {"time" if is_timed else "step"}')
+
+
+def overflow_text(changes: int) -> str:
+    """Return a line about changes that found no room in a window."""
+    return (f'{counted(changes, "change")} came faster than max_rate says: what reads the window '
+            'is violated until they have left it')
 
 
 def _in_unit(nanoseconds: int, unit: str) -> str:

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 
-from fret_monitor.logic.formula import NUMBERS_OVER_TIME, postorder
+from fret_monitor.logic.formula import Ago, Over, postorder, TimeOver
 from fret_monitor.logic.specification import Property, written_input
 from fret_monitor.model.diagnostics import Diagnostic, Problems
 from fret_monitor.model.policies import Policy
@@ -258,19 +258,30 @@ def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
         f'the bundle needs {needed:,} bytes of state; at most {limit:,} are allowed',
         item.place,
         f'{item.id} looks back {past}: {size:,} bytes' if size else item.id,
-        _help_on_size(item, program.policy))])
+        _help_on_size(item, program.policy, max(0, limit - needed + size), max(1, size)))])
     problems.raise_errors()
 
 
-def _help_on_size(item: Property, policy: Policy) -> str:
-    if any(isinstance(node, NUMBERS_OVER_TIME) for node in postorder(item.roots)):
-        return "a window of numbers keeps as many as its inputs' max_rate allows in its time" \
-            if policy is Policy.TIMED else 'a window of numbers keeps each of them'
+def _help_on_size(item: Property, policy: Policy, room: int, size: int) -> str:
+    """Return how to need less; the longest delay of the requirement may have some `room`."""
+    pasts = [node.past for node in postorder(item.roots)
+             if isinstance(node, Over | Ago | TimeOver)]
+    if pasts:
+        kept = "as many as its inputs' max_rate allows in its time" if policy is Policy.TIMED \
+            else 'each of them'
+        return f'a window of numbers keeps {kept}' + _shorter(max(pasts) * room // size, policy)
     if policy is Policy.TIMED:
         return 'a window [a,b] keeps b/(b-a) intervals; use [0,b], which needs one number, or a ' \
             'smaller a'
     return 'a window [a,b] keeps its last a values; use [0,b], which needs one counter, or a ' \
         'smaller a'
+
+
+def _shorter(past: int, policy: Policy) -> str:
+    """Return about how long a window may be; '' if it may not."""
+    rounded = past // (unit := 10 ** max(0, len(str(past)) - 2)) * unit
+    text = time_text(rounded) if policy is Policy.TIMED else f'{rounded:,} steps'
+    return f': there is room for {text}' if rounded else ''
 
 
 def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> None:

@@ -48,8 +48,10 @@ _SAME = ('fm_same_f32 and fm_same_f64 compare the bits of two numbers (they read
          'is not modelled here; tested)')
 _QUEUE = (f'fm_since_between_at with more than {PROVED_CAPACITY} intervals (windows [a,b] with a '
           'above about half of b) and fm_overflowed_at: tested against the reference, not proved')
-_WINDOWS = ('the windows of numbers (fret_windows.h) compute what the program says: tested '
-            'against the reference, not proved; that they are called rightly is proved')
+_WINDOWS = ('the windows of numbers (fret_windows.h) compute what the program says: not proved; '
+            'that they are called rightly is. Tested: all values in windows of up to 64 steps, '
+            'and all traces of 6 ticks in windows of up to 4, but for sums of floats and slopes; '
+            'all else on random traces against the reference')
 _LIBRARY = ('the functions of mathematics are those of the C library, and give the same value for '
             'the same arguments; what they compute is not proved')
 _PROVED = ('For every trace of inputs, each verdict of the C is that of the program, and no',

@@ -216,6 +216,11 @@ class Scopes:
         size = self.library.fm_scopes_key(self.pointer, kind, slot, self._key)
         return bytes(ffi.buffer(self._key, size))
 
+    def overflows(self) -> int:
+        """Return the changes of the bundle's scope that found no room in a window."""
+        found = self.library.fm_scopes_look(self.pointer, BUNDLE, 0)
+        return int(self.library.fm_evaluator_time_counts(found).overflows)
+
     def counts(self, kind: int) -> KindCounts:
         """Return the counters of the instances of a kind."""
         found = self.library.fm_scopes_counts(self.pointer, kind)

@@ -51,6 +51,9 @@ def obstacle(specification: Specification) -> str:
             return f"'{signal.name}' has no topic"
         if signal.layout is None:
             return 'the traces are of one instance'
+        if signal.source is InputSource.RECEIVED:
+            return (f"'{signal.name}' says at which rows a message comes, and the rows of a "
+                    'played trace are all messages')
         if signal.source is not InputSource.FIELD or signal.reduction not in _SETTABLE or not all(
                 isinstance(step, str) for step in signal.path) or (
                 signal.reduction == 'norm' and not _is_of_doubles(signal)):

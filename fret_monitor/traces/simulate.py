@@ -97,7 +97,8 @@ def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until:
     scopes = Scopes(for_trace(monitor), library=library)
     run = ScopedRun(monitor, name, file, out, report, scopes)
     run.run(until)
-    return Summary(run.rows, run.violations, run.first, tuple(run.beyond))
+    return Summary(run.rows, run.violations, run.first, tuple(run.beyond),
+                   scopes.overflows())
 
 
 def _time_column(manifest: Manifest) -> TimeColumn:
@@ -143,7 +144,8 @@ def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO, until: int | Non
             violations[index] += verdicts.count(0)
         steps += len(times)
         report(steps)
-    return Summary(steps, dict(zip(ids, violations, strict=True)), first)
+    return Summary(steps, dict(zip(ids, violations, strict=True)), first,
+                   overflows=evaluator.time_counts().overflows)
 
 
 def _verdicts(evaluator: Evaluator, trace: TraceReader,

@@ -24,13 +24,15 @@ class Summary:
 
     `first` has the step at which each violated requirement was violated first. Under `timed` the
     steps are the rows that were written, and `first` is a time in nanoseconds. `beyond` are the
-    variables that had more keys than there is room for.
+    variables that had more keys than there is room for, and `overflows` the changes that found no
+    room in a window: they came faster than `max_rate`.
     """
 
     steps: int
     violations: dict[str, int]
     first: dict[str, int]
     beyond: tuple['Beyond', ...] = ()
+    overflows: int = 0
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,21 @@ static void test_questions(struct fm_engine * engine, struct fm_graph * graph)
   CHECK(sent == 11 && fm_engine_observed(engine, 0).fault == FM_NO_ANSWER);
 }
 
-int main(void)
+// A node that comes and goes without an answer was there: its state is 0 then.
+static void test_gone(struct fm_engine * engine, struct fm_graph * graph)
+{
+  const uint32_t own = 0;
+  CHECK(!fm_engine_observed(engine, 0).was_there);
+  nodes = 1;
+  (void)fm_graph_review(graph, 0, true, &own);
+  CHECK(fm_engine_observed(engine, 0).was_there && !fm_engine_observed(engine, 0).has_value);
+  nodes = 0;
+  (void)fm_graph_review(graph, SECOND / 2, true, &own);
+  const struct fm_observed gone = fm_engine_observed(engine, 0);
+  CHECK(gone.was_there && gone.has_value && gone.value == 0 && gone.fault == FM_NO_FAULT);
+}
+
+static void with_graph(void (* test)(struct fm_engine * engine, struct fm_graph * graph))
 {
   static const struct fm_graph_source source = {0, FM_GRAPH_LIFECYCLE, "/arm", SECOND, ""};
   static const struct fm_service_client client = {NULL, NULL, &service, "/arm/get_state"};
@@ -199,9 +213,15 @@ int main(void)
   struct fm_engine * engine = make_engine(&memory);
   struct fm_graph * graph =
     fm_graph_create(engine, &functions, &services, NULL, &source, &client, 1, 0);
-  test_questions(engine, graph);
+  test(engine, graph);
   fm_graph_destroy(graph);
   fm_engine_destroy(engine);
   free(memory);
+}
+
+int main(void)
+{
+  with_graph(test_questions);
+  with_graph(test_gone);
   return failures != 0;
 }

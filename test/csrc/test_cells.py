@@ -179,3 +179,9 @@ def test_a_mistake_in_the_header_is_detected(tmp_path: Path, slip: str) -> None:
     done = run(with_slip(tmp_path, 'cells', '-O0', right, wrong), check)
     assert done.returncode == 1
     assert 'not so' in done.stdout
+
+
+def test_windows_of_numbers_are_right_for_all_values_and_traces_up_to_a_size(
+        tmp_path: Path) -> None:
+    done = run(build(tmp_path, *gcc(), '-std=c99', '-O2', source='windows.c'))
+    assert (done.returncode, done.stdout) == (0, '')

@@ -193,6 +193,7 @@ def _change_parameters(partner: Partner, watcher: Watcher) -> None:
         watcher.expect('graph lifecycle /robot/plain',
                        'the node does not answer its get_state service', WARN)
     watcher.expect(about('speed'), 'its node is not there', WARN)
+    watcher.expect('graph lifecycle /robot/plain', 'not there any more')
     with living(partner, plain, 'plain'):  # type: ignore[arg-type]
         watcher.expect(about('speed'), 'it has a value')
         watcher.violations(FAST=1)

@@ -233,6 +233,7 @@ def test_a_reset_keeps_all_links_and_a_clock_that_goes_back_only_static_ones(
         partner.expect({'EAST': 2, 'SEEN': 3})
         time.tell(10)
         process.wait_for('time went back, to 10.000 s')
+        here.wait_for('transform map -> lidar', b'\1', 'no link between map and base')
         here.send([moved(10, 0.0, 'base')])
         here.wait_for('transform map -> lidar', b'\1', 'no link between map and odom')
         here.send([moved(11, 0.0, 'odom', 'base'),

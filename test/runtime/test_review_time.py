@@ -148,9 +148,9 @@ def test_changes_beyond_a_max_rate_are_logged_at_most_once_a_minute(tmp_path: Pa
                   if 'evaluated' not in line]
         reviewed.now += 1.0
     assert lines == [
-        f'WARN {count} changes found no room in the queue of a window [a,a]: inputs change more '
-        'often than their max_rate; what looks back at them is violated until the lost changes '
-        'have left the window' for count in (1, 61)]
+        f'WARN {count} changes found no room in a window: inputs change, or messages come, more '
+        'often than their max_rate; what reads the window is violated until the lost changes '
+        'have left it' for count in (1, 61)]
 
 
 @pytest.mark.parametrize(('text', 'period', 'end'), [
