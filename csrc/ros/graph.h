@@ -20,7 +20,8 @@
 /// What is not there at first may not have been discovered yet: it has no value until it comes, or
 /// until `patience` is over since the creation, when its absence is a value. After a look there is
 /// none for FM_GRAPH_PERIOD_NS, or longer if it took long, up to FM_GRAPH_LONGEST_NS: a graph that
-/// keeps changing takes less than a thousandth of a processor.
+/// keeps changing takes less than a thousandth of a processor, with what a caller needs itself. (A
+/// look mostly waits for memory: it visits each node and endpoint that the middleware knows.)
 ///
 /// One thread at a time. Times are CLOCK_MONOTONIC in nanoseconds.
 
@@ -32,8 +33,8 @@
 #include "service_call.h"
 
 #define FM_GRAPH_PERIOD_NS 100000000
-#define FM_GRAPH_LONGEST_NS 2000000000
-#define FM_GRAPH_SHARE 1250  // of processor time: a look in so many times what the last one took
+#define FM_GRAPH_LONGEST_NS 5000000000
+#define FM_GRAPH_SHARE 2500  // of processor time: a look in so many times what the last one took
 #define FM_GRAPH_AGAIN_NS 10000000000  // though no change is known of
 
 /// What is counted.

@@ -350,6 +350,29 @@ def test_a_change_of_the_graph_ends_each_wait_of_a_context(partner: Partner) -> 
         each._node.destroy_node()
 
 
+def test_a_change_of_the_graph_may_be_left_to_the_next_wait(partner: Partner) -> None:
+    wait = GraphWait(Node('waiting', context=partner.context))
+    while wait.wait(1.0):
+        pass
+    partner.publisher(Int32, 'x')
+    wait_until(lambda: wait._node.count_publishers('x') == 1, 'the publisher')
+    assert not wait.wait(0.1, for_change=False)
+    assert wait.wait(5.0)
+    wait.close()
+    wait._node.destroy_node()
+
+
+def test_a_graph_that_keeps_changing_wakes_the_feed_a_few_times_a_second(
+        partner: Partner) -> None:
+    with listening(partner) as listener:
+        wait_until(lambda: listener.feed.turns > 1, 'the feed')
+        before, began = listener.feed.turns, monotonic()
+        for number in range(150):
+            partner.node.destroy_publisher(partner.publisher(Int32, f'other_{number}'))
+            sleep(0.01)
+        assert listener.feed.turns - before < 20 + 12 * (monotonic() - began)
+
+
 def test_an_error_in_a_callback_stops_the_feed_and_is_kept(partner: Partner) -> None:
     def fail(data: bytes, stamp: int, sent: int) -> None:
         raise RuntimeError('oh')

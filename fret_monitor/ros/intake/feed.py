@@ -96,7 +96,9 @@ class Taker(Protocol):
 
 
 class GraphWatch(Protocol):
-    """Looks at the graph of ROS."""
+    """Looks at the graph of ROS; `knows_change`: it will look whether or not more changes come."""
+
+    knows_change: bool
 
     def review(self, has_changed: bool, subscriptions: Callable[[str], int]) -> float:
         """Look if it is time; return after how many seconds to call this again."""
@@ -215,11 +217,17 @@ class Feed:
         handles = () if self._taker is None else self._taker.handles
         if self._watched is not None:
             until = min(until, self._watch_after)
-        if self._graph.wait(max(0.0, until), handles):
+        if self._graph.wait(max(0.0, until), handles, for_change=not self._knows_change):
             self._has_changed = True
             if not self._due:
                 self._next_look = max(self._next_look, monotonic() + LOOK_DELAY_S)
             self._due |= dict.fromkeys(self._topics)
+
+    @property
+    def _knows_change(self) -> bool:
+        """Whether all looks are due, so that another change makes no difference."""
+        return len(self._due) == len(self._topics) and (
+            bool(self._due) if self._watched is None else self._watched.knows_change)
 
     def _look(self) -> None:
         if self._watched is not None:

@@ -60,7 +60,8 @@ class GraphSources:
         self._clients = [_client(node, made.kind, name)
                          for made, name in zip(watched.values(), self._names)]
         self._next = 0  # when to look, by the steady clock
-        self._knows_change = False  # C does, and looks then
+        self.knows_change = False
+        """Whether C knows of a change, and looks when it is time."""
         with node.handle:
             self._ends = ffi.new('struct fm_service_client[]', [
                 self._end(middleware, item) for item in self._clients])
@@ -93,14 +94,14 @@ class GraphSources:
         `subscriptions` returns how many this node has on a topic: they are not counted.
         """
         now = monotonic_ns()
-        if now < self._next and (self._knows_change or not has_changed):
+        if now < self._next and (self.knows_change or not has_changed):
             return (self._next - now) / 1e9
         own = [subscriptions(name) if is_counted else 0
                for name, is_counted in zip(self._names, self._counted)]
         with self._node.handle:
             self._next = self._library.fm_graph_review(
                 self._pointer, now, has_changed, ffi.new('uint32_t[]', [*own, 0]))
-        self._knows_change = self._library.fm_graph_knows_change(self._pointer)
+        self.knows_change = self._library.fm_graph_knows_change(self._pointer)
         return max(0.0, (self._next - now) / 1e9)
 
 

@@ -59,23 +59,27 @@ class GraphWait:
         with _LOCK:
             _ALL.add(self)
 
-    def wait(self, seconds: float, subscriptions: Sequence[Any] = ()) -> bool:
+    def wait(self, seconds: float, subscriptions: Sequence[Any] = (), *,
+             for_change: bool = True) -> bool:
         """
         Wait for a change, a message of the subscriptions (their handles), or `wake`.
 
-        Return whether the graph has changed since the last wait.
+        Return whether the graph has changed since the last wait; without `for_change` a change may
+        be left to the next one, which saves a wake-up where changes are many.
         """
         with ExitStack() as held:
             held.enter_context(self._node.handle)
             graph = self._graph_of(ffi.cast('void *', self._node.handle.pointer))
-            wait_set = self._filled(graph, subscriptions)
+            wait_set = self._filled(subscriptions)
+            if for_change:
+                self._add(ffi.cast('void *', wait_set.pointer), graph, ffi.NULL)
             wait_set.wait(int(seconds * 1e9))
             if int(ffi.cast('uintptr_t', graph)) in wait_set.get_ready_entities('guard_condition'):
                 self._pass_on()
         has_changed, self._has_changed = self._has_changed, False
         return has_changed
 
-    def _filled(self, graph: Any, subscriptions: Sequence[Any]) -> Any:
+    def _filled(self, subscriptions: Sequence[Any]) -> Any:
         """Return a wait set; rcl has removed from it what was not ready."""
         if self._places != len(subscriptions):
             self._places = len(subscriptions)
@@ -85,7 +89,6 @@ class GraphWait:
         for handle in subscriptions:
             self._wait_set.add_subscription(handle)
         self._wait_set.add_guard_condition(self._guard)
-        self._add(ffi.cast('void *', self._wait_set.pointer), graph, ffi.NULL)
         return self._wait_set
 
     def _pass_on(self) -> None:
