@@ -16,7 +16,7 @@ help:
 	@echo 'make kilted  the tests with ROS 2, on the wheels of ROS 2 Kilted'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
-	@echo 'make bench-ros  the node as a process, beside a subscriber in C (15 minutes)'
+	@echo 'make bench-ros  the node as a process, beside a subscriber in C (20 minutes)'
 	@echo 'make bench-copilot  the C of export --to copilot, beside Copilot itself'
 	@echo 'make bench-bags  checking recordings, beside reading them'
 	@echo 'make bench-analysis  analyze, and what the traces of tests notice (10 minutes)'
@@ -63,9 +63,10 @@ bench: setup
 	@$(PYTHON) -m bench.instances
 	@$(PYTHON) -m bench.peers
 
-# Not part of `bench`: takes 15 minutes on an otherwise idle machine.
+# Not part of `bench`: takes 20 minutes on an otherwise idle machine.
 bench-ros: setup
 	@$(PYTHON) -m bench.ros
+	@$(PYTHON) -m bench.graph
 
 bench-bags: setup-test
 	@$(PYTHON) -m bench.bags

@@ -81,7 +81,6 @@ signal.pause()
 rclpy.shutdown()
 """
 _MONITOR = 'from fret_monitor.ros.monitor import main; main()'
-_SETTLE_S = 15.0  # discovery, and the `startup` of the inputs
 
 
 @contextmanager
@@ -129,18 +128,20 @@ def subjects(folder: Path) -> Iterator[dict[str, int]]:
         yield found
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table."""
     parser = ArgumentParser(description=__doc__.split('\n\n')[0])
     parser.add_argument('--windows', type=int, default=7)
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--nodes', type=int, default=200)
-    options = parser.parse_args()
+    parser.add_argument('--settle', type=float, default=15.0, metavar='SECONDS',
+                        help='before the first window, for discovery')
+    options = parser.parse_args(arguments)
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     os.environ.setdefault('ROS_DOMAIN_ID', '101')
     with TemporaryDirectory() as folder, running(_FLAPPING, str(options.nodes)), \
             subjects(Path(folder)) as found:
-        sleep(_SETTLE_S)
+        sleep(options.settle)
         rows = list(measured([*found.values()], options.windows, options.seconds))
     print('| processor time (ms/s) | median | windows | above the bare node |\n|---|---|---|---|')
     for name, *times in zip(found, *rows, strict=True):

@@ -19,7 +19,7 @@ from dataclasses import replace
 from itertools import pairwise
 import re
 
-from bench import ros as bench, trace
+from bench import graph, ros as bench, trace
 from fret_monitor.native.ros_files import prefixes
 from native import engine
 import pytest
@@ -31,6 +31,19 @@ if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in prefixes()) or \
 
 SAMPLE = bench.Sample(sent=100, counted=100, answers=100, cpu=10.0, p50=1.0, p99=2.0,
                       resident=30.0, highest=40.0)
+
+
+@thorough
+@pytest.mark.usefixtures('domain')
+def test_each_node_in_a_graph_that_changes_uses_the_processor(
+        capsys: pytest.CaptureFixture[str]) -> None:
+    assert graph.main(['--nodes', '3', '--windows', '3', '--seconds', '1', '--settle', '1']) == 0
+    _, _, *rows = (line.split(' | ') for line in capsys.readouterr().out.splitlines())
+    names, medians = [row[0].removeprefix('| ') for row in rows], [float(row[1]) for row in rows]
+    monitors = ['monitor of a topic', 'monitor of a topic and the graph']
+    assert names == ['a bare node of rclpy', *monitors,
+                     *(f'{name}, native:=true' for name in monitors)]
+    assert all(0.0 < median < 1000.0 for median in medians)
 
 
 @pytest.fixture(scope='module')
