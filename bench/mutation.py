@@ -197,6 +197,7 @@ ROOMS = {
         '*': _ros('monitor_node lifecycle parameters missing faults')}),
     'program': Room('fret_monitor/program', ('fret_monitor/program/*.py',), 40, {
         'cost.py': 'test/worst_case test/cli/test_check.py test/program/test_layout.py',
+        'window_sizes.py': 'test/cli/test_check.py test/program/test_layout.py',
         'rewriting.py': 'test/program/test_lower.py test/fret '
                         'test/differential/test_timed_formulas.py',
         '*': 'test/program/test_lower.py test/program/test_layout.py test/codegen/test_shape.py '

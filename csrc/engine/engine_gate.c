@@ -109,12 +109,6 @@ static void end_gated_locked(struct fm_engine * engine, const struct gated_step 
   if (is_timed && step->source != INT64_MIN && fm_engine_read_now_locked(engine, 0, &now)) {
     fm_engine_take_due_after_locked(engine, step->now, now);
   }
-  if (step->source != INT64_MIN) {
-    // A round that is under way must not end before that, nor after the next reading of a clock,
-    // which may be the same: messages of one reading are a nanosecond apart, ahead of it.
-    const int64_t last = fm_evaluator_now(engine->options.evaluator);
-    engine->round = engine->source == FM_STEADY && last > step->source ? last : step->source;
-  }
   fm_engine_end_wait_if_earlier_locked(engine);
 }
 

@@ -884,7 +884,7 @@ static void an_engine_may_end_within_a_handover_of_its_gate(void)
 }
 
 // Called between the catch up before a judgement and the judgement itself.
-static bool is_between = false;
+static void (* between)(void) = NULL;
 static uint64_t n_caught_up = 0;  // messages of X before the judgement
 
 void __real_fm_engine_begin_order(struct fm_engine * engine);
@@ -894,22 +894,40 @@ void __wrap_fm_engine_begin_order(struct fm_engine * engine)
 {
   __real_fm_engine_begin_order(engine);
   n_caught_up = topic_counts_of(engine, X).messages;
-  if (is_between) {
-    arrive(X, false);
+  if (between != NULL) {
+    between();
   }
 }
+
+static void arrive_between(void) {arrive(X, false);}
 
 static void a_callback_between_catching_up_and_judging_sets_no_time_back(uint32_t policy)
 {
   struct fm_engine * engine = make_gate(policy);
-  is_between = true;
+  between = arrive_between;
   for (uint32_t k = 0; k < 10; ++k) {
     sleep_ms(1);
     CHECK(judge(engine) == FM_PASSED);
   }
-  is_between = false;
+  between = NULL;
   CHECK(subscriptions[X].taken == 11);
   CHECK(time_counts_of(engine).restarts == 0);
+  destroy(engine);
+  free(gate_memory);
+}
+
+static void a_judgement_makes_nothing_overdue_while_an_answer_waits(void)
+{
+  struct fm_engine * engine = make_gate(FM_TIMED);
+  const int64_t asked = system_now();
+  receive(X, true, asked);
+  call_back(X);
+  overdue_at = asked + WINDOW;
+  between = answer_in_time;
+  CHECK(judge(engine) == FM_PASSED);
+  between = NULL;
+  announce(engine);
+  CHECK(n_taken == 0 && subscriptions[Y].taken == 2);
   destroy(engine);
   free(gate_memory);
 }
@@ -1054,6 +1072,7 @@ int main(void)
   an_engine_may_end_within_a_handover_of_its_gate();
   a_callback_between_catching_up_and_judging_sets_no_time_back(FM_EVERY_MESSAGE);
   a_callback_between_catching_up_and_judging_sets_no_time_back(FM_TIMED);
+  a_judgement_makes_nothing_overdue_while_an_answer_waits();
   a_held_message_outlives_a_system_time_that_is_set_back();
   a_gate_gets_its_turn_during_a_flood();
   a_clock_that_moves_looks_for_messages_only_if_something_is_due();

@@ -20,8 +20,9 @@ from pathlib import Path
 from random import Random
 import time
 
+from bundles import write_bundle
 from differential.compiled import c_module, compile_c, CSRC, gcc
-from fret_monitor.build import build_specification
+from fret_monitor.build import build_specification, read
 from fret_monitor.logic.formula import (
     Binary, BinaryOperator, Formula, Historically, Once, postorder, Since, Unary, UnaryOperator,
     Variable, Window, Yesterday,
@@ -35,6 +36,7 @@ from fret_monitor.program.layout import (
 )
 from fret_monitor.program.lower import lower
 from fret_monitor.program.monitor_program import room_of
+from fret_monitor.program.window_sizes import window_sizes
 from fret_monitor.runtime.evaluator import Evaluator
 from program.written import generate, layouts_of, specified, state
 import pytest
@@ -189,6 +191,18 @@ def test_a_short_window_of_numbers_has_an_entry_for_each_tick(formula: str, entr
     program = lower(timed(specified(formula)))
     rooms = [room_of(item.operation) for group in program.groups for item in group.equations]
     assert [room.capacity for room in rooms if room is not None] == [entries]
+
+
+def test_a_window_is_of_the_requirement_that_reads_it_at_the_step_before(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, """
+format: 1
+inputs: {x: {type: float64}}
+requirements:
+  - id: R
+    cocospec: n = 0 -> pre m; m = n + (if maxOver(2, x) > 1.0 then 1 else 0); ok = n < 9;
+""")
+    layout, = layouts_of(read(bundle).specification)
+    assert [window.properties for window in window_sizes(layout)] == [(0,)]
 
 
 def test_instances_may_need_4_gib_and_not_a_byte_more() -> None:

@@ -61,7 +61,7 @@ actions:
   late: {publish: {topic: late, type: std_msgs/msg/Bool}, after: 0.4}
   rare: {publish: {topic: rare, type: std_msgs/msg/Bool}, cooldown: 60}
   over: {publish: {topic: over, type: std_msgs/msg/Bool}}
-  call: {call: {service: call, type: std_srvs/srv/SetBool, request: {data: true}, timeout: 9}}
+  call: {call: {service: call, type: std_srvs/srv/SetBool, request: {data: true}, timeout: 1}}
   slow: {call: {service: slow, type: std_srvs/srv/Trigger, timeout: 0.3, retries: 0}}
   absent: {call: {service: absent, type: std_srvs/srv/Trigger, timeout: 0.2, retries: 1}}
   park: {transition: {node: /arm, to: inactive, retries: 0}}
@@ -266,7 +266,7 @@ def test_actions_follow_violations_and_are_counted(
             begin = monotonic()
             publish(2)
             wait_until(lambda: len(requests) == 3, 'three calls')
-            assert monotonic() - begin < 5  # the others, which hang, delay nothing
+            assert monotonic() - begin < 20  # the other, which hangs for 30 s, delays nothing
             assert requests == [True] * 3
             diagnostics.wait_for('call', started=1, sent=1, failed=0)
             diagnostics.wait_for('slow', started=1, sent=0, failed=1)

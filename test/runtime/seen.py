@@ -53,9 +53,14 @@ class Silence:
 
 @dataclass(frozen=True)
 class Seen:
-    """The state of an engine, and how it has changed since the last look."""
+    """
+    The state of an engine, and how it has changed since the last look.
+
+    `behind`: of each topic, the longest time (ns) from a reception to its evaluation.
+    """
 
     gate: GateCounts
+    behind: tuple[int, ...]
     are_violated: tuple[bool, ...]
     silences: tuple[Silence, ...]
     unpublished: int
@@ -81,6 +86,7 @@ def see(engine: Engine) -> Seen:
     silences = [seen.inputs[place].silence for place in range(counts[1])]
     return Seen(
         gate_counts(seen.gate),
+        tuple(int(seen.topics[place].behind) for place in range(counts[2])),
         tuple(bool(seen.requirements[place].is_violated) for place in range(counts[0])),
         tuple(_silence(item) for item in silences),
         int(seen.unpublished), _conditions(bytes(ffi.buffer(seen.conditions, size)), counts[0]),

@@ -39,6 +39,7 @@ from fret_monitor.runtime import (
 from fret_monitor.start import start
 from native import toys
 import pytest
+from runtime.message_ring import MessageRing
 from runtime.seen import see, silence_of
 from runtime.test_evaluator import toy_library
 from strategies import INPUTS, random_property, random_trace, specification_of
@@ -692,12 +693,40 @@ def test_a_message_withheld_at_a_reading_of_the_clock_moves_no_time_back(tmp_pat
 def test_a_substitute_has_no_stamp_before_the_clock_has_a_time(tmp_path: Path) -> None:
     gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'onset').rstrip('\n}')
                     + ', otherwise: {substitute: {}, rate: 10}}')
-    message = cdr('<f', 7.0) + bytes(8)
-    stamped = gated.engine.replace(message, stamp_at=4)
-    assert stamped is not None and struct.unpack_from('<I', stamped, 4)[0] > 1e9
+    for n_more in (8, 4):  # also of a message that has nothing but a stamp
+        message = cdr('<f', 7.0) + bytes(n_more)
+        stamped = gated.engine.replace(message, stamp_at=4)
+        assert stamped is not None and struct.unpack_from('<I', stamped, 4)[0] > 1e9
     gated.engine.follow_clock(ffi.NULL, ffi.NULL, is_outdated=True)
     stamped = gated.engine.replace(message, stamp_at=4)
     assert stamped is not None and stamped[4:12] == bytes(8)
+
+
+def test_no_substitute_is_due_after_the_end(tmp_path: Path) -> None:
+    gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'onset').rstrip('\n}')
+                    + ', otherwise: {substitute: {}, rate: 10}}')
+    gated.send(1.0)
+    assert replacement_due(gated.engine) != NEVER
+    gated.engine.close()
+    assert replacement_due(gated.engine) == NEVER
+
+
+@pytest.mark.parametrize('policy', ['relevant_message', 'timed'])
+def test_the_black_box_has_the_messages_of_the_gate_with_their_times(
+        policy: str, tmp_path: Path) -> None:
+    gated = Guarded(tmp_path, JAMMED.replace('REPORT', 'onset').replace(
+        'relevant_message', policy))
+    ring = MessageRing(gated.engine.library, 1 << 16, 60)
+    ring.keep_messages_of(gated.engine)
+    gated.sense(9.0)
+    received = time_ns() - SECOND // 10
+    assert [gated.engine.judge(cdr('<f', value), received) for value in (1.0, 10.0)] == [
+        PASSED, VIOLATES]
+    kept = [item.time - received for _, item in ring.read(0) if item.topic == gated.raw]
+    assert len(kept) == 2  # under timed a message takes effect when it is judged
+    assert all((delay > SECOND // 20) == (policy == 'timed') and delay >= 0 for delay in kept)
+    assert see(gated.engine).behind[gated.raw] >= SECOND // 10
+    gated.engine.close()
 
 
 def test_without_a_time_a_message_is_judged_at_the_last_one(tmp_path: Path) -> None:
@@ -759,6 +788,33 @@ def test_under_timed_a_message_that_waited_is_judged_when_it_is_sent(tmp_path: P
     assert gated.engine.judge(cdr('<f', 3.0), received + 1) is CLOSED
     gated.sense(9.0)
     assert gated.engine.judge(cdr('<f', 4.0), received + 2) is PASSED
+
+
+def test_under_timed_a_clock_that_goes_back_forgets_before_the_next_message(
+        tmp_path: Path) -> None:
+    compiled = start(write_bundle(tmp_path, TIMED, 'g.yaml'), part=NodePart('g'))
+    settings = compiled.manifest.gate
+    assert settings is not None and settings.topic is not None
+    evaluator = Evaluator(compiled.monitor, reports_recoveries=True)
+    engine = Engine(evaluator)
+    engine.guard(MessageGate(evaluator, settings))
+    clock = 99 * SECOND
+
+    @ffi.callback('int(void *, int64_t *)')
+    def read(_: object, now: Any) -> int:
+        now[0] = clock
+        return 0
+
+    engine.follow_clock(read, ffi.NULL)
+    engine.begin()
+    engine.message(1 - settings.topic, cdr('<?', True), time_ns())
+    assert engine.judge(cdr('<f', 1.0), time_ns()) is PASSED
+    engine.message(1 - settings.topic, cdr('<?', False), time_ns())
+    clock += SECOND // 2
+    assert engine.judge(cdr('<f', 1.0), time_ns()) is PASSED
+    clock -= SECOND // 4  # nobody looks at the time
+    assert engine.judge(cdr('<f', 1.0), time_ns()) is VIOLATES
+    assert evaluator.time_counts().restarts == 1
 
 
 def test_under_timed_a_deadline_violates_and_a_message_is_judged_at_its_instant(

@@ -313,8 +313,11 @@ def test_a_requirement_and_a_topic_have_their_counts(tmp_path: Path) -> None:
         ('received', '3'), ('rate', '1.5'), ('undecodable', '0'), ('lost', '0'),
         ('behind', '0.000'), ('publishers', '0'))
     reviewed.send(0, {'data': -1}, 5.0)
-    last = reviewed.summaries()
-    assert (last['R'], last['H']) == ((OK, 'satisfied'), (OK, 'satisfied'))
+    reviewed.now += 2.0
+    last = reviewed.statuses()
+    assert [last[name].level for name in 'RH'] == [OK, OK]
+    assert [last[name].message for name in 'RH'] == ['satisfied'] * 2
+    assert last['topic /robot/n'].values[:2] == (('received', '4'), ('rate', '0.5'))
 
 
 def test_messages_that_were_lost_are_a_warning_once(tmp_path: Path) -> None:
