@@ -167,7 +167,12 @@ static int measure(bool is_timed, uint32_t n_keys)
     &empty, NO_INPUTS, 1, policy, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
   const struct fm_evaluator_options instance = {
     &monitor, TOPICS, 1, policy, REPORTS, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
-  const struct fm_kind kind = {&instance, NULL, CONCERNS, NOT_SHARED, NULL, 0, n_keys, 0};
+  struct fm_kind kind = {0};
+  kind.options = &instance;
+  kind.concerns = CONCERNS;
+  kind.keyed = TOPICS;
+  kind.shared = NOT_SHARED;
+  kind.most = n_keys;
   const struct fm_scopes_options options = {
     &bundle, &kind, 1, 0, NULL, NULL, NULL, NULL, 0};
   void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
@@ -200,7 +205,7 @@ static int measure(bool is_timed, uint32_t n_keys)
   printf(
     "%s\t%u\t%.1f\t%.1f\t%llu\t%llu\n", is_timed ? "timed" : "relevant_message", n_keys,
     keyed_rates[ROUNDS / 2] / 1e6, plain_rates[ROUNDS / 2] / 1e6, (unsigned long long)bytes,
-    (unsigned long long)(bytes - fm_instance_bytes(&monitor)));
+    (unsigned long long)(bytes - fm_instance_bytes(&monitor, 0)));
   free(memory);
   free(plain_memory);
   return 0;

@@ -29,20 +29,26 @@ from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler, LIBRARIES
 
 SOURCE = Path(__file__).resolve().with_name('instances.c')
 _TESTS = SOURCE.parent.parent / 'test' / 'csrc'  # whose random numbers it draws
-_PARTS = ('instance', 'tables', 'due', 'steps', 'deadlines', 'evaluator', 'keys', 'heap',
-          'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making', 'scopes')
+_PARTS = ('instance', 'tables', 'due', 'measures', 'steps', 'deadlines', 'evaluator', 'keys',
+          'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making', 'scopes')
 _FLAGS = [flag for flag in COMPILE_FLAGS if flag not in ('-fPIC', '-fvisibility=hidden')]
 _ROW = '| {} | {} | {} | {} | {} | {} |'
+
+
+def compiled(folder: Path) -> Path:
+    """Compile the program in a folder; return it."""
+    program = folder / 'instances'
+    subprocess.run(
+        [*find_compiler().command, *_FLAGS, '-Werror', *csrc_includes(), f'-I{_TESTS}', SOURCE,
+         *(csrc_file(f'{name}.c') for name in _PARTS), *LIBRARIES, '-o', program], check=True)
+    return program
 
 
 def main() -> None:
     """Compile the program, run it and print its rows as a table."""
     with tempfile.TemporaryDirectory() as folder:
-        program = Path(folder) / 'instances'
-        subprocess.run(
-            [*find_compiler().command, *_FLAGS, *csrc_includes(), f'-I{_TESTS}', SOURCE,
-             *(csrc_file(f'{name}.c') for name in _PARTS), *LIBRARIES, '-o', program], check=True)
-        found = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+        found = subprocess.run([compiled(Path(folder))], check=True, capture_output=True,
+                               text=True).stdout
     print(_ROW.format('policy', 'instances', 'with keys', 'plain', 'bytes', 'outside the block'))
     print(_ROW.format('---', *['---:'] * 5))
     for line in found.splitlines():

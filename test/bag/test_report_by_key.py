@@ -66,6 +66,7 @@ def test_a_requirement_has_a_row_for_each_instance_that_violated_it(tmp_path: Pa
         '2 occurrences', 'Occurrence 1', 'Occurrence 2']
     lanes = [''.join(filter(str.isalpha, lane)) for lane in found.data['lanes']]
     # SPEED is violated while one instance violates it; a row is empty where nothing is known.
+    assert found.data['lanes'][0] == 't89m1f89m1t89m1f404m1t44m1'
     assert lanes == ['tmfmtmfmtm', 'tmfmtmfmt', 'uf', 'ufmtmfu', 'ufu']
     assert [item['name'] for item in found.data['inputs']][-3:] == [
         'speed[robot=beta]', 'speed[robot=gamma<i>]', 'speed[robot=alpha]']

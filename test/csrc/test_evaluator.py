@@ -25,6 +25,7 @@ import re
 import shutil
 import subprocess
 
+from bench import instances
 from differential import compiled
 from differential.compiled import WARNINGS
 from fret_monitor.native import csrc_file, csrc_includes
@@ -129,6 +130,11 @@ def test_counters_and_times_hold_at_their_limits(programs: Path) -> None:
     # At a thousand messages a second, a node counts past 2^32 after fifty days.
     done = run(programs / EDGES)
     assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_the_benchmark_of_instances_compiles(tmp_path: Path) -> None:
+    gcc()
+    assert instances.compiled(tmp_path).is_file()
 
 
 # That the sources compile without a warning is tested in test_engine.
