@@ -48,25 +48,22 @@ static char * whole_path(const char * folder)
   return path.bytes;
 }
 
-static bool name_topics(struct fm_node_blackbox * box, const struct fm_node_table * table)
+static bool list_topics(
+  struct fm_node_blackbox * box, const struct fm_node_table * table, char * const * names)
 {
-  const uint32_t n = table->report.n_topics + 1u;
-  box->topics = calloc(n, sizeof(*box->topics));
-  box->names = calloc(n, sizeof(*box->names));
-  for (; box->topics != NULL && box->names != NULL && box->n_names < n; ++box->n_names) {
-    const uint32_t k = box->n_names;
-    const bool is_end = k == n - 1u;
-    box->names[k] = is_end ? fm_resolved_name(box->node, END_TOPIC) :
-      fm_topic_name(box->node, &table->report.topics[k]);
-    if (box->names[k] == NULL) {
-      fm_log_failure(box->node, "cannot subscribe or advertise");
-      return false;
-    }
-    box->topics[k] = (struct fm_blackbox_topic) {
-      box->names[k], is_end ? END_TYPE : table->report.topics[k].type,
-      is_end ? table->end_definition : table->topics[k].definition};
+  const uint32_t n = table->report.n_topics;
+  box->end_topic = fm_resolved_name(box->node, END_TOPIC);
+  box->topics = calloc(n + 1u, sizeof(*box->topics));
+  if (box->end_topic == NULL || box->topics == NULL) {
+    fm_log_failure(box->node, "cannot subscribe or advertise");
+    return false;
   }
-  return box->n_names == n;
+  for (uint32_t k = 0; k < n; ++k) {
+    box->topics[k] = (struct fm_blackbox_topic) {
+      names[k], table->report.topics[k].type, table->topics[k].definition};
+  }
+  box->topics[n] = (struct fm_blackbox_topic) {box->end_topic, END_TYPE, table->end_definition};
+  return true;
 }
 
 static bool name_requirements(struct fm_node_blackbox * box, const struct fm_node_table * table)
@@ -95,7 +92,7 @@ static bool make_writer(struct fm_node_blackbox * box)
 
 bool fm_node_blackbox_begin(
   struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
-  const struct fm_blackbox_settings * settings)
+  char * const * names, const struct fm_blackbox_settings * settings)
 {
   memset(box, 0, sizeof(*box));
   box->node = node;
@@ -108,7 +105,7 @@ bool fm_node_blackbox_begin(
       "deleted: give the whole path", settings->folder);
     return false;
   }
-  if (!name_topics(box, table) || !name_requirements(box, table)) {
+  if (!list_topics(box, table, names) || !name_requirements(box, table)) {
     return false;
   }
   box->options = (struct fm_blackbox_options) {
@@ -148,10 +145,7 @@ void fm_node_blackbox_end(struct fm_node_blackbox * box)
   if (box->writer != NULL) {
     fm_blackbox_writer_destroy(box->writer);
   }
-  for (uint32_t k = 0; k < box->n_names; ++k) {
-    free(box->names[k]);
-  }
-  free(box->names);
+  free(box->end_topic);
   free(box->topics);
   free(box->requirements);
   free(box->folder);

@@ -42,14 +42,14 @@ struct fm_node_blackbox
   struct fm_blackbox_topic * topics;
   struct fm_blackbox_requirement * requirements;
   char * folder;                       // its whole path
-  char ** names;                       // full names of topics
-  uint32_t n_names;
+  char * end_topic;                    // the full name of that with the end of the recording
 };
 
-/// Prepare the folder and the memory. Returns false, with the reason logged. O(topics + memory).
+/// Prepare the folder and the memory. `names`: the full names of the topics of the table; they
+/// outlive it. Returns false, with the reason logged. O(topics + memory).
 bool fm_node_blackbox_begin(
   struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
-  const struct fm_blackbox_settings * settings);
+  char * const * names, const struct fm_blackbox_settings * settings);
 
 /// Keep the messages of an engine, which delivers none yet. Returns false if no thread can be
 /// started.

@@ -56,11 +56,9 @@ static char ** resolve_used(const struct fm_session * session)
 static bool refuse_merged(const struct fm_session * session)
 {
   struct fm_lines lines = {NULL, 0, 0};
-  char ** names = resolve_used(session);
-  const bool is_good = names != NULL && !fm_find_merged(
-    &lines, &session->table->report, (const char * const *)names);
+  const bool is_good = !fm_find_merged(
+    &lines, &session->table->report, (const char * const *)session->topic_names);
   fm_log_lines(session->node, &lines);
-  free_names(names, session->table->report.n_used);
   return is_good;
 }
 
@@ -115,7 +113,9 @@ bool fm_session_configure(
   session->clock = clock;
   session->settings = *settings;
   session->is_configured = true;
-  if (!fm_node_blackbox_begin(&session->blackbox, node, table, &settings->blackbox) ||
+  session->topic_names = resolve_used(session);  // first those of the inputs
+  if (session->topic_names == NULL || !fm_node_blackbox_begin(
+      &session->blackbox, node, table, session->topic_names, &settings->blackbox) ||
     !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
   {
     fm_session_release(session);
@@ -136,6 +136,8 @@ void fm_session_release(struct fm_session * session)
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
+  free_names(session->topic_names, session->table->report.n_used);
+  session->topic_names = NULL;
   free(session->gate_source);
   free(session->gate_target);
   session->gate_source = session->gate_target = NULL;
@@ -209,22 +211,6 @@ static bool make_engine(struct fm_session * session)
   return follow_derived(session) && fm_node_gate_guard(
     &session->gate, session->node, table, session->engine, evaluator, session->gate_source,
     session->gate_target);
-}
-
-static bool begin_reporter(struct fm_session * session)
-{
-  session->topic_names = resolve_used(session);  // first those of the inputs
-  session->reporter = (struct fm_reporter) {
-    &session->table->report, session->table->monitor(), session->engine,
-    rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
-    (const char * const *)session->topic_names};
-  return session->topic_names != NULL;
-}
-
-static void end_reporter(struct fm_session * session)
-{
-  free_names(session->topic_names, session->table->report.n_used);
-  session->topic_names = NULL;
 }
 
 static bool start_announcer(struct fm_session * session)
@@ -313,10 +299,14 @@ static bool subscribe_all(struct fm_session * session)
 
 bool fm_session_activate(struct fm_session * session)
 {
-  if (!make_engine(session) || !begin_reporter(session)) {
+  if (!make_engine(session)) {
     fm_session_deactivate(session);
     return false;
   }
+  session->reporter = (struct fm_reporter) {
+    &session->table->report, session->table->monitor(), session->engine,
+    rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
+    (const char * const *)session->topic_names};
   fm_engine_follow_steady(session->engine);
   if (session->clock->is_simulated) {
     fm_engine_follow_clock(session->engine, fm_clock_read, session->clock, false);
@@ -364,7 +354,6 @@ void fm_session_deactivate(struct fm_session * session)
   session->engine = NULL;
   session->memory = NULL;
   session->node_names = NULL;
-  end_reporter(session);
 }
 
 // ---- while it runs -----------------------------------------------------------------------------
