@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "instance.h"
+#include "seen.h"
 #include "thread.h"
 
 #define SECOND_NS INT64_C(1000000000)
@@ -45,15 +46,10 @@ static bool make_message(struct fm_engine_transform * made)
   if (made->message == NULL || made->next == NULL) {
     return false;
   }
-  const uint16_t one = 1u;
-  memcpy(made->next + 1, &one, 1u);  // the byte order of this machine
-  at = 8u;
+  const uint8_t * end = fm_write_header(made->next) + 8;
   for (int k = 0; k < 2; ++k) {
-    const uint32_t length = (uint32_t)strlen(names[k]) + 1u;
-    at = (at + 3u) & ~(size_t)3u;
-    memcpy(made->next + 4u + at, &length, sizeof(length));
-    memcpy(made->next + 4u + at + sizeof(length), names[k], length);
-    at += sizeof(length) + length;
+    at = ((size_t)(end - made->next) + 3u) & ~(size_t)3u;
+    end = fm_write_string(made->next + at, names[k], (uint32_t)strlen(names[k]));
   }
   return true;
 }

@@ -130,35 +130,41 @@ enum fm_found fm_read_parameter(
 
 // ---- messages of it ----------------------------------------------------------------------------
 
-static size_t write_text(const struct fm_seen * seen, uint8_t * out)
+uint8_t * fm_write_header(uint8_t * out)
 {
-  const uint32_t length = seen->length + 1u;
-  memcpy(out, &length, sizeof(length));
-  if (seen->length > 0) {
-    memcpy(out + sizeof(length), seen->text, seen->length);
+  const uint16_t one = 1u;
+  memset(out, 0, 4u);
+  memcpy(out + 1, &one, 1u);  // the first byte of a one: the byte order
+  return out + 4;
+}
+
+uint8_t * fm_write_string(uint8_t * out, const char * text, uint32_t length)
+{
+  const uint32_t with_zero = length + 1u;
+  memcpy(out, &with_zero, sizeof(with_zero));
+  if (length > 0) {
+    memcpy(out + sizeof(with_zero), text, length);
   }
-  out[sizeof(length) + seen->length] = 0;
-  return sizeof(length) + length;
+  out[sizeof(with_zero) + length] = 0;
+  return out + sizeof(with_zero) + with_zero;
 }
 
 size_t fm_write_seen(const struct fm_seen * seen, uint8_t * out)
 {
-  const uint16_t one = 1u;
   const uint8_t truth = seen->value.i != 0;
   const int32_t number = (int32_t)seen->value.i;
-  memset(out, 0, 4u);
-  memcpy(out + 1, &one, 1u);  // the byte order of this machine
+  uint8_t * const value = fm_write_header(out);
   switch (seen->type) {
     case FM_SEEN_BOOL:
-      memcpy(out + 4, &truth, sizeof(truth));
+      memcpy(value, &truth, sizeof(truth));
       return 4u + sizeof(truth);
     case FM_SEEN_INT32:
-      memcpy(out + 4, &number, sizeof(number));
+      memcpy(value, &number, sizeof(number));
       return 4u + sizeof(number);
     case FM_SEEN_TEXT:
-      return 4u + write_text(seen, out + 4);
+      return (size_t)(fm_write_string(value, seen->text, seen->length) - out);
     default:
-      memcpy(out + 4, &seen->value, sizeof(seen->value));
+      memcpy(value, &seen->value, sizeof(seen->value));
       return 4u + sizeof(seen->value);
   }
 }

@@ -41,6 +41,12 @@ FM_INTERNAL enum fm_found fm_read_parameter(
   const uint8_t * message, size_t size, const char * node, const char * name,
   struct fm_seen * seen);
 
+/// Begin a serialized message in this machine's byte order: 4 bytes. Returns their end. O(1).
+FM_INTERNAL uint8_t * fm_write_header(uint8_t * out);
+
+/// Write a string where a message has a multiple of 4 bytes before it. Returns its end. O(length).
+FM_INTERNAL uint8_t * fm_write_string(uint8_t * out, const char * text, uint32_t length);
+
 /// Write a message of std_msgs: Bool, Int32, Int64, Float64 or String. Returns its size; `out` has
 /// room for FM_SEEN_OVERHEAD and the text. O(size).
 FM_INTERNAL size_t fm_write_seen(const struct fm_seen * seen, uint8_t * out);

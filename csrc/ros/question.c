@@ -19,22 +19,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "seen.h"
+
 // A serialized rcl_interfaces/srv/GetParameters_Request with one name.
 static bool fill_in(struct fm_call * call, const char * name)
 {
   const uint32_t one = 1u;
-  const uint32_t length = (uint32_t)strlen(name) + 1u;
-  const uint16_t order = 1u;
-  const size_t size = 4u + sizeof(one) + sizeof(length) + length;
-  uint8_t * const bytes = calloc(1, size);
+  uint8_t * const bytes = malloc(sizeof(one) + FM_SEEN_OVERHEAD + strlen(name));
   if (bytes == NULL) {
     return false;
   }
-  memcpy(bytes + 1, &order, 1u);  // the byte order of this machine
-  memcpy(bytes + 4, &one, sizeof(one));
-  memcpy(bytes + 8, &length, sizeof(length));
-  memcpy(bytes + 12, name, length);
-  const bool is_read = fm_message_read(&call->request, call->functions, bytes, size);
+  uint8_t * const count = fm_write_header(bytes);
+  memcpy(count, &one, sizeof(one));
+  const uint8_t * end = fm_write_string(count + sizeof(one), name, (uint32_t)strlen(name));
+  const bool is_read =
+    fm_message_read(&call->request, call->functions, bytes, (size_t)(end - bytes));
   free(bytes);
   return is_read;
 }
