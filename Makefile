@@ -12,7 +12,7 @@ help:
 	@echo 'make demo    a simulated quadrotor, a monitor and a logger over DDS'
 	@echo 'make demo-gate  a vehicle that runs into a wall, and with a gate does not'
 	@echo 'make test    the tests, without the longest'
-	@echo 'make thorough  all tests, with ten times the random examples; kilted; mutants (hours)'
+	@echo 'make thorough  all tests, with many more random examples; kilted; mutants (hours)'
 	@echo 'make kilted  the tests with ROS 2, on the wheels of ROS 2 Kilted'
 	@echo 'make lint    style, types, layers'
 	@echo 'make bench   nanoseconds a step, beside hand-written C'
@@ -48,7 +48,7 @@ kilted:
 	@sh tools/setup.sh kilted
 	@.venv-kilted/bin/python -m pytest -n 4 $(or $(TESTS),test/ros)
 
-# Ten times the random examples of those tests that leave their number to hypothesis.
+# Many more random examples of those tests that leave their number to hypothesis.
 thorough: setup-test
 	@FRET_MONITOR_EXAMPLES=500 $(PYTHON) -m pytest -n 4 $(TESTS)
 	@$(if $(TESTS),:,$(MAKE) --no-print-directory kilted mutants)

@@ -43,7 +43,7 @@ import pytest
 Draw = Callable[[int], int]
 Trace = dict[str, list[Any]]
 T = TypeVar('T')
-EXAMPLES = settings().max_examples  # of a test; `make thorough` has ten times as many
+EXAMPLES = settings().max_examples  # of a test; `make thorough` has 500
 thorough = pytest.mark.skipif(EXAMPLES <= 50, reason='make thorough')
 HOT_PATHS = ('on', pytest.param('off', marks=thorough))  # ways in which a node takes messages
 

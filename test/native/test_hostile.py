@@ -39,6 +39,7 @@ from native.test_cache import home as home_of_the_test
 from native.test_cache import small_disk, SOURCE
 from native.test_compiler import processes_of, script
 import pytest
+from strategies import thorough
 
 BUNDLE = """\
 format: 1
@@ -83,6 +84,7 @@ def run(start: list[str], **changes: str) -> 'subprocess.CompletedProcess[str]':
 # -- a full disk ------------------------------------------------------------------------------
 
 
+@thorough  # test_refusals has a cache that cannot be written
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root can mount a disk')
 def test_a_start_on_a_full_disk_runs_with_a_warning(start: list[str], tmp_path: Path) -> None:
     disk = tmp_path / 'ros'

@@ -40,7 +40,7 @@ from fret_monitor.proving.obligations import Proof
 from fret_monitor.proving.verification import read_subject
 from proving.workbench import exchanged
 import pytest
-from strategies import FormulaMaker, INPUTS
+from strategies import FormulaMaker, INPUTS, thorough
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 EVER = Window(0, None)
@@ -181,6 +181,7 @@ def test_a_step_of_all_groups_that_leaves_one_out_is_not_proved() -> None:
                for text in failures(proofs(monitor, step, kept)))
 
 
+@thorough
 def test_every_mutant_of_a_timed_monitor_is_killed() -> None:
     monitor = generated([Yesterday(P), WITHIN, Historically(EVER, P), Yesterday(Q)])
     subject = read_subject(monitor)

@@ -60,6 +60,7 @@ def short(prepared: bench.Bench, domain: int) -> bench.Bench:
     return prepared
 
 
+@thorough
 @pytest.mark.usefixtures('forking')
 def test_every_subject_counts_and_answers_every_message(short: bench.Bench) -> None:
     rows = list(bench.violations(short))

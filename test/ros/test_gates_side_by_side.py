@@ -346,7 +346,7 @@ def play_scenario(partner: Partner, folder: Path, scenario: Scenario) -> bool:
 
 
 @pytest.mark.parametrize('name', [
-    pytest.param(name, marks=() if name in ('drop', 'hold') else thorough) for name in SCENARIOS])
+    pytest.param(name, marks=() if name == 'hold' else thorough) for name in SCENARIOS])
 def test_both_gates_pass_and_withhold_the_same(
     domain: int, tmp_path: Path, name: str,
 ) -> None:
