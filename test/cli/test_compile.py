@@ -24,6 +24,7 @@ from differential.compiled import clang
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 import pytest
+from strategies import thorough
 
 
 def test_it_writes_a_folder_and_prints_its_content(here: Here) -> None:
@@ -56,6 +57,7 @@ def test_the_worst_case_is_printed_as_instructions_and_stack(
         r'C library needs in memcmp, memcpy, memset\n', done.out.partition('\n')[2])
 
 
+@thorough
 def test_a_compiler_without_stack_usage_is_reported(
     here: Here, monkeypatch: pytest.MonkeyPatch,
 ) -> None:

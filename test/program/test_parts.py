@@ -39,7 +39,7 @@ from program.written import kinds, layouts_of
 import pytest
 from strategies import (
     as_term, FormulaMaker, INPUTS, property_of, random_inputs, random_property, random_trace,
-    specification_of, Trace,
+    specification_of, thorough, Trace,
 )
 
 CELLS = {'FirstStep', 'Delay', 'OnceEver', 'AlwaysSoFar', 'SinceEver', 'TriggeredEver',
@@ -194,6 +194,7 @@ def test_loops_across_parts_keep_their_values(
     assert_equal(specification, random_trace(Random(1), (P, Q), 200))
 
 
+@thorough
 def test_thousands_of_equations_in_groups_of_hundreds() -> None:
     rng = Random(1)
     properties = shared_by_many(rng, 60, 60)
@@ -209,6 +210,7 @@ def test_thousands_of_equations_in_groups_of_hundreds() -> None:
     assert_equal(specification, random_trace(rng, INPUTS, 150))
 
 
+@thorough
 def test_one_requirement_larger_than_parts_and_files() -> None:
     rng = Random(2)
     maker = FormulaMaker(rng.randrange, FEW, reach=300)

@@ -201,9 +201,9 @@ def send_all(rng: Random, stream: Stream) -> None:
 
 @pytest.mark.parametrize('seed', range(max(1, EXAMPLES // 50)))
 @pytest.mark.parametrize('policy', [
-    Policy.TIMED, Policy.ALL_INPUTS,
+    Policy.TIMED,
     *(pytest.param(policy, marks=thorough) for policy in (
-        Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE))])
+        Policy.EVERY_MESSAGE, Policy.RELEVANT_MESSAGE, Policy.ALL_INPUTS))])
 def test_all_faces_find_the_same_on_a_clock_with_ticks(
     partner: Partner, tmp_path: Path, policy: Policy, seed: int,
 ) -> None:
