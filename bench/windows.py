@@ -17,8 +17,8 @@ Nanoseconds of a step of a window of numbers, of 10, 1,000 and 100,000 values.
 
 `windows.c` times the cells of `csrc/generated/fret_windows.h` beside C that is written by hand.
 With `--daba FOLDER`, a folder with IBM's DABALite.hpp, `daba_lite.cpp` times maxOver beside it.
-If reelay and rtamt (PyPI) are installed, they answer the question `maxOver(n, x) <= c` too,
-through their Python bindings.
+If reelay, rtamt and mstlo (PyPI: mstlo-python) are installed, they answer the question
+`maxOver(n, x) <= c` too, through their Python bindings; mstlo n steps later, as `G[0,n]`.
 
     python -m bench.windows [--daba FOLDER]
 """
@@ -99,7 +99,16 @@ def rtamt(length: int) -> _Update:
     return lambda step, x: specification.update(step, [('x', x)])
 
 
-PEERS: dict[str, Callable[[int], _Update]] = {'reelay': reelay, 'rtamt': rtamt}
+def mstlo(length: int) -> _Update:
+    """Return the step of mstlo's monitor of the least of 12 - x, now and from now on."""
+    tool = import_module('mstlo_python')
+    monitor = tool.Monitor(tool.parse_formula(f'G[0, {length - 1}](x < 12.0)'),
+                           semantics='DelayedQuantitative', algorithm='Incremental')
+    return lambda step, x: monitor.update('x', x, float(step))
+
+
+PEERS: dict[str, Callable[[int], _Update]] = {
+    'reelay': reelay, 'rtamt': rtamt, 'mstlo_python': mstlo}
 
 
 def peers() -> Iterator[list[str]]:
@@ -108,7 +117,8 @@ def peers() -> Iterator[list[str]]:
         if find_spec(name) is None:
             continue
         for length in LENGTHS:
-            yield [name, f'{length}', f'{_time(make(length), length):,.0f}']
+            yield [name.removesuffix('_python'), f'{length}',
+                   f'{_time(make(length), length):,.0f}']
 
 
 def _time(update: _Update, length: int) -> float:
