@@ -21,12 +21,27 @@
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "check.h"
 #include "fakes.h"
 #include "seen.h"
 
 #define SECOND INT64_C(1000000000)
+
+// ---- looks at the graph take no processor time, so that the next one may follow soon -----------
+
+int __real_clock_gettime(clockid_t clock, struct timespec * out);
+int __wrap_clock_gettime(clockid_t clock, struct timespec * out);
+
+int __wrap_clock_gettime(clockid_t clock, struct timespec * out)
+{
+  const int result = __real_clock_gettime(clock, out);
+  if (clock == CLOCK_THREAD_CPUTIME_ID) {
+    memset(out, 0, sizeof(*out));
+  }
+  return result;
+}
 
 // ---- types: an empty request, and a response with the message current_state --------------------
 

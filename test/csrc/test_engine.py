@@ -138,12 +138,17 @@ def sanitized(request: pytest.FixtureRequest) -> Sanitized:
 
 
 @pytest.mark.parametrize('name', [
-    'engine_threads', 'receivers', 'relay', 'locks', 'actions', 'questions'])
+    'engine_threads', 'receivers', 'relay', 'locks', 'actions'])
 def test_threads(sanitized: Sanitized, name: str) -> None:
     program = sanitized.program(name)
     for _ in range(max(1, EXAMPLES // 50)):
         done = run(program)
         assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_questions_to_nodes_that_were_killed(sanitized: Sanitized) -> None:
+    done = run(sanitized.program('questions', '-Wl,--wrap=clock_gettime'))
+    assert (done.returncode, done.stdout) == (0, '')
 
 
 def test_files_of_the_black_box(sanitized: Sanitized, tmp_path: Path) -> None:
