@@ -112,6 +112,7 @@ def test_steps_need_no_such_input() -> None:
 @pytest.mark.parametrize(('comparison', 'least', 'is_negated'), [
     ('timeOver(10 s, p) >= 2', 2_000_000_000, False),
     ('timeOver(10 s, p) > 2', 2_000_000_001, False),
+    ('timeOver(10 s, p) >= 10', 10_000_000_000, False),
     ('timeOver(10 s, p) < 0.0000000015', 2, True),
     ('2.5 >= timeOver(10 s, p)', 2_500_000_001, True),
 ])

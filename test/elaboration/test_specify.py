@@ -18,8 +18,10 @@ from pathlib import Path
 import struct
 import time
 
+from fret_monitor.bundle.bundle import InstanceVariable
 from fret_monitor.bundle.reader import parse_bundle, survey_bundle
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.instances import described_variable
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.terms import TypedTerm
 from fret_monitor.logic.formula import (
@@ -29,7 +31,7 @@ from fret_monitor.logic.formula import (
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
 from fret_monitor.messages.layout import MessageLayout
-from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span
+from fret_monitor.model.diagnostics import CompileError, Problems, Source, Span, Text
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 import golden
@@ -560,3 +562,9 @@ requirements:
 """)
     assert [(item.id, item.constants) for item in specification.properties] == [
         ('A', ('far', 'v.max', 't')), ('B', ('n',)), ('C', ('v.max',)), ('D', ('v.max',))]
+
+
+def test_an_instance_ends_only_after_a_time_that_is_given() -> None:
+    name = Text.whole(Source('bundle.yaml', 'robot'))
+    assert [described_variable(InstanceVariable(name, most=2, forget=forget)).forget
+            for forget in (None, Fraction(1, 2))] == [0, 500_000_000]

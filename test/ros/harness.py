@@ -244,6 +244,18 @@ class Partner:
         # Discovery is not symmetric: the other side matches a moment later.
         settle(0.3)
 
+    def wait_for_subscriptions(self, count: int, *publishers: Publisher) -> None:
+        """Wait until so many subscriptions are matched, and none is still to be replaced."""
+        for publisher in publishers:
+            wait_until(partial(self._are_current, publisher, count),
+                       f'{count} subscriptions to {publisher.topic_name}')
+        settle(0.5)  # the other side matches a moment later
+
+    def _are_current(self, publisher: Publisher, count: int) -> bool:
+        listed = self.node.get_subscriptions_info_by_topic(publisher.topic_name)
+        return publisher.get_subscription_count() == len(listed) == count and all(
+            item.qos_profile.reliability is publisher.qos_profile.reliability for item in listed)
+
     def _is_heard(self, publisher: Publisher) -> bool:
         listed = self.node.get_subscriptions_info_by_topic(publisher.topic_name)
         return publisher.get_subscription_count() > 0 and any(

@@ -15,7 +15,6 @@
 """config/docking.yaml on one drive: both nodes live, and `bag` on a recording of the same."""
 
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from time import monotonic, sleep, time_ns
 from typing import Any
@@ -25,9 +24,8 @@ import fret_monitor
 from fret_monitor.bag.check import check_recording, Selection
 import pytest
 from rclpy.lifecycle import LifecycleNode
-from rclpy.publisher import Publisher
 from ros import tf2_msgs
-from ros.harness import LATCHED, Partner, RELIABLE, settle, wait_until
+from ros.harness import LATCHED, Partner, RELIABLE
 from ros.test_asked import living, Watcher
 from ros.test_transforms import HERE, message, node
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -70,10 +68,6 @@ class Recorder:
         return path
 
 
-def has_listeners(publisher: Publisher, number: int) -> bool:
-    return bool(publisher.get_subscription_count() >= number)
-
-
 class Base:
     """A base that publishes its scans, odometry, battery and pose; all is recorded."""
 
@@ -81,6 +75,7 @@ class Base:
         self.speed, self.distance, self.current = 0.25, 5.0, -4.0
         self.is_scanning = True
         self.recorder = Recorder(partner)
+        self._partner = partner
         self._steps = 0
         links = tf2_msgs.message_class()
         self.scan = self._topic(partner, '/scan', sensor_msgs.LaserScan)
@@ -97,10 +92,8 @@ class Base:
         return partner.publisher(kind, topic, profile)
 
     def wait_for_listeners(self, number: int) -> None:
-        for item in (self.scan, self.odometry, self.battery, self.pose, self.static):
-            wait_until(partial(has_listeners, item, number),
-                       f'{number} listeners to {item.topic_name}')
-        settle(0.3)
+        self._partner.wait_for_subscriptions(
+            number, self.scan, self.odometry, self.battery, self.pose, self.static)
 
     def go_on(self, seconds: float) -> None:
         """Publish the current values for some seconds; what is late is made up for."""

@@ -208,7 +208,7 @@ def test_an_arm_violates_each_requirement_by_its_fault(partner: Partner) -> None
         afresh().velocity[0] = 0.5
         arm.go_on(0.5)
         arm.stop = True
-        arm.go_on(0.1)
+        arm.go_on(0.05)
         arm.velocity[0] = 0.0
         arm.keeps(1.0)
         arm.velocity[3] = 0.5

@@ -101,8 +101,8 @@ class Stream:
             wait_until(partial(_is_matched, details), f'details of {name}')
             partner.node.create_subscription(
                 Header, f'/{name}/fret_monitor/alive', face.live, RELIABLE)
-        for publisher in (self._clock, *self._publishers.values()):
-            wait_until(partial(_is_heard_by_all, publisher), publisher.topic_name)
+        wait_until(partial(_is_heard_by_all, self._clock), '/clock')
+        partner.wait_for_subscriptions(len(NODES), *self._publishers.values())
 
     def begin(self) -> None:
         """Begin the time of all nodes; before, nothing is evaluated."""

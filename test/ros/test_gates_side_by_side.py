@@ -208,9 +208,10 @@ class Feeder:
         self.now = 0
         for gate in gates:
             gate.connect(partner)
-        for publisher in filter(None, (self._near, self._cmd, self._clock)):
-            wait_until(lambda: publisher.get_subscription_count() == len(gates),  # noqa: B023
-                       f'subscriptions to {publisher.topic_name}')
+        partner.wait_for_subscriptions(len(gates), self._near, self._cmd)
+        if self._clock is not None:
+            clock = self._clock
+            wait_until(lambda: clock.get_subscription_count() == len(gates), '/clock')
         wait_until(lambda: all(gate.reports for gate in gates), 'reports')
 
     def move(self, by: int) -> None:

@@ -32,7 +32,7 @@ import pytest
 from rcl_interfaces.srv import ListParameters
 from rclpy.parameter import Parameter
 from ros.exported import exported_bundles, ExportedNode, running
-from ros.harness import answer_of, Partner, RELIABLE, settle, started, wait_until
+from ros.harness import answer_of, Partner, RELIABLE, started, wait_until
 from ros.test_native_start import program_of
 from ros.test_side_by_side import compare_files, equal, Face, MISSING
 from std_msgs.msg import Empty, Float32
@@ -263,9 +263,8 @@ def test_several_bundles_in_c_do_as_those_in_python(partner: Partner, tmp_path: 
             faces[-1].connect(partner)
         assert os.readlink(f'/proc/{faces[1].process.process.pid}/exe') == program
         publishers = [partner.publisher(Float32, f'/{name}') for name in 'xyz']
-        wait_until(lambda: [item.get_subscription_count() for item in publishers] == [6, 4, 2],
-                   'subscriptions')  # those that were replaced are closed
-        settle(0.5)  # the other side matches a moment later
+        for count, publisher in zip((6, 4, 2), publishers):
+            partner.wait_for_subscriptions(count, publisher)
         sent: Counter[str] = Counter()
         for values in ((0.1, 0.2, 9.0), (0.9, 0.2, 1.0), (0.1, 0.9, 9.0)):
             for publisher, value in zip(publishers, values):
