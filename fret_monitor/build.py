@@ -300,7 +300,7 @@ def generate_monitor(reading: Reading, *,
     module = generate(program, layouts, keyed)
     topics = described_topics(program.signals, keyed)
     manifest = describe(program, layouts, module, specification, reading.bundle_hash,
-                        reading.constants, topics)
+                        reading.constants, topics, reading.specification.properties)
     kinds = tuple(_generate_kind(scope, reading, max_state_bytes, topics) for scope in scopes)
     if reading.specification.instance_variables:
         manifest = with_kinds(manifest, [(item.scope, item.manifest) for item in kinds],
@@ -322,7 +322,7 @@ def _generate_kind(scope: InstanceScope, reading: Reading, max_state_bytes: int,
         if item.name in scope.variables))
     module = generate(program, layouts, None)
     manifest = describe(program, layouts, module, scope.specification, reading.bundle_hash,
-                        reading.constants, topics)
+                        reading.constants, topics, reading.specification.properties)
     return GeneratedKind(scope, program, layouts, module, manifest)
 
 

@@ -81,8 +81,8 @@ def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identi
     `identity` is a text that changes with what `make` depends on besides. `name`: what all names
     in C begin with, unless the bundle's own.
     """
-    overrides = _Overrides(
-        policy, period, constants or {}, part, f'program {identity}', name=name)
+    overrides = _Overrides(policy, period, constants or {}, part, f'program {identity}',
+                           takes_instances=True, name=name)
     return _start(path, overrides, make)
 
 
@@ -97,7 +97,7 @@ def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | 
     CompileError
         with all problems of the bundle.
     """
-    overrides = _Overrides(policy, period, constants or {}, part)
+    overrides = _Overrides(policy, period, constants or {}, part, takes_instances=True)
     try:
         note = _note(path, overrides)
         found = _recall(note, path) if note else None

@@ -363,7 +363,8 @@ WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increa
           'fm_log': (2,), 'fm_log_failure': (1,), 'count_result': (5,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.
 REASONS = ('action_call.c', 'action_lines.c', 'health.c', 'input_log.c', 'reasons.c',
-           'monitor_node.c', 'transform_lines.c', 'graph_lines.c')
+           'monitor_node.c', 'transform_lines.c', 'graph_lines.c',
+           'instance_lines.c')
 # Functions of Python that word what a node logs, but do not log it.
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',
@@ -492,11 +493,11 @@ def test_the_page_on_operations_explains_no_line_that_nothing_logs() -> None:
 
 
 def test_the_page_on_topics_has_the_values_of_every_status() -> None:
-    source = (ROOT / 'csrc/reporting/health.c').read_text(encoding='utf-8')
-    keys = {text.replace('…', 'INPUT') for call in re.finditer(
-                r'\b(?:add_count|fm_status_value|fm_text_add)\(', source)
+    source = ''.join((ROOT / 'csrc/reporting' / name).read_text(encoding='utf-8')
+                     for name in ('health.c', 'instance_lines.c'))
+    keys = {f'{text} INPUT' if call[0] == 'add_count_of_input(' else text for call in re.finditer(
+                r'\b(?:add_count|add_count_of_input|fm_status_value)\(', source)
             for given in [arguments(source, call.end())]
-            if call[0] != 'fm_text_add(' or given[0] == '&key'
             for text in literals(given[1])}
     rows = table('ros_interface.md', 'of', 'name', 'values')
     said = {word for row in rows for word in words(row[2])}

@@ -368,11 +368,28 @@ static int make_parts(struct fm_blackbox_writer * writer)
   return 0;
 }
 
+// Whether each topic of the bundle is one of ROS, and no other is the same.
+static bool are_plain(const struct fm_blackbox_options * options)
+{
+  bool are = true;
+  for (uint32_t k = 0; k < options->n_topics; ++k) {
+    are = are && strchr(options->topics[k].name, '{') == NULL;
+    for (uint32_t other = 0; other < k; ++other) {
+      are = are && strcmp(options->topics[k].name, options->topics[other].name) != 0;
+    }
+  }
+  return are;
+}
+
 int fm_blackbox_writer_create(
   struct fm_blackbox_writer ** out, const struct fm_blackbox_options * options)
 {
   struct fm_blackbox_writer * writer = calloc(1, sizeof(*writer));
   *out = NULL;
+  if (!are_plain(options)) {
+    free(writer);
+    return EPROTOTYPE;
+  }
   if (writer == NULL || pthread_mutex_init(&writer->mutex, NULL) != 0) {
     free(writer);
     return ENOMEM;

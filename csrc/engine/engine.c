@@ -127,10 +127,12 @@ static bool make_memory(struct fm_engine * engine)
   engine->topics = calloc(options->n_topics + (size_t)1, sizeof(struct fm_engine_topic));
   engine->are_violated =
     calloc(engine->n_requirements + (size_t)1, sizeof(*engine->are_violated));
+  engine->n_violated = calloc(engine->n_requirements + (size_t)1, sizeof(*engine->n_violated));
   const struct fm_outbox_size size = size_of_outbox(engine);
   return fm_outbox_init(&engine->outbox, &size) && engine->fields != NULL &&
          engine->prepared != NULL && engine->found != NULL && engine->topics != NULL &&
-         engine->are_violated != NULL && fm_states_init(&engine->states, options->monitor) &&
+         engine->are_violated != NULL && engine->n_violated != NULL &&
+         fm_states_init(&engine->states, engine->n_requirements, options->monitor->n_inputs) &&
          (!fm_evaluator_is_timed(options->evaluator) || !options->uses_header_stamps ||
          fm_reorder_init(&engine->waiting, most_inputs(options)));
 }
@@ -150,6 +152,7 @@ static void free_memory(struct fm_engine * engine)
   free(engine->found);
   free(engine->topics);
   free(engine->are_violated);
+  free(engine->n_violated);
   free(engine->numbers);
   fm_states_free(&engine->states);
   free(engine);
@@ -285,6 +288,9 @@ void fm_engine_follow_states(struct fm_engine * engine)
 {
   fm_engine_lock(engine);
   engine->has_states = true;
+  if (engine->options.scopes != NULL) {
+    fm_scopes_count_unknown(engine->options.scopes);
+  }
   fm_engine_unlock(engine);
 }
 
@@ -297,9 +303,7 @@ uint64_t fm_engine_states(
   while (engine->states.changes == seen && !engine->is_closed && fm_steady_time() < end) {
     fm_wait_until(&engine->state_changed, &engine->mutex, end);
   }
-  memcpy(
-    out, engine->states.requirements,
-    engine->options.monitor->n_requirements * sizeof(*out));
+  memcpy(out, engine->states.requirements, engine->n_requirements * sizeof(*out));
   const uint64_t changes = engine->states.changes;
   fm_engine_unlock(engine);
   return changes;

@@ -59,8 +59,8 @@ struct fm_engine;
 /// What an engine runs. The caller owns all of it, keeps it until the engine is destroyed, and
 /// does not call the evaluator in the meantime. With instances, what is not of a kind is of the
 /// bundle's scope, and requirements have numbers in this order: those of the bundle's scope, then
-/// of each kind those that are reported. It then has no gate; states and the black box know
-/// the requirements of the bundle's scope alone.
+/// of each kind those that are reported. It then has no gate. A requirement of instances is
+/// violated while one violates it; a violation begins whenever an instance begins to violate it.
 struct fm_engine_options
 {
   struct fm_evaluator * evaluator;
@@ -250,9 +250,10 @@ FM_EXPORT bool fm_engine_follow_derived(
   struct fm_engine * engine, const struct fm_derived_topic * topics, uint32_t n);
 
 /// Keep the states of the requirements up to date from now on (states.h), for locks and actions;
-/// the evaluator must report recoveries. fm_engine_take then also returns when one has changed.
-/// Call it before messages are delivered. O(1); each step then costs O(requirements + inputs of
-/// their groups).
+/// the evaluator must report recoveries. One of instances holds while it holds in all of them, and
+/// is not known while it is not known of one. fm_engine_take then also returns when one has
+/// changed. Call it before messages are delivered. O(1); each step then costs O(requirements +
+/// inputs of their groups).
 FM_EXPORT void fm_engine_follow_states(struct fm_engine * engine);
 
 /// Wait until a state has changed since a call returned `seen` (0 at first), the engine is closed,

@@ -23,17 +23,26 @@
 #include "instance.h"
 #include "thread.h"
 
-// Note one that begins: a requirement may be violated at each step for hours.
+void fm_engine_begin_violation_locked(struct fm_engine * engine, uint32_t requirement)
+{
+  if (engine->blackbox != NULL || engine->has_states || engine->gate != NULL) {
+    fm_states_begin_violation(&engine->states, requirement);
+  }
+  if (engine->blackbox != NULL) {
+    fm_blackbox_note(engine->blackbox, requirement, fm_steady_time());
+  }
+}
+
+// Note one that begins: a requirement may be violated at each step for hours. Of instances, the
+// scopes know how many violate it.
 static void note_occurrence_locked(struct fm_engine * engine, const struct fm_violation * found)
 {
   const uint32_t requirement = found->requirement;
-  const bool is_used = requirement < engine->options.monitor->n_requirements &&
-    (engine->blackbox != NULL || engine->has_states || engine->gate != NULL);
-  if (is_used && !found->is_recovery && !engine->are_violated[requirement]) {
-    fm_states_begin_violation(&engine->states, requirement);
-    if (engine->blackbox != NULL) {
-      fm_blackbox_note(engine->blackbox, requirement, fm_steady_time());
-    }
+  if (requirement >= engine->options.monitor->n_requirements) {
+    return;
+  }
+  if (!found->is_recovery && !engine->are_violated[requirement]) {
+    fm_engine_begin_violation_locked(engine, requirement);
   }
   engine->are_violated[requirement] = !found->is_recovery;
 }
@@ -51,11 +60,25 @@ void fm_engine_note_conditions_locked(struct fm_engine * engine)
     &engine->states, engine->options.evaluator, engine->options.monitor, is_known, is_latched);
 }
 
+// Of instances: violated while one violates it, and not known while it is not known of one.
+static void update_instances_locked(struct fm_engine * engine)
+{
+  for (uint32_t k = 0; k < engine->n_kinds; ++k) {
+    for (uint32_t n = engine->numbers[k]; n < engine->numbers[k + 1u]; ++n) {
+      const uint32_t r = n - engine->numbers[k];
+      fm_states_set(
+        &engine->states, n, engine->n_violated[n] > 0 ? FM_VIOLATED :
+        fm_scopes_unknown(engine->options.scopes, k, r) > 0 ? FM_UNKNOWN : FM_HOLDS);
+    }
+  }
+}
+
 void fm_engine_update_states_locked(struct fm_engine * engine)
 {
   if (engine->has_states) {
     fm_states_update(
       &engine->states, engine->options.evaluator, engine->options.monitor, engine->are_violated);
+    update_instances_locked(engine);
   }
   if (engine->has_states || engine->gate != NULL) {
     fm_engine_note_conditions_locked(engine);
@@ -114,6 +137,7 @@ void fm_engine_announce_locked(struct fm_engine * engine, uint32_t n, int64_t la
 void fm_engine_forget_violations_locked(struct fm_engine * engine)
 {
   memset(engine->are_violated, 0, engine->n_requirements);
+  memset(engine->n_violated, 0, engine->n_requirements * sizeof(*engine->n_violated));
   if (engine->gate != NULL) {
     fm_gate_forget_violations(engine->gate);
   }

@@ -99,6 +99,7 @@ struct fm_engine
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
   bool * are_violated;            // requirements whose last violation has not ended
+  uint64_t * n_violated;          // a requirement of instances: how many violate it
   uint64_t n_restarts;            // of the evaluator's time, when `are_violated` was last cleared
   struct fm_states states;
   pthread_cond_t state_changed;
@@ -198,6 +199,9 @@ int64_t fm_engine_system_ahead_locked(struct fm_engine * engine);
 int64_t fm_engine_stamps_ahead_locked(struct fm_engine * engine);
 
 // ---- engine_findings.c -------------------------------------------------------------------------
+
+/// A violation of a requirement begins, after one that has ended; of instances, one begins it.
+void fm_engine_begin_violation_locked(struct fm_engine * engine, uint32_t requirement);
 
 /// Keep what locks and the gate depend on, if it has changed. O(requirements + inputs).
 void fm_engine_note_conditions_locked(struct fm_engine * engine);

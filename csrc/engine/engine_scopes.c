@@ -41,7 +41,17 @@ static int64_t later_locked(struct fm_engine * engine)
   return engine->later == FM_NEVER ? fm_engine_stamps_ahead_locked(engine) : engine->later;
 }
 
-// Queue violations of a scope. That of a requirement of instances goes on while one violates it.
+// That of a requirement of instances goes on while one violates it.
+static void note_violated_locked(struct fm_engine * engine, uint32_t requirement, uint64_t n)
+{
+  if (n > engine->n_violated[requirement]) {
+    fm_engine_begin_violation_locked(engine, requirement);
+  }
+  engine->n_violated[requirement] = n;
+  engine->are_violated[requirement] = n > 0;
+}
+
+// Queue violations of a scope.
 static void queue_of_scope_locked(
   struct fm_engine * engine, const struct fm_stepped * stepped,
   const struct fm_violation * violations, uint32_t n)
@@ -57,7 +67,7 @@ static void queue_of_scope_locked(
   fm_engine_queue_of_locked(engine, violations, n, &scope, first, later_locked(engine));
   for (uint32_t k = 0; stepped->kind != FM_BUNDLE && k < n; ++k) {
     const uint32_t r = violations[k].requirement;
-    engine->are_violated[first + r] = fm_scopes_violated(scopes, stepped->kind, r) > 0;
+    note_violated_locked(engine, first + r, fm_scopes_violated(scopes, stepped->kind, r));
   }
 }
 
@@ -75,8 +85,8 @@ static void end_violations_locked(struct fm_engine * engine, const struct fm_ste
       if (ended->reports_recoveries) {
         queue_of_scope_locked(engine, stepped, &end, 1);
       }
-      engine->are_violated[first + r] =
-        fm_scopes_violated(engine->options.scopes, stepped->kind, r) > 1;
+      note_violated_locked(
+        engine, first + r, fm_scopes_violated(engine->options.scopes, stepped->kind, r) - 1u);
     }
   }
 }

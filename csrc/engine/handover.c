@@ -92,8 +92,8 @@ void fm_arrivals_begin_handover(struct fm_arrivals * arrivals, bool has_history)
     publisher->last_before = publisher->last;
     publisher->sent_before = publisher->sent;
   }
+  arrivals->has_history = has_history || (arrivals->is_handover && arrivals->has_history);
   arrivals->is_handover = true;
-  arrivals->has_history = has_history;
 }
 
 void fm_arrivals_end_handover(struct fm_arrivals * arrivals)

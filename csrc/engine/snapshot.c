@@ -21,6 +21,7 @@
 #include <string.h>
 
 #include "engine_parts.h"
+#include "tables.h"
 #include "thread.h"
 
 static void copy_requirements_locked(struct fm_engine * engine, struct fm_snapshot * out)
@@ -33,6 +34,86 @@ static void copy_requirements_locked(struct fm_engine * engine, struct fm_snapsh
     }
   }
 }
+
+// ---- instances ---------------------------------------------------------------------------------
+
+static void add_key(
+  struct fm_named_keys * named, const struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  named->n += 1;
+  if (named->n_keys < FM_MOST_NAMED_KEYS) {
+    uint8_t * key = named->keys[named->n_keys];
+    key[0] = (uint8_t)fm_scopes_key(scopes, kind, slot, key + 1);
+    named->n_keys += 1;
+  }
+}
+
+// Of an instance that was entered.
+static void name_instance(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, uint32_t n_requirements,
+  struct fm_kind_snapshot * out)
+{
+  const struct fm_evaluator * evaluator = fm_scopes_look(scopes, kind, slot);
+  const bool is_listed = fm_scopes_kind(scopes, kind)->n_listed > 0;
+  for (uint32_t r = 0; r < n_requirements; ++r) {
+    const uint32_t group = evaluator->monitor->requirements[r].group;
+    if (!evaluator->instance.previous[r]) {
+      add_key(&out->violated[r], scopes, kind, slot);
+    }
+    if (is_listed && evaluator->instance.groups[group].steps == 0) {
+      add_key(&out->unevaluated[r], scopes, kind, slot);
+    }
+  }
+}
+
+static bool are_worth_naming(
+  const struct fm_scopes * scopes, uint32_t kind, uint32_t n_requirements)
+{
+  bool is_violated = false;
+  for (uint32_t r = 0; r < n_requirements; ++r) {
+    is_violated = is_violated || fm_scopes_violated(scopes, kind, r) > 0;
+  }
+  return is_violated || fm_scopes_kind(scopes, kind)->n_listed > 0;
+}
+
+static void copy_instances_locked(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t n_requirements,
+  struct fm_kind_snapshot * out)
+{
+  memset(out->violated, 0, n_requirements * sizeof(*out->violated));
+  memset(out->unevaluated, 0, n_requirements * sizeof(*out->unevaluated));
+  if (!are_worth_naming(scopes, kind, n_requirements)) {
+    return;
+  }
+  for (uint32_t slot = fm_scopes_next(scopes, kind, 0); slot != FM_NO_SLOT;
+    slot = fm_scopes_next(scopes, kind, slot + 1u))
+  {
+    name_instance(scopes, kind, slot, n_requirements, out);
+  }
+}
+
+static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * out)
+{
+  struct fm_scopes * scopes = engine->options.scopes;
+  for (uint32_t k = 0; out->kinds != NULL && k < engine->n_kinds; ++k) {
+    const uint32_t first = engine->numbers[k];
+    const uint32_t n = engine->numbers[k + 1u] - first;
+    out->kinds[k].counts = fm_scopes_counts(scopes, k);
+    copy_instances_locked(scopes, k, n, &out->kinds[k]);
+    const struct fm_evaluator * all = fm_scopes_look(scopes, k, FM_NO_SLOT);
+    for (uint32_t r = 0; r < n; ++r) {
+      out->requirements[first + r] = fm_evaluator_requirement_counts(all, r);
+      out->requirements[first + r].is_violated = fm_scopes_violated(scopes, k, r) > 0;
+      out->requirements[first + r].verdict = !out->requirements[first + r].is_violated;
+    }
+    for (uint32_t i = 0; i < all->monitor->n_inputs; ++i) {
+      out->kinds[k].inputs[i] = (struct fm_keyed_snapshot) {
+        fm_evaluator_input_counts(all, i), fm_evaluator_silence(all, i).count};
+    }
+  }
+}
+
+// ---- the bundle's scope, and topics ------------------------------------------------------------
 
 static void copy_inputs_locked(struct fm_engine * engine, struct fm_snapshot * out)
 {
@@ -79,6 +160,7 @@ void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out)
   fm_engine_lock(engine);
   copy_conditions_locked(engine, out);
   copy_requirements_locked(engine, out);
+  copy_kinds_locked(engine, out);
   copy_inputs_locked(engine, out);
   copy_topics_locked(engine, out);
   out->time = fm_evaluator_time_counts(engine->options.evaluator);

@@ -40,10 +40,38 @@ struct fm_topic_snapshot
                     // since the last snapshot; 0 while the time is told
 };
 
+/// Keys that are named, of more instances of which the same is so.
+#define FM_MOST_NAMED_KEYS 10u
+
+/// Instances of which something is so. The first of their keys, in the order of slots: each its
+/// size, then the bytes.
+struct fm_named_keys
+{
+  uint64_t n;
+  uint32_t n_keys;
+  uint8_t keys[FM_MOST_NAMED_KEYS][FM_KEY_ROOM];
+};
+
+/// An input with a key: of all instances together.
+struct fm_keyed_snapshot
+{
+  struct fm_input_counts counts;
+  uint64_t silences;
+};
+
+/// Of a kind of instances.
+struct fm_kind_snapshot
+{
+  struct fm_pool_counts counts;
+  struct fm_keyed_snapshot * inputs;   // n_inputs of its monitor
+  struct fm_named_keys * violated;     // of its requirements that are reported
+  struct fm_named_keys * unevaluated;  // the same, of listed keys alone: not evaluated yet
+};
+
 /// The caller owns the arrays, as long as the comments say.
 struct fm_snapshot
 {
-  struct fm_requirement_counts * requirements;  // n_requirements
+  struct fm_requirement_counts * requirements;  // n_requirements of all scopes; of instances: sums
   struct fm_input_snapshot * inputs;            // n_inputs
   struct fm_topic_snapshot * topics;            // n_topics
   uint8_t * conditions;   // states.h: the present ones, of an engine with a gate or with states
@@ -56,16 +84,18 @@ struct fm_snapshot
   struct fm_gate_counts gate;  // zeros without a gate
   uint64_t unpublished;   // violations: those dropped because the queue was full (2^20) or could
                           // not grow, and those counted with fm_engine_count_unpublished
+  struct fm_kind_snapshot * kinds;  // NULL: without instances, or they are not wanted
 };
 
-/// Bytes of the conditions of a monitor.
-static inline size_t fm_condition_bytes(const struct fm_monitor * monitor)
+/// Bytes of the conditions: of all requirements, and the inputs of the bundle's scope.
+static inline size_t fm_condition_bytes(uint32_t n_requirements, uint32_t n_inputs)
 {
-  return FM_CONDITION_BYTES + (size_t)monitor->n_requirements + (size_t)monitor->n_inputs;
+  return FM_CONDITION_BYTES + (size_t)n_requirements + (size_t)n_inputs;
 }
 
 /// Take what is due, while a clock is followed, and copy all counters. O(requirements + inputs +
-/// topics + bytes of the changes + what is due).
+/// topics + bytes of the changes + what is due), and O(instances) of a kind with listed keys, or
+/// with violated ones.
 FM_EXPORT void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out);
 
 #ifdef __cplusplus

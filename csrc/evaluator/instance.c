@@ -76,6 +76,17 @@ bool fm_may_be_silent(const struct fm_instance_input * input)
   return input->is_silent || input->is_put_off;
 }
 
+bool fm_is_known(const struct fm_instance * instance, uint32_t requirement)
+{
+  const uint32_t group = instance->monitor->requirements[requirement].group;
+  const struct fm_group * read = &instance->monitor->groups[group];
+  bool is_silent = false;
+  for (uint32_t k = 0; k < read->n_inputs; ++k) {
+    is_silent = is_silent || fm_may_be_silent(&instance->inputs[read->inputs[k]]);
+  }
+  return !is_silent && instance->groups[group].steps > 0;
+}
+
 uint64_t fm_instance_bytes(const struct fm_monitor * monitor, uint64_t measure_words)
 {
   const struct fm_instance_layout layout = lay_out_instance(monitor, measure_words);

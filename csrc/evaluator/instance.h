@@ -109,6 +109,10 @@ FM_INTERNAL struct fm_instance fm_instance_make(
 /// The number of verdicts that the groups write. O(1).
 FM_INTERNAL uint64_t fm_instance_verdicts(const struct fm_monitor * monitor);
 
+/// Whether a requirement is known: its group has stepped since start or reset, and reads no input
+/// that is silent, or may be. O(inputs of its group).
+FM_INTERNAL bool fm_is_known(const struct fm_instance * instance, uint32_t requirement);
+
 /// Put all groups at their start, with all verdicts true and nothing due; values and other times
 /// stay.
 /// O(groups + requirements + state bytes).

@@ -27,6 +27,7 @@ struct layout
 {
   uint64_t evaluator;
   uint64_t violated;
+  uint64_t unknown;
   uint64_t keys;
   uint64_t due;
   uint64_t lasts;
@@ -42,6 +43,8 @@ static struct layout lay_out(const struct fm_evaluator_options * options, uint64
   layout.block.fits = evaluator > 0 && fm_keys_bytes(most) > 0;
   layout.evaluator = fm_block_append(&layout.block, evaluator, 1);
   layout.violated =
+    fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
+  layout.unknown =
     fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
   layout.keys = fm_block_append(&layout.block, fm_keys_bytes(most), 1);
   layout.due = fm_block_append(&layout.block, fm_heap_bytes(most), 1);
@@ -81,6 +84,7 @@ bool fm_pool_make(
   pool->turns = (uint16_t *)(void *)(bytes + layout.turns);
   pool->turn = 1;
   pool->violated = (uint64_t *)(void *)(bytes + layout.violated);
+  pool->unknown = (uint64_t *)(void *)(bytes + layout.unknown);
   pool->forget = forget;
   pool->entered = FM_NO_SLOT;
   return true;
@@ -130,6 +134,13 @@ static struct fm_instance instance_at(const struct fm_pool * pool, uint32_t slot
   return instance;
 }
 
+static void count_unknown(struct fm_pool * pool, const struct fm_instance * instance, uint64_t by)
+{
+  for (uint32_t r = 0; pool->counts_unknown && r < instance->monitor->n_requirements; ++r) {
+    pool->unknown[r] += fm_is_known(instance, r) ? 0u : by;
+  }
+}
+
 // Count the steps of the instance, and its violations, with those of the others, or apart: `by` is
 // 1 or -1, and wraps.
 static void count(struct fm_pool * pool, uint64_t by)
@@ -142,6 +153,7 @@ static void count(struct fm_pool * pool, uint64_t by)
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
     pool->violated[r] += evaluator->instance.previous[r] ? 0u : by;
   }
+  count_unknown(pool, &evaluator->instance, by);
 }
 
 // Messages move the time of their own instance alone. Under FM_TIMED each scope may be ahead of
@@ -227,12 +239,25 @@ void fm_pool_leave(struct fm_pool * pool)
   }
 }
 
+void fm_pool_count_unknown(struct fm_pool * pool)
+{
+  fm_pool_leave(pool);
+  pool->counts_unknown = true;
+  for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
+    if (fm_keys_has(&pool->keys, slot)) {
+      const struct fm_instance instance = instance_at(pool, slot);
+      count_unknown(pool, &instance, 1);
+    }
+  }
+}
+
 void fm_pool_begin(struct fm_pool * pool, uint32_t slot)
 {
   fm_pool_leave(pool);
   memcpy(block_of(pool, slot), pool->blank.time, (size_t)pool->block_bytes);
   pool->counts.begun += 1;
   pool->counts.alive += 1;
+  count_unknown(pool, &pool->blank, 1);  // of which it is a copy
 }
 
 static bool has_deadline(const struct fm_pool * pool, uint32_t slot)
@@ -253,6 +278,7 @@ void fm_pool_end(struct fm_pool * pool, uint32_t slot)
   for (uint32_t r = 0; r < instance.monitor->n_requirements; ++r) {
     pool->violated[r] -= instance.previous[r] ? 0u : 1u;
   }
+  count_unknown(pool, &instance, UINT64_MAX);
   pool->counts.open += has_deadline(pool, slot) ? 1u : 0u;
   pool->counts.ended += 1;
   pool->counts.alive -= 1;

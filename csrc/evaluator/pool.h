@@ -42,6 +42,8 @@ struct fm_pool
   uint16_t * turns;      // an instance: the turn in which it took a message last
   uint16_t turn;         // that of the message that is being taken; not 0
   uint64_t * violated;   // a requirement: the instances whose violation goes on
+  uint64_t * unknown;    // a requirement: the instances of which it is not known (states.h)
+  bool counts_unknown;   // these are counted
   int64_t forget;        // ns; 0: never
   uint32_t entered;      // FM_NO_SLOT: none, the evaluator has the blank
   struct fm_pool_counts counts;
@@ -55,6 +57,10 @@ FM_INTERNAL uint64_t fm_pool_bytes(const struct fm_evaluator_options * options, 
 FM_INTERNAL bool fm_pool_make(
   struct fm_pool * pool, void * memory, const struct fm_evaluator_options * options,
   uint32_t most, int64_t forget, const uint64_t seed[2]);
+
+/// Count from now on the instances of which a requirement is not known; before the first message.
+/// O(instances + requirements).
+FM_INTERNAL void fm_pool_count_unknown(struct fm_pool * pool);
 
 /// Begin a message: no instance has taken it. O(1), and O(slots in use) once in 65,535 calls.
 FM_INTERNAL void fm_pool_begin_turn(struct fm_pool * pool);

@@ -387,3 +387,19 @@ uint64_t fm_scopes_violated(
   const bool is_violated = !pool->evaluator->instance.previous[requirement];  // of the one entered
   return pool->violated[requirement] + (is_violated ? 1u : 0u);
 }
+
+void fm_scopes_count_unknown(struct fm_scopes * scopes)
+{
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    fm_pool_count_unknown(&scopes->kinds[k].pool);
+  }
+}
+
+uint64_t fm_scopes_unknown(
+  const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement)
+{
+  const struct fm_pool * pool = &scopes->kinds[kind].pool;
+  const bool is_unknown = pool->entered != FM_NO_SLOT &&
+    !fm_is_known(&pool->evaluator->instance, requirement);
+  return pool->unknown[requirement] + (is_unknown ? 1u : 0u);
+}

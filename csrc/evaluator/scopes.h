@@ -202,6 +202,14 @@ FM_EXPORT struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes
 FM_EXPORT uint64_t fm_scopes_violated(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
 
+/// Count from now on the instances of which requirements are not known (states.h), before the
+/// first message. O(instances + requirements); entering an instance then costs O(inputs), too.
+FM_INTERNAL void fm_scopes_count_unknown(struct fm_scopes * scopes);
+
+/// Of how many instances a requirement of a kind is not known now. O(inputs).
+FM_INTERNAL uint64_t fm_scopes_unknown(
+  const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
+
 #ifdef __cplusplus
 }
 #endif

@@ -21,12 +21,11 @@
 
 #include "tables.h"
 
-bool fm_states_init(struct fm_states * states, const struct fm_monitor * monitor)
+bool fm_states_init(struct fm_states * states, uint32_t n_requirements, uint32_t n_inputs)
 {
-  states->requirements =
-    calloc(monitor->n_requirements + (size_t)1, sizeof(*states->requirements));
-  states->condition_bytes =
-    FM_CONDITION_BYTES + monitor->n_requirements + (size_t)monitor->n_inputs;
+  states->n_requirements = n_requirements;
+  states->requirements = calloc(n_requirements + (size_t)1, sizeof(*states->requirements));
+  states->condition_bytes = FM_CONDITION_BYTES + n_requirements + (size_t)n_inputs;
   states->conditions = calloc(FM_MOST_CONDITIONS + (size_t)2, states->condition_bytes);
   return states->requirements != NULL && states->conditions != NULL;
 }
@@ -43,15 +42,12 @@ void fm_states_begin_violation(struct fm_states * states, uint32_t requirement)
   states->changes += 1;
 }
 
-static bool is_known(
-  const struct fm_evaluator * evaluator, const struct fm_monitor * monitor, uint32_t group)
+void fm_states_set(struct fm_states * states, uint32_t requirement, enum fm_state state)
 {
-  const struct fm_group * read = &monitor->groups[group];
-  bool is_silent = false;
-  for (uint32_t k = 0; k < read->n_inputs; ++k) {
-    is_silent = is_silent || fm_may_be_silent(&evaluator->instance.inputs[read->inputs[k]]);
+  if (states->requirements[requirement].state != state) {
+    states->requirements[requirement].state = (uint8_t)state;
+    states->changes += 1;
   }
-  return !is_silent && evaluator->instance.groups[group].steps > 0;
 }
 
 void fm_states_update(
@@ -59,13 +55,9 @@ void fm_states_update(
   const struct fm_monitor * monitor, const bool * are_violated)
 {
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
-    const enum fm_state state =
-      are_violated[r] || !evaluator->instance.previous[r] ? FM_VIOLATED :
-      is_known(evaluator, monitor, monitor->requirements[r].group) ? FM_HOLDS : FM_UNKNOWN;
-    if (states->requirements[r].state != state) {
-      states->requirements[r].state = (uint8_t)state;
-      states->changes += 1;
-    }
+    fm_states_set(
+      states, r, are_violated[r] || !evaluator->instance.previous[r] ? FM_VIOLATED :
+      fm_is_known(&evaluator->instance, r) ? FM_HOLDS : FM_UNKNOWN);
   }
 }
 
@@ -86,6 +78,9 @@ const uint8_t * fm_states_conditions(const struct fm_states * states) {return la
 static uint8_t flags_of(
   const struct fm_states * states, const struct fm_evaluator * evaluator, uint32_t r)
 {
+  if (r >= evaluator->monitor->n_requirements) {
+    return states->requirements[r].state;
+  }
   const struct fm_requirement_counts counts = fm_evaluator_requirement_counts(evaluator, r);
   const unsigned is_false = counts.holds ? 0u : FM_IS_FALSE;
   const unsigned was_always_false =
@@ -99,10 +94,10 @@ void fm_states_note_conditions(
   const struct fm_monitor * monitor, bool is_known, bool is_latched)
 {
   uint8_t * next = place_of(states, FM_MOST_CONDITIONS + 1u);
-  uint8_t * inputs = next + FM_CONDITION_BYTES + monitor->n_requirements;
+  uint8_t * inputs = next + FM_CONDITION_BYTES + states->n_requirements;
   next[FM_GATE_IS_KNOWN] = is_known ? 1u : 0u;
   next[FM_GATE_IS_LATCHED] = is_latched ? 1u : 0u;
-  for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
+  for (uint32_t r = 0; r < states->n_requirements; ++r) {
     next[FM_CONDITION_BYTES + r] = flags_of(states, evaluator, r);
   }
   for (uint32_t i = 0; i < monitor->n_inputs; ++i) {

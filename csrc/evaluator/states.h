@@ -66,6 +66,7 @@ enum fm_input_flag
 struct fm_states
 {
   struct fm_requirement_state * requirements;  // owned
+  uint32_t n_requirements;
   uint64_t changes;      // grows with each change of a state, and each occurrence
   uint8_t * conditions;  // owned: FM_MOST_CONDITIONS, then the latest, then room for the next
   size_t condition_bytes;
@@ -74,16 +75,22 @@ struct fm_states
   uint64_t missed;       // changes that were not kept, since one was taken
 };
 
-/// Begin with all unknown. Returns false if memory is short. O(requirements); allocates.
-FM_INTERNAL bool fm_states_init(struct fm_states * states, const struct fm_monitor * monitor);
+/// Begin with all unknown: requirements of the monitor first, then those of instances, if there
+/// are any; inputs of the monitor. Returns false if memory is short. O(requirements); allocates.
+FM_INTERNAL bool fm_states_init(
+  struct fm_states * states, uint32_t n_requirements, uint32_t n_inputs);
 FM_INTERNAL void fm_states_free(struct fm_states * states);
+
+/// Note the state of a requirement of instances. O(1).
+FM_INTERNAL void fm_states_set(
+  struct fm_states * states, uint32_t requirement, enum fm_state state);
 
 /// A violation of a requirement has begun. O(1).
 FM_INTERNAL void fm_states_begin_violation(struct fm_states * states, uint32_t requirement);
 
-/// Bring the states up to date after a step, a timeout or a reset. `are_violated`: for each
-/// requirement, whether its last violation has not ended; of a gate's requirement, also one by a
-/// message that was withheld. O(requirements + inputs of their groups).
+/// Bring the states of the monitor up to date after a step, a timeout or a reset. `are_violated`:
+/// for each requirement, whether its last violation has not ended; of a gate's requirement, also
+/// one by a message that was withheld. O(requirements + inputs of their groups).
 FM_INTERNAL void fm_states_update(
   struct fm_states * states, const struct fm_evaluator * evaluator,
   const struct fm_monitor * monitor, const bool * are_violated);

@@ -25,6 +25,8 @@
 #include "in_place_types.h"
 #include "words.h"
 
+#define STAND_IN "fm_key"
+
 static char * resolve(const struct fm_node * node, const char * name, bool is_service)
 {
   char * resolved = NULL;
@@ -48,9 +50,31 @@ char * fm_resolved_service(const struct fm_node * node, const char * name)
   return resolve(node, name, true);
 }
 
+char * fm_with_key(const char * name, const char * variable, const char * key)
+{
+  struct fm_text text = {NULL, 0, 0};
+  const char * const found = strstr(name, variable);
+  fm_text_add(
+    &text, "%.*s%s%s", (int)(found - name), name, key, found + strlen(variable));
+  return text.bytes;
+}
+
+// Resolve a name with a variable: another word stands for it meanwhile.
+static char * resolve_keyed(const struct fm_node * node, const struct fm_report_topic * topic)
+{
+  char * const name = fm_with_key(topic->name, topic->variable, STAND_IN);
+  char * const resolved = name == NULL ? NULL : fm_resolved_name(node, name);
+  char * const shown =
+    resolved == NULL ? NULL : fm_with_key(resolved, STAND_IN, topic->variable);
+  free(name);
+  free(resolved);
+  return shown;
+}
+
 char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic)
 {
   return topic->kind >= FM_TRANSFORM ? fm_copy_of(topic->name) :
+         topic->variable[0] != '\0' ? resolve_keyed(node, topic) :
          fm_resolved_name(node, topic->name);
 }
 
@@ -99,10 +123,11 @@ static bool receive(
   if (topic->gate != NULL ?
     fm_node_gate_take(
       topic->gate, &intake->subscription, request.is_durable, &intake->is_relayed) :
-    fm_receiver_start(
+    fm_receiver_start_keyed(
       &intake->receiver, topic->engine, topic->middleware,
       rcl_subscription_get_rmw_handle(&intake->subscription), topic->index,
-      topic->in_place != NULL ? FM_LISTEN_IN_PLACE : topic->taking))
+      topic->in_place != NULL ? FM_LISTEN_IN_PLACE : topic->taking,
+      topic->key.size > 0 ? &topic->key : NULL))
   {
     return true;
   }
@@ -144,6 +169,11 @@ static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake
   return true;
 }
 
+static void begin(void * state, const struct fm_offer * offers, uint32_t n_offers)
+{
+  fm_subscription_begin(state, offers, n_offers, fm_steady_now());
+}
+
 bool fm_topic_open(
   struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_table * table,
   const char * name, const struct fm_fixed_qos * fixed, uint32_t index)
@@ -153,7 +183,8 @@ bool fm_topic_open(
   const char * type = is_more ? table->gate->type : table->report.topics[index].type;
   topic->type = type;
   topic->support = is_more ? table->gate->from.support : table->topics[index].support;
-  topic->written = is_more ? table->gate->name : table->report.topics[index].name;
+  topic->written = is_more ? table->gate->name :
+    topic->key.size > 0 ? name : table->report.topics[index].name;
   topic->index = index;
   topic->name = name;
   const bool is_for_callbacks = topic->gate == NULL && topic->taking == FM_LISTEN;
@@ -165,6 +196,8 @@ bool fm_topic_open(
   topic->state = fm_subscription_create(topic->name, type, fixed);
   if (topic->state == NULL) {
     fm_text_add(&problem, "memory is short");
+  } else if (topic->is_found) {
+    fm_look_for_publishers(node, name, begin, topic->state);
   }
   const bool is_done = topic->state != NULL &&
     subscribe(topic, fm_subscription_request(topic->state), &topic->current, &problem);
@@ -194,9 +227,33 @@ bool fm_topic_start(
   return is_done;
 }
 
+// Messages may come twice while one of the topics that are one of the bundle hands over.
+static void begin_handover(struct fm_mapped_topic * topic, bool has_history)
+{
+  if (topic->n_handovers != NULL && !topic->hands_over) {
+    *topic->n_handovers += 1u;
+  }
+  topic->hands_over = true;
+  fm_engine_begin_handover(topic->engine, topic->index, has_history);
+}
+
+static void end_handover(struct fm_mapped_topic * topic)
+{
+  if (topic->n_handovers != NULL && topic->hands_over) {
+    *topic->n_handovers -= 1u;
+  }
+  topic->hands_over = false;
+  if (topic->n_handovers == NULL || *topic->n_handovers == 0) {
+    fm_engine_end_handover(topic->engine, topic->index);
+  }
+}
+
 bool fm_topic_close(struct fm_mapped_topic * topic)
 {
   bool is_over = !topic->is_leaked;
+  if (topic->hands_over) {
+    end_handover(topic);
+  }
   for (uint32_t k = 0; k < topic->n_retired; ++k) {
     is_over = end_intake(topic, &topic->retired[k]) && is_over;
   }
@@ -235,7 +292,7 @@ static bool replace(
   if (!subscribe(topic, request, &new_intake, problem)) {
     return false;
   }
-  fm_engine_begin_handover(topic->engine, topic->index, request.is_durable);
+  begin_handover(topic, request.is_durable);
   retire(topic);
   if (!receive(topic, &new_intake, request, problem)) {
     (void)end_intake(topic, &new_intake);
@@ -257,7 +314,7 @@ static void follow(void * context, const struct fm_offer * offers, uint32_t n_of
     fm_subscription_decide(topic->state, offers, n_offers, matched, fm_steady_now());
   end_oldest(topic, decision.n_ended);
   if (decision.ends_handover) {
-    fm_engine_end_handover(topic->engine, topic->index);
+    end_handover(topic);
   }
   const bool is_good = !decision.subscribes || replace(topic, decision.request, &problem);
   if (topic->gate != NULL) {

@@ -35,11 +35,14 @@ struct fm_intake
   bool is_relayed;                // the gate's relay takes them
 };
 
-/// A topic. Zeroed before fm_topic_open but for the first two; fm_topic_close frees all of it.
+/// A topic. Zeroed before fm_topic_open but for the first five; fm_topic_close frees all of it.
 struct fm_mapped_topic
 {
   struct fm_node_gate * gate;        // that takes its messages; NULL: the engine does
   enum fm_taking taking;             // what callbacks do otherwise: FM_LISTEN, FM_WAKE
+  struct fm_key key;                 // of one of many that are one topic of the bundle; size 0: no
+  uint32_t * n_handovers;            // of all of these that go on; NULL: it is alone
+  bool is_found;                     // in the graph, with its publishers
   struct fm_node * node;
   struct fm_engine * engine;
   const struct fm_middleware * middleware;
@@ -54,6 +57,7 @@ struct fm_mapped_topic
   struct fm_intake * retired;        // being replaced, the oldest first
   uint32_t n_retired;
   bool is_due;                       // to be reviewed
+  bool hands_over;                   // it is one of `n_handovers`
   bool is_leaked;                    // the middleware may still call back for a closed one
 };
 
@@ -64,7 +68,12 @@ char * fm_resolved_name(const struct fm_node * node, const char * name);
 /// The same, of a service.
 char * fm_resolved_service(const struct fm_node * node, const char * name);
 
-/// As fm_resolved_name, of a topic of the table; one whose messages are made has its own name.
+/// A name with a key in place of a variable, which is in it. The caller frees it. NULL if memory
+/// is short.
+char * fm_with_key(const char * name, const char * variable, const char * key);
+
+/// As fm_resolved_name, of a topic of the table; one whose messages are made has its own name. A
+/// variable stays in the name.
 char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic);
 
 /// Subscribe; no message is taken before fm_topic_start. `name`: the resolved one; it outlives the

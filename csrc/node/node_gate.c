@@ -34,7 +34,8 @@ static struct fm_gate_options options_of(
 {
   const struct fm_report_gate * about = table->report.gate;
   return (struct fm_gate_options) {
-    .evaluator = evaluator, .monitor = table->monitor(), .topics = table->report.topic_inputs,
+    .evaluator = evaluator, .monitor = table->scope.monitor(),
+    .topics = table->report.topic_inputs,
     .n_topics = table->report.n_topics, .from = about->topic, .otherwise = about->otherwise,
     .hold = about->hold, .period = about->period, .passes_silent = about->passes_silent,
     .latches = about->latches, .open_after = about->open_after};

@@ -110,28 +110,19 @@ bool fm_node_graph_begin(
   return graph->watch != NULL;
 }
 
-static void count_own(
-  struct fm_node_graph * graph, const struct fm_mapped_topic * topics, uint32_t n_topics)
-{
-  for (uint32_t k = 0; k < graph->n; ++k) {
-    graph->own[k] = 0;
-    for (uint32_t t = 0; graph->sources[k].kind == FM_GRAPH_SUBSCRIBERS && t < n_topics; ++t) {
-      if (topics[t].state != NULL && strcmp(topics[t].name, graph->names[k]) == 0) {
-        graph->own[k] += 1u + topics[t].n_retired;
-      }
-    }
-  }
-}
-
 int64_t fm_node_graph_review(
-  struct fm_node_graph * graph, const struct fm_mapped_topic * topics, uint32_t n_topics)
+  struct fm_node_graph * graph, uint32_t (* count_own)(const void * context, const char * topic),
+  const void * context)
 {
   if (graph->watch == NULL) {
     return INT64_MAX;
   }
   const bool has_changed = graph->has_changed;
   graph->has_changed = false;
-  count_own(graph, topics, n_topics);
+  for (uint32_t k = 0; k < graph->n; ++k) {
+    graph->own[k] = graph->sources[k].kind == FM_GRAPH_SUBSCRIBERS ?
+      count_own(context, graph->names[k]) : 0;
+  }
   return fm_graph_review(graph->watch, fm_steady_now(), has_changed, graph->own);
 }
 

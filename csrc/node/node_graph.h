@@ -42,10 +42,12 @@ bool fm_node_graph_begin(
   struct fm_node_graph * graph, struct fm_node * node, const struct fm_node_table * table,
   struct fm_engine * engine);
 
-/// Look if it is time; the subscriptions to `topics` are not counted. Returns when to call it
-/// next: CLOCK_MONOTONIC, INT64_MAX if there is nothing to look for. As fm_graph_review.
+/// Look if it is time; the node's own subscriptions, which `count_own` returns for a topic, are
+/// not counted. Returns when to call it next: CLOCK_MONOTONIC, INT64_MAX if there is nothing to
+/// look for. As fm_graph_review.
 int64_t fm_node_graph_review(
-  struct fm_node_graph * graph, const struct fm_mapped_topic * topics, uint32_t n_topics);
+  struct fm_node_graph * graph, uint32_t (* count_own)(const void * context, const char * topic),
+  const void * context);
 
 void fm_node_graph_end(struct fm_node_graph * graph);
 

@@ -63,6 +63,11 @@ static struct fm_publishers publishers_of(const struct fm_session * session, uin
   const struct fm_report_gate * gate = session->table->report.gate;
   const struct fm_subscription * state = session->topics[topic].state;
   const uint32_t n = gate != NULL && gate->is_service && gate->topic == topic ? 1u : 0u;
+  if (topic < session->table->report.n_topics &&
+    session->table->report.topics[topic].variable[0] != '\0')
+  {
+    return fm_bound_publishers(&session->bound, topic);
+  }
   return state != NULL ? fm_subscription_publishers(state) : (struct fm_publishers) {n, "", ""};
 }
 

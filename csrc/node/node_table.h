@@ -78,6 +78,31 @@ struct fm_node_gate_table
   int64_t timeout;                // ns, for which a request waits for its answer
 };
 
+/// What the evaluator of a scope needs: as in fm_evaluator_options.
+struct fm_node_scope
+{
+  const struct fm_monitor * (* monitor)(void);
+  const struct fm_topic * topics;
+  const uint8_t * reports;
+  const uint8_t * sources;
+  const int64_t * timeouts;
+  const bool * violates;
+  const int64_t * startups;
+  const int64_t * windows;
+  const uint32_t * rooms;
+};
+
+/// A kind of instances; what fm_report_kind has is not repeated. As in fm_kind.
+struct fm_node_kind
+{
+  struct fm_node_scope scope;
+  const struct fm_outputs * (* outputs)(void);  // NULL: none
+  const uint8_t * concerns;
+  const struct fm_key * listed;
+  uint32_t n_listed;
+  int64_t forget;
+};
+
 struct fm_node_table
 {
   struct fm_report_table report;
@@ -87,7 +112,10 @@ struct fm_node_table
   const char * const * warnings;  // about the bundle
   uint32_t n_warnings;
   const char * judged_by_gates;  // of the log: requirements that are left to gates; may be ""
-  const struct fm_monitor * (* monitor)(void);
+  struct fm_node_scope scope;  // of the bundle
+  const struct fm_node_kind * kinds;  // as many as in the report
+  const struct fm_aggregate * aggregates;
+  uint32_t n_aggregates;
   const struct fm_readers * (* readers)(void);  // NULL: no topics
   const struct fm_node_topic * topics;
   const char * const * end_definition;  // as of a topic, of std_msgs/msg/Header
@@ -101,13 +129,6 @@ struct fm_node_table
   uint32_t n_derived;
   const struct fm_node_gate_table * gate;  // NULL: the bundle has none, or leaves it to others
   const struct fm_action_type * action_types;  // of each action, without locks
-  const uint8_t * reports;   // as in fm_evaluator_options, up to `rooms`
-  const uint8_t * sources;
-  const int64_t * timeouts;
-  const bool * violates;
-  const int64_t * startups;
-  const int64_t * windows;
-  const uint32_t * rooms;
 };
 
 struct fm_own_service

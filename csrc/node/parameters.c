@@ -522,7 +522,8 @@ static struct fm_fixed_qos * read_overrides_of(
 {
   struct fm_fixed_qos * fixed = calloc(table->report.n_topics + 1u, sizeof(*fixed));
   for (uint32_t k = 0; fixed != NULL && k < table->report.n_topics; ++k) {
-    char * topic = fm_resolved_name(parameters->node, table->report.topics[k].name);
+    char * topic = table->report.topics[k].variable[0] != '\0' ? NULL :
+      fm_resolved_name(parameters->node, table->report.topics[k].name);
     fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
       apply_overrides(parameters, &fixed[k], topic);

@@ -20,6 +20,8 @@
 #include "rmw_functions.h"
 
 #include <rcutils/error_handling.h>
+#include <rmw/get_topic_names_and_types.h>
+#include <rmw/names_and_types.h>
 #include <rmw/rmw.h>
 #include <rmw/types.h>
 
@@ -55,8 +57,26 @@ static int free_strings(struct fm_strings * strings)
   return rcutils_string_array_fini((rcutils_string_array_t *)(void *)strings);
 }
 
+typedef char same_topics[
+  sizeof(struct fm_names_and_types) == sizeof(rmw_names_and_types_t) ? 1 : -1];
+
+static int topic_names(
+  const void * node, struct fm_allocator * allocator, bool no_demangle,
+  struct fm_names_and_types * found)
+{
+  return rmw_get_topic_names_and_types(
+    node, (rcutils_allocator_t *)(void *)allocator, no_demangle,
+    (rmw_names_and_types_t *)(void *)found);
+}
+
+static int free_topics(struct fm_names_and_types * found)
+{
+  return rmw_names_and_types_fini((rmw_names_and_types_t *)(void *)found);
+}
+
 const struct fm_graph_functions fm_rmw_graph = {
-  node_names, count_publishers, count_subscribers, free_strings, rcutils_reset_error};
+  node_names, count_publishers, count_subscribers, free_strings, rcutils_reset_error, topic_names,
+  free_topics};
 
 static int take(
   const void * subscription, struct fm_serialized * message, bool * taken,

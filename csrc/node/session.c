@@ -18,6 +18,7 @@
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
 #include <std_msgs/msg/empty.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -53,6 +54,23 @@ static char ** resolve_used(const struct fm_session * session)
   return names;
 }
 
+// The names of the topics of inputs, as reports show them.
+static char ** name_shown(const struct fm_session * session)
+{
+  const struct fm_report_table * table = &session->table->report;
+  char ** names = calloc(table->n_topics + (size_t)1, sizeof(*names));
+  for (uint32_t k = 0; names != NULL && k < table->n_topics; ++k) {
+    struct fm_text text = {NULL, 0, 0};
+    fm_text_add(&text, "%s", session->topic_names[k]);
+    if (table->topics[k].where[0] != '\0') {
+      fm_text_add(&text, " where %s", table->topics[k].where);
+    }
+    names[k] = fm_copy_of(fm_text_get(&text));
+    fm_text_free(&text);
+  }
+  return names;
+}
+
 static bool refuse_merged(const struct fm_session * session)
 {
   struct fm_lines lines = {NULL, 0, 0};
@@ -64,7 +82,7 @@ static bool refuse_merged(const struct fm_session * session)
 
 static bool advertise_all(struct fm_session * session)
 {
-  const uint32_t n = session->table->monitor()->n_requirements;
+  const uint32_t n = session->table->report.n_requirements;
   session->handlers = calloc(n + 1u, sizeof(*session->handlers));
   if (session->handlers == NULL) {
     return false;
@@ -114,7 +132,8 @@ bool fm_session_configure(
   session->settings = *settings;
   session->is_configured = true;
   session->topic_names = resolve_used(session);  // first those of the inputs
-  if (session->topic_names == NULL || !fm_node_blackbox_begin(
+  session->shown_names = session->topic_names == NULL ? NULL : name_shown(session);
+  if (session->shown_names == NULL || !fm_node_blackbox_begin(
       &session->blackbox, node, table, session->topic_names, &settings->blackbox) ||
     !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
   {
@@ -137,7 +156,8 @@ void fm_session_release(struct fm_session * session)
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
   free_names(session->topic_names, session->table->report.n_used);
-  session->topic_names = NULL;
+  free_names(session->shown_names, session->table->report.n_topics);
+  session->topic_names = session->shown_names = NULL;
   free(session->gate_source);
   free(session->gate_target);
   session->gate_source = session->gate_target = NULL;
@@ -146,30 +166,101 @@ void fm_session_release(struct fm_session * session)
 
 // ---- the engine --------------------------------------------------------------------------------
 
+static struct fm_evaluator_options options_of(
+  const struct fm_node_table * table, const struct fm_node_scope * scope)
+{
+  return (struct fm_evaluator_options) {
+    .monitor = scope->monitor(),
+    .topics = scope->topics, .n_topics = table->report.n_topics,
+    .policy = table->report.policy, .reports = scope->reports, .timeouts = scope->timeouts,
+    .violates = scope->violates, .period = table->report.period, .patience = PATIENCE_NS,
+    .sources = scope->sources, .reports_recoveries = true, .startups = scope->startups,
+    .windows = scope->windows, .rooms = scope->rooms};
+}
+
+// Zeroed memory, aligned; that which is never used is not touched. NULL if memory is short.
+static void * reserve(struct fm_session * session, uint64_t bytes)
+{
+  session->memory = bytes == 0 ? NULL : calloc((size_t)bytes + ALIGNMENT, 1);
+  const uintptr_t address = (uintptr_t)session->memory;
+  return session->memory == NULL ? NULL :
+         (uint8_t *)session->memory + (-address % ALIGNMENT);
+}
+
 static struct fm_evaluator * make_evaluator(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  const struct fm_evaluator_options options = {
-    .monitor = table->monitor(),
-    .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
-    .policy = table->report.policy, .reports = table->reports, .timeouts = table->timeouts,
-    .violates = table->violates, .period = table->report.period, .patience = PATIENCE_NS,
-    .sources = table->sources, .reports_recoveries = true, .startups = table->startups,
-    .windows = table->windows, .rooms = table->rooms};
-  const uint64_t bytes = fm_evaluator_bytes(&options);
-  session->memory = bytes == 0 ? NULL : malloc((size_t)bytes + ALIGNMENT);
-  if (session->memory == NULL) {
-    return NULL;
-  }
-  const uintptr_t address = (uintptr_t)session->memory;
-  struct fm_evaluator * evaluator = fm_evaluator_init(
-    (uint8_t *)session->memory + (-address % ALIGNMENT), &options);
-  for (uint32_t k = 0; evaluator != NULL && k < options.monitor->n_inputs; ++k) {
+  const struct fm_evaluator_options options = options_of(table, &table->scope);
+  void * memory = reserve(session, fm_evaluator_bytes(&options));
+  return memory == NULL ? NULL : fm_evaluator_init(memory, &options);
+}
+
+static void set_initial(
+  const struct fm_node_table * table, struct fm_evaluator * evaluator, struct fm_scopes * scopes)
+{
+  for (uint32_t k = 0; k < table->scope.monitor()->n_inputs; ++k) {
     if (table->report.inputs[k].has_initial) {
       fm_evaluator_initial(evaluator, k, table->report.inputs[k].initial);
     }
   }
-  return evaluator;
+  for (uint32_t kind = 0; kind < table->report.n_kinds; ++kind) {
+    const struct fm_report_kind * about = &table->report.kinds[kind];
+    for (uint32_t k = 0; k < about->n_inputs; ++k) {
+      if (about->inputs[k].has_initial) {
+        fm_scopes_initial(scopes, kind, k, about->inputs[k].initial);
+      }
+    }
+  }
+}
+
+static void describe_kinds(
+  const struct fm_node_table * table, struct fm_evaluator_options * options,
+  struct fm_kind * kinds)
+{
+  for (uint32_t k = 0; k < table->report.n_kinds; ++k) {
+    const struct fm_node_kind * kind = &table->kinds[k];
+    const struct fm_report_kind * about = &table->report.kinds[k];
+    options[k] = options_of(table, &kind->scope);
+    kinds[k] = (struct fm_kind) {
+      .options = &options[k], .outputs = kind->outputs == NULL ? NULL : kind->outputs(),
+      .concerns = kind->concerns, .keyed = about->keyed, .shared = about->shared,
+      .listed = kind->listed, .n_listed = kind->n_listed, .most = about->most,
+      .forget = kind->forget};
+  }
+}
+
+// Two words that nobody can guess, so that nobody can choose keys that collide.
+static void make_seed(uint64_t seed[2])
+{
+  FILE * file = fopen("/dev/urandom", "rb");
+  if (file == NULL || fread(seed, sizeof(*seed), 2, file) != 2u) {
+    seed[0] = (uint64_t)fm_steady_now();
+    seed[1] = (uint64_t)(uintptr_t)seed;
+  }
+  if (file != NULL) {
+    (void)fclose(file);
+  }
+}
+
+static struct fm_scopes * make_scopes(struct fm_session * session)
+{
+  const struct fm_node_table * table = session->table;
+  const uint32_t n = table->report.n_kinds;
+  const struct fm_evaluator_options bundle = options_of(table, &table->scope);
+  struct fm_evaluator_options * options = calloc(n + (size_t)1, sizeof(*options));
+  session->kinds = calloc(n + (size_t)1, sizeof(*session->kinds));
+  session->kind_options = options;
+  if (options == NULL || session->kinds == NULL) {
+    return NULL;
+  }
+  describe_kinds(table, options, session->kinds);
+  uint64_t seed[2];
+  make_seed(seed);
+  const struct fm_scopes_options all = {
+    .bundle = &bundle, .kinds = session->kinds, .n_kinds = n,
+    .n_aggregates = table->n_aggregates, .aggregates = table->aggregates, .seed = seed};
+  void * memory = reserve(session, fm_scopes_bytes(&all));
+  return memory == NULL ? NULL : fm_scopes_init(memory, &all);
 }
 
 // The names of nodes are resolved.
@@ -193,12 +284,18 @@ static bool follow_derived(struct fm_session * session)
 static bool make_engine(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  struct fm_evaluator * evaluator = make_evaluator(session);
+  const bool has_instances = table->report.n_kinds > 0;
+  struct fm_scopes * scopes = has_instances ? make_scopes(session) : NULL;
+  struct fm_evaluator * evaluator = !has_instances ? make_evaluator(session) :
+    scopes == NULL ? NULL : fm_scopes_bundle(scopes);
+  if (evaluator != NULL) {
+    set_initial(table, evaluator, scopes);
+  }
   const struct fm_engine_options options = {
-    .evaluator = evaluator, .monitor = table->monitor(),
+    .evaluator = evaluator, .scopes = scopes, .monitor = table->scope.monitor(),
     .readers = table->readers == NULL ? NULL : table->readers(),
     .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
-    .sources = table->sources,
+    .sources = table->scope.sources,
     .uses_header_stamps = table->report.uses_header_stamps, .reorder = table->report.reorder,
     .takes_recoveries = false};
   session->engine = options.evaluator == NULL ? NULL : fm_engine_create(&options);
@@ -261,8 +358,10 @@ static bool open_topic(struct fm_session * session, uint32_t k)
   if (is_judged && table->report.gate->is_service) {
     return true;  // the gate receives the requests
   }
-  if (!is_last && table->topics[k].support == NULL) {
-    return true;  // its messages are made
+  if (!is_last &&
+    (table->topics[k].support == NULL || table->report.topics[k].variable[0] != '\0'))
+  {
+    return true;  // its messages are made, or it is many topics
   }
   session->topics[k].gate = is_judged ? &session->gate : NULL;
   session->topics[k].taking = session->settings.taking;
@@ -297,6 +396,16 @@ static bool subscribe_all(struct fm_session * session)
   return true;
 }
 
+static bool subscribe_bound(struct fm_session * session)
+{
+  const struct fm_bound_options options = {
+    session->node, session->table, (const char * const *)session->topic_names,
+    session->settings.fixed, session->settings.taking};
+  return session->table->report.n_kinds == 0 || (
+    fm_bound_begin(&session->bound, &options) &&
+    fm_bound_start(&session->bound, session->engine));
+}
+
 bool fm_session_activate(struct fm_session * session)
 {
   if (!make_engine(session)) {
@@ -304,14 +413,15 @@ bool fm_session_activate(struct fm_session * session)
     return false;
   }
   session->reporter = (struct fm_reporter) {
-    &session->table->report, session->table->monitor(), session->engine,
+    &session->table->report, session->table->scope.monitor(), session->engine,
     rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
-    (const char * const *)session->topic_names};
+    (const char * const *)session->shown_names};
   fm_engine_follow_steady(session->engine);
   if (session->clock->is_simulated) {
     fm_engine_follow_clock(session->engine, fm_clock_read, session->clock, false);
   }
-  if (!start_threads(session) || !subscribe_all(session) || !fm_node_graph_begin(
+  if (!start_threads(session) || !subscribe_all(session) || !subscribe_bound(session) ||
+    !fm_node_graph_begin(
       &session->graph, session->node, session->table, session->engine))
   {
     fm_session_deactivate(session);
@@ -333,6 +443,7 @@ void fm_session_deactivate(struct fm_session * session)
   for (uint32_t k = 0; k < session->n_topics; ++k) {
     is_over = fm_topic_close(&session->topics[k]) && is_over;
   }
+  is_over = fm_bound_end(&session->bound) && is_over;
   free(session->topics);
   session->topics = NULL;
   session->n_topics = 0;
@@ -349,10 +460,14 @@ void fm_session_deactivate(struct fm_session * session)
     fm_engine_destroy(session->engine);
     fm_node_gate_end(&session->gate);
     free(session->memory);
+    free(session->kinds);
+    free(session->kind_options);
     free_names(session->node_names, session->table->n_derived);
   }
   session->engine = NULL;
   session->memory = NULL;
+  session->kinds = NULL;
+  session->kind_options = NULL;
   session->node_names = NULL;
 }
 
@@ -363,10 +478,21 @@ static bool is_subscribed(const struct fm_mapped_topic * topic)
   return topic->state != NULL;
 }
 
+static uint32_t count_topics(const struct fm_session * session)
+{
+  return session->n_topics + session->bound.n;
+}
+
+static struct fm_mapped_topic * topic_at(const struct fm_session * session, uint32_t k)
+{
+  return k < session->n_topics ? &session->topics[k] :
+         &session->bound.items[k - session->n_topics]->mapped;
+}
+
 static void note_all(struct fm_session * session)
 {
-  for (uint32_t k = 0; k < session->n_topics; ++k) {
-    session->topics[k].is_due = is_subscribed(&session->topics[k]);
+  for (uint32_t k = 0; k < count_topics(session); ++k) {
+    topic_at(session, k)->is_due = is_subscribed(topic_at(session, k));
   }
 }
 
@@ -379,13 +505,15 @@ int64_t fm_session_note_change(struct fm_session * session)
   session->has_due = true;
   note_all(session);
   session->graph.has_changed = true;
-  return session->graph.watch == NULL ? session->next_look : fm_steady_now();
+  session->bound.has_changed = true;
+  return session->graph.watch == NULL && session->bound.watch == NULL ? session->next_look :
+         fm_steady_now();
 }
 
 static void note_unsettled(struct fm_session * session, int64_t now)
 {
-  for (uint32_t k = 0; k < session->n_topics; ++k) {
-    struct fm_mapped_topic * topic = &session->topics[k];
+  for (uint32_t k = 0; k < count_topics(session); ++k) {
+    struct fm_mapped_topic * topic = topic_at(session, k);
     topic->is_due = topic->is_due || (is_subscribed(topic) && !fm_topic_is_settled(topic));
   }
   if (now >= session->next_round) {
@@ -398,10 +526,11 @@ static void note_unsettled(struct fm_session * session, int64_t now)
 static bool look_at_due(struct fm_session * session)
 {
   bool is_any_left = false;
+  const uint32_t n_topics = count_topics(session);
   uint32_t n = 0;
-  for (uint32_t k = 0; k < session->n_topics; ++k) {
+  for (uint32_t k = 0; k < n_topics; ++k) {
     struct fm_mapped_topic * topic =
-      &session->topics[(session->next_looked_at + k) % session->n_topics];
+      topic_at(session, (session->next_looked_at + k) % n_topics);
     if (topic->is_due && n < FM_LOOKS_AT_ONCE) {
       n += 1u;
       fm_topic_review(topic);
@@ -413,10 +542,24 @@ static bool look_at_due(struct fm_session * session)
   return is_any_left;
 }
 
+// How many subscriptions this node has on a topic.
+static uint32_t count_subscriptions(const void * context, const char * name)
+{
+  const struct fm_session * session = context;
+  uint32_t n = 0;
+  for (uint32_t k = 0; k < count_topics(session); ++k) {
+    const struct fm_mapped_topic * topic = topic_at(session, k);
+    if (is_subscribed(topic) && strcmp(topic->name, name) == 0) {
+      n += 1u + topic->n_retired;
+    }
+  }
+  return n;
+}
+
 int64_t fm_session_review(struct fm_session * session)
 {
-  const int64_t graph =
-    fm_node_graph_review(&session->graph, session->topics, session->n_topics);
+  const int64_t graph = fm_node_graph_review(&session->graph, count_subscriptions, session);
+  const int64_t found = fm_bound_review(&session->bound);
   const int64_t now = fm_steady_now();
   if (now >= session->next_question) {
     session->next_question = now + FM_SECOND;
@@ -427,7 +570,8 @@ int64_t fm_session_review(struct fm_session * session)
     session->has_due = look_at_due(session);
   }
   const int64_t next = session->has_due ? session->next_look : session->next_question;
-  return graph < next ? graph : next;
+  const int64_t looks = graph < found ? graph : found;
+  return looks < next ? looks : next;
 }
 
 void fm_session_serve_requests(struct fm_session * session)

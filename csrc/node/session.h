@@ -20,6 +20,7 @@
 #ifndef SESSION_H_
 #define SESSION_H_
 
+#include "bound_topics.h"
 #include "detail_thread.h"
 #include "mapped_topic.h"
 #include "node_actions.h"
@@ -52,16 +53,20 @@ struct fm_session
   struct fm_node_gate gate;
   char * gate_source;                 // full names; NULL: no gate
   char * gate_target;
-  void * memory;                      // of the evaluator
+  void * memory;                      // of the evaluator, or of all scopes
+  struct fm_kind * kinds;             // of instances
+  struct fm_evaluator_options * kind_options;
   struct fm_engine * engine;
   struct fm_reporter reporter;
   char ** topic_names;                // as resolved
+  char ** shown_names;                // as reports name them, of the topics of inputs
   char ** node_names;                 // of the table's derived topics, in full
   struct fm_announcer * announcer;
   struct fm_detail_thread * detail_thread;
   struct fm_node_graph graph;
   struct fm_mapped_topic * topics;
   uint32_t n_topics;                  // that were opened
+  struct fm_bound_topics bound;       // with a variable in their names
   uint32_t next_looked_at;            // of the topics
   bool has_due;                       // topics to be looked at
   int64_t next_look;                  // at publishers; steady, as these two

@@ -75,7 +75,7 @@ static void collect_all(
   const struct fm_typed_use use = {.owner = owner, .is_input = true};
   for (uint32_t k = 0; k < table->report.n_topics; ++k) {
     const struct fm_report_topic * topic = &table->report.topics[k];
-    if (topic->kind == FM_TOPIC) {
+    if (topic->kind == FM_TOPIC && topic->variable[0] == '\0') {
       collect(found, topic->name, topic->type, use);
     }
   }

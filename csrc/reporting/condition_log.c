@@ -97,7 +97,8 @@ static void review_present(
 // until the next look.
 void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
 {
-  const size_t bytes = fm_condition_bytes(review->reporter->monitor);
+  const size_t bytes = fm_condition_bytes(
+    review->reporter->table->n_requirements, review->reporter->monitor->n_inputs);
   const uint32_t n = review->n_conditions;
   struct fm_text state = {NULL, 0, 0};
   memset(review->changes, 0, n * sizeof(*review->changes));

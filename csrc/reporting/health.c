@@ -20,6 +20,7 @@
 
 #include "reasons.h"
 #include "graph_lines.h"
+#include "instance_lines.h"
 #include "review_parts.h"
 #include "transform_lines.h"
 
@@ -125,9 +126,15 @@ static void add_requirement(const struct report * report, uint32_t requirement)
   const struct fm_report_requirement * about = &table->requirements[requirement];
   const struct fm_requirement_counts * counts = &report->review->now.requirements[requirement];
   const bool is_timed = table->policy == FM_TIMED;
+  const bool has_instances = about->kind != FM_BUNDLE;
   struct fm_text message = {NULL, 0, 0};
-  const uint8_t level = describe_requirement(report->review, requirement, &message);
+  const uint8_t level = has_instances ?
+    (uint8_t)fm_describe_instances(report->review, requirement, &message) :
+    describe_requirement(report->review, requirement, &message);
   struct fm_status * status = add_status(report, level, "", about->id, fm_text_get(&message));
+  if (has_instances) {
+    fm_add_instances(report->review, requirement, status);
+  }
   add_count(status, is_timed ? "evaluations" : "steps", counts->steps);
   add_count(status, is_timed ? "violating evaluations" : "violations", counts->violations);
   add_count(status, "announced", counts->announced);
@@ -199,9 +206,28 @@ static void add_silence(
   fm_text_free(&text);
 }
 
-static void add_fields(
-  const struct fm_review * review, const struct fm_topic * fed, struct troubles * troubles)
+// Add the inputs with keys of which fields could not be used since the last report.
+static void add_unusable_keyed(
+  const struct fm_review * review, uint32_t topic, struct fm_text * names)
 {
+  const struct fm_report_table * table = review->reporter->table;
+  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
+    const struct fm_topic * fed = fm_keyed_inputs(table, kind, topic);
+    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+      const uint32_t input = fed->inputs[k];
+      if (review->now.kinds[kind].inputs[input].counts.unusable >
+        review->before.kinds[kind].inputs[input].counts.unusable)
+      {
+        fm_text_list(names, ", ", table->kinds[kind].inputs[input].name);
+      }
+    }
+  }
+}
+
+static void add_fields(
+  const struct fm_review * review, uint32_t topic, struct troubles * troubles)
+{
+  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
   struct fm_text unusable = {NULL, 0, 0};
   struct fm_text absent = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
@@ -214,6 +240,7 @@ static void add_fields(
       fm_text_list(&absent, ", ", name);
     }
   }
+  add_unusable_keyed(review, topic, &unusable);
   if (unusable.length > 0) {
     add_trouble(troubles, WARN, "fields cannot be used: %s", fm_text_get(&unusable));
   }
@@ -254,6 +281,15 @@ static void add_seen(
   fm_text_free(&seen);
 }
 
+static bool feeds_any(const struct fm_report_table * table, uint32_t topic)
+{
+  bool feeds = table->topic_inputs[topic].n_inputs > 0;
+  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
+    feeds = feeds || fm_keyed_inputs(table, kind, topic)->n_inputs > 0;
+  }
+  return feeds;
+}
+
 static struct troubles troubles_of(const struct fm_review * review, uint32_t topic)
 {
   const struct fm_publishers * facts = &review->facts.topics[topic];
@@ -269,7 +305,7 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
     add_trouble(&found, ERROR, "not received: %s", facts->unmatched);
   }
   add_silence(review, fed, &found);
-  add_fields(review, fed, &found);
+  add_fields(review, topic, &found);
   add_increase(&found, before->lost, now->lost, "lost");
   add_increase(&found, before->order.late, now->order.late, "late");
   add_increase(&found, before->order.overflows, now->order.overflows, "too early");
@@ -283,32 +319,57 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
     add_seen(review, topic, &found);
   } else if (facts->n == 0 && facts->other_types[0] == '\0') {
     // The other one of /tf and /tf_static may be enough; a transform says what it lacks.
-    add_trouble(&found, fed->n_inputs > 0 ? WARN : OK, "no publisher");
+    add_trouble(&found, feeds_any(review->reporter->table, topic) ? WARN : OK, "no publisher");
   }
   return found;
+}
+
+static void add_count_of_input(
+  struct fm_status * status, const char * what, const struct fm_report_input * input,
+  uint64_t count)
+{
+  struct fm_text key = {NULL, 0, 0};
+  fm_text_add(&key, "%s %s", what, input->name);
+  add_count(status, fm_text_get(&key), count);
+  fm_text_free(&key);
 }
 
 static void add_counts_of_inputs(
   const struct fm_review * review, const struct fm_topic * fed, struct fm_status * status)
 {
   const struct fm_report_input * inputs = review->reporter->table->inputs;
-  struct fm_text key = {NULL, 0, 0};
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint64_t unusable = review->now.inputs[fed->inputs[k]].counts.unusable;
     if (unusable > 0) {
-      fm_text_clear(&key);
-      fm_text_add(&key, "unusable %s", inputs[fed->inputs[k]].name);
-      add_count(status, fm_text_get(&key), unusable);
+      add_count_of_input(status, "unusable", &inputs[fed->inputs[k]], unusable);
     }
   }
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (inputs[fed->inputs[k]].is_timed_out) {
-      fm_text_clear(&key);
-      fm_text_add(&key, "silences %s", inputs[fed->inputs[k]].name);
-      add_count(status, fm_text_get(&key), review->now.inputs[fed->inputs[k]].silence.count);
+      add_count_of_input(
+        status, "silences", &inputs[fed->inputs[k]],
+        review->now.inputs[fed->inputs[k]].silence.count);
     }
   }
-  fm_text_free(&key);
+}
+
+static void add_counts_of_keyed(
+  const struct fm_review * review, uint32_t topic, struct fm_status * status)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
+    const struct fm_topic * fed = fm_keyed_inputs(table, kind, topic);
+    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+      const struct fm_report_input * input = &table->kinds[kind].inputs[fed->inputs[k]];
+      const struct fm_keyed_snapshot * now = &review->now.kinds[kind].inputs[fed->inputs[k]];
+      if (now->counts.unusable > 0) {
+        add_count_of_input(status, "unusable", input, now->counts.unusable);
+      }
+      if (input->is_timed_out) {
+        add_count_of_input(status, "silences", input, now->silences);
+      }
+    }
+  }
 }
 
 static void add_topic(const struct report * report, uint32_t topic)
@@ -346,6 +407,7 @@ static void add_topic(const struct report * report, uint32_t topic)
     add_count(status, "ahead", now->order.ahead);
   }
   add_counts_of_inputs(review, &table->topic_inputs[topic], status);
+  add_counts_of_keyed(review, topic, status);
   fm_text_free(&name);
 }
 

@@ -21,6 +21,7 @@
 
 #include "engine_locked.h"
 #include "graph_lines.h"
+#include "instance_lines.h"
 #include "reasons.h"
 #include "review_parts.h"
 #include "transform_lines.h"
@@ -30,21 +31,23 @@
 
 // ---- silences ----------------------------------------------------------------------------------
 
-static bool reads_any(const struct fm_report_requirement * requirement, const bool * is_chosen)
+static bool reads_any(
+  const struct fm_report_table * table, const struct fm_report_requirement * requirement,
+  const bool * is_chosen)
 {
+  bool is_any = false;
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
-    if (is_chosen[requirement->inputs[k]]) {
-      return true;
-    }
+    const uint32_t input = fm_bundle_input(table, requirement, k);
+    is_any = is_any || (input != UINT32_MAX && is_chosen[input]);
   }
-  return false;
+  return is_any;
 }
 
 static void add_readers(
   const struct fm_report_table * table, const bool * is_chosen, struct fm_names * readers)
 {
   for (uint32_t k = 0; k < table->n_requirements; ++k) {
-    if (reads_any(&table->requirements[k], is_chosen)) {
+    if (reads_any(table, &table->requirements[k], is_chosen)) {
       fm_names_add(readers, ", ", table->requirements[k].id);
     }
   }
@@ -201,6 +204,54 @@ static void note_absent(struct fm_review * review, uint32_t input)
   }
 }
 
+// The review of a message with parts for instances, and where its lines go.
+struct parts_review
+{
+  struct fm_review * review;
+  struct fm_lines * lines;
+  const uint8_t * message;
+  size_t size;
+  uint32_t topic;
+};
+
+// Log why a field of an instance cannot be used, once of each kind.
+static void log_part(
+  void * context, uint32_t kind, const uint8_t * key, size_t key_size,
+  const struct fm_field * fields)
+{
+  const struct parts_review * part = context;
+  const struct fm_report_table * table = part->review->reporter->table;
+  const struct fm_topic * fed = fm_keyed_inputs(table, kind, part->topic);
+  struct fm_text reason = {NULL, 0, 0};
+  struct fm_text name = {NULL, 0, 0};
+  fm_text_add_bytes(&name, key, key_size);
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const struct fm_report_input * about = &table->kinds[kind].inputs[fed->inputs[k]];
+    if (fields[k].outcome == FM_FIELD_READ || part->review->kinds[kind].is_unusable_logged) {
+      continue;
+    }
+    part->review->kinds[kind].is_unusable_logged = true;
+    add_reason(&reason, about, &fields[k], part->message, part->size);
+    fm_lines_add(part->lines, FM_WARN,
+      "%s: %s; input '%s' of %s %s keeps its value, if it has one",
+      part->review->reporter->topics[part->topic], fm_text_get(&reason), about->name,
+      table->kinds[kind].variable, fm_text_get(&name));
+  }
+  fm_text_free(&reason);
+  fm_text_free(&name);
+}
+
+static void read_parts(
+  struct fm_review * review, uint32_t topic, const uint8_t * message, size_t size,
+  struct fm_lines * lines)
+{
+  struct parts_review part = {review, lines, message, size, topic};
+  const struct fm_reader * reader = fm_engine_reader(review->reporter->engine, topic);
+  if (reader->parts != NULL) {
+    (void)reader->parts(message, size, NULL, 0, log_part, &part);
+  }
+}
+
 static void read_evidence(
   struct fm_review * review, uint32_t topic, const uint8_t * message, size_t size,
   struct fm_lines * lines)
@@ -235,6 +286,7 @@ static void review_evidence(struct fm_review * review, uint32_t topic, struct fm
   const size_t taken = message == NULL ? 0 : fm_engine_evidence(engine, topic, message, size);
   if (taken > 0 && taken <= size) {
     read_evidence(review, topic, message, taken, lines);
+    read_parts(review, topic, message, taken, lines);
   }
   free(message);
 }
@@ -287,12 +339,25 @@ static void review_order(struct fm_review * review, uint32_t topic, struct fm_li
   }
 }
 
+static bool has_unusable_keyed(const struct fm_review * review, uint32_t topic)
+{
+  bool is_any = false;
+  for (uint32_t kind = 0; kind < review->reporter->table->n_kinds; ++kind) {
+    const struct fm_topic * fed = fm_keyed_inputs(review->reporter->table, kind, topic);
+    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+      is_any = is_any || review->now.kinds[kind].inputs[fed->inputs[k]].counts.unusable >
+        review->before.kinds[kind].inputs[fed->inputs[k]].counts.unusable;
+    }
+  }
+  return is_any;
+}
+
 void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
 {
   const struct fm_report_table * table = review->reporter->table;
   for (uint32_t t = 0; t < table->n_topics; ++t) {
     const struct fm_topic * fed = &table->topic_inputs[t];
-    bool has_unusable = false;
+    bool has_unusable = has_unusable_keyed(review, t);
     for (uint32_t k = 0; k < fed->n_inputs; ++k) {
       review_name(review, t, fed->inputs[k], lines);
       has_unusable = has_unusable || review->now.inputs[fed->inputs[k]].counts.unusable >
@@ -313,6 +378,22 @@ void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
 
 // ---- what is missing ---------------------------------------------------------------------------
 
+// As the next function, of a requirement of instances: it waits while none was evaluated.
+static bool note_awaited_by_instances(
+  const struct fm_review * review, uint32_t requirement, bool * is_awaited)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_report_requirement * about = &table->requirements[requirement];
+  const bool waits = review->now.requirements[requirement].steps == 0;
+  for (uint32_t k = 0; waits && k < about->n_inputs; ++k) {
+    const uint32_t input = fm_bundle_input(table, about, k);
+    if (input != UINT32_MAX && !review->now.inputs[input].has_value) {
+      is_awaited[input] = true;
+    }
+  }
+  return waits;
+}
+
 // Set the flags of the inputs for which a requirement waits: those without a value, or if all have
 // an initial value and there was no step, those of which no message came. Returns whether there
 // are any.
@@ -321,6 +402,9 @@ static bool note_awaited(const struct fm_review * review, uint32_t requirement, 
   const struct fm_report_requirement * about =
     &review->reporter->table->requirements[requirement];
   bool waits = false;
+  if (about->kind != FM_BUNDLE) {
+    return note_awaited_by_instances(review, requirement, is_awaited);
+  }
   if (fm_is_withheld_from_start(review->reporter, review->now.conditions, requirement)) {
     return false;
   }
@@ -340,6 +424,20 @@ static bool note_awaited(const struct fm_review * review, uint32_t requirement, 
   return waits;
 }
 
+// Add the inputs with keys of a topic of which nothing was received.
+static void add_awaited_keyed(
+  const struct fm_review * review, uint32_t topic, struct fm_names * inputs)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
+    const struct fm_topic * fed = fm_keyed_inputs(table, kind, topic);
+    const bool has_come = review->now.topics[topic].counts.messages > 0;
+    for (uint32_t k = 0; !has_come && k < fed->n_inputs; ++k) {
+      fm_names_add_quoted(inputs, table->kinds[kind].inputs[fed->inputs[k]].name, "");
+    }
+  }
+}
+
 static void add_awaited(
   const struct fm_review * review, uint32_t topic, const bool * is_awaited,
   struct fm_names * reasons)
@@ -350,6 +448,7 @@ static void add_awaited(
   struct fm_names inputs = {{NULL, 0, 0}, 0};
   struct fm_text around = {NULL, 0, 0};
   struct fm_text reason = {NULL, 0, 0};
+  add_awaited_keyed(review, topic, &inputs);
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_awaited[fed->inputs[k]]) {
       fm_names_add_quoted(&inputs, table->inputs[fed->inputs[k]].name,

@@ -27,7 +27,7 @@ static uint8_t flags_of_requirement(const uint8_t * conditions, uint32_t require
 static uint8_t flags_of_input(
   const struct fm_reporter * reporter, const uint8_t * conditions, uint32_t input)
 {
-  return conditions[FM_CONDITION_BYTES + reporter->monitor->n_requirements + input];
+  return conditions[FM_CONDITION_BYTES + reporter->table->n_requirements + input];
 }
 
 bool fm_is_withheld_from_start(
@@ -73,9 +73,13 @@ static bool add_missing(
 
 // ---- locks -------------------------------------------------------------------------------------
 
+// The inputs of the bundle's scope on which a requirement depends: those of its group. One of
+// instances shows none: each has values of its own.
 static const struct fm_group * group_of(const struct fm_reporter * reporter, uint32_t requirement)
 {
-  return &reporter->monitor->groups[reporter->monitor->requirements[requirement].group];
+  static const struct fm_group none;
+  return requirement >= reporter->monitor->n_requirements ? &none :
+         &reporter->monitor->groups[reporter->monitor->requirements[requirement].group];
 }
 
 static bool is_explained(

@@ -24,6 +24,7 @@
 #include "evaluator.h"
 #include "fret_fields.h"
 #include "gate.h"
+#include "kinds.h"
 #include "schedule.h"
 
 /// A name of a value of an input. A string input is stored as the index of its name.
@@ -63,6 +64,8 @@ struct fm_report_topic
 {
   const char * name;  // as written in the bundle; of what is made: a text
   const char * type;  // package/msg/Name
+  const char * variable;  // in its name, in braces: it is many topics of ROS; "": none
+  const char * where;  // what selects some of its messages, as written; "": all are the topic's
   uint32_t kind;      // enum fm_topic_kind
 };
 
@@ -71,7 +74,8 @@ struct fm_report_requirement
   const char * id;
   const char * text;      // title, or sentence or formula, in one line
   const char * sentence;  // of the log: title and text
-  const uint32_t * inputs;  // of its kind, or of the bundle's scope
+  uint32_t kind;          // index of a fm_report_kind; FM_BUNDLE: the bundle's scope
+  const uint32_t * inputs;  // of that scope
   uint32_t n_inputs;
   const uint32_t * constants;  // that its text names, itself or in definitions
   uint32_t n_constants;
@@ -85,7 +89,11 @@ struct fm_report_kind
 {
   const char * variable;
   const struct fm_report_input * inputs;  // of its monitor
+  const struct fm_topic * keyed;  // a topic: the inputs with a key that it feeds
+  const uint32_t * shared;        // an input: the same in the bundle's scope; UINT32_MAX: it has a
+                                  // key
   uint32_t n_inputs;
+  uint32_t most;                  // instances at one time
 };
 
 /// A constant of the bundle, with the value that was compiled in, as written.

@@ -25,24 +25,57 @@
 
 // ---- memory ------------------------------------------------------------------------------------
 
+static bool make_kind(
+  struct fm_kind_snapshot * kind, const struct fm_report_table * table, uint32_t k)
+{
+  size_t n = 1;
+  for (uint32_t r = 0; r < table->n_requirements; ++r) {
+    n += table->requirements[r].kind == k ? 1u : 0u;
+  }
+  kind->inputs = calloc(table->kinds[k].n_inputs + (size_t)1, sizeof(*kind->inputs));
+  kind->violated = calloc(n, sizeof(*kind->violated));
+  kind->unevaluated = calloc(n, sizeof(*kind->unevaluated));
+  return kind->inputs != NULL && kind->violated != NULL && kind->unevaluated != NULL;
+}
+
+static bool make_kinds(struct fm_snapshot * snapshot, const struct fm_report_table * table)
+{
+  bool is_good = true;
+  if (table->n_kinds == 0) {
+    return true;
+  }
+  snapshot->kinds = calloc(table->n_kinds, sizeof(*snapshot->kinds));
+  for (uint32_t k = 0; snapshot->kinds != NULL && k < table->n_kinds; ++k) {
+    is_good = make_kind(&snapshot->kinds[k], table, k) && is_good;
+  }
+  return snapshot->kinds != NULL && is_good;
+}
+
 static bool make_snapshot(
   struct fm_snapshot * snapshot, const struct fm_reporter * reporter, bool has_changes)
 {
   const struct fm_monitor * monitor = reporter->monitor;
-  const size_t bytes = fm_condition_bytes(monitor);
-  snapshot->requirements =
-    calloc(monitor->n_requirements + (size_t)1, sizeof(*snapshot->requirements));
+  const uint32_t n_requirements = reporter->table->n_requirements;
+  const size_t bytes = fm_condition_bytes(n_requirements, monitor->n_inputs);
+  snapshot->requirements = calloc(n_requirements + (size_t)1, sizeof(*snapshot->requirements));
   snapshot->inputs = calloc(monitor->n_inputs + (size_t)1, sizeof(*snapshot->inputs));
   snapshot->topics =
     calloc(reporter->table->n_topics + (size_t)1, sizeof(*snapshot->topics));
   snapshot->conditions = calloc(1, bytes);
   snapshot->changes = has_changes ? calloc(FM_MOST_CONDITIONS, bytes) : NULL;
   return snapshot->requirements != NULL && snapshot->inputs != NULL && snapshot->topics != NULL &&
-         snapshot->conditions != NULL && (snapshot->changes != NULL || !has_changes);
+         snapshot->conditions != NULL && (snapshot->changes != NULL || !has_changes) &&
+         make_kinds(snapshot, reporter->table);
 }
 
-static void free_snapshot(struct fm_snapshot * snapshot)
+static void free_snapshot(struct fm_snapshot * snapshot, uint32_t n_kinds)
 {
+  for (uint32_t k = 0; snapshot->kinds != NULL && k < n_kinds; ++k) {
+    free(snapshot->kinds[k].inputs);
+    free(snapshot->kinds[k].violated);
+    free(snapshot->kinds[k].unevaluated);
+  }
+  free(snapshot->kinds);
   free(snapshot->requirements);
   free(snapshot->inputs);
   free(snapshot->topics);
@@ -56,12 +89,14 @@ static bool make_logs(struct fm_review * review, const struct fm_report_table * 
   const size_t n = review->n_conditions + (size_t)1;
   review->inputs = calloc(table->n_inputs + (size_t)1, sizeof(*review->inputs));
   review->topics = calloc(table->n_topics + (size_t)1, sizeof(*review->topics));
+  review->kinds = calloc(table->n_kinds + (size_t)1, sizeof(*review->kinds));
   review->flags = calloc(2 * (size_t)table->n_inputs + 1, sizeof(*review->flags));
   review->conditions = calloc(n, sizeof(*review->conditions));
   review->changes = calloc(n, sizeof(*review->changes));
   review->failed = calloc(n_actions, sizeof(*review->failed));
   review->failed_before = calloc(n_actions, sizeof(*review->failed_before));
-  return review->inputs != NULL && review->topics != NULL && review->flags != NULL &&
+  return review->inputs != NULL && review->topics != NULL && review->kinds != NULL &&
+         review->flags != NULL &&
          review->conditions != NULL && review->changes != NULL && review->failed != NULL &&
          review->failed_before != NULL;
 }
@@ -83,6 +118,7 @@ struct fm_review * fm_review_create(
     return NULL;
   }
   review->reporter = reporter;
+  review->n_kinds = reporter->table->n_kinds;
   review->n_conditions = reporter->table->n_locks + (reporter->table->gate != NULL ? 1u : 0u);
   review->facts.now = review->created = review->time.began = facts->now;
   const bool has_changes = review->n_conditions > 0;
@@ -106,8 +142,9 @@ void fm_review_destroy(struct fm_review * review)
   for (uint32_t k = 0; review->conditions != NULL && k < review->n_conditions; ++k) {
     fm_text_free(&review->conditions[k]);
   }
-  free_snapshot(&review->now);
-  free_snapshot(&review->before);
+  free_snapshot(&review->now, review->n_kinds);
+  free_snapshot(&review->before, review->n_kinds);
+  free(review->kinds);
   free(review->inputs);
   free(review->topics);
   free(review->flags);
@@ -150,6 +187,7 @@ void fm_review_log(struct fm_review * review, struct fm_lines * lines)
   fm_review_gate(review, lines);
   fm_review_conditions(review, lines);
   fm_review_topics(review, lines);
+  fm_review_instances(review, lines);
   fm_add_left_out(lines, &review->links_logged, &review->now.links);
   review->links_logged = review->now.links;
   if (review->now.unpublished > 0 && !review->is_unpublished_logged) {

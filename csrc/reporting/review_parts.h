@@ -38,6 +38,13 @@ struct fm_topic_log
   uint32_t fault;          // enum fm_fault: of the last look
 };
 
+/// What was logged of a kind of instances.
+struct fm_kind_log
+{
+  bool is_beyond_logged;
+  bool is_unusable_logged;
+};
+
 struct fm_time_log
 {
   struct fm_time_counts logged;  // when late periods were logged last
@@ -71,6 +78,8 @@ struct fm_review
   int64_t created;
   struct fm_input_log * inputs;
   struct fm_topic_log * topics;
+  struct fm_kind_log * kinds;
+  uint32_t n_kinds;
   struct fm_text * conditions;   // as they were logged: the locks, then the gate
   uint32_t n_conditions;
   uint32_t * changes;            // of each, in the review
@@ -86,13 +95,14 @@ struct fm_review
 FM_INTERNAL bool fm_are_worth_reading(
   const struct fm_time_counts * before, const struct fm_time_counts * now);
 
-/// Add the lines about the time; locks and the gate; silences; inputs and topics; requirements
-/// that wait for messages.
+/// Add the lines about the time; locks and the gate; silences; inputs and topics; instances;
+/// requirements that wait for messages.
 FM_INTERNAL void fm_review_time(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_conditions(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_gate(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_silences(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_topics(struct fm_review * review, struct fm_lines * lines);
+FM_INTERNAL void fm_review_instances(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_missing(const struct fm_review * review, struct fm_lines * lines);
 
 #endif  // REVIEW_PARTS_H_

@@ -43,6 +43,18 @@ static bool is_repeated(
   return false;
 }
 
+static uint64_t count_inputs(const struct fm_report_table * table)
+{
+  uint64_t n = 0;
+  for (uint32_t t = 0; table->n_kinds > 0 && t < table->n_topics; ++t) {
+    n += table->topic_inputs[t].n_inputs;
+    for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
+      n += table->kinds[kind].keyed[t].n_inputs;
+    }
+  }
+  return table->n_kinds > 0 ? n : table->n_inputs;
+}
+
 static void add_contents(struct fm_text * text, const struct fm_watched * watched, uint32_t n)
 {
   uint64_t requirements = 0;
@@ -51,7 +63,7 @@ static void add_contents(struct fm_text * text, const struct fm_watched * watche
   for (uint32_t k = 0; k < n; ++k) {
     const struct fm_report_table * table = watched[k].reporter->table;
     requirements += table->n_requirements;
-    inputs += table->n_inputs;
+    inputs += count_inputs(table);
     for (uint32_t t = 0; t < table->n_topics; ++t) {
       topics += table->topics[t].kind != FM_TOPIC ||
         is_repeated(watched, k, t, table->topics[t].name) ? 0u : 1u;
@@ -85,6 +97,10 @@ static void add_terms(struct fm_text * text, const struct fm_watched * watched)
       (double)table->reorder / 1e9);
   }
   add_state(text, watched, 1);
+  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
+    fm_text_add(text, ", for each %s, at most %" PRIu32, table->kinds[kind].variable,
+      table->kinds[kind].most);
+  }
   if (watched->origin[0] != '\0') {
     fm_text_add(text, " (%s)", watched->origin);
   }

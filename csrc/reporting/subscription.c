@@ -61,6 +61,7 @@ struct fm_subscription
   int64_t retry_at;
   uint64_t logged_losses;
   int64_t next_loss_line;
+  int64_t absent_since;   // no publisher has been there; 0: one is
   struct fm_text logged_types;
   struct fm_text unmatched;
   struct fm_text other_types;
@@ -282,6 +283,30 @@ static bool has_room(struct fm_subscription * state)
   return ends != NULL;
 }
 
+static void note_absence(struct fm_subscription * state, int64_t now)
+{
+  if (fm_subscription_publishers(state).n > 0) {
+    state->absent_since = 0;
+  } else if (state->absent_since == 0) {
+    state->absent_since = now;
+  }
+}
+
+void fm_subscription_begin(
+  struct fm_subscription * state, const struct fm_offer * offers, uint32_t n_offers, int64_t now)
+{
+  if (note_publishers(state, offers, n_offers, now)) {
+    state->current = state->wanted = wanted_request(state);
+    state->has_new = false;
+    note_absence(state, now);
+  }
+}
+
+bool fm_subscription_is_abandoned(const struct fm_subscription * state, int64_t now)
+{
+  return state->absent_since != 0 && now - state->absent_since >= FM_LOOK_AGAIN_NS;
+}
+
 struct fm_decision fm_subscription_decide(
   struct fm_subscription * state, const struct fm_offer * offers, uint32_t n_offers,
   uint64_t matched, int64_t now)
@@ -290,6 +315,7 @@ struct fm_decision fm_subscription_decide(
   if (!note_publishers(state, offers, n_offers, now)) {
     return decision;
   }
+  note_absence(state, now);
   state->wanted = wanted_request(state);
   decision.n_ended = end_replaced(state, matched, now);
   decision.ends_handover = state->n_replaced == 0 && state->handover_ends != 0 &&
@@ -306,6 +332,15 @@ struct fm_decision fm_subscription_decide(
 }
 
 // ---- lines -------------------------------------------------------------------------------------
+
+void fm_add_other_type(
+  struct fm_lines * lines, const char * topic, const char * type, const char * pattern,
+  const char * wanted)
+{
+  fm_lines_add(lines, FM_WARN,
+    "%s is of type %s, where the bundle says %s of %s: it is not received", topic, type, wanted,
+    pattern);
+}
 
 static void log_renewed(
   const struct fm_subscription * state, const struct fm_request * before, struct fm_lines * lines)

@@ -115,6 +115,14 @@ FM_EXPORT struct fm_subscription * fm_subscription_create(
 /// Free it. NULL is allowed.
 FM_EXPORT void fm_subscription_destroy(struct fm_subscription * state);
 
+/// Before subscribing to a topic that was found in the graph: request what its publishers offer at
+/// once, so that no handover follows. O(publishers^2).
+FM_EXPORT void fm_subscription_begin(
+  struct fm_subscription * state, const struct fm_offer * offers, uint32_t n_offers, int64_t now);
+
+/// Whether there has been no publisher of the type for FM_LOOK_AGAIN_NS. O(1).
+FM_EXPORT bool fm_subscription_is_abandoned(const struct fm_subscription * state, int64_t now);
+
 /// Return the quality of service of the present subscription.
 FM_EXPORT struct fm_request fm_subscription_request(const struct fm_subscription * state);
 
@@ -135,6 +143,12 @@ FM_EXPORT void fm_subscription_conclude(
 /// is to be logged. `lost` as in fm_subscription_conclude. O(publishers).
 FM_EXPORT bool fm_subscription_is_settled(
   const struct fm_subscription * state, uint64_t lost);
+
+/// Add the line about a topic whose name fits `pattern`, a name with an instance variable, and
+/// that is of another type than `wanted`.
+FM_INTERNAL void fm_add_other_type(
+  struct fm_lines * lines, const char * topic, const char * type, const char * pattern,
+  const char * wanted);
 
 /// Return the publishers of the last review.
 FM_EXPORT struct fm_publishers fm_subscription_publishers(const struct fm_subscription * state);

@@ -22,6 +22,14 @@
 
 #define INTERVAL_NS INT64_C(1000000000)
 
+// An instance that is in a line of the last second.
+struct recent
+{
+  uint8_t key[FM_KEY_ROOM];  // its size, then the bytes
+  int64_t until;             // steady: no other line of it before
+  bool is_recovery;
+};
+
 // What is known of a requirement, and what the log says.
 struct logged
 {
@@ -32,6 +40,8 @@ struct logged
   struct fm_detail * violation;  // the last with a detail
   struct fm_detail * recovery;   // the last
   int64_t until;                 // steady: no line before; 0: there was none just now
+  struct recent * recent;        // FM_LOGGED_PER_S, of instances; NULL: none was violated yet
+  bool has_end;                  // of an instance, in `recovery`, that no line has
 };
 
 struct fm_violation_log
@@ -70,6 +80,7 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
   for (uint32_t k = 0; k < log->n; ++k) {
     free(log->logged[k].violation);
     free(log->logged[k].recovery);
+    free(log->logged[k].recent);
   }
   fm_statuses_free(&log->worded);
   free(log->logged);
@@ -78,6 +89,13 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
 }
 
 // ---- lines -------------------------------------------------------------------------------------
+
+// The name: of an instance, with its key.
+static const char * name_of(
+  const struct fm_report_requirement * about, const struct fm_status * detail)
+{
+  return detail != NULL ? detail->name : about->id;
+}
 
 static enum fm_level level_of(const struct fm_report_requirement * about)
 {
@@ -96,7 +114,7 @@ void fm_add_violated(
     fm_text_add(&values, " (%" PRIu64 " more violation%s since the last line)", more,
       more == 1u ? "" : "s");
   }
-  fm_lines_add(lines, level_of(about), "%s violated at %.3f: %s%s", about->id,
+  fm_lines_add(lines, level_of(about), "%s violated at %.3f: %s%s", name_of(about, detail),
     (double)stamp / 1e9, about->sentence, fm_text_get(&values));
   fm_text_free(&values);
 }
@@ -121,8 +139,8 @@ void fm_add_satisfied(
     fm_text_add(&at, " at %.3f", (double)stamp / 1e9);
     fm_show_detail(&values, detail);
   }
-  fm_lines_add(lines, FM_INFO, "%s satisfied again%s: %s%s", about->id, fm_text_get(&at),
-    about->sentence, fm_text_get(&values));
+  fm_lines_add(lines, FM_INFO, "%s satisfied again%s: %s%s", name_of(about, detail),
+    fm_text_get(&at), about->sentence, fm_text_get(&values));
   fm_text_free(&at);
   fm_text_free(&values);
 }
@@ -157,7 +175,7 @@ static void log_end(
   const struct fm_report_requirement * about = &log->reporter->table->requirements[requirement];
   const struct logged * logged = &log->logged[requirement];
   const struct fm_detail * last = logged->recovery;
-  if (last != NULL && last->number == logged->violations) {
+  if (last != NULL && (logged->has_end || last->number == logged->violations)) {
     fm_add_satisfied(lines, about, last->violation.stamp, worded(log, last));
   } else {
     fm_add_satisfied(lines, about, 0, NULL);
@@ -170,12 +188,14 @@ static void settle(
 {
   struct logged * logged = &log->logged[requirement];
   const uint64_t more = logged->violations - logged->violations_in_lines;
-  const bool is_over = !logged->is_violated && (more > 0 || logged->is_violated_by_lines);
+  const bool is_over = logged->has_end ||
+    (!logged->is_violated && (more > 0 || logged->is_violated_by_lines));
   if (more > 0) {
     log_violations(log, requirement, more, lines);
   }
   if (is_over) {
     log_end(log, requirement, lines);
+    logged->has_end = false;
   }
   logged->until = more > 0 || is_over ? now + INTERVAL_NS : 0;
   logged->violations_in_lines = logged->violations;
@@ -193,15 +213,47 @@ static void copy_detail(
   }
 }
 
+// Whether this of the instance is in no line of the last second, and there is room for one more.
+static bool is_news(
+  struct logged * logged, const struct fm_detail_scope * scope, bool is_recovery, int64_t now)
+{
+  struct recent * room = NULL;
+  if (logged->recent == NULL) {
+    logged->recent = calloc(FM_LOGGED_PER_S, sizeof(*logged->recent));
+  }
+  for (uint32_t k = 0; logged->recent != NULL && k < FM_LOGGED_PER_S; ++k) {
+    struct recent * recent = &logged->recent[k];
+    if (recent->until <= now) {
+      room = recent;
+    } else if (recent->is_recovery == is_recovery && recent->key[0] == scope->key_size &&
+      memcmp(recent->key + 1, scope->key, scope->key_size) == 0)
+    {
+      return false;
+    }
+  }
+  if (room != NULL) {
+    room->key[0] = (uint8_t)scope->key_size;
+    memcpy(room->key + 1, scope->key, scope->key_size);
+    room->until = now + INTERVAL_NS;
+    room->is_recovery = is_recovery;
+  }
+  return room != NULL;
+}
+
 void fm_violation_log_add(
   struct fm_violation_log * log, const struct fm_detail * detail, int64_t now,
   struct fm_lines * lines)
 {
   struct logged * logged = &log->logged[detail->violation.requirement];
+  const struct fm_detail_scope scope = fm_engine_detail_scope(log->reporter->engine, detail);
+  const bool is_of_instance = scope.key != NULL;
+  const bool is_new = is_of_instance &&
+    is_news(logged, &scope, detail->violation.is_recovery, now);
   logged->is_violated = !detail->violation.is_recovery;
   logged->violations = detail->number;
   copy_detail(log, logged->is_violated ? &logged->violation : &logged->recovery, detail);
-  if (logged->until == 0) {
+  logged->has_end = logged->has_end || (is_of_instance && detail->violation.is_recovery);
+  if (logged->until == 0 || is_new) {
     settle(log, detail->violation.requirement, now, lines);
   }
 }

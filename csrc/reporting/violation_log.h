@@ -19,6 +19,9 @@
 /// Details have the numbers of violations, and the engine counts them: each violation is in one
 /// line, and the end of each, also by a reset.
 ///
+/// Of a requirement of instances, each instance has lines of its own, up to FM_LOGGED_PER_S in a
+/// second: a line names one, and counts the others since the last.
+///
 /// One thread at a time.
 
 #ifndef VIOLATION_LOG_H_
@@ -30,8 +33,9 @@
 #define FM_LOGGED_PER_S 10u
 
 /// Add the line of a violation, at its severity. `about`: id, sentence and severity are read.
-/// `stamp` is in nanoseconds. `detail` is a status of details.h; NULL: not known. The line stands
-/// for `more` other violations, too. Any thread. O(characters).
+/// `stamp` is in nanoseconds. `detail` is a status of details.h, whose name is that of the
+/// instance; NULL: not known. The line stands for `more` other violations, too. Any thread.
+/// O(characters).
 FM_EXPORT void fm_add_violated(
   struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
   const struct fm_status * detail, uint64_t more);

@@ -64,6 +64,13 @@ struct fm_strings
   struct fm_allocator allocator;
 };
 
+/// rmw_names_and_types_t.
+struct fm_names_and_types
+{
+  struct fm_strings names;
+  struct fm_strings * types;  // of each name
+};
+
 /// Functions of the middleware, as those in middleware.h.
 struct fm_graph_functions
 {
@@ -77,6 +84,11 @@ struct fm_graph_functions
   int (* free_strings)(struct fm_strings * strings);
   /// rcutils_reset_error
   void (* forget_error)(void);
+  /// rmw_get_topic_names_and_types, rmw_names_and_types_fini
+  int (* topic_names)(
+    const void * node, struct fm_allocator * allocator, bool no_demangle,
+    struct fm_names_and_types * found);
+  int (* free_topics)(struct fm_names_and_types * found);
 };
 
 struct fm_graph;

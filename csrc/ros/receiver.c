@@ -47,6 +47,8 @@ struct fm_receiver
   uint32_t topic;
   uint32_t dropped;  // by the middleware, and not counted yet
   enum fm_taking taking;
+  struct fm_key key;  // in the topic's name; bytes NULL: none
+  uint8_t key_bytes[FM_MOST_KEY_BYTES];
   // Guarded by the engine's mutex.
   bool is_retired;
   bool is_stopped;
@@ -128,7 +130,7 @@ static struct fm_origin origin_of(const struct fm_receiver * receiver)
   const struct fm_message_info * info = &receiver->info.info;
   const struct fm_origin origin = {
     info->received_timestamp, info->source_timestamp, info->publication_sequence_number,
-    info->gid, receiver->is_retired, NULL, 0};
+    info->gid, receiver->is_retired, receiver->key.bytes, receiver->key.size};
   return origin;
 }
 
@@ -224,6 +226,21 @@ bool fm_receiver_start(
   struct fm_receiver ** started, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking)
 {
+  return fm_receiver_start_keyed(started, engine, middleware, subscription, topic, taking, NULL);
+}
+
+static void copy_key(struct fm_receiver * receiver, const struct fm_key * key)
+{
+  receiver->key.bytes = receiver->key_bytes;
+  receiver->key.size = key->size < FM_MOST_KEY_BYTES ? key->size : FM_MOST_KEY_BYTES;
+  memcpy(receiver->key_bytes, key->bytes, receiver->key.size);
+}
+
+bool fm_receiver_start_keyed(
+  struct fm_receiver ** started, struct fm_engine * engine,
+  const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking,
+  const struct fm_key * key)
+{
   struct fm_receiver * receiver = calloc(1, sizeof(*receiver));
   if (receiver == NULL) {
     return false;
@@ -233,6 +250,9 @@ bool fm_receiver_start(
   receiver->subscription = subscription;
   receiver->topic = topic;
   receiver->taking = (enum fm_taking)taking;
+  if (key != NULL) {
+    copy_key(receiver, key);
+  }
   receiver->message.allocator = fm_malloc_allocator();
   receiver->fields = calloc(reader_of(receiver)->n_inputs + 1u, sizeof(*receiver->fields));
   receiver->reading.fields = receiver->fields;

@@ -55,6 +55,13 @@ FM_EXPORT bool fm_receiver_start(
   struct fm_receiver ** receiver, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking);
 
+/// The same, of a topic with an instance variable in its name: all messages are those of a key,
+/// which is copied; it has up to FM_MOST_KEY_BYTES bytes.
+FM_EXPORT bool fm_receiver_start_keyed(
+  struct fm_receiver ** receiver, struct fm_engine * engine,
+  const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking,
+  const struct fm_key * key);
+
 /// A new subscription replaces this one: see fm_origin.is_retired. O(1).
 FM_EXPORT void fm_receiver_retire(struct fm_receiver * receiver);
 

@@ -46,13 +46,13 @@ def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
     generated = generate_monitor(
         read(existing_bundle(options.bundle), constants=dict(options.constants),
-             part=NodePart(options.gate)))
+             part=NodePart(options.gate), takes_instances=True))
     print_diagnostics(generated.warnings)
     write(generated, options.output)
     manifest = generated.manifest
     operations = sum(group.operations for group in manifest.groups)
     cost = step_cost(generated.layouts)
-    print(f'{options.output}: {counted(len(manifest.requirements), "requirement")}, '
+    print(f'{options.output}: {counted(len(manifest.numbered), "requirement")}, '
           f'{counted(manifest.state_bytes, "byte")} of state, '
           f'{counted(operations, "operation")} and '
           f'at most {counted(cost.own + cost.library, "instruction")} a step')

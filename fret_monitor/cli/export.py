@@ -116,15 +116,16 @@ def run(options: Namespace) -> int:
     written = partial(assemble, options.target, monitors[0], chosen, content,
                       others=monitors[1:], templates=options.templates)
     written()
-    is_proved = not (options.no_proof or missing_packages(_PROVER))
+    has_instances = any(item.kinds for item in monitors)
+    is_proved = not (options.no_proof or has_instances or missing_packages(_PROVER))
     files = written(certificate=_certificates(monitors) if is_proved else None)
     write_export(options.output, files)
     manifests = [item.manifest for item in monitors]
-    n_requirements = sum(len(item.requirements) for item in manifests)
+    n_requirements = sum(len(item.numbered) for item in manifests)
     print(f'{options.output}: {options.target}, {counted(len(files), "file")}, '
           f'{counted(n_requirements, "requirement")}, '
           f'{counted(sum(item.state_bytes for item in manifests), "byte")} of state')
-    print(_proof_line(options, is_proved=is_proved))
+    print(_proof_line(options, is_proved=is_proved, has_instances=has_instances))
     print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
     return 0
 
@@ -164,7 +165,7 @@ def _readings(options: Namespace) -> list[Reading]:
 def _reading(options: Namespace, path: Path, constants: Mapping[str, Text],
              part: NodePart | None) -> Reading:
     limits = TARGETS[options.target].limits
-    reading = read(path, constants=constants, part=part, takes_instances=limits is not None)
+    reading = read(path, constants=constants, part=part, takes_instances=True)
     return reading if limits is None else with_written_keys(reading, options.target, limits)
 
 
@@ -213,11 +214,13 @@ def _without_times(value: Any) -> Any:
             return value
 
 
-def _proof_line(options: Namespace, *, is_proved: bool) -> str:
+def _proof_line(options: Namespace, *, is_proved: bool, has_instances: bool) -> str:
     if is_proved:
         return 'proved: the generated C computes its program (certificate.json)'
     if options.no_proof:
         return 'not proved: --no-proof'
+    if has_instances:
+        return 'not proved: a bundle with instances; `fret-monitor prove` proves one of them'
     missing = missing_packages(_PROVER)
     return f'not proved: {" and ".join(missing)} missing; {pip_install(*missing)}'
 

@@ -39,14 +39,17 @@ _LONGEST_FORMULA = 10_000
 def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: CModule,
              specification: Specification, bundle_hash: str,
              constants: tuple[tuple[str, str], ...] = (),
-             topics: Mapping[Feed, ManifestTopic] | None = None) -> Manifest:
+             topics: Mapping[Feed, ManifestTopic] | None = None,
+             users: Sequence[Property] | None = None) -> Manifest:
     """
     Return the manifest of a program and its generated C.
 
     The program was lowered from the specification; see `Manifest` for the `constants`. `topics`
-    are those of the whole bundle, of which the program is a part; None: those of its inputs.
+    are those of the whole bundle, of which the program is a part, and `users` its requirements,
+    whose actions the manifest has; None: those of its inputs, and its own.
     """
-    used = {name for item in program.properties for name in (*item.on_violation, *item.on_end)}
+    used = {name for item in (program.properties if users is None else users)
+            for name in (*item.on_violation, *item.on_end)}
     actions = tuple(item for item in specification.actions if item.name in used)
     action_of = {item.name: index for index, item in enumerate(actions)}
     fed = topics_of(program.signals)

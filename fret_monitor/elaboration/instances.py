@@ -45,8 +45,10 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
             problems.error(
                 "a bundle with 'for_each' has no rates, periods and derivatives by messages yet",
                 signal.place, 'not supported', 'watch the topic in a bundle of its own')
-    for gate in bundle.gates if bundle.instance_variables else ():
-        problems.error("a bundle with 'for_each' has no gates yet", gate.name.span,
+    word = 'for_each' if bundle.instance_variables else 'where'
+    selects = any(signal.where is not None for signal in inputs.values())
+    for gate in bundle.gates if bundle.instance_variables or selects else ():
+        problems.error(f"a bundle with '{word}' has no gates yet", gate.name.span,
                        'not supported', 'gate the topics of each key in a bundle of its own')
 
 

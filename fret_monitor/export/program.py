@@ -64,9 +64,9 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
     refuse_what_no_node_has(generated)
     if not has_headers():
         raise NativeError('the headers of rcl are not installed here')
-    return _linked({**_sources(generated), 'node_table.c': node_table(generated, origin),
+    return _linked({**generated.c_sources, 'node_table.c': node_table(generated, origin),
                     'node_tables.c': node_tables()}, [generated.manifest],
-                   [_same_for_all()], dict([generated.module.header]))
+                   [_same_for_all()], generated.c_headers)
 
 
 def table_object(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) -> Path:
@@ -79,8 +79,8 @@ def table_object(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) 
     if not has_headers():
         raise NativeError('the headers of rcl are not installed here')
     return build_library(
-        {**_sources(generated), 'node_table.c': node_table(generated, origin, place)},
-        headers={**_headers(), **dict([generated.module.header])}, name='bundle',
+        {**generated.c_sources, 'node_table.c': node_table(generated, origin, place)},
+        headers={**_headers(), **generated.c_headers}, name='bundle',
         identity=identity(), linking=_object())
 
 
@@ -98,10 +98,6 @@ def _linked(sources: Mapping[str, str], manifests: Sequence[Manifest], objects: 
         sources, headers={**_headers(), **headers}, name='monitor', identity=identity(),
         linking=Linking('{}', tuple(searched()), tuple(map(str, objects)), (
             *linked([*NODE_LIBRARIES, rmw_library()], packages), *LIBRARIES)))
-
-
-def _sources(generated: GeneratedMonitor) -> dict[str, str]:
-    return {name: text for name, text in generated.module.files.items() if name.endswith('.c')}
 
 
 def _headers() -> dict[str, str]:

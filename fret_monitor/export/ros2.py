@@ -96,7 +96,8 @@ def _package(monitors: Sequence[GeneratedMonitor], options: Options, tables: Map
                help='copilot/violations has the values; leave --handler-arguments out')
     for item in monitors:
         refuse_what_no_node_has(item)
-    own = {name: text for item in monitors for name, text in item.module.files.items()}
+    own = {name: text for item in monitors
+           for name, text in {**item.c_sources, **item.c_headers}.items()}
     files = {**csrc_files(*hand_written_sources()), **own, **tables,
              'node_tables.c': node_tables(len(monitors))}
     sources = {f'src/{name}': text for name, text in files.items()}
@@ -165,11 +166,9 @@ def refuse_what_no_node_has(generated: GeneratedMonitor) -> None:
     CompileError
         with all of them.
     """
-    manifest = generated.manifest
-    read = {index for group in manifest.groups for index in group.inputs}
     problems = []
-    for index in sorted(read):
-        item, signal = manifest.inputs[index], generated.specification.signals[index]
+    for index in sorted(generated.manifest.read):
+        item, signal = generated.manifest.inputs[index], generated.specification.signals[index]
         if item.topic is None or item.message_type is None:
             problems.append(Diagnostic(
                 f"'{item.name}' has no ROS 2 topic to read", signal.place,
@@ -184,6 +183,6 @@ def _topics(manifest: Manifest) -> list[str]:
 
 
 def _handlers(manifest: Manifest) -> Iterator[str]:
-    for item in manifest.requirements:
+    for item in manifest.numbered:
         yield (f'| `{HANDLER_TOPIC}{item.handler}` | `std_msgs/msg/Empty` | a violation of '
                f'{markdown(item.id)} |')

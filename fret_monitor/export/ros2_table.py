@@ -29,12 +29,14 @@ from fret_monitor.model.made import MadeKind, SEEN_TYPES
 from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate, ManifestTopic
 from fret_monitor.model.names import OWN_SERVICE_TYPES
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
-from fret_monitor.model.policies import ActionKind, fixed_qos, Stale
+from fret_monitor.model.policies import ActionKind, fixed_qos, InputSource, Stale
 from fret_monitor.model.report_table import (
-    Elements, Enumerator, Members, report_table, Stored, Value,
+    concerns, Elements, Enumerator, fed_inputs, Members, OPERATIONS, report_table, Stored, Value,
 )
 from fret_monitor.model.transforms import TOPICS
 
+_SOURCES = {**SOURCES, InputSource.INSTANCES: 'FM_AGGREGATE'}
+_ARRAYS = ('reports', 'sources', 'timeouts', 'violates', 'startups', 'windows', 'rooms')
 _END_TYPE = 'std_msgs/msg/Header'  # of the message at the end of a file of the black box
 
 
@@ -94,7 +96,7 @@ def _lines(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) -> Ite
     yield ''
     yield '#include <math.h>'
     yield ''
-    yield f'#include "{generated.module.header[0]}"'
+    yield from (f'#include "{name}"' for name in generated.c_headers)
     yield ''
     acting = {kind: {item.interface for item in manifest.actions if item.kind is kind}
               for kind in ActionKind}
@@ -108,10 +110,9 @@ def _lines(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) -> Ite
     if manifest.readers:
         yield f'const struct fm_readers * {manifest.readers}(void);'
     yield ''
-    yield from _inputs(manifest)
+    yield from _scope(manifest, len(manifest.requirements))
+    yield from _kinds(manifest)
     yield from _topics(manifest)
-    yield from _array('uint8_t', 'reports', (
-        f'FM_{item.report.name}' for item in manifest.requirements))
     yield from _array('struct fm_action_type', 'action_types', (
         _action_type(item) for item in manifest.actions if item.kind is not ActionKind.LOCK))
     if manifest.gate is not None:
@@ -121,17 +122,48 @@ def _lines(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) -> Ite
     yield from _table(manifest, origin, len(warnings), place)
 
 
-def _inputs(manifest: Manifest) -> Iterator[str]:
-    yield from _array('uint8_t', 'sources', (SOURCES[item.source] for item in manifest.inputs))
-    yield from _array('int64_t', 'timeouts', (
-        nanoseconds(item.timeout if item.is_timed_out else None) for item in manifest.inputs))
-    yield from _array('bool', 'violates', (
-        'true' if item.stale is Stale.VIOLATE else 'false' for item in manifest.inputs))
-    yield from _array('int64_t', 'startups', (
-        nanoseconds(item.startup) for item in manifest.inputs))
-    yield from _array('int64_t', 'windows', (
-        f'INT64_C({item.window})' for item in manifest.inputs))
-    yield from _array('uint32_t', 'rooms', (f'{item.room}u' for item in manifest.inputs))
+def _scope(manifest: Manifest, n_reported: int, prefix: str = '') -> Iterator[str]:
+    """Yield the arrays of a `struct fm_node_scope`, of the bundle or of a kind of instances."""
+    arrays = {
+        ('uint8_t', 'reports'): (
+            f'FM_{item.report.name}' if place < n_reported else 'FM_UNREPORTED'
+            for place, item in enumerate(manifest.requirements)),
+        ('uint8_t', 'sources'): (_SOURCES[item.source] for item in manifest.inputs),
+        ('int64_t', 'timeouts'): (
+            nanoseconds(item.timeout if item.is_timed_out else None) for item in manifest.inputs),
+        ('bool', 'violates'): (
+            'true' if item.stale is Stale.VIOLATE else 'false' for item in manifest.inputs),
+        ('int64_t', 'startups'): (nanoseconds(item.startup) for item in manifest.inputs),
+        ('int64_t', 'windows'): (f'INT64_C({item.window})' for item in manifest.inputs),
+        ('uint32_t', 'rooms'): (f'{item.room}u' for item in manifest.inputs)}
+    for (kind, name), items in arrays.items():
+        yield from _array(kind, f'{prefix}{name}', items)
+
+
+def _scope_value(symbol: str, topics: str, prefix: str = '') -> str:
+    return ', '.join((f'{{{symbol}', topics, *(f'{prefix}{name}' for name in _ARRAYS))) + '}'
+
+
+def _kinds(manifest: Manifest) -> Iterator[str]:
+    """Yield the kinds of instances, and the values over them."""
+    items = []
+    for place, kind in enumerate(manifest.kinds):
+        prefix, variable = f'kind_{place}_', manifest.variables[kind.variables[0]]
+        yield from _scope(kind.manifest, kind.n_reported, prefix)
+        topics, arrays = initializer(fed_inputs(kind.manifest), f'{prefix}topics')
+        yield from arrays
+        yield from _array('uint8_t', f'{prefix}concerns', (
+            f'{concern}u' for concern in concerns(manifest, kind)))
+        yield from _array('struct fm_key', f'{prefix}listed', (
+            f'{{(const uint8_t *){_text(key)}, {len(key.encode())}u}}' for key in variable.keys))
+        scope = _scope_value(kind.manifest.symbol, topics, prefix)
+        items.append(', '.join((
+            f'{{{scope}', kind.manifest.outputs or 'NULL', f'{prefix}concerns', f'{prefix}listed',
+            f'{len(variable.keys)}u', f'INT64_C({variable.forget})}}')))
+    yield from _array('struct fm_node_kind', 'kinds', items)
+    yield from _array('struct fm_aggregate', 'aggregates', (
+        f'{{{item.kind}u, {OPERATIONS[item.function]}, {manifest.operand_of(item)}u, '
+        f'{item.input}u}}' for item in manifest.aggregates))
 
 
 def _topics(manifest: Manifest) -> Iterator[str]:
@@ -214,7 +246,10 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
         'n_warnings': f'{n_warnings}u',
         'judged_by_gates': _text(judged_by_gates(
             manifest.kept, f'spec:={origin}' if origin else FOLDER_OF_EACH)),
-        'monitor': manifest.symbol,
+        'scope': _scope_value(manifest.symbol, report['topic_inputs']),
+        'kinds': 'kinds',
+        'aggregates': 'aggregates',
+        'n_aggregates': f'{len(manifest.aggregates)}u',
         'gate': 'gate' if manifest.gate else 'NULL',
         'readers': manifest.readers or 'NULL',
         'transforms': 'transforms',
@@ -226,8 +261,7 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
         **{field: f'{names.index(topic) if transforms else 0}u'
            for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (
-            'topics', 'end_definition', 'action_types', 'reports', 'sources', 'timeouts',
-            'violates', 'startups', 'windows', 'rooms')},
+            'topics', 'end_definition', 'action_types')},
     }
     yield f'extern const struct fm_node_table fm_node_table_{place.number};'
     yield f'const struct fm_node_table fm_node_table_{place.number} = {{'

@@ -167,6 +167,11 @@ class ManifestTopic:
     where: str = ''
 
     @property
+    def selects(self) -> str:
+        """What is shown behind its name, of a topic of which some messages are selected."""
+        return f' where {self.where}' if self.where else ''
+
+    @property
     def is_keyed(self) -> bool:
         """Whether its name contains an instance variable: it is many topics of ROS."""
         return '{' in self.name
@@ -360,11 +365,35 @@ class Manifest:
                                       for item in kind.manifest.requirements[:kind.n_reported]))
 
     @property
+    def kind_of(self) -> tuple[int | None, ...]:
+        """Of each of these, the index of its kind; None of the bundle's scope."""
+        return (None,) * len(self.requirements) + tuple(
+            place for place, kind in enumerate(self.kinds) for _ in range(kind.n_reported))
+
+    @property
     def variable_of(self) -> tuple[str, ...]:
         """Of each of these, the instance variable; '' of the bundle's scope."""
-        return ('',) * len(self.requirements) + tuple(
-            self.variables[kind.variables[0]].name for kind in self.kinds
-            for _ in range(kind.n_reported))
+        return tuple('' if place is None
+                     else self.variables[self.kinds[place].variables[0]].name
+                     for place in self.kind_of)
+
+    def key_of(self, topic: ManifestTopic) -> ManifestVariable | None:
+        """Return the instance variable in a topic's name: it is then many topics of ROS."""
+        return next((item for item in self.variables if f'{{{item.name}}}' in topic.name), None)
+
+    @property
+    def read(self) -> set[int]:
+        """The inputs of the bundle's scope that requirements read, but for aggregates."""
+        found = {index for group in self.groups for index in group.inputs}
+        found |= {index for kind in self.kinds for index in kind.shared if index is not None}
+        return found - {item.input for item in self.aggregates}
+
+    def operand_of(self, item: ManifestAggregate) -> int:
+        """Return the operand as an engine numbers it: a requirement, of a number its output."""
+        if item.function.takes_truth:
+            return item.operand
+        return sum(other.kind == item.kind and not other.function.takes_truth
+                   and other.operand < item.operand for other in self.aggregates)
 
     @property
     def made(self) -> frozenset[int]:
@@ -404,10 +433,15 @@ class Manifest:
     @property
     def subscribed(self) -> tuple[ManifestTopic, ...]:
         """What a node subscribes to: `received`, then the source of a gate that no input reads."""
+        return (*self.received, *self.judged)
+
+    @property
+    def judged(self) -> tuple[ManifestTopic, ...]:
+        """The source of a gate that no input reads, if there is one."""
         gate = self.gate
         if gate is None or gate.is_service or gate.topic is not None:
-            return self.received
-        return (*self.received, ManifestTopic(gate.source, gate.interface, (), ()))
+            return ()
+        return (ManifestTopic(gate.source, gate.interface, (), ()),)
 
     def to_json(self) -> str:
         """Return the JSON text; equal manifests give equal texts."""
@@ -463,7 +497,7 @@ def shared_handlers(
     """Yield two requirements that one handler would announce, each with its bundle's number."""
     first: dict[str, tuple[int, ManifestRequirement]] = {}
     for number, manifest in enumerate(manifests):
-        for item in manifest.requirements:
+        for item in manifest.numbered:
             other = first.setdefault(item.handler, (number, item))
             if other[1] is not item:
                 yield other, (number, item)
@@ -481,7 +515,7 @@ def followed(manifest: Manifest) -> list[tuple[tuple[int, ...], tuple[int, ...]]
 
     def of(places: tuple[int, ...]) -> tuple[int, ...]:
         return tuple(numbers[place] for place in places if place in numbers)
-    return [(of(item.on_violation), of(item.on_end)) for item in manifest.requirements]
+    return [(of(item.on_violation), of(item.on_end)) for item in manifest.numbered]
 
 
 def _plain(value: object) -> object:

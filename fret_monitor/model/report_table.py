@@ -20,18 +20,30 @@ What reports must know of a bundle: the values of a `struct fm_report_table` (`c
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import Any
 
-from fret_monitor.model.manifest import followed, Manifest, ManifestAction, ManifestInput
+from fret_monitor.model.manifest import (
+    followed, Manifest, ManifestAction, ManifestInput, ManifestKind, ManifestTopic,
+)
 from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS
 from fret_monitor.model.policies import (
-    ActionKind, Otherwise, Policy, Report, Severity, Stale, Stamp,
+    ActionKind, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
 from fret_monitor.model.values import ValueType
 
 type Value = bool | int | float | str | Enumerator | Stored | Elements | Members | None
 """An initializer; `None` is a null pointer."""
 
+
+OPERATIONS = {
+    OverInstances.COUNT: 'FM_COUNT_OF', OverInstances.ANY: 'FM_ANY_OF',
+    OverInstances.ALL: 'FM_ALL_OF', OverInstances.LEAST: 'FM_MIN_OF',
+    OverInstances.GREATEST: 'FM_MAX_OF', OverInstances.SUM: 'FM_SUM_OF'}
+"""Of values over instances (`enum fm_operation`)."""
+
+NONE = 2**32 - 1
+"""In place of an index: of a kind, that of the bundle's scope; of an input, one with a key."""
 
 OTHERWISE = {Otherwise.DROP: 'FM_DROP', Otherwise.HOLD: 'FM_HOLD',
              Otherwise.SUBSTITUTE: 'FM_SUBSTITUTE', Otherwise.RESPOND: 'FM_DROP'}
@@ -86,13 +98,12 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'inputs': _structs('fm_report_input', map(_input, manifest.inputs)),
         'requirements': _structs('fm_report_requirement', ({
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
+            'kind': NONE if kind is None else kind,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
             'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,
-            'shows_verdict': item.report is Report.OCCURRENCE} for item in manifest.numbered)),
-        'kinds': _structs('fm_report_kind', ({
-            'variable': manifest.variables[kind.variables[0]].name,
-            'inputs': _structs('fm_report_input', map(_input, kind.manifest.inputs)),
-            'n_inputs': len(kind.manifest.inputs)} for kind in manifest.kinds)),
+            'shows_verdict': item.report is Report.OCCURRENCE and kind is None}
+            for item, kind in zip(manifest.numbered, manifest.kind_of, strict=True))),
+        'kinds': _structs('fm_report_kind', (_kind(manifest, kind) for kind in manifest.kinds)),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),
     }
@@ -101,11 +112,13 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'gate': _gate(manifest), **arrays,
         **{f'n_{name}': len(array.items) for name, array in arrays.items()},
         'topics': _structs('fm_report_topic', (
-            {'name': name, 'type': message_type, 'kind': Enumerator(kind)}
-            for name, message_type, kind in used_topics(manifest))),
+            {'name': name, 'type': message_type, 'variable': variable, 'where': where,
+             'kind': Enumerator(kind)}
+            for (name, message_type, kind), (variable, where) in zip(used_topics(manifest), chain(
+                ((_variable(manifest, item), item.where) for item in manifest.topics),
+                repeat(('', '')))))),
         'n_topics': len(manifest.topics), 'n_used': len([*used_topics(manifest)]),
-        'topic_inputs': _structs('fm_topic', (
-            _listed('inputs', item.inputs) for item in manifest.topics)),
+        'topic_inputs': fed_inputs(manifest),
         'follows': _structs('fm_follows', (
             _listed('on_violation', violation) | _listed('on_end', end)
             for violation, end in followed(manifest))),
@@ -116,6 +129,34 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'uses_header_stamps': policy is Policy.TIMED and manifest.stamp is Stamp.HEADER,
         'reorder': manifest.reorder,
     })
+
+
+def _kind(manifest: Manifest, kind: ManifestKind) -> dict[str, Value]:
+    variable = manifest.variables[kind.variables[0]]
+    return {
+        'variable': variable.name, 'most': variable.most,
+        'inputs': _structs('fm_report_input', map(_input, kind.manifest.inputs)),
+        'n_inputs': len(kind.manifest.inputs),
+        'keyed': _structs('fm_topic', (
+            _listed('inputs', kind.keyed(place)) for place in range(len(manifest.topics)))),
+        'shared': Elements('uint32_t', tuple(
+            NONE if place is None else place for place in kind.shared))}
+
+
+def _variable(manifest: Manifest, topic: ManifestTopic) -> str:
+    variable = manifest.key_of(topic)
+    return '' if variable is None else f'{{{variable.name}}}'
+
+
+def fed_inputs(manifest: Manifest) -> Elements:
+    """Return the inputs that each topic feeds."""
+    return _structs('fm_topic', (_listed('inputs', item.inputs) for item in manifest.topics))
+
+
+def concerns(manifest: Manifest, kind: ManifestKind) -> list[int]:
+    """Return, of each topic, for which instances its messages are (`enum fm_concern`)."""
+    return [bool(topic.inputs) + 2 * bool(kind.keyed(place))
+            for place, topic in enumerate(manifest.topics)]
 
 
 def used_topics(manifest: Manifest) -> Iterator[tuple[str, str, str]]:
@@ -139,7 +180,7 @@ def _listed(name: str, places: tuple[int, ...]) -> dict[str, Value]:
 
 
 def _lock(manifest: Manifest, place: int, action: ManifestAction) -> dict[str, Value]:
-    users = tuple(number for number, item in enumerate(manifest.requirements)
+    users = tuple(number for number, item in enumerate(manifest.numbered)
                   if place in item.on_violation)
     return {'name': action.name, 'topic': action.target, 'period': action.period,
             **_listed('requirements', users)}

@@ -41,6 +41,7 @@ HEADERS = (
     'thinning.h', 'csv.h', 'middleware.h',
     'serialized.h', 'in_place.h', 'in_place_versions.h', 'receiver.h', 'announcer.h',
     'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',
+    'keyed_topics.h',
 )
 
 _C_LIBRARY = """

@@ -200,7 +200,7 @@ class Engine:
         Returns the number of changes so far, to pass as `seen` (0 at first), and the state of each
         requirement. `timeout` is in seconds; 0: do not wait.
         """
-        count = len(self._monitor.manifest.requirements)
+        count = len(self._monitor.manifest.numbered)
         found = ffi.new('struct fm_requirement_state[]', count + 1)
         changes = self._library.fm_engine_states(
             self.pointer, seen, min(int(timeout * 1000), _LONGEST_WAIT_MS), found)

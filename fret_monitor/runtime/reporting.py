@@ -174,6 +174,14 @@ class TopicFacts:
     unmatched: str = ''
 
 
+def together(facts: Sequence[TopicFacts]) -> TopicFacts:
+    """Return what is known of a topic that is several in ROS: of the first with a problem."""
+    return TopicFacts(
+        sum(item.publishers for item in facts),
+        next((item.other_types for item in facts if item.other_types), ''),
+        next((item.unmatched for item in facts if item.unmatched), ''))
+
+
 @frozen
 class ActionCounts:
     """

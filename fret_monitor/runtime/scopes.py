@@ -24,8 +24,9 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fret_monitor.model.manifest import Manifest, ManifestKind, ManifestVariable
-from fret_monitor.model.policies import OverInstances
+from fret_monitor.model.manifest import ManifestKind, ManifestVariable
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.report_table import concerns, OPERATIONS
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, MonitorKind
@@ -40,11 +41,6 @@ BUNDLE = 2**32 - 1
 _KEYED = 2**32 - 1
 _NO_SLOT = 2**32 - 1
 _MOST_KEY_BYTES = 255
-_OPERATIONS = {
-    OverInstances.COUNT: 'FM_COUNT_OF', OverInstances.ANY: 'FM_ANY_OF',
-    OverInstances.ALL: 'FM_ALL_OF', OverInstances.LEAST: 'FM_MIN_OF',
-    OverInstances.GREATEST: 'FM_MAX_OF', OverInstances.SUM: 'FM_SUM_OF',
-}
 
 
 class Event(IntEnum):
@@ -83,14 +79,15 @@ class Scopes:
     Not thread-safe. A message is `begin_row`, its values, and `end`, after `advance_to`.
     """
 
-    def __init__(self, monitor: Monitor, *, library: Path | None = None, patience: float = 0.0,
+    def __init__(self, monitor: Monitor, *, policy: Policy | None = None,
+                 period: float | None = None, library: Path | None = None, patience: float = 0.0,
                  is_of_engine: bool = False) -> None:
         """
         Make the scopes, with the instances of listed keys.
 
         `monitor` is the monitor to run; `library` that of the evaluator, which is built, or taken
-        from the cache, when None. `patience` is as of `Evaluator`. An engine takes the events, and
-        recoveries too.
+        from the cache, when None. `policy`, `period` and `patience` are as of `Evaluator`. An
+        engine takes the events, and recoveries too.
 
         Raises
         ------
@@ -102,7 +99,11 @@ class Scopes:
         self.path = library or evaluator_library()
         self.library: Any = load_evaluator(self.path)
         self.patience = patience
-        self._options = _Options(monitor, patience, is_of_engine=is_of_engine)
+        manifest = monitor.manifest
+        self.policy = manifest.policy if policy is None else policy
+        self.period = manifest.period if period is None else period
+        self._options = _Options(monitor, self.policy, self.period, patience,
+                                 is_of_engine=is_of_engine)
         size = self.library.fm_scopes_bytes(self._options.pointer)
         if size == 0:
             raise LibraryError('the monitor was compiled for another evaluator')
@@ -242,20 +243,20 @@ def most_instances(kind: ManifestKind, variables: tuple[ManifestVariable, ...]) 
 class _Options:
     """The `struct fm_scopes_options` of a monitor; keeps alive what the struct points to."""
 
-    def __init__(self, monitor: Monitor, patience: float, *, is_of_engine: bool) -> None:
+    def __init__(self, monitor: Monitor, policy: Policy, period: float | None, patience: float, *,
+                 is_of_engine: bool) -> None:
         manifest = monitor.manifest
-        self._patience, self._is_of_engine = patience, is_of_engine
-        self._kept: list[Any] = [EvaluatorOptions(
-            monitor, manifest.policy, manifest.period, patience, is_of_engine)]
+        self._settings = (policy, period, patience, is_of_engine)
+        self._kept: list[Any] = [EvaluatorOptions(monitor, *self._settings)]
         kinds = ffi.new('struct fm_kind[]', max(1, len(monitor.kinds)))
         slots = 0
         for place, (described, kind) in enumerate(zip(manifest.kinds, monitor.kinds, strict=True)):
             kinds[place] = self._kind(monitor, described, kind)
             slots += kinds[place].most
         aggregates = ffi.new('struct fm_aggregate[]', [
-            {'kind': item.kind, 'operation': ffi.integer_const(_OPERATIONS[item.function]),
-             'operand': _operand(monitor, place), 'input': item.input}
-            for place, item in enumerate(manifest.aggregates)])
+            {'kind': item.kind, 'operation': ffi.integer_const(OPERATIONS[item.function]),
+             'operand': manifest.operand_of(item), 'input': item.input}
+            for item in manifest.aggregates])
         self._kept += [kinds, aggregates]
         self.pointer = ffi.new('struct fm_scopes_options *', {
             'bundle': self._kept[0].pointer,
@@ -270,33 +271,25 @@ class _Options:
               kind: MonitorKind) -> dict[str, Any]:
         manifest = monitor.manifest
         variables = [manifest.variables[place] for place in described.variables]
-        options = EvaluatorOptions(kind.monitor, manifest.policy, manifest.period, self._patience,
-                                   self._is_of_engine, described.n_reported)
+        options = EvaluatorOptions(kind.monitor, *self._settings, described.n_reported)
         topics = range(len(manifest.topics))
         fed = [ffi.new('uint32_t[]', [*described.keyed(place), 0]) for place in topics]
         keyed = ffi.new('struct fm_topic[]', [
             {'inputs': inputs, 'n_inputs': len(inputs) - 1} for inputs in fed] or 1)
-        concerns = ffi.new('uint8_t[]', [*(_concern(manifest, described, place)
-                                           for place in topics), 0])
+        concerned = ffi.new('uint8_t[]', [*concerns(manifest, described), 0])
         shared = ffi.new('uint32_t[]', [
             *(_KEYED if place is None else place for place in described.shared), 0])
         texts = [ffi.new('uint8_t[]', word.encode() or b'\0') for word in variables[0].keys]
         listed = ffi.new('struct fm_key[]', [
             {'bytes': text, 'size': len(word.encode())}
             for text, word in zip(texts, variables[0].keys, strict=True)])
-        self._kept += [options, shared, texts, listed, fed, keyed, concerns]
+        self._kept += [options, shared, texts, listed, fed, keyed, concerned]
         return {
-            'options': options.pointer, 'outputs': kind.outputs, 'concerns': concerns,
+            'options': options.pointer, 'outputs': kind.outputs, 'concerns': concerned,
             'keyed': keyed, 'shared': shared, 'listed': listed, 'n_listed': len(texts),
             'most': most_instances(described, manifest.variables),
             'forget': variables[0].forget,
         }
-
-
-def _concern(manifest: Manifest, kind: ManifestKind, topic: int) -> int:
-    """Return of which instances a message of a topic is one: of all, of that of its key."""
-    of_all, of_key = (ffi.integer_const(f'FM_CONCERNS_{name}') for name in ('ALL', 'KEY'))
-    return of_all * bool(manifest.topics[topic].inputs) + of_key * bool(kind.keyed(topic))
 
 
 class _BundleEvaluator(Evaluator):
@@ -304,18 +297,8 @@ class _BundleEvaluator(Evaluator):
 
     def __init__(self, scopes: Scopes) -> None:
         self._scopes = scopes
-        super().__init__(scopes.monitor, patience=scopes.patience, reports_recoveries=True,
-                         library=scopes.path)
+        super().__init__(scopes.monitor, policy=scopes.policy, period=scopes.period,
+                         patience=scopes.patience, reports_recoveries=True, library=scopes.path)
 
     def _make(self) -> None:
         self.pointer = self._scopes.library.fm_scopes_bundle(self._scopes.pointer)
-
-
-def _operand(monitor: Monitor, place: int) -> int:
-    """Return a requirement of the kind, or for a number the index of its output."""
-    aggregates = monitor.manifest.aggregates
-    item = aggregates[place]
-    if item.function.takes_truth:
-        return item.operand
-    return sum(other.kind == item.kind and not other.function.takes_truth
-               and other.operand < item.operand for other in aggregates)

@@ -98,6 +98,15 @@ class SubscriptionState:
             raise LibraryError('memory is short')
         self._lines = Lines(library)
 
+    def begin(self, offers: Sequence[Offer], now: int) -> None:
+        """Before subscribing: request what the publishers of a topic offer that was found."""
+        array, _kept = c_offers(offers)
+        self._library.fm_subscription_begin(self._pointer, array, len(offers), now)
+
+    def is_abandoned(self, now: int) -> bool:
+        """Whether there has been no publisher for long."""
+        return bool(self._library.fm_subscription_is_abandoned(self._pointer, now))
+
     @property
     def request(self) -> Request:
         """The quality of service of the present subscription."""

@@ -19,10 +19,8 @@ from pathlib import Path
 
 from cli.command import Here
 from fret_monitor.build import generate_monitor, read
-from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.program.layout import instance_bytes
-from fret_monitor.start import manifest_of, start
 import pytest
 
 FLEET = """\
@@ -44,13 +42,8 @@ requirements:
 HEADING = 'time,robot,speed,load,joint,effort,enabled\n'
 
 
-@pytest.mark.parametrize('arguments', [
-    ['compile', '--output', 'out'], ['export', '--to', 'ros2', '--output', 'out'],
-    ['analyze', '--output', 'out']])
-def test_what_does_not_know_instances_refuses_them_with_the_place(
-        here: Here, arguments: list[str]) -> None:
-    verb, *others = arguments
-    done = here.run(verb, here.file('fleet.yaml', FLEET), *others)
+def test_what_does_not_know_instances_refuses_them_with_the_place(here: Here) -> None:
+    done = here.run('analyze', here.file('fleet.yaml', FLEET), '--output', 'out')
     assert done.status == 1
     assert "fleet.yaml:3:3: error: 'for_each' and 'where' are not supported here yet" in done.err
 
@@ -87,26 +80,33 @@ def test_tests_and_prove_judge_one_instance(here: Here) -> None:
     assert here.run('prove', path).out.startswith('fleet.yaml: proved, 4 requirements\n')
 
 
-def test_a_node_refuses_instances_also_after_simulate_has_built_them(here: Here) -> None:
-    path = Path(here.file('fleet.yaml', FLEET))
-    start(path, takes_instances=True)
+def test_a_compiled_bundle_and_an_exported_node_have_all_instances(here: Here) -> None:
+    path = here.file('fleet.yaml', FLEET)
+    done = here.run('compile', path, '--output', here.folder / 'out')
+    assert done.status == 0, done.err
+    assert ': 4 requirements, ' in done.out
+    found = Manifest.from_json((here.folder / 'out' / 'manifest.json').read_text())
+    assert [item.id for item in found.numbered] == ['FLEET', 'SPEED', 'LOAD', 'EFFORT']
+    done = here.run('export', path, '--to', 'ros2', '--output', here.folder / 'package')
+    assert done.status == 0, done.err
+    assert 'not proved: a bundle with instances' in done.out
+    table = (here.folder / 'package' / 'src' / 'node_table.c').read_text()
+    assert 'kind_1_concerns' in table
 
-    for refusing in (start, manifest_of, read):
-        with pytest.raises(CompileError, match='are not supported here yet'):
-            refusing(path)
 
-
-def test_where_without_a_variable_is_refused_too(here: Here) -> None:
+def test_gates_do_not_stand_beside_where(here: Here) -> None:
     path = here.file('one.yaml', """\
 format: 1
 inputs:
   x: {topic: x, type: std_msgs/msg/String, where: "data = imu", values: {A: a}}
+  v: {topic: v, type: std_msgs/msg/Float32}
+gates:
+  g: {from: v, to: w, keep: [R], otherwise: drop}
 requirements:
-  - {id: R, ptltl: "x = A"}
+  - {id: R, ptltl: "v < 1.0"}
 """)
-    done = here.run('compile', path, '--output', here.folder / 'out')
-    assert "one.yaml:3:52: error: 'for_each' and 'where' are not supported here yet" in done.err
-    assert here.run('check', path).status == 0
+    done = here.run('check', path)
+    assert "one.yaml:6:3: error: a bundle with 'where' has no gates yet" in done.err
 
 
 def test_check_says_of_what_each_requirement_is_one(here: Here) -> None:

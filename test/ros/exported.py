@@ -79,9 +79,10 @@ _BUILT: dict[str, Path] = {}
 
 def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
     """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
-    generated = build.generate_monitor(build.read(bundle, part=part))
-    return _built({**generated.module.files, 'node_table.c': node_table(generated),
-                   'node_tables.c': node_tables()}, packages_of(generated.manifest))
+    generated = build.generate_monitor(build.read(bundle, part=part, takes_instances=True))
+    return _built({**generated.c_sources, **generated.c_headers,
+                   'node_table.c': node_table(generated), 'node_tables.c': node_tables()},
+                  packages_of(generated.manifest))
 
 
 def exported_bundles(*bundles: Path) -> Path:

@@ -93,7 +93,7 @@ class Actions:
         return publisher
 
     def _lock(self, index: int, action: ManifestAction) -> Lock:
-        users = tuple(number for number, item in enumerate(self._manifest.requirements)
+        users = tuple(number for number, item in enumerate(self._manifest.numbered)
                       if index in item.on_violation)
         return Lock(self._publisher(action), users, action.period)
 

@@ -26,6 +26,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
+from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import BlackBoxCounts, Lines, LogLine
 
@@ -60,8 +61,8 @@ class BlackBox:
         self._pointer: Any = ffi.gc(place[0], library.fm_blackbox_writer_destroy)
 
     def _options(self, node: Node, manifest: Manifest, settings: BlackBoxSettings) -> Any:
-        topics = [*((item.name if item.made else node.resolve_topic_name(item.name),
-                     item.message_type) for item in manifest.topics),
+        topics = [*((full_name(node, manifest, item), item.message_type)
+                    for item in manifest.topics),
                   (node.resolve_topic_name(_END_TOPIC), _END_TYPE)]
         return self._keep('struct fm_blackbox_options *', {
             'folder': self._text(str(settings.folder)), 'lasts': int(settings.seconds * 1e9),
@@ -73,7 +74,7 @@ class BlackBox:
                 (self._text(name), self._text(kind), self._definition(kind))
                 for name, kind in topics]),
             'requirements': self._keep('struct fm_blackbox_requirement[]', [
-                self._requirement(item) for item in manifest.requirements])})
+                self._requirement(item) for item in manifest.numbered])})
 
     def _requirement(self, item: ManifestRequirement) -> tuple[Any, Any]:
         return self._text(item.id), self._text(item.handler.removeprefix('handlerprop'))

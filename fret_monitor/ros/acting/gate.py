@@ -61,7 +61,8 @@ class RunningGate:
         """Advertise the target and start to judge; raises `Unavailable` or `Refusal`."""
         self._node = node
         self._engine = engine
-        self._settings = settings
+        source = settings.topic  # none: it comes after those of the manifest
+        self._taken = len(engine.monitor.manifest.topics) if source is None else source
         self._relay: Relay | None = None
         self._service: ServiceGate | None = None
         if settings.is_service:
@@ -78,7 +79,7 @@ class RunningGate:
 
     def takes(self, topic: int) -> bool:
         """Return whether the gate itself takes the messages of a topic of the manifest."""
-        return topic == self._settings.topic
+        return topic == self._taken
 
     @property
     def turns(self) -> int:

@@ -121,25 +121,25 @@ class Feed:
         self._taker = taker
         self._topics: list[_Subscribed] = []
         self._added: deque[_Subscribed] = deque()  # since the start, until the next review
-        self._removed: deque[str] = deque()
+        self._removed: deque[str | Topic] = deque()
         self._due: dict[_Subscribed, None] = {}  # to be reviewed, in this order
         self._next_look = self._next_question = self._next_round = 0.0
         self._graph = GraphWait(node)
-        self._watched: GraphWatch | None = None
+        self._watched: dict[GraphWatch, float] = {}  # each with the s until its next look
         self._has_changed = True
-        self._watch_after = 0.0
         self._closing = Event()
         self._thread = WatchedThread('feed', self._loop)
         self.turns = 0
         """How often the thread has looked for work: several times a second unless it hangs."""
 
     def subscribe(self, library: Any, name: str, message_type: str, message_class: Any,
-                  topic: Topic, fixed: Mapping[str, str | int]) -> None:
+                  topic: Topic, fixed: Mapping[str, str | int], *, is_found: bool = False) -> None:
         """
         Subscribe to a topic; after `start` this takes effect at the next review.
 
         `library` has the functions of csrc. `fixed` is the part of the quality of service that
-        does not follow the publishers (`SubscriptionState`).
+        does not follow the publishers (`SubscriptionState`). `is_found`: it was found in the
+        graph, with its publishers.
 
         Raises
         ------
@@ -148,17 +148,23 @@ class Feed:
         """
         with one_type(self._node, 'subscribe to', name, message_type):
             (self._added if self._thread.is_alive() else self._topics).append(
-                _Subscribed(self._node, library, name, message_type, message_class, topic, fixed))
+                _Subscribed(self._node, library, name, message_type, message_class, topic, fixed,
+                            is_found=is_found))
         self._graph.wake()
 
-    def unsubscribe(self, name: str) -> None:
-        """End the subscription to a topic, at the next review; for nodes without an engine."""
-        self._removed.append(name)
+    def unsubscribe(self, topic: str | Topic) -> None:
+        """End the subscriptions to a topic, given by its name or itself, at the next review."""
+        self._removed.append(topic)
         self._graph.wake()
+
+    def abandoned(self) -> list[Topic]:
+        """Return the topics that have had no publisher for long; for the feed's thread."""
+        now = monotonic_ns()
+        return [item.topic for item in self._topics if item.is_abandoned(now)]
 
     def watch(self, graph: GraphWatch) -> None:
         """Look at the graph, too; to be called before `start`."""
-        self._watched = graph
+        self._watched[graph] = 0.0
 
     def start(self) -> None:
         """Start delivering."""
@@ -193,9 +199,9 @@ class Feed:
             self.end()
             native_lifetimes.release(self)
 
-    def publishers(self) -> list[TopicFacts]:
+    def publishers(self) -> list[tuple[Topic, TopicFacts]]:
         """Return the publishers of each topic, in order of subscription."""
-        return [topic.publishers for topic in self._topics]
+        return [(item.topic, item.publishers) for item in self._topics]
 
     @property
     def failure(self) -> Exception | None:
@@ -215,8 +221,7 @@ class Feed:
     def _wait(self) -> None:
         until = self._next_look - monotonic() if self._due else _LONGEST_WAIT_S
         handles = () if self._taker is None else self._taker.handles
-        if self._watched is not None:
-            until = min(until, self._watch_after)
+        until = min([until, *self._watched.values()])
         if self._graph.wait(max(0.0, until), handles, for_change=not self._knows_change):
             self._has_changed = True
             if not self._due:
@@ -227,12 +232,12 @@ class Feed:
     def _knows_change(self) -> bool:
         """Whether all looks are due, so that another change makes no difference."""
         return len(self._due) == len(self._topics) and (
-            bool(self._due) if self._watched is None else self._watched.knows_change)
+            all(item.knows_change for item in self._watched) if self._watched else bool(self._due))
 
     def _look(self) -> None:
-        if self._watched is not None:
-            self._watch_after = self._watched.review(self._has_changed, self._subscriptions)
-            self._has_changed = False
+        has_changed, self._has_changed = self._has_changed, False
+        for item in self._watched:
+            self._watched[item] = item.review(has_changed, self._subscriptions)
 
     def _subscriptions(self, name: str) -> int:
         return sum(topic.subscriptions for topic in self._topics if topic.full_name == name)
@@ -245,8 +250,8 @@ class Feed:
             self._added.popleft()
             topic.open()
         while self._removed:
-            name = self._removed.popleft()
-            for topic in [item for item in self._topics if item.name == name]:
+            found = self._removed.popleft()
+            for topic in [item for item in self._topics if found in (item.name, item.topic)]:
                 self._topics.remove(topic)
                 self._due.pop(topic, None)
                 topic.close()
@@ -276,7 +281,7 @@ class _Subscribed:
     """A topic, its publishers, and its subscription (two of them during a handover)."""
 
     def __init__(self, node: Node, library: Any, name: str, message_type: str, message_class: Any,
-                 topic: Topic, fixed: Mapping[str, str | int]) -> None:
+                 topic: Topic, fixed: Mapping[str, str | int], *, is_found: bool) -> None:
         self.topic = topic
         self._message_class = message_class
         self._node = node
@@ -286,8 +291,15 @@ class _Subscribed:
         self._state = SubscriptionState(
             library, node.resolve_topic_name(name), message_type, fixed)
         self._retired: deque[tuple[RclSubscription, Receiver | None]] = deque()
+        if is_found:
+            self._state.begin([offer_of(item) for item in node.get_publishers_info_by_topic(name)],
+                              monotonic_ns())
         self._current = self._subscribe(self._state.request)
         self._receiver: Receiver | None = None
+
+    def is_abandoned(self, now: int) -> bool:
+        """Whether there has been no publisher for long."""
+        return self._state.is_abandoned(now)
 
     @property
     def full_name(self) -> str:
@@ -306,6 +318,8 @@ class _Subscribed:
     def close(self) -> None:
         """Destroy all subscriptions."""
         with ExitStack() as last:
+            if self._retired:
+                last.callback(self.topic.end_handover)
             for item, receiver in [*self._retired, (self._current, self._receiver)]:
                 last.callback(self._destroy, item, receiver)
 

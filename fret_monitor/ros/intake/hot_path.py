@@ -89,7 +89,9 @@ class Middleware:
             count_publishers=(self._rmw, 'rmw_count_publishers'),
             count_subscribers=(self._rmw, 'rmw_count_subscribers'),
             free_strings=(self._rcutils, 'rcutils_string_array_fini'),
-            forget_error=(self._rcutils, 'rcutils_reset_error'))
+            forget_error=(self._rcutils, 'rcutils_reset_error'),
+            topic_names=(self._rmw, 'rmw_get_topic_names_and_types'),
+            free_topics=(loaded_library('librmw.so'), 'rmw_names_and_types_fini'))
 
     def node(self, node: Node) -> Any:
         """Return the rmw handle of a node; the caller holds its rclpy handle."""
@@ -180,9 +182,11 @@ class EngineReceiver:
     """Takes the messages of one subscription for an engine, in C."""
 
     def __init__(self, engine: Engine, middleware: Middleware,
-                 subscription: RclSubscription, topic: int) -> None:
+                 subscription: RclSubscription, topic: int, key: bytes | None = None) -> None:
         """
         Start taking; messages in the queue are delivered before this returns.
+
+        `key` is that of the instance in the topic's name; None: none is in it.
 
         Raises
         ------
@@ -200,12 +204,18 @@ class EngineReceiver:
             undo.callback(self.stop)  # also if a signal interrupts what follows
             self._held.enter_context(subscription.handle)
             native_lifetimes.keep(self)
-            if not self._library.fm_receiver_start(
-                    self._place, engine.pointer, middleware.functions,
-                    middleware.subscription(subscription), topic,
-                    middleware.taking(subscription)):
+            if not self._start(key, self._place, engine.pointer, middleware.functions,
+                               middleware.subscription(subscription), topic,
+                               middleware.taking(subscription)):
                 raise Unavailable('the middleware has no callback for new messages')
             undo.pop_all()
+
+    def _start(self, key: bytes | None, *arguments: Any) -> bool:
+        if key is None:
+            return bool(self._library.fm_receiver_start(*arguments))
+        text = ffi.new('uint8_t[]', key)
+        return bool(self._library.fm_receiver_start_keyed(
+            *arguments, ffi.new('struct fm_key *', (text, len(key)))))
 
     @property
     def _pointer(self) -> Any:
@@ -239,28 +249,40 @@ class EngineReceiver:
 class EngineTopic(Topic):
     """A topic of an engine: delivers its messages, across handovers, and counts losses."""
 
-    def __init__(self, engine: Engine, middleware: Middleware, topic: int) -> None:
-        """Deliver to an engine; `topic` is the index in its manifest."""
+    def __init__(self, engine: Engine, middleware: Middleware, topic: int,
+                 key: bytes | None = None, handovers: 'set[EngineTopic] | None' = None) -> None:
+        """
+        Deliver to an engine; `topic` is the index in its manifest.
+
+        If that is many topics of ROS, this is the one with a `key` in its name, and `handovers`
+        are those of them whose subscriptions are being replaced.
+        """
         self._engine = engine
         self._middleware = middleware
-        self._topic = topic
+        self.index = topic
+        self.key = key
+        self._handovers = set() if handovers is None else handovers
 
     def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
-        return EngineReceiver(self._engine, self._middleware, subscription, self._topic)
+        return EngineReceiver(
+            self._engine, self._middleware, subscription, self.index, self.key)
 
     def begin_handover(self, *, has_history: bool) -> None:
         """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
-        self._engine.begin_handover(self._topic, has_history=has_history)
+        self._handovers.add(self)
+        self._engine.begin_handover(self.index, has_history=has_history)
 
     def end_handover(self) -> None:
         """Expect no duplicates any more: the old subscription is closed."""
-        self._engine.end_handover(self._topic)
+        self._handovers.discard(self)
+        if not self._handovers:
+            self._engine.end_handover(self.index)
 
     @property
     def lost(self) -> int:
         """Messages lost: sent, and not received by any subscription of the topic."""
-        return self._engine.lost(self._topic)
+        return self._engine.lost(self.index)
 
 
 @frozen

@@ -20,14 +20,15 @@ publishes the violations. C also takes the messages, inside the middleware's cal
 allows that (`hot_path`). Closing a session removes from the node all that it created.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.names import DETAILS_TOPIC
-from fret_monitor.native import words
+from fret_monitor.native import LibraryError, words
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.intake.feed import Feed, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError
@@ -47,9 +48,13 @@ from fret_monitor.ros.settings.parameters import (
 )
 from fret_monitor.ros.settings.qos import violation_profile
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
+from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
-from fret_monitor.runtime.reporting import LogLine, Reporter, ReportTable, TopicFacts
+from fret_monitor.runtime.reporting import (
+    LogLine, Reporter, ReportTable, together, TopicFacts,
+)
+from fret_monitor.runtime.scopes import Scopes
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
@@ -138,14 +143,26 @@ class BundleSession:
         return BlackBox(self._node, self.manifest, settings, self.library)
 
     def _new_engine(self) -> Engine:
-        evaluator = Evaluator(
-            self.opened.monitor, policy=self.opened.policy, period=self.opened.period,
-            patience=PATIENCE_S, reports_recoveries=True, library=self.opened.evaluator)
-        engine = Engine(evaluator, full_name=partial(node_name, self._node))
+        scopes, evaluator = self._new_scopes()
+        engine = Engine(evaluator, scopes=scopes, full_name=partial(node_name, self._node))
         if self.manifest.gate is not None:
             from fret_monitor.ros.acting.gate import gate_of
             engine.guard(gate_of(evaluator, self.manifest.gate, self._table))
         return engine
+
+    def _new_scopes(self) -> tuple[Scopes | None, Evaluator]:
+        opened = self.opened
+        if not self.manifest.variables:
+            return None, Evaluator(
+                opened.monitor, policy=opened.policy, period=opened.period, patience=PATIENCE_S,
+                reports_recoveries=True, library=opened.evaluator)
+        try:
+            scopes = Scopes(
+                opened.monitor, policy=opened.policy, period=opened.period, patience=PATIENCE_S,
+                library=opened.evaluator, is_of_engine=True)
+        except LibraryError as error:  # `most` is more than there is memory for
+            raise Refusal(str(error)) from None
+        return scopes, scopes.evaluator()
 
     def _advertise(self, depth: int) -> None:
         self._handlers = handlers_of(self._node, self.manifest, depth)
@@ -222,9 +239,10 @@ class BundleSession:
         return describe_gate(self._node, self.manifest, self._table, self.library)
 
     def reset(self) -> int:
-        """Reset all step groups between two steps; return how many there are."""
+        """Reset all step groups between two steps; return how many there are, of one instance."""
         self._engine.reset()
-        return len(self.manifest.groups)
+        return len(self.manifest.groups) + sum(
+            len(kind.manifest.groups) for kind in self.manifest.kinds)
 
     # Publishers and subscriptions are closed in reverse order of creation, so the threads that
     # publish outlive the subscriptions. Ending such a thread closes the engine before it waits
@@ -270,21 +288,38 @@ class BundleSession:
         graph = self._graph_sources(engine, middleware)
         feed = Feed(self._node)
         self._running.callback(feed.close)
-        indices = {topic.name: index for index, topic in enumerate(self.manifest.topics)}
-        for topic in self.manifest.subscribed:
-            index = indices.get(topic.name)
-            if index is not None and (gate is None or not gate.takes(index)):
+        judged = None if gate is None else gate.topic
+        for index, topic in enumerate((*self.manifest.topics, *self.manifest.judged)):
+            if topic.made or self.manifest.key_of(topic) is not None:
+                continue
+            if gate is None or not gate.takes(index):
                 self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
-            elif gate is not None and gate.topic is not None:
-                self._subscribe(feed, topic, gate.topic)
+            elif judged is not None:
+                self._subscribe(feed, topic, judged)
         if graph is not None:
             feed.watch(graph)
+        if self.manifest.variables:
+            self._follow_keys(feed, engine, middleware)
         feed.start()
         self._feed, self._gate = feed, gate
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(self._way, once=True)
         self._announcer, self._detail_publisher = announcer, details
+
+    def _follow_keys(self, feed: Feed, engine: Engine, middleware: Middleware) -> None:
+        """Subscribe to the topics with listed keys in their names, and look for the others."""
+        from fret_monitor.ros.intake.keyed_topics import found_topics, KeyedTopics, listed_topics
+        for index, names in listed_topics(self.manifest).items():
+            handovers: set[EngineTopic] = set()
+            for key, name in names.items():
+                self._subscribe(feed, self.manifest.topics[index], EngineTopic(
+                    engine, middleware, index, key.encode(), handovers), middleware, name)
+        if found_topics(self.manifest):
+            watch = KeyedTopics(self._node, engine, middleware, FoundTopics(
+                partial(self._subscribe, feed, in_place=middleware, is_found=True), feed))
+            self._running.callback(watch.close)
+            feed.watch(watch)
 
     def _graph_sources(self, engine: Engine, middleware: Middleware) -> GraphSources | None:
         if not self.manifest.watched:
@@ -310,20 +345,26 @@ class BundleSession:
         return gate
 
     def _subscribe(self, feed: Feed, mapped: ManifestTopic, topic: Topic,
-                   in_place: Middleware | None = None) -> None:
-        """Subscribe to a topic; read it in place if the middleware is given and does so."""
-        kind = self._classes[mapped.message_type]
+                   in_place: Middleware | None = None, name: str | None = None, *,
+                   is_found: bool = False) -> None:
+        """
+        Subscribe to a topic; read it in place if the middleware is given and does so.
+
+        `name`: with the key, of one with a variable in its name; `is_found`: in the graph.
+        """
+        kind, name = self._classes[mapped.message_type], name or mapped.name
         if in_place is not None and in_place.reads_in_place:
-            kind = self._class_in_place(in_place, mapped.name, kind)
+            kind = self._class_in_place(in_place, name, kind)
         feed.subscribe(
-            self._engine.library, mapped.name, mapped.message_type, kind, topic,
-            self._overrides.apply(
-                self._node.resolve_topic_name(mapped.name), dict(mapped.qos)))
+            self._engine.library, name, mapped.message_type, kind, topic,
+            dict(mapped.qos) if name != mapped.name else
+            self._overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
+            is_found=is_found)
 
     def _new_reporter(self, engine: Engine) -> Reporter:
         return Reporter(
             engine, self._table, self._node.get_fully_qualified_name(),
-            [item.name if item.made else self._node.resolve_topic_name(item.name)
+            [full_name(self._node, self.manifest, item) + item.selects
              for item in self.manifest.topics])
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
@@ -340,14 +381,15 @@ class BundleSession:
     def _publishers(self) -> Sequence[TopicFacts]:
         if self._feed is None:
             return ()
-        found = self._feed.publishers()
-        others = dict.fromkeys(self.manifest.made, TopicFacts())
-        gate = self.manifest.gate
+        count, gate = len(self.manifest.topics), self.manifest.gate
+        found: list[list[TopicFacts]] = [[] for _ in range(count + 1)]
+        for topic, facts in self._feed.publishers():
+            index = topic.index if isinstance(topic, EngineTopic) else \
+                gate.topic if gate is not None else None
+            found[count if index is None else index].append(facts)
         if gate is not None and gate.is_service and gate.topic is not None:
-            others[gate.topic] = TopicFacts(1)  # requests come from this node
-        for index, facts in sorted(others.items(), key=lambda item: item[0]):
-            found.insert(index, facts)
-        return found[:len(self.manifest.topics)]
+            found[gate.topic].append(TopicFacts(1))  # requests come from this node
+        return [together(facts) for facts in found[:count]]
 
     def report(self) -> None:
         """Log what is new, and publish the state; to be called every `health.PERIOD`."""
@@ -368,13 +410,33 @@ class BundleSession:
         self._overrides = Overrides.of(self._node)
         self._overrides.refuse_publishers([
             self._node.resolve_topic_name(name) for name in (
-                DETAILS_TOPIC, *(item.topic for item in self.manifest.requirements))])
+                DETAILS_TOPIC, *(item.topic for item in self.manifest.numbered))])
+
+
+@dataclass(frozen=True)
+class FoundTopics:
+    """Subscribes to the topics that `KeyedTopics` has found, with `subscribe`."""
+
+    subscribe: Callable[..., None]
+    feed: Feed
+
+    def subscribe_found(self, mapped: ManifestTopic, name: str, topic: EngineTopic) -> None:
+        """Subscribe to a topic, by its full name."""
+        self.subscribe(mapped, topic, name=name)
+
+    def abandoned(self) -> list[EngineTopic]:
+        """Return the topics that have had no publisher for long."""
+        return [item for item in self.feed.abandoned() if isinstance(item, EngineTopic)]
+
+    def unsubscribe_found(self, topic: EngineTopic) -> None:
+        """End a subscription."""
+        self.feed.unsubscribe(topic)
 
 
 def handlers_of(node: Node, manifest: Manifest, depth: int) -> list[RclPublisher]:
     """Advertise the topics that announce violations; return a publisher for each requirement."""
     return [RclPublisher(node, Empty, item.topic, violation_profile(depth))
-            for item in manifest.requirements]
+            for item in manifest.numbered]
 
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:
@@ -386,8 +448,8 @@ def refuse_inputs_off_ros(manifest: Manifest) -> None:
     Refusal
         if there are any; the message has the lines to add to the bundle.
     """
-    read = {index for group in manifest.groups for index in group.inputs}
-    lines = [line for index in sorted(read) for line in _lines_wanted(manifest.inputs[index])]
+    lines = [line for index in sorted(manifest.read)
+             for line in _lines_wanted(manifest.inputs[index])]
     if lines:
         raise Refusal('these inputs have no ROS 2 topic to read; '
                       'say in the bundle where they come from:\n\n  inputs:\n' + '\n'.join(lines))

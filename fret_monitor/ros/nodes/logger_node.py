@@ -300,4 +300,4 @@ class LoggerNode(ClockNode):
 
 
 def _requirements(manifests: Iterable[Manifest]) -> list[ManifestRequirement]:
-    return [item for manifest in manifests for item in manifest.requirements]
+    return [item for manifest in manifests for item in manifest.numbered]

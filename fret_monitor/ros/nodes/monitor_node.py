@@ -36,6 +36,7 @@ from fret_monitor.ros.settings.parameters import (
 )
 from fret_monitor.ros.settings.scheduling import ask_system
 from fret_monitor.ros.settings.shared_names import refuse_shared_names
+from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, Watch
 from fret_monitor.runtime.start_lines import restarted, watching
@@ -172,7 +173,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._warn(ask_system(settings.scheduling, self._sessions[0].library))
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
-            self.resolve_topic_name(topic.name)
+            full_name(self, session.manifest, topic)
             for session in self._sessions for topic in session.manifest.subscribed]))
 
     def _open(self, settings: Settings) -> list[Opened]:
@@ -204,8 +205,9 @@ class MonitorNode(ClockNode, LifecycleNode):
         log_lines(self.get_logger(), watching(
             [session.reporter for session in self._sessions],
             [session.opened.origin for session in self._sessions]))
-        topics = {self.resolve_topic_name(topic.name): dict(topic.qos)
-                  for session in self._sessions for topic in session.manifest.subscribed}
+        topics = {full_name(self, session.manifest, topic): dict(topic.qos)
+                  for session in self._sessions for topic in session.manifest.subscribed
+                  if session.manifest.key_of(topic) is None}
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(
             self, self._watch, topics)
 

@@ -58,7 +58,8 @@ def _uses(node: Node, manifest: Manifest, owner: int) -> Iterator[TypedUse]:
         return TypedUse(resolve(name), interface, owner, is_service, False)
 
     for topic in manifest.received:
-        yield used(topic.name, topic.message_type, is_service=False)._replace(is_input=True)
+        if manifest.key_of(topic) is None:  # the others are found by their type
+            yield used(topic.name, topic.message_type, is_service=False)._replace(is_input=True)
     if (gate := manifest.gate) is not None:
         for name in (gate.source, gate.target):
             yield used(name, gate.interface, is_service=gate.is_service)

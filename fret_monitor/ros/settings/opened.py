@@ -273,7 +273,7 @@ def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
     from fret_monitor.start import start
     began, clock = time(), monotonic()
     compiled = start(spec, policy=settings.policy, period=settings.period,
-                     constants=constants_of(settings, spec), part=part)
+                     constants=constants_of(settings, spec), part=part, takes_instances=True)
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest
@@ -311,7 +311,7 @@ def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest)
     if spec is None:
         return
     from fret_monitor.build import read
-    if read(spec).bundle_hash != manifest.bundle_hash:
+    if read(spec, takes_instances=True).bundle_hash != manifest.bundle_hash:
         raise Refusal(
             f"'{directory}' was not compiled from '{spec}' as it is now; compile it "
             f'anew: fret-monitor compile {spec} --output {directory}')

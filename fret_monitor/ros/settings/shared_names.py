@@ -15,6 +15,7 @@
 """Names of topics and services that only one part of a node may use, after remapping."""
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate
@@ -22,6 +23,7 @@ from fret_monitor.model.names import DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVI
 from fret_monitor.model.policies import ActionKind
 from fret_monitor.model.report_table import used_topics
 from fret_monitor.ros.settings.parameters import Refusal
+from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.runtime.reporting import ReportTable
 from fret_monitor.runtime.shared_names import find_merged, find_shared, Use
 
@@ -41,9 +43,9 @@ def refuse_merged_topics(
     Refusal
         with the first problem.
     """
-    made = {topic.name for topic in manifest.topics if topic.made}
-    names = [name if name in made else node.resolve_topic_name(name)
-             for name, _, _ in used_topics(manifest)]
+    names = [full_name(node, manifest, topic) for topic in manifest.topics]
+    names += [node.resolve_topic_name(name)
+              for name, _, _ in islice(used_topics(manifest), len(names), None)]
     if lines := find_merged(library, table, names):
         raise Refusal(lines[0].text)
 
@@ -73,7 +75,7 @@ def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
 
     An action may publish on `/diagnostics` too.
     """
-    handlers = [item.topic for manifest in manifests for item in manifest.requirements]
+    handlers = [item.topic for manifest in manifests for item in manifest.numbered]
     for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
         yield Use('', '', '', 'publish on', node.resolve_topic_name(topic),
                   topic != DIAGNOSTICS_TOPIC)

@@ -1,0 +1,158 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// instance_lines.c: see instance_lines.h for the contract.
+
+#include "instance_lines.h"
+
+#include <inttypes.h>
+
+// The place of a requirement among those of its kind.
+static uint32_t place_of(const struct fm_report_table * table, uint32_t requirement)
+{
+  uint32_t first = requirement;
+  while (first > 0 &&
+    table->requirements[first - 1u].kind == table->requirements[requirement].kind)
+  {
+    first -= 1u;
+  }
+  return requirement - first;
+}
+
+static void add_keys(struct fm_text * text, const struct fm_named_keys * named)
+{
+  for (uint32_t k = 0; k < named->n_keys; ++k) {
+    fm_text_add(text, "%s", k == 0 ? "" : ", ");
+    fm_text_add_bytes(text, named->keys[k] + 1, named->keys[k][0]);
+  }
+  if (named->n > named->n_keys) {
+    fm_text_add(text, ", and %" PRIu64 " more", named->n - named->n_keys);
+  }
+}
+
+// Add the inputs of the bundle's scope without which no instance is evaluated.
+static bool add_missing(
+  struct fm_text * text, const struct fm_review * review,
+  const struct fm_report_requirement * about)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  struct fm_text missing = {NULL, 0, 0};
+  for (uint32_t k = 0; k < about->n_inputs; ++k) {
+    const uint32_t input = fm_bundle_input(table, about, k);
+    if (input != UINT32_MAX && !review->now.inputs[input].has_value) {
+      fm_text_list(&missing, ", ", table->inputs[input].name);
+    }
+  }
+  const bool is_any = missing.length > 0;
+  if (is_any) {
+    fm_text_add(text, "no value yet of %s", fm_text_get(&missing));
+  }
+  fm_text_free(&missing);
+  return is_any;
+}
+
+static enum fm_status_level describe(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * message)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_report_requirement * about = &table->requirements[requirement];
+  const struct fm_kind_snapshot * kind = &review->now.kinds[about->kind];
+  const uint32_t place = place_of(table, requirement);
+  if (kind->violated[place].n > 0) {
+    fm_text_add(message, "violated: ");
+    add_keys(message, &kind->violated[place]);
+    return about->is_warning ? FM_STATUS_WARN : FM_STATUS_ERROR;
+  } else if (kind->counts.alive == 0) {
+    fm_text_add(message, "%s", kind->counts.begun > 0 ? "no instance" : "no instance yet");
+    return kind->counts.begun > 0 ? FM_STATUS_OK : FM_STATUS_WARN;
+  } else if (add_missing(message, review, about)) {
+    return FM_STATUS_WARN;
+  } else if (kind->unevaluated[place].n > 0) {
+    fm_text_add(message, "not evaluated yet: ");
+    add_keys(message, &kind->unevaluated[place]);
+    return FM_STATUS_WARN;
+  }
+  const bool is_evaluated = review->now.requirements[requirement].steps > 0;
+  fm_text_add(message, "%s", is_evaluated ? "satisfied" : "not evaluated yet");
+  return is_evaluated ? FM_STATUS_OK : FM_STATUS_WARN;
+}
+
+enum fm_status_level fm_describe_instances(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * message)
+{
+  const uint32_t kind = review->reporter->table->requirements[requirement].kind;
+  const uint64_t more =
+    review->now.kinds[kind].counts.beyond - review->before.kinds[kind].counts.beyond;
+  const enum fm_status_level level = describe(review, requirement, message);
+  if (more > 0) {
+    fm_text_add(message, "; %" PRIu64 " beyond `most` since the last report", more);
+  }
+  return more > 0 ? FM_STATUS_ERROR : level;
+}
+
+void fm_add_instances(
+  const struct fm_review * review, uint32_t requirement, struct fm_status * status)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_kind_snapshot * kind =
+    &review->now.kinds[table->requirements[requirement].kind];
+  const uint64_t violated = kind->violated[place_of(table, requirement)].n;
+  fm_status_value(status, "instances", "%" PRIu64, kind->counts.alive);
+  fm_status_value(status, "violated", "%" PRIu64, violated);
+  fm_status_value(status, "began", "%" PRIu64, kind->counts.begun);
+  fm_status_value(status, "ended", "%" PRIu64, kind->counts.ended);
+  fm_status_value(status, "ended open", "%" PRIu64, kind->counts.open);
+  fm_status_value(status, "beyond most", "%" PRIu64, kind->counts.beyond);
+}
+
+// ---- lines -------------------------------------------------------------------------------------
+
+static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
+{
+  const struct fm_report_kind * about = &review->reporter->table->kinds[kind];
+  if (review->now.kinds[kind].counts.beyond > 0 && !review->kinds[kind].is_beyond_logged) {
+    review->kinds[kind].is_beyond_logged = true;
+    fm_lines_add(lines, FM_ERROR,
+      "there is no room for another %s (`most` is %" PRIu32 "): its messages are not evaluated; "
+      "/diagnostics counts them", about->variable, about->most);
+  }
+}
+
+static void log_silences(
+  const struct fm_review * review, uint32_t kind, uint32_t topic, struct fm_lines * lines)
+{
+  const struct fm_report_kind * about = &review->reporter->table->kinds[kind];
+  const struct fm_topic * fed = fm_keyed_inputs(review->reporter->table, kind, topic);
+  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+    const struct fm_report_input * input = &about->inputs[fed->inputs[k]];
+    const uint64_t more = review->now.kinds[kind].inputs[fed->inputs[k]].silences -
+      review->before.kinds[kind].inputs[fed->inputs[k]].silences;
+    if (input->is_timed_out && more > 0) {
+      fm_lines_add(lines, input->violates ? FM_ERROR : FM_WARN,
+        "no usable value on %s within the timeout of %g s for '%s', of %" PRIu64 " instance%s",
+        review->reporter->topics[topic], input->timeout, input->name, more,
+        more == 1u ? "" : "s");
+    }
+  }
+}
+
+void fm_review_instances(struct fm_review * review, struct fm_lines * lines)
+{
+  for (uint32_t k = 0; k < review->reporter->table->n_kinds; ++k) {
+    log_beyond(review, k, lines);
+    for (uint32_t t = 0; t < review->reporter->table->n_topics; ++t) {
+      log_silences(review, k, t, lines);
+    }
+  }
+}
