@@ -47,6 +47,7 @@ def types_of(*formulas: str) -> TypesByUse:
     ('preBool(false, pump) and preReal(0.0, speed) > -drift', 'pump', 'speed drift'),
     ('persisted(3, pump) and OT(3, 0, armed) and S(ready, pump)', 'pump armed ready', ''),
     ('ite(pump, speed, drift) > max(total, 1)', 'pump', 'speed drift total'),
+    ('heldAt(pump, speed) = drift and drift > 1.5', 'pump', 'speed drift'),
     ('pump = FTP', 'pump', ''),
     ('unknown(pump) and pump', 'pump', '')])
 def test_the_use_of_names_shows_their_types(formula: str, truths: str, numbers: str) -> None:

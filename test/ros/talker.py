@@ -39,7 +39,7 @@ _SHORT_LEASE = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
   <participant profile_name="mortal" is_default_profile="true"><rtps><builtin>
     <discovery_config>
-      <leaseDuration><sec>2</sec></leaseDuration>
+      <leaseDuration><sec>4</sec></leaseDuration>
       <leaseAnnouncement><nanosec>400000000</nanosec></leaseAnnouncement>
     </discovery_config>
   </builtin></rtps></participant>

@@ -779,12 +779,12 @@ def test_under_timed_what_is_due_a_nanosecond_after_a_message_is_taken_with_it(
 
 def test_under_timed_a_message_that_waited_is_judged_when_it_is_sent(tmp_path: Path) -> None:
     text = JAMMED.replace('REPORT', 'onset').replace('relevant_message', 'timed')
-    gated = Guarded(tmp_path, text.replace('topic: y, ', 'topic: y, timeout: 0.2, '))
+    gated = Guarded(tmp_path, text.replace('topic: y, ', 'topic: y, timeout: 0.6, '))
     gated.sense(9.0)
     assert gated.send(1.0) is PASSED
     received = time_ns()
     assert gated.engine.judge(cdr('<f', 2.0), received) is PASSED
-    sleep(0.3)  # nobody looks at the time, and the other input becomes silent
+    sleep(0.7)  # nobody looks at the time, and the other input becomes silent
     assert gated.engine.judge(cdr('<f', 3.0), received + 1) is CLOSED
     gated.sense(9.0)
     assert gated.engine.judge(cdr('<f', 4.0), received + 2) is PASSED
