@@ -21,6 +21,8 @@
 /// By ticks, all traces of TICKS ticks of two words and of events are followed, each with all
 /// choices of further ticks at which the group is evaluated. A cell of too little room is right,
 /// or says that it may not be.
+///
+/// Of exact sums, doubles of every exponent enter and leave.
 
 #include "fret_windows.h"
 
@@ -243,9 +245,51 @@ static void check_ticks(tick_function step, meaning_function meaning, bool has_e
   }
 }
 
+// ---- exact sums --------------------------------------------------------------------------------
+
+// A double that enters and leaves changes no bit of a sum; without another it is the sum and mean.
+static void check_double(const uint64_t * sum, int64_t word)
+{
+  uint64_t after[FM_SUM_LENGTH];
+  const double number = fm_number_f64(word);
+  memcpy(after, sum, sizeof(after));
+  fm_add_exactly(after, word, false);
+  CHECK(sum[FM_COUNT] > 0u || fm_exact_quotient(after, 1u) == number);
+  fm_add_exactly(after, word, false);
+  CHECK(sum[FM_COUNT] > 0u || fm_exact_mean(after) == number);
+  fm_add_exactly(after, word, true);
+  fm_add_exactly(after, word, true);
+  CHECK(memcmp(after, sum, sizeof(after)) == 0);
+}
+
+static void check_all_exponents(const uint64_t * sum)
+{
+  static const uint64_t fractions[] = {
+    0u, 1u, UINT64_C(0x5555555555555), UINT64_C(0xfffffffffffff)};
+  for (uint64_t exponent = 0; exponent < 0x7ffu; ++exponent) {
+    for (unsigned k = 0; k < 8u; ++k) {
+      check_double(sum, fm_signed(
+          ((uint64_t)(k & 1u) << 63) | (exponent << 52) | fractions[k >> 1]));
+    }
+  }
+}
+
+// In sums of 0, and of words that are all ones, so that carries and borrows pass through all.
+static void check_exact_sums(void)
+{
+  static const double others[] = {-5e-324, 5e-324, 1e308, -1.5};
+  uint64_t sum[FM_SUM_LENGTH] = {0u};
+  check_all_exponents(sum);
+  for (size_t k = 0; k < sizeof(others) / sizeof(others[0]); ++k) {
+    fm_add_exactly(sum, fm_word_f64(others[k]), false);
+    check_all_exponents(sum);
+  }
+}
+
 int main(void)
 {
   check_all_steps();
+  check_exact_sums();
   check_ticks(ago_at, word_ago, false);
   check_ticks(sum_at, sum_of, true);
   check_ticks(greatest_at, greatest_of, false);
