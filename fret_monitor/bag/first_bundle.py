@@ -31,9 +31,10 @@ from tempfile import TemporaryDirectory
 from fret_monitor.bag.check import AnyBatch, compiled, read_bundle, run, Selection
 from fret_monitor.bag.recording import Batch, Recording
 from fret_monitor.importing.draft import free_name
+from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, MessageLayout
-from fret_monitor.model.diagnostics import counted
+from fret_monitor.model.diagnostics import CompileError, counted, Source, Text
 from fret_monitor.model.names import name_fault
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.values import ValueType
@@ -44,6 +45,7 @@ MOST_FIELDS = 200
 """Fields of a topic that are offered."""
 
 _PARTS = 32
+_LEAST_TIMEOUT = 0.001  # s, of an input
 _OMITTED = ('std_msgs/msg/Header', 'builtin_interfaces/msg/Time',
             'builtin_interfaces/msg/Duration')
 _SCALARS = {**{kind.value: kind for kind in ValueType}, 'byte': ValueType.UINT8,
@@ -63,8 +65,8 @@ class SeenField:
     def note(self, parts: Iterable[WindowPart]) -> None:
         """Note the least and greatest values of parts of a recording."""
         found = [value for part in parts for value in (part.least, part.most)
-                 if math.isfinite(value)]
-        found += [value for value in (self.least, self.most) if math.isfinite(value)]
+                 if not math.isnan(value)]
+        found += [value for value in (self.least, self.most) if not math.isnan(value)]
         if found:
             self.least, self.most = min(found), max(found)
 
@@ -92,8 +94,9 @@ class SeenTopic:
 
     @property
     def timeout(self) -> float:
-        """Twice the longest gap, in seconds with two digits; 0 if there was none."""
-        return float(f'{2e-9 * self.longest_gap:.2g}')
+        """Twice the longest gap, in seconds with two digits, but what an input may have."""
+        return max(float(f'{2e-9 * self.longest_gap:.2g}'), _LEAST_TIMEOUT) \
+            if self.longest_gap else 0.0
 
 
 def recorded_topics(paths: Sequence[Path]) -> list[SeenTopic]:
@@ -199,9 +202,19 @@ def _name_fields(topics: Sequence[SeenTopic]) -> None:
     for topic in topics:
         for item in topic.fields:
             names = [*_names(topic.name, item.path)]
-            fitting = [name for name in names if name not in taken and name_fault(name) is None]
+            names.append(f'{names[0]}_value')
+            fitting = [name for name in names if name not in taken and _is_name(name)]
             item.name = fitting[0] if fitting else free_name(names[-1], taken)
             taken.add(item.name)
+
+
+def _is_name(text: str) -> bool:
+    """Whether an input may have a name, and a sentence may name it."""
+    try:
+        parse_fretish(Text.whole(Source('', f'the system shall always satisfy {text} > 0')))
+    except CompileError:
+        return False
+    return name_fault(text) is None
 
 
 def _names(topic: str, path: str) -> Iterator[str]:
@@ -268,9 +281,17 @@ def _limits(item: SeenField) -> tuple[str, str]:
     name = item.name
     if item.type is ValueType.BOOL:
         return f'{name} | !{name}', name
-    if math.isnan(item.least):
+    if not math.isfinite(item.most - item.least):
         return f'{name} <= 100', f'{name} > 50'
     middle = item.least / 2 + item.most / 2
     if item.type.is_integer:
-        return f'{name} <= {math.ceil(item.most)}', f'{name} > {math.floor(middle)}'
+        return f'{name} <= {_not_less(item)}', f'{name} > {math.floor(middle)}'
     return f'{name} <= {item.most!r}', f'{name} > {float(f"{middle:.3g}")!r}'
+
+
+def _not_less(item: SeenField) -> int:
+    """Return a whole number that is at least what was seen, which was read as a float64."""
+    if abs(item.most) < 2 ** 53:
+        return math.ceil(item.most)
+    greatest = (2 ** 64 if item.type is ValueType.UINT64 else 2 ** 63) - 1
+    return min(math.ceil(math.nextafter(item.most, math.inf)), greatest)

@@ -97,6 +97,27 @@ def test_fields_of_one_name_have_different_names(tmp_path: Path) -> None:
     assert len(set(names)) == 4 and 'H' not in names
 
 
+def test_what_a_bundle_cannot_say_is_not_written(tmp_path: Path) -> None:
+    int64 = 'std_msgs/msg/Int64'
+    with Writer(tmp_path / 'run', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        big = writer.add_connection('/mode', int64, typestore=TYPES)
+        for k in range(3):  # a microsecond apart; the greatest is beyond what a float64 tells
+            data = TYPES.serialize_cdr(TYPES.types[int64](2 ** 63 - 3 + k), int64)
+            writer.write(big, START + 1000 * k, data)
+    endless = write(tmp_path / 'endless', [('until', 0, 1.0), ('until', 1, float('inf'))])
+    for bag, name, what in ((tmp_path / 'run', 'mode_value', 'timeout: 0.001'),
+                            (endless, 'until_value', '1 to inf')):
+        target = tmp_path / f'{name}.yaml'
+        assert main(['new', '--bag', str(bag), '--all', '-o', str(target)]) == 0
+        text = target.read_text(encoding='utf-8')
+        assert f'  {name}: ' in text and what in text
+        before, _, after = text.partition('# requirements:')
+        target.write_text(before + ('# requirements:' + after).replace(
+            '\n# ', '\n').removeprefix('# '), encoding='utf-8')
+        assert main(['check', str(target)]) == 0
+        assert main(['bag', str(target), str(bag)]) == 0 or name == 'until_value'
+
+
 class Terminal(io.StringIO):
     """A terminal with what was typed, or what was printed."""
 
