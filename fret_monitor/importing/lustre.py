@@ -13,16 +13,20 @@
 # limitations under the License.
 
 """
-Parse Lustre files of FRET: contracts with local variables, guarantees and modes.
+Parse Lustre files of FRET: contracts with local variables, guarantees and modes; or properties.
 
 A contract is a comment (`(*@contract NAME (...) returns (...); let ... tel *)`) or, in Kind 2,
 `contract NAME ...`. Each guarantee and each assumption is a requirement; the comment before it
 contains FRET's sentence. An `ensure` of a mode is required while the mode holds. The nodes of
 FRET's library (H, O, S ...) in the same file are skipped, because `cocospec` has these operators.
+
+For JKind, which checks realizability, FRET writes a node in place of a contract: its equations are
+the requirements (`--%PROPERTY NAME;`) and the local variables, and of its inputs those are outputs
+that `--%REALIZABLE` does not list. An `assert` is an assumption.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 import re
 from typing import NoReturn
@@ -35,12 +39,13 @@ from fret_monitor.importing.fret import component_name
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 
 _TOKEN = re.compile(
-    r'(?P<BLANK>\s+)|(?P<OPEN>\(\*@contract\b)|(?P<LINE>--[^\n]*)'
+    r'(?P<BLANK>\s+)|(?P<OPEN>\(\*@contract\b)|(?P<MARK>--%[A-Z]+)|(?P<LINE>--[^\n]*)'
     r'|(?P<COMMENT>\(\*.*?\*\)|/\*.*?\*/)|(?P<CLOSE>\*\))|(?P<STRING>"[^"\n]*")'
     r'|(?P<NAME>[A-Za-z_$][A-Za-z0-9_$]*)|(?P<SIGN>.)', re.DOTALL)
 _CONTRACT = re.compile(r'\(\*@contract\b|^\s*contract\s+\w+\s*\(', re.MULTILINE)
 _SENTENCE = re.compile(r'\(\*\s*Req text:(.*)\*\)', re.DOTALL)
 _PROPERTIES = ('guarantee', 'assume')
+_PROPERTY, _REALIZABLE, _MAIN = '--%PROPERTY', '--%REALIZABLE', '--%MAIN'
 
 
 def is_lustre(text: str) -> bool:
@@ -69,15 +74,15 @@ class _Contract:
 
 def read_lustre(source: Source, file: str, problems: Problems) -> list[ImportedComponent]:
     """
-    Return a component for each contract of a file.
+    Return a component for each contract of a file, or else for each node with properties.
 
     Raises
     ------
     CompileError
-        if there is no contract, or one cannot be parsed.
+        if there is neither, or one cannot be parsed.
     """
-    reader = _ContractReader(source, file, problems)
-    found = list(reader.contracts())
+    found = [*_ContractReader(source, file, problems).contracts()] or [
+        *_NodeReader(source, file, problems).nodes()]
     if not found:
         refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirements',
                'FRET writes one: (*@contract NAME (...) returns (...); let guarantee ... tel *)')
@@ -89,13 +94,16 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[ImportedC
 class _ContractReader:
     """Parses the contracts of one file."""
 
+    _what = 'contract'
+    _skipped: tuple[str, ...] = ('BLANK', 'LINE', 'MARK')
+
     def __init__(self, source: Source, file: str, problems: Problems) -> None:
         self._source = source
         self._file = file
         self._problems = problems
         self._tokens = [_Token(str(match.lastgroup), match[0], match.start(), match.end())
                         for match in _TOKEN.finditer(source.text)
-                        if match.lastgroup not in ('BLANK', 'LINE')]
+                        if match.lastgroup not in self._skipped]
         self._next = 0
         self._comment = ''
 
@@ -138,7 +146,7 @@ class _ContractReader:
 
     def _refuse(self, token: _Token, label: str) -> NoReturn:
         place = min(token.start, max(len(self._source.text) - 1, 0))
-        refuse('this contract cannot be read',
+        refuse(f'this {self._what} cannot be read',
                Span(self._source, place, max(token.end, place + 1)), label)
 
     # Contracts
@@ -209,8 +217,12 @@ class _ContractReader:
     def _property(self, contract: _Contract, comment: str, is_assumption: bool) -> None:
         """Parse `"FSM-001" expression;`, and FRET's sentence in the comment before it."""
         name = self._id(f'{contract.name}_{len(contract.requirements) + 1}')
+        self._require(contract, name, self._expression(), comment, is_assumption)
+
+    def _require(self, contract: _Contract, name: str, formula: str, comment: str,
+                 is_assumption: bool = False) -> None:
         label = f'{self._file}, {name}'
-        wordings = [Wording((Language.COCOSPEC,), self._expression(), label)]
+        wordings = [Wording((Language.COCOSPEC,), formula, label)]
         sentence = _SENTENCE.fullmatch(comment)
         if sentence and sentence[1].strip():
             written = ' '.join(sentence[1].split())
@@ -262,3 +274,96 @@ class _ContractReader:
         for before, part in pairwise(parts):
             text += ('' if before.end == part.start else ' ') + part.text
         return text
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """The right side of an equation of a node, and the comment before it."""
+
+    text: str
+    comment: str
+
+
+class _NodeReader(_ContractReader):
+    """Parses the nodes with properties of one file."""
+
+    _what = 'node'
+    _skipped = ('BLANK', 'LINE')
+
+    def nodes(self) -> Iterator[_Contract]:
+        """Yield the nodes that have properties; skip the others."""
+        starts = [number for number, token in enumerate(self._tokens)
+                  if (token.kind, token.text) == ('NAME', 'node')]
+        for start, end in pairwise([*starts, len(self._tokens)]):
+            if any(token.text == _PROPERTY for token in self._tokens[start:end]):
+                self._next = start + 1
+                yield self._node()
+
+    def _node(self) -> _Contract:
+        name = self._name("the node's name")
+        node = _Contract(name, f'{self._file}, {name}')
+        inputs = [*self._declarations(VariableRole.INPUT)]
+        self._expect('returns')
+        types = {item.name: item.type for item in self._declarations(VariableRole.OUTPUT)}
+        while (token := self._take()).text != 'let':
+            if token.text == 'var':
+                types |= {item.name: item.type for item in self._locals()}
+            elif token.text != ';':
+                self._refuse(token, "'var' or 'let' was expected")
+        realizable = self._body(node, types)
+        node.variables += [
+            item if realizable is None or item.name in realizable
+            else replace(item, role=VariableRole.OUTPUT) for item in inputs]
+        return node
+
+    def _locals(self) -> Iterator[ComponentVariable]:
+        """Parse `a, b: real; c: bool;` up to the next keyword."""
+        while self._peek().text not in ('let', 'var', ';'):
+            found = [self._name('a variable')]
+            while self._expect(',', ':').text == ',':
+                found.append(self._name('a variable'))
+            kind = self._name('a type')
+            self._expect(';')
+            yield from (ComponentVariable(name, VariableRole.INTERNAL, kind) for name in found)
+
+    def _body(self, node: _Contract, types: dict[str, str]) -> set[str] | None:
+        """Parse equations, assertions and properties; return what `--%REALIZABLE` lists."""
+        equations: dict[str, _Equation] = {}
+        properties: list[tuple[str, str]] = []  # the name in quotes, if any, and the formula
+        realizable: set[str] | None = None
+        while (token := self._take()).text != 'tel':
+            comment, self._comment = self._comment, ''
+            if token.text == _PROPERTY:
+                properties.append((self._id(''), self._expression()))
+            elif token.text == _REALIZABLE:
+                realizable = {*self._names()}
+            elif token.text == 'assert':
+                self._property(node, comment, is_assumption=True)
+            elif token.kind == 'NAME':
+                self._expect('=')
+                equations[token.text] = _Equation(self._expression(), comment)
+            elif token.text not in (_MAIN, ';'):
+                self._refuse(token, "an equation, 'assert' or 'tel' was expected")
+        self._add(node, types, equations, properties)
+        return realizable
+
+    def _names(self) -> Iterator[str]:
+        """Parse `a, b;`, or `;` alone."""
+        while (token := self._take()).text != ';':
+            if token.kind == 'NAME':
+                yield token.text
+            elif token.text != ',':
+                self._refuse(token, "a variable, ',' or ';' was expected")
+
+    def _add(self, node: _Contract, types: dict[str, str], equations: dict[str, _Equation],
+             properties: list[tuple[str, str]]) -> None:
+        """Add the requirements, and as variables the equations that are none."""
+        for quoted, text in properties:
+            equation = equations.pop(text, _Equation(text, ''))
+            name = quoted or (text if text.isidentifier() else
+                              f'{node.name}_{len(node.requirements) + 1}')
+            self._require(node, name, equation.text, equation.comment)
+        node.variables += [
+            ComponentVariable(name, VariableRole.INTERNAL, types.get(name, ''), (
+                Wording((Language.COCOSPEC,), equation.text, f'{self._file}, {name}'),))
+            for name, equation in equations.items() if name != 'FTP']
