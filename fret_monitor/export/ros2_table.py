@@ -160,7 +160,8 @@ def _kinds(manifest: Manifest) -> Iterator[str]:
         items.append(', '.join((
             f'{{{scope}', kind.manifest.outputs or 'NULL', f'{prefix}concerns', f'{prefix}listed',
             f'{len(variable.keys)}u', f'INT64_C({variable.forget})}}')))
-    yield from _array('struct fm_node_kind', 'kinds', items)
+    # Of none: {0} would lack the braces of the scope.
+    yield from _array('struct fm_node_kind', 'kinds', items or ['{.forget = 0}'])
     yield from _array('struct fm_aggregate', 'aggregates', (
         f'{{{item.kind}u, {OPERATIONS[item.function]}, {manifest.operand_of(item)}u, '
         f'{item.input}u}}' for item in manifest.aggregates))
