@@ -26,7 +26,7 @@ On `/clock`, a gate closes while its process has no processor for half a second,
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -168,14 +168,14 @@ class Gate(Face):
 
 @contextmanager
 def both_gates(
-    path: Path, name: str = 'drive', *, is_simulated: bool = False,
+    path: Path, name: str = 'drive', *, is_simulated: bool = False, more: Sequence[str] = (),
 ) -> Iterator[list[Gate]]:
     """Run the gate of a bundle in both nodes; they must end well if the test succeeds."""
     with ExitStack() as stack:
         boxes = {name: path.parent / f'blackbox_{name}' for name in NODES}
         options = {name: ('-r', f'__ns:=/{name}', '-p', f'blackbox:={boxes[name]}',
                           '-p', 'blackbox_seconds:=300.0',
-                          '-p', f'use_sim_time:={is_simulated}'.lower())
+                          '-p', f'use_sim_time:={is_simulated}'.lower(), *more)
                    for name in NODES}
         program = exported_bundle(path, part=NodePart(name))
         gates = [Gate('python', NodeProcess('gate', '-p', f'spec:={path}', *options['python']),

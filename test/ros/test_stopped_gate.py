@@ -24,22 +24,26 @@ from ros.test_gates_side_by_side import both_gates, Feeder, PLAIN
 from strategies import thorough
 
 MANY = 25
+BEFORE = 90  # less than the depth of the queue
 
 
 @thorough
-@pytest.mark.parametrize('attempt', range(4))
+@pytest.mark.parametrize('hot_path', ['on', 'off'])
 def test_commands_behind_a_lower_limit_are_judged_by_it_after_a_stop(
-    partner: Partner, tmp_path: Path, attempt: int,
+    partner: Partner, tmp_path: Path, hot_path: str,
 ) -> None:
-    with both_gates(write_bundle(tmp_path, PLAIN.text)) as gates:
+    path = write_bundle(tmp_path, PLAIN.text)
+    with both_gates(path, more=('-p', f'hot_path:={hot_path}')) as gates:
         feeder = Feeder(partner, gates, is_simulated=False)
         feeder.near(False)
         feeder.judge(2.0)
         before = [gate.sent[:] for gate in gates]
         for gate in gates:
             gate.process.process.send_signal(signal.SIGSTOP)
+        for _ in range(BEFORE):  # reading them takes longer than judging the first command
+            feeder.publish_near(False)
         feeder.publish_near(True)
-        commands = [value for _ in range(MANY) for value in (1.5 + attempt, 0.5)]
+        commands = [value for _ in range(MANY) for value in (1.5, 0.5)]
         feeder.publish(*commands)
         for gate in gates:
             gate.process.process.send_signal(signal.SIGCONT)
