@@ -21,6 +21,7 @@
 #include <pthread.h>
 #include <rcl/error_handling.h>
 #include <rcl/logging.h>
+#include <rcl/logging_rosout.h>
 #include <rcutils/logging.h>
 #include <time.h>
 
@@ -41,9 +42,10 @@ static void write_line(
 FM_PRINTF(3, 4)
 static void write_text(int severity, const char * name, const char * format, ...)
 {
+  static const rcutils_log_location_t nowhere = {"", "", 0};  // rosout reads it
   va_list arguments;
   va_start(arguments, format);
-  write_line(NULL, severity, name, fm_system_now(), format, &arguments);
+  write_line(&nowhere, severity, name, fm_system_now(), format, &arguments);
   va_end(arguments);
 }
 
@@ -56,6 +58,24 @@ bool fm_log_begin(struct fm_node * node)
 void fm_log_end(void)
 {
   fm_ignore(rcl_logging_fini());
+}
+
+void fm_log_join_rosout(struct fm_node * node)
+{
+  if (rcl_logging_rosout_enabled()) {
+    pthread_mutex_lock(&mutex);
+    fm_ignore(rcl_logging_rosout_init_publisher_for_node(&node->node));
+    pthread_mutex_unlock(&mutex);
+  }
+}
+
+void fm_log_leave_rosout(struct fm_node * node)
+{
+  if (rcl_logging_rosout_enabled()) {
+    pthread_mutex_lock(&mutex);
+    fm_ignore(rcl_logging_rosout_fini_publisher_for_node(&node->node));
+    pthread_mutex_unlock(&mutex);
+  }
 }
 
 void fm_log_set_level(const struct fm_node * node, int severity)

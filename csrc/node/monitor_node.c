@@ -412,6 +412,7 @@ static int begin_node(struct fm_monitor_node * monitor)
   {
     return fail("the node cannot be made");
   }
+  fm_log_join_rosout(&monitor->node);
   return 0;
 }
 
@@ -499,6 +500,7 @@ void fm_monitor_node_end(struct fm_monitor_node * monitor)
     }
     fm_parameters_end(&monitor->parameters);
     fm_ignore(rcl_wait_set_fini(&monitor->wait_set));
+    fm_log_leave_rosout(&monitor->node);
     fm_ignore(rcl_node_fini(&monitor->node.node));
   }
   if (monitor->node.context.impl != NULL) {

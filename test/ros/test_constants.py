@@ -133,6 +133,8 @@ def test_the_node_shows_all_constants_and_reads_them_when_it_is_configured(
                     for name in node.get_parameters_by_prefix('constants')}
 
         assert shown() == {'v_max': 0.5, 'n': 3, 'is_outdoors': True}
+        described = [node.describe_parameter(f'constants.{name}') for name in shown()]
+        assert [item.name for item in described] == [f'constants.{name}' for name in shown()]
         result, = node.set_parameters([Parameter('constants.n', value=4)])
         assert not result.successful
         assert result.reason.startswith('constants.n: read when the node is configured')

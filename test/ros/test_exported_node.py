@@ -29,11 +29,11 @@ from bundles import write_bundle
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.msg import Log, Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.qos import QoSProfile
 from ros.exported import cmake_build, exported_bundle, ExportedNode, has_ament_cmake, running
-from ros.harness import answer_of, change_state, Partner, wait_until
+from ros.harness import answer_of, change_state, LATCHED, Partner, wait_until
 from std_msgs.msg import Bool, Int32
 from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
@@ -127,6 +127,11 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         assert "ignored parameter 'constant.most': did you mean 'constants.most'?" in node.output
         assert re.search(
             "ignored parameter 'frame_id': this node has .*, constants.NAME", node.output)
+        logged: set[str] = set()
+        partner.node.create_subscription(
+            Log, '/rosout', lambda line: logged.add(f'{line.name}: {line.msg}'), LATCHED)
+        wait_until(lambda: any(line.startswith('exported: watching') for line in logged),
+                   'the log on /rosout')
         copied = 'inside rmw_fastrtps_cpp, and copied before they are read'
         assert 'messages are taken in C' in node.output and copied not in node.output
         node.process.send_signal(signal.SIGPIPE)  # nobody reads its log any more

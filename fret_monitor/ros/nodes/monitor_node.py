@@ -158,8 +158,8 @@ class MonitorNode(ClockNode, LifecycleNode):
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
             library = load_evaluator(opened[0].evaluator)
-            refuse_two_types(self, manifests, self._names(opened), library)
             refuse_shared_names(self, manifests, library)
+            refuse_two_types(self, manifests, self._names(opened), library)
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)

@@ -37,12 +37,17 @@ class ConstantParameters:
     def __init__(self, node: Node, description: str, read_only: bool) -> None:
         """Declare those that were given."""
         self._node = node
-        self._descriptor = ParameterDescriptor(
-            description=description, read_only=read_only, dynamic_typing=True)
+        self._description = description
+        self._read_only = read_only
         self._of_bundles: dict[str, Any] = {}
         self._declared = [name for name in node._parameter_overrides if name.startswith(CONSTANTS)]
         for name in self._declared:
-            node.declare_parameter(name, 0, self._descriptor)
+            node.declare_parameter(name, 0, self._descriptor())
+
+    def _descriptor(self) -> ParameterDescriptor:
+        """Return a new one each time: rclpy writes name and type into it."""
+        return ParameterDescriptor(
+            description=self._description, read_only=self._read_only, dynamic_typing=True)
 
     def has(self, name: str) -> bool:
         """Return whether a parameter is one of these."""
@@ -71,7 +76,7 @@ class ConstantParameters:
         for parameter, found in values.items():
             if parameter not in self._declared and all(value == found[0] for value in found):
                 self._of_bundles[parameter] = found[0]
-                self._node.declare_parameter(parameter, found[0], self._descriptor)
+                self._node.declare_parameter(parameter, found[0], self._descriptor())
                 self._declared.append(parameter)
 
 
