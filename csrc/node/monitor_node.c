@@ -31,9 +31,8 @@
 #include "endpoints.h"
 #include "in_place_types.h"
 #include "scheduling.h"
-#include "session_names.h"
 #include "start_lines.h"
-#include "typed_names.h"
+#include "used_names.h"
 #include "words.h"
 
 #define WAIT_NS (FM_SECOND / 5)  // a longer wait would outlast a signal
@@ -98,7 +97,7 @@ static enum fm_taking taking_of(const struct fm_parameters * given)
 static bool configure_all(struct fm_monitor_node * monitor)
 {
   const struct fm_parameters * given = &monitor->parameters;
-  if (!fm_refuse_two_types(&monitor->node, monitor->tables)) {
+  if (!fm_refuse_names(&monitor->node, monitor->tables)) {
     return false;
   }
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
@@ -113,7 +112,7 @@ static bool configure_all(struct fm_monitor_node * monitor)
       return false;
     }
   }
-  return fm_refuse_shared_names(monitor->sessions, n_sessions(monitor));
+  return true;
 }
 
 static void warn(const struct fm_monitor_node * monitor, const struct fm_node_table * table)

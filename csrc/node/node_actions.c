@@ -163,29 +163,6 @@ void fm_node_actions_end(struct fm_node_actions * actions)
   memset(actions, 0, sizeof(*actions));
 }
 
-// ---- names -------------------------------------------------------------------------------------
-
-uint32_t fm_node_actions_uses(const struct fm_node_actions * actions, struct fm_use * uses)
-{
-  const struct fm_report_table * table = &actions->table->report;
-  const char * bundle = actions->table->bundle;
-  uint32_t n = 0;
-  for (uint32_t k = 0; k < table->n_locks; ++k) {
-    uses[n++] = (struct fm_use) {
-      "lock", table->locks[k].name, bundle, "publish on", actions->lock_names[k], true, NULL,
-      NULL};
-  }
-  for (uint32_t k = 0; k < table->n_actions; ++k) {
-    const bool publishes = table->actions[k].kind == FM_ACTION_PUBLISH;
-    const bool is_transition = table->actions[k].kind == FM_ACTION_TRANSITION;
-    uses[n++] = (struct fm_use) {
-      "action", table->actions[k].name, bundle, publishes ? "publish on" : "call",
-      publishes ? actions->names[k] : actions->ends[k].services[is_transition ? 1 : 0].name, false,
-      NULL, NULL};
-  }
-  return n;
-}
-
 // ---- while the session is active ---------------------------------------------------------------
 
 void fm_node_actions_locks(const struct fm_node_actions * actions, struct fm_lock * locks)

@@ -23,7 +23,6 @@
 #include "announcer.h"
 #include "log.h"
 #include "node_table.h"
-#include "shared_names.h"
 
 /// Zeroed before fm_node_actions_begin; fm_node_actions_end frees all of it.
 struct fm_node_actions
@@ -43,10 +42,6 @@ struct fm_node_actions
 /// Advertise the topics, and make the clients. Returns false, with the error logged. O(actions).
 bool fm_node_actions_begin(
   struct fm_node_actions * actions, struct fm_node * node, const struct fm_node_table * table);
-
-/// Add to `uses` what locks and actions publish on and call. Returns how many there are: n_locks +
-/// n_actions of the table.
-uint32_t fm_node_actions_uses(const struct fm_node_actions * actions, struct fm_use * uses);
 
 /// Fill `locks`, n_locks of the table, for an announcer.
 void fm_node_actions_locks(const struct fm_node_actions * actions, struct fm_lock * locks);

@@ -95,8 +95,8 @@ struct fm_node_scope
 /// A kind of instances; what fm_report_kind has is not repeated. As in fm_kind.
 struct fm_node_kind
 {
-  struct fm_node_scope scope;
   const struct fm_outputs * (* outputs)(void);  // NULL: none
+  struct fm_node_scope scope;
   const uint8_t * concerns;
   const struct fm_key * listed;
   uint32_t n_listed;

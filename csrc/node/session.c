@@ -24,6 +24,7 @@
 
 #include "endpoints.h"
 #include "in_place_types.h"
+#include "shared_names.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
 #define ALIGNMENT 16u

@@ -158,7 +158,7 @@ def _kinds(manifest: Manifest) -> Iterator[str]:
             f'{{(const uint8_t *){_text(key)}, {len(key.encode())}u}}' for key in variable.keys))
         scope = _scope_value(kind.manifest.symbol, topics, prefix)
         items.append(', '.join((
-            f'{{{scope}', kind.manifest.outputs or 'NULL', f'{prefix}concerns', f'{prefix}listed',
+            f'{{{kind.manifest.outputs or "NULL"}', scope, f'{prefix}concerns', f'{prefix}listed',
             f'{len(variable.keys)}u', f'INT64_C({variable.forget})}}')))
     # Of none: {0} would lack the braces of the scope.
     yield from _array('struct fm_node_kind', 'kinds', items or ['{.forget = 0}'])

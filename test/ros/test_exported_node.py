@@ -128,8 +128,11 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         assert re.search(
             "ignored parameter 'frame_id': this node has .*, constants.NAME", node.output)
         logged: set[str] = set()
-        partner.node.create_subscription(
-            Log, '/rosout', lambda line: logged.add(f'{line.name}: {line.msg}'), LATCHED)
+
+        def hear(line: Any) -> None:
+            logged.add(f'{line.name}: {line.msg}')
+
+        partner.node.create_subscription(Log, '/rosout', hear, LATCHED)
         wait_until(lambda: any(line.startswith('exported: watching') for line in logged),
                    'the log on /rosout')
         copied = 'inside rmw_fastrtps_cpp, and copied before they are read'

@@ -31,6 +31,7 @@ from typing import Any
 from bundles import ARMED
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import fret_monitor
+from fret_monitor.ros.native_start import GATE
 from fret_monitor.ros.nodes.gate_node import GateNode
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.settings.parameters import Refusal
@@ -42,11 +43,13 @@ import rclpy.node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros.exported import ExportedNode
 from ros.forked import environment
 from ros.harness import (
     answer_of, BEST_EFFORT, change_state, LATCHED, NodeProcess, Partner, RELIABLE, started,
     wait_until,
 )
+from ros.test_native_start import program_of
 from sensor_msgs.msg import Image
 from std_msgs.msg import Bool, Float32, String
 from std_srvs.srv import SetBool
@@ -386,6 +389,11 @@ gates:
 """
 
 
+@pytest.fixture(scope='module')
+def two_gates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write(tmp_path_factory.mktemp('two'), TWO)
+
+
 @pytest.mark.parametrize(('remappings', 'words'), [
     (('c:=b', 'd:=a'), 'these gates are a circle: /'),
     (('b:=a',), 'these gates are a circle: /a -> /a'),
@@ -400,12 +408,18 @@ gates:
     (('halt:=fret_gate/change_state',), "the action 'tell' calls /fret_gate/change_state, a"),
     (('arm/change_state:=fret_gate/change_state',), "the action 'park' calls /fret_gate/change_")])
 def test_remappings_that_lead_gates_together_are_refused(
-    partner: Partner, tmp_path: Path, remappings: tuple[str, ...], words: str,
+    partner: Partner, tmp_path: Path, two_gates: Path, remappings: tuple[str, ...], words: str,
 ) -> None:
     spec = Parameter('spec', value=str(write(tmp_path, TWO)))
+    arguments = [word for rule in remappings for word in ('-r', rule)]
     with pytest.raises(Refusal, match=re.escape(words)):
         GateNode(context=partner.context, parameter_overrides=[spec],
-                 cli_args=['--ros-args', *(word for rule in remappings for word in ('-r', rule))])
+                 cli_args=['--ros-args', *arguments])
+    process = ExportedNode(Path(program_of(two_gates, node=GATE)), *arguments)
+    try:
+        assert process.status() == 1 and words in process.output
+    finally:
+        process.kill()
 
 
 @pytest.mark.parametrize(('node_type', 'rules', 'words'), [

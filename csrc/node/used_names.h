@@ -12,17 +12,18 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// session_names.h: the names of topics and services that the sessions of a node use.
+/// used_names.h: the topics and services that the bundles of a node use, after remapping.
 
-#ifndef SESSION_NAMES_H_
-#define SESSION_NAMES_H_
+#ifndef USED_NAMES_H_
+#define USED_NAMES_H_
 
-#include "session.h"
+#include "log.h"
+#include "node_table.h"
 
-/// Refuse gates in a circle, what else publishes on a topic of a gate, a lock or the node, and
-/// actions that call the node itself; the sessions are configured. Topics of one bundle are
-/// compared by fm_session_configure. Returns false, with the first problem logged.
-/// O(names * (gates + locks + handlers)).
-bool fm_refuse_shared_names(const struct fm_session * sessions, uint32_t n);
+/// Refuse gates in a circle, what else publishes on a topic of a gate, a lock or the node, actions
+/// that call the node itself, and two types of one topic or service. Topics of one bundle that are
+/// one are left to fm_session_configure. Returns false, with the problems logged.
+/// O(names * names).
+bool fm_refuse_names(const struct fm_node * node, const struct fm_node_tables * tables);
 
-#endif  // SESSION_NAMES_H_
+#endif  // USED_NAMES_H_
