@@ -382,6 +382,53 @@ static void trim(struct cell * cell)
   }
 }
 
+static bool is_visible(char c) {return c > ' ' && c <= '~';}
+
+static bool is_named(const struct fm_csv_column * column, const struct fm_key * key)
+{
+  bool is_found = column->n_names == 0;
+  for (uint32_t k = 0; k < column->n_names && !is_found; ++k) {
+    is_found = column->names[k].n == key->size &&
+      memcmp(column->names[k].text, key->bytes, key->size) == 0;
+  }
+  return is_found;
+}
+
+// A key without white space around it, of which there are kinds that are not known here.
+static bool read_key(const struct fm_csv_column * column, const struct cell * cell, uint64_t k)
+{
+  const size_t n = (size_t)(cell->end - cell->at);
+  const struct fm_key key = {(const uint8_t *)cell->at, (uint32_t)n};
+  ((struct fm_key *)column->values)[k] = key;
+  return n == 0 || (n <= FM_MOST_KEY_BYTES && is_visible(cell->at[0]) &&
+         is_visible(cell->end[-1]) && is_named(column, &key));
+}
+
+static bool take_cell(const struct fm_csv_column * column, const struct cell * cell, uint64_t k)
+{
+  if (column->is_key) {
+    return read_key(column, cell, k);
+  }
+  if (column->is_there != NULL) {
+    column->is_there[k] = cell->at < cell->end;
+    if (!column->is_there[k]) {
+      return true;
+    }
+  }
+  return read_cell(column, cell, (char *)column->values + k * bytes_of(column->type));
+}
+
+static bool has_keys(const struct fm_csv * csv, uint64_t k)
+{
+  bool has = true;
+  for (uint32_t c = 0; c < csv->n_columns; ++c) {
+    const struct fm_csv_column * const column = &csv->columns[c];
+    has = has && (!column->needs_key || !column->is_there[k] ||
+      ((const struct fm_key *)csv->columns[column->key].values)[k].size > 0);
+  }
+  return has;
+}
+
 // Read row k, which begins at `*at`; move `*at` behind it if that is possible.
 static bool read_row(const struct fm_csv * csv, uint64_t k, const char ** at)
 {
@@ -400,15 +447,14 @@ static bool read_row(const struct fm_csv * csv, uint64_t k, const char ** at)
     }
     if (column->values != NULL) {
       trim(&cell);
-      char * const value = (char *)column->values + k * bytes_of(column->type);
-      if (!read_cell(column, &cell, value)) {
+      if (!take_cell(column, &cell, k)) {
         return false;
       }
     }
     now += *now == ',' ? 1 : 0;
   }
   now += *now == '\r' ? 1 : 0;
-  if (now == end || *now != '\n') {
+  if (now == end || *now != '\n' || !has_keys(csv, k)) {
     return false;
   }
   *at = now + 1;

@@ -20,7 +20,7 @@
 #ifndef CSV_H_
 #define CSV_H_
 
-#include "fret_monitor.h"
+#include "kinds.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -43,6 +43,10 @@ struct fm_csv_column
   uint32_t n_names;
   const struct fm_csv_name * names;
   const void * named;  // the values of these names, of the column's type
+  bool * is_there;     // a row: whether its cell is not empty; NULL: an empty one is no value
+  bool is_key;         // values are struct fm_key, parts of the text; with names, no others are
+  bool needs_key;      // a value is in rows with a key alone, ...
+  uint32_t key;        // ... which this column has
 };
 
 /// Complete rows of a trace. The caller owns all of it; only `place` and the values of the columns

@@ -38,7 +38,7 @@ HEADERS = (
     'records.h', 'lines.h', 'blackbox_lines.h', 'subscription.h', 'gate_target.h', 'statuses.h',
     'report_table.h', 'gate_lines.h', 'action_lines.h', 'reporter.h', 'start_lines.h',
     'transform_lines.h', 'shared_names.h', 'details.h', 'violation_log.h', 'facts.h', 'review.h',
-    'thinning.h', 'csv.h', 'middleware.h',
+    'thinning.h', 'csv.h', 'keyed_rows.h', 'middleware.h',
     'serialized.h', 'in_place.h', 'in_place_versions.h', 'receiver.h', 'announcer.h',
     'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',
     'keyed_topics.h',

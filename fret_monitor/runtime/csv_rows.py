@@ -30,7 +30,9 @@ class CsvColumn:
     A column that is read: its place in a row from 0, and the type of its values.
 
     `names` are values by their names; without `has_numbers` there are no others. With `is_time`
-    cells are seconds, which are read as nanoseconds (int64).
+    cells are seconds, which are read as nanoseconds (int64). Cells may be empty if it
+    `is_optional`, or has keys (`is_key`). `key` is the place of the column whose keys its values
+    need; None: they need none.
     """
 
     place: int
@@ -38,6 +40,9 @@ class CsvColumn:
     names: Mapping[str, int]
     has_numbers: bool = True
     is_time: bool = False
+    is_optional: bool = False
+    is_key: bool = False
+    key: int | None = None
 
 
 class CsvRows:
@@ -56,7 +61,9 @@ class CsvRows:
         for column in columns:
             self._native[column.place] = {
                 'type': type_number(column.type), 'is_time': column.is_time,
-                'has_numbers': column.has_numbers, **self._named(column)}
+                'has_numbers': column.has_numbers, 'is_key': column.is_key,
+                'needs_key': column.key is not None, 'key': column.key or 0,
+                **self._named(column)}
         self._csv: Any = ffi.new('struct fm_csv *', {
             'columns': self._native, 'n_columns': width})
 
@@ -72,7 +79,7 @@ class CsvRows:
         return {'n_names': len(names), 'names': native, 'named': named}
 
     def read(self, text: bytes, place: int, most: int, after: int,
-             latest: int) -> tuple[int, int, 'list[array[Any]]']:
+             latest: int) -> tuple[int, int, list[Any]]:
         """
         Read rows from a place in a text on, until one that is not plain or complete.
 
@@ -87,21 +94,31 @@ class CsvRows:
 
         Returns
         -------
-        tuple[int, int, list[array[Any]]]
-            the number of rows, the place of the next one, and the values of each column.
+        tuple[int, int, list]
+            the number of rows, the place of the next one, and the values of each column: an array;
+            if it is optional, a pair of that and a bytearray of the rows that have a value; of one
+            with keys, a `struct fm_key[]`, whose keys are parts of `text`.
         """
-        values = [array(item.type.typecode, bytes(item.type.size * most))
-                  for item in self._columns]
-        buffers = [ffi.from_buffer('char[]', item) for item in values]
-        for column, buffer in zip(self._columns, buffers):
-            self._native[column.place].values = buffer
+        values: list[Any] = [
+            ffi.new('struct fm_key[]', most) if item.is_key else
+            array(item.type.typecode, bytes(item.type.size * most)) for item in self._columns]
+        there = [bytearray(most) if item.is_optional else None for item in self._columns]
+        buffers = []
+        for column, found, known in zip(self._columns, values, there, strict=True):
+            native = self._native[column.place]
+            buffers += [found if column.is_key else ffi.from_buffer('char[]', found),
+                        ffi.NULL if known is None else ffi.from_buffer('bool[]', known)]
+            native.values, native.is_there = buffers[-2:]
         content = ffi.from_buffer('char[]', text)
         csv = self._csv
         csv.text, csv.n, csv.place = content, len(text), place
         csv.after, csv.latest = after, latest
         count = int(self._library.fm_csv_rows(csv, most))
         buffers.clear()
-        return count, int(csv.place), [item[:count] for item in values]
+        return count, int(csv.place), [
+            found if column.is_key else found[:count] if known is None else
+            (found[:count], known[:count])
+            for column, found, known in zip(self._columns, values, there, strict=True)]
 
 
 def verdict_rows(library: CData, labels: 'array[int]', verdicts: bytes, width: int, *,

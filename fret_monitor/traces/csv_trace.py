@@ -341,11 +341,9 @@ class TraceReader:
             with the place, if the file is not CSV, a cell is not a value of its input, or times do
             not increase.
         """
-        plain = self._plain(_csv_column(item, place) for item, place in self._columns)
+        plain = self._plain(csv_column(item, place) for item, place in self._columns)
         while True:
-            # The first time is the origin of the others, and is read here.
-            limits = _ANY_TIME if self._time is None else None if self._last is None else (
-                self._last, self.first + LAST_TICK)
+            limits = self._limits()
             if limits is not None and (found := self._plain_rows(plain, limits)) is not None:
                 yield self._with_receptions(self._of_plain(*found))
                 continue
@@ -356,6 +354,12 @@ class TraceReader:
                 yield from map(self._with_receptions, self._of_rows(rows))
             if problem is not None:
                 raise problem
+
+    def _limits(self) -> tuple[int, int] | None:
+        """Return after which time and up to which plain rows may come; None: none may."""
+        # The first time is the origin of the others, and is not read in C.
+        return _ANY_TIME if self._time is None else None if self._last is None else (
+            self._last, self.first + LAST_TICK)
 
     def _with_receptions(self, block: _Columns) -> Block:
         """Insert the inputs that have no column: each row is a message."""
@@ -585,7 +589,8 @@ def _names(item: ManifestInput) -> dict[str, Any]:
     return {name: number for number, name in enumerate(names)} if item.is_string else names
 
 
-def _csv_column(item: ManifestInput, place: int) -> CsvColumn:
+def csv_column(item: ManifestInput, place: int) -> CsvColumn:
+    """Return the column of an input as C reads it."""
     return CsvColumn(place, item.value_type, _names(item), has_numbers=not item.is_string)
 
 

@@ -19,15 +19,21 @@ A row with a key is a message of that instance and of the shared inputs in it. A
 of the shared inputs. An empty cell leaves an input as it is.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import BinaryIO
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, BinaryIO
 
-from fret_monitor.model.diagnostics import did_you_mean
-from fret_monitor.model.manifest import ManifestInput, ManifestVariable
+from fret_monitor.model.diagnostics import CompileError, did_you_mean
+from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.names import LONGEST_KEY
 from fret_monitor.model.policies import InputSource
-from fret_monitor.traces.csv_trace import Row, TimeColumn, TraceReader
+from fret_monitor.model.values import ValueType
+from fret_monitor.native.monitor import CData
+from fret_monitor.runtime.csv_rows import CsvColumn
+from fret_monitor.runtime.keyed_rows import joined_keys, KeyedBlock, KeyedColumn, keys_of
+from fret_monitor.runtime.scopes import BUNDLE
+from fret_monitor.traces.csv_trace import csv_column, Row, TimeColumn, TraceReader
 
 
 @dataclass(frozen=True)
@@ -40,23 +46,24 @@ class KeyedRow:
 
 
 class KeyedTraceReader(TraceReader):
-    """Reads the columns of variables and inputs from a CSV file, row by row."""
+    """Reads the columns of variables and inputs from a CSV file, in blocks of rows."""
 
-    def __init__(self, name: str, file: BinaryIO, inputs: Sequence[ManifestInput],
-                 keyed: dict[str, int], variables: Sequence[ManifestVariable],
-                 time: TimeColumn) -> None:
+    def __init__(self, name: str, file: BinaryIO, columns: Sequence[KeyedColumn],
+                 variable_of: dict[str, int], variables: Sequence[ManifestVariable],
+                 time: TimeColumn, library: CData | None = None) -> None:
         """
         Read the heading.
 
-        `keyed` has the variable (index) of each input that has a value for each key.
+        `variable_of` has the variable (index) of each input that has a value for each key;
+        `library` is as of `TraceReader`.
 
         Raises
         ------
         CompileError
             as `TraceReader`, and if there is no column with a variable's name.
         """
-        super().__init__(name, file, inputs, time)
-        self._keyed = keyed
+        super().__init__(name, file, [item.item for item in columns], time, library)
+        self._keyed = variable_of
         self._variables = variables
         for item in variables:
             if self._titles.count(item.name) != 1:
@@ -66,10 +73,14 @@ class KeyedTraceReader(TraceReader):
                     f"the trace has {many} for the instance variable '{item.name}'",
                     'a row is of the instance whose key stands there; empty: of none')
         self._key_columns = [self._titles.index(item.name) for item in variables]
+        # Without a column of its own, a reception is where the row is a message of its instance.
+        self.columns = [item for item in columns if item.item.name in self._heading or (
+            item.kind != BUNDLE and item.item.source is InputSource.RECEIVED)]
+        """The columns that blocks have."""
 
-    def rows(self) -> Iterator[KeyedRow]:
+    def keyed_blocks(self) -> Iterator[KeyedBlock]:
         """
-        Yield the rows.
+        Yield the rows in blocks.
 
         Raises
         ------
@@ -77,14 +88,66 @@ class KeyedTraceReader(TraceReader):
             with the place, as `TraceReader.blocks`; also for a key that is not listed or too long,
             and for a value of an input of which the row has no key.
         """
-        for row in self._rows:
-            if len(row.cells) != self._width:
-                self._refuse_width(row)
-            time = self._numbers(1)[0] if self._time is None else next(
-                self._times([row], self._time))
-            keys = tuple(self._key(row, place, item) for place, item in zip(
-                self._key_columns, self._variables, strict=True))
-            yield KeyedRow(time, keys, dict(self._values(row, keys)))
+        plain = self._plain(self._csv_columns())
+        while True:
+            limits = self._limits()
+            if limits is not None and (found := self._plain_rows(plain, limits)) is not None:
+                yield self._of_columns(*self._of_plain(*found))
+                continue
+            rows, problem = self._other_rows()
+            if not rows and problem is None:
+                return
+            yield from self._of_others(rows)
+            if problem is not None:
+                raise problem
+
+    def _csv_columns(self) -> Iterator[CsvColumn]:
+        """Yield the columns as C reads them: those of the keys, then those of inputs."""
+        for place, variable in zip(self._key_columns, self._variables, strict=True):
+            yield CsvColumn(place, ValueType.UINT8, dict.fromkeys(variable.keys, 0), is_key=True)
+        for item, place in self._columns:
+            variable_of = self._keyed.get(item.name)
+            yield replace(csv_column(item, place), is_optional=True, key=None
+                          if variable_of is None else self._key_columns[variable_of])
+
+    def _of_columns(self, times: 'array[int]', columns: list[Any]) -> KeyedBlock:
+        count = len(self._variables)
+        found = dict(zip((item.name for item, _ in self._columns), columns[count:], strict=True))
+        return KeyedBlock(times, joined_keys(columns[:count], len(times)),
+                          (columns[:count], self._source.text),
+                          [found.get(item.item.name) for item in self.columns])
+
+    def _of_others(self, rows: Iterable[Row]) -> Iterator[KeyedBlock]:
+        """Yield rows, up to the first that is wrong."""
+        found: list[KeyedRow] = []
+        problem = None
+        try:
+            found.extend(map(self._keyed_row, rows))  # keeps those before an error
+        except CompileError as error:
+            problem = error
+        if found:
+            yield self._of_rows_with_keys(found)
+        if problem is not None:
+            raise problem
+
+    def _keyed_row(self, row: Row) -> KeyedRow:
+        if len(row.cells) != self._width:
+            self._refuse_width(row)
+        time = self._numbers(1)[0] if self._time is None else next(
+            self._times([row], self._time))
+        keys = tuple(self._key(row, place, item) for place, item in zip(
+            self._key_columns, self._variables, strict=True))
+        return KeyedRow(time, keys, dict(self._values(row, keys)))
+
+    def _of_rows_with_keys(self, rows: list[KeyedRow]) -> KeyedBlock:
+        keys, texts = keys_of([[(row.keys[place] or '').encode() for row in rows]
+                               for place, _ in enumerate(self._variables)])
+        columns: list[tuple[array[Any], bytearray] | None] = [
+            (array(item.item.value_type.typecode,
+                   [row.values.get(item.item.name, 0) for row in rows]),
+             bytearray(item.item.name in row.values for row in rows))
+            if item.item.name in self._heading else None for item in self.columns]
+        return KeyedBlock(array('q', [row.time for row in rows]), keys, texts, columns)
 
     def _key(self, row: Row, place: int, variable: ManifestVariable) -> str | None:
         key = row.cells[place].strip()
@@ -107,10 +170,3 @@ class KeyedTraceReader(TraceReader):
                     f"write the key in the column '{name}'")
             if cell:
                 yield item.name, self._column([row], item, place)[0]
-        for item in self._inputs:
-            # Without a column of its own it is true where the row is a message of its instance.
-            variable = self._keyed.get(item.name)
-            is_there = variable is not None and keys[variable] is not None
-            if is_there and item.source is InputSource.RECEIVED \
-                    and item.name not in self._heading:
-                yield item.name, 1

@@ -95,10 +95,7 @@ def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until:
     # Imported here: bundles without instances do not need it.
     from fret_monitor.traces.simulate_scopes import ScopedRun
     scopes = Scopes(for_trace(monitor), library=library)
-    run = ScopedRun(monitor, name, file, out, report, scopes)
-    run.run(until)
-    return Summary(run.rows, run.violations, run.first, tuple(run.beyond),
-                   scopes.overflows())
+    return ScopedRun(monitor, name, file, out, report, scopes).run(until)
 
 
 def _time_column(manifest: Manifest) -> TimeColumn:

@@ -16,15 +16,23 @@
 
 import csv
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from fret_monitor.build import build_specification
 from fret_monitor.logic.specification import Specification
-from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.manifest import ManifestInput, ManifestVariable
 from fret_monitor.model.policies import OverInstances, Policy
-from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
+from fret_monitor.model.values import ValueType
+from fret_monitor.native import evaluator_library, load_evaluator
+from fret_monitor.native.binding import ffi
+from fret_monitor.runtime.keyed_rows import KeyedColumn
+from fret_monitor.runtime.scopes import BUNDLE
+from fret_monitor.traces.csv_trace import parse_seconds, seconds_text, TimeColumn
+from fret_monitor.traces.keyed_trace import KeyedTraceReader
 from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
 from keyed import (
@@ -170,3 +178,50 @@ def check_timed(specification: Specification, rows: list[Row], until: int,
               tuple(line[1 + len(names):])) for line in found]
     assert sorted(shown) == sorted(wanted)
     assert [time for time, _, _ in shown] == sorted(time for time, _, _ in shown)
+
+
+def read_rows(text: str, library: Any) -> list[tuple[int, list[bytes], dict[str, Any]]]:
+    """Return the rows of a trace: time, keys, and values by input; at last the error, if any."""
+    inputs = [ManifestInput(name, kind, name, None, (), (), None) for name, kind in (
+        ('x', ValueType.FLOAT64), ('n', ValueType.INT8), ('on', ValueType.BOOL))]
+    columns = [KeyedColumn(inputs[0], 0, 0), KeyedColumn(inputs[1], 1, 0),
+               KeyedColumn(inputs[2], BUNDLE, 0)]
+    reader = KeyedTraceReader(
+        'trace.csv', BytesIO(text.encode()), columns, {'x': 0, 'n': 1},
+        [FOUND, replace(LISTED, name='joint', keys=('a', 'b,c', 'q"q', 'ä'))],
+        TimeColumn.REQUIRED, library)
+    found: list[tuple[int, list[bytes], dict[str, Any]]] = []
+    try:
+        for block in reader.keyed_blocks():
+            count = len(block.times)
+            for place, time in enumerate(block.times):
+                keys = [block.keys[variable * count + place] for variable in range(2)]
+                found.append((time, [bytes(ffi.buffer(key.bytes, key.size)) for key in keys], {
+                    item.item.name: repr(column[0][place]) for item, column in zip(
+                        reader.columns, block.columns, strict=True)
+                    if column is not None and column[1][place]}))
+    except CompileError as error:
+        found.append((0, [str(error).encode()], {}))
+    return found
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_rows_that_c_reads_are_those_that_python_reads(seed: int) -> None:
+    rng = Random(seed)
+    lines = ['time,robot, joint ,x,n,on,other']
+    for number in range(300):
+        odd = rng.randrange(3) if number % 70 == 65 else None  # C reads many others at once
+        robot = rng.choice(['"r""5"', '\u00a0z', 'z\u00a0'] if odd == 0 else [
+            '', 'r1', ' r2 ', '"r,4"', 'yüy', 'y' * 255])
+        joint = rng.choice(['"q""q"', 'ä'] if odd == 1 else ['', 'a', '"b,c"', '\ta'])
+        x = rng.choice(['\u00a02'] if odd == 2 else ['', '0.25', 'nan', '"1e-3"']) if robot else ''
+        n = rng.choice(['', '7', '-128']) if joint else ''
+        lines.append(f'{number},{robot},{joint},{x},{n},{rng.choice(["", "1", "false"])},"k, l"')
+    if 0 < seed < 4:
+        wrong = ['300,r,,,5,,', '300,r,no,,,,', f'300,{"y" * 256},,,,,']
+        lines.append(wrong[seed - 1])
+    text = '\n'.join([*lines, ''])
+    read = read_rows(text, load_evaluator(evaluator_library()))
+    assert read == read_rows(text, None)
+    assert len(read) == 300 + (0 < seed < 4)
+    assert len({repr(item) for item in read}) > 290

@@ -1,0 +1,369 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+/// keyed_rows.c: see keyed_rows.h for the contract.
+
+#include "keyed_rows.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "csv.h"
+#include "tables.h"
+
+enum {LEAST_ROOM = 1 << 16};
+
+// ---- text --------------------------------------------------------------------------------------
+
+// Room for more bytes; NULL if there is none.
+static char * grown(struct fm_keyed_rows * rows, uint64_t more)
+{
+  if (rows->room - rows->length < more) {
+    const uint64_t room = 2 * (rows->length + more) + LEAST_ROOM;
+    char * const text = realloc(rows->text, (size_t)room);
+    if (text == NULL) {
+      rows->is_short = true;
+      return NULL;
+    }
+    rows->text = text;
+    rows->room = room;
+  }
+  return rows->text + rows->length;
+}
+
+static bool needs_quotes(const struct fm_key * key)
+{
+  bool needs = false;
+  for (uint32_t k = 0; k < key->size; ++k) {
+    const uint8_t c = key->bytes[k];
+    needs = needs || c == ',' || c == '"' || c == '\n' || c == '\r';
+  }
+  return needs;
+}
+
+static char * write_key(char * at, const struct fm_key * key)
+{
+  const bool is_quoted = needs_quotes(key);
+  *at++ = ',';
+  if (is_quoted) {
+    *at++ = '"';
+  }
+  for (uint32_t k = 0; k < key->size; ++k) {
+    if (key->bytes[k] == '"') {
+      *at++ = '"';
+    }
+    *at++ = (char)key->bytes[k];
+  }
+  if (is_quoted) {
+    *at++ = '"';
+  }
+  return at;
+}
+
+// Write a row with the keys and cells of `rows`.
+static void write_row(struct fm_keyed_rows * rows, int64_t label)
+{
+  uint64_t most = FM_CSV_LABEL_BYTES + 2 * (uint64_t)rows->n_cells + 1;
+  for (uint32_t v = 0; v < rows->n_variables; ++v) {
+    most += 2 * (uint64_t)rows->shown[v].size + 3;
+  }
+  char * at = grown(rows, most);
+  if (at == NULL) {
+    return;
+  }
+  at += fm_csv_verdicts(&label, rows->is_timed, NULL, 0, 1, at) - 1;  // without the line feed
+  for (uint32_t v = 0; v < rows->n_variables; ++v) {
+    at = write_key(at, &rows->shown[v]);
+  }
+  for (uint32_t c = 0; c < rows->n_cells; ++c) {
+    *at++ = ',';
+    if (rows->cells[c] != FM_NO_VERDICT) {
+      *at++ = (char)('0' + rows->cells[c]);
+    }
+  }
+  *at++ = '\n';
+  rows->length = (uint64_t)(at - rows->text);
+  rows->n_rows += 1;
+}
+
+// ---- verdicts ----------------------------------------------------------------------------------
+
+static struct fm_keyed_scope * scope_of(const struct fm_keyed_rows * rows, uint32_t kind)
+{
+  return &rows->kinds[kind == FM_BUNDLE ? rows->n_kinds : kind];
+}
+
+static uint8_t * before_of(const struct fm_keyed_rows * rows, const struct fm_stepped * place)
+{
+  const struct fm_keyed_scope * scope = scope_of(rows, place->kind);
+  return scope->before + (uint64_t)place->slot * scope->n;
+}
+
+static uint8_t verdict_of(const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  const uint32_t group = evaluator->monitor->requirements[requirement].group;
+  if (!fm_evaluator_ready(evaluator, group) || fm_evaluator_steps(evaluator, group) == 0) {
+    return FM_NO_VERDICT;
+  }
+  return fm_evaluator_verdicts(evaluator)[requirement] ? 1 : 0;
+}
+
+static void count(
+  struct fm_keyed_rows * rows, uint32_t cell, uint8_t verdict, int64_t label)
+{
+  if (verdict == 0) {
+    rows->first[cell] = rows->violations[cell] == 0 ? label : rows->first[cell];
+    rows->violations[cell] += 1;
+  }
+}
+
+// Put the verdicts of a scope into the cells, and those that were shown last. Returns whether they
+// are others than before.
+static bool show(struct fm_keyed_rows * rows, const struct fm_stepped * place)
+{
+  const struct fm_keyed_scope * scope = scope_of(rows, place->kind);
+  const struct fm_evaluator * evaluator = fm_scopes_look(rows->scopes, place->kind, place->slot);
+  uint8_t * const before = before_of(rows, place);
+  bool has_changed = false;
+  for (uint32_t r = 0; r < scope->n; ++r) {
+    const uint8_t verdict = verdict_of(evaluator, r);
+    has_changed = has_changed || verdict != before[r];
+    before[r] = verdict;
+    rows->cells[scope->places[r]] = (char)verdict;
+  }
+  return has_changed;
+}
+
+static void clear_cells(struct fm_keyed_rows * rows)
+{
+  memset(rows->cells, FM_NO_VERDICT, rows->n_cells);
+}
+
+static void count_cells(
+  struct fm_keyed_rows * rows, const struct fm_keyed_scope * scope, int64_t label)
+{
+  for (uint32_t r = 0; r < scope->n; ++r) {
+    count(rows, scope->places[r], (uint8_t)rows->cells[scope->places[r]], label);
+  }
+}
+
+// ---- what has stepped --------------------------------------------------------------------------
+
+// By kind, the bundle last, and slot; then as it happened.
+static int compare(const void * a, const void * b)
+{
+  const struct fm_stepped * x = a, * y = b;
+  if (x->kind != y->kind) {
+    return x->kind < y->kind ? -1 : 1;
+  }
+  if (x->slot != y->slot) {
+    return x->slot < y->slot ? -1 : 1;
+  }
+  return x->n_violations < y->n_violations ? -1 : x->n_violations > y->n_violations ? 1 : 0;
+}
+
+// Leave the last step of each scope, unless its instance has ended since. What was shown of an
+// instance before it ended does not matter to the next one: it begins with a row of its own.
+static uint32_t thin_out(struct fm_keyed_rows * rows, uint32_t n)
+{
+  uint32_t kept = 0;
+  for (uint32_t k = 0; k < n; ++k) {
+    const struct fm_stepped event = rows->events[k];
+    const bool is_same = kept > 0 && rows->events[kept - 1].kind == event.kind &&
+      rows->events[kept - 1].slot == event.slot;
+    kept -= is_same ? 1 : 0;
+    if (event.event == FM_SCOPE_STEPPED) {
+      rows->events[kept++] = event;
+    }
+  }
+  return kept;
+}
+
+// Returns how many scopes have stepped since the last call: the first of `events`.
+static uint32_t take_events(struct fm_keyed_rows * rows)
+{
+  uint32_t n = 0, taken = 0;
+  const struct fm_stepped * events = fm_scopes_stepped(rows->scopes, &n);
+  for (uint32_t k = 0; k < n; ++k) {
+    if (events[k].event != FM_SCOPE_BEYOND) {
+      rows->events[taken] = events[k];
+      rows->events[taken].n_violations = k;  // the order
+      taken += 1;
+    }
+  }
+  fm_scopes_clear(rows->scopes);
+  qsort(rows->events, taken, sizeof(*rows->events), compare);
+  return thin_out(rows, taken);
+}
+
+// ---- rows --------------------------------------------------------------------------------------
+
+// A row of its own for a scope, if its verdicts have changed.
+static void write_other(
+  struct fm_keyed_rows * rows, const struct fm_stepped * place, int64_t time)
+{
+  uint8_t bytes[FM_MOST_KEY_BYTES];
+  const struct fm_keyed_scope * scope = scope_of(rows, place->kind);
+  clear_cells(rows);
+  if (!show(rows, place)) {
+    return;
+  }
+  count_cells(rows, scope, time);
+  memset(rows->shown, 0, rows->n_variables * sizeof(*rows->shown));
+  if (place->kind != FM_BUNDLE) {
+    rows->shown[scope->variable].bytes = bytes;
+    rows->shown[scope->variable].size =
+      (uint32_t)fm_scopes_key(rows->scopes, place->kind, place->slot, bytes);
+  }
+  write_row(rows, time);
+}
+
+static void write_others(struct fm_keyed_rows * rows, int64_t time)
+{
+  const uint32_t n = take_events(rows);
+  for (uint32_t k = 0; k < n; ++k) {
+    if (rows->is_timed) {
+      write_other(rows, &rows->events[k], time);
+    }
+  }
+}
+
+static bool is_own(const struct fm_keyed_rows * rows, const struct fm_stepped * place)
+{
+  return place->kind == FM_BUNDLE || rows->own[place->kind] == place->slot;
+}
+
+static void write_own(struct fm_keyed_rows * rows, uint64_t k, int64_t label, uint32_t n)
+{
+  clear_cells(rows);
+  for (uint32_t e = 0; e < n; ++e) {
+    if (is_own(rows, &rows->events[e])) {
+      (void)show(rows, &rows->events[e]);
+      count_cells(rows, scope_of(rows, rows->events[e].kind), label);
+    }
+  }
+  for (uint32_t v = 0; v < rows->n_variables; ++v) {
+    rows->shown[v] = rows->keys[v * rows->n + k];
+  }
+  write_row(rows, label);
+}
+
+// What a row has made of all scopes: those that it is not of have no row without times.
+static void write_stepped(struct fm_keyed_rows * rows, uint64_t k)
+{
+  const int64_t label = rows->is_timed ? rows->times[k] : rows->label + (int64_t)k;
+  const uint32_t n = take_events(rows);
+  for (uint32_t e = 0; e < n && !rows->is_timed; ++e) {
+    if (!is_own(rows, &rows->events[e])) {
+      (void)show(rows, &rows->events[e]);
+      count_cells(rows, scope_of(rows, rows->events[e].kind), label);
+    }
+  }
+  write_own(rows, k, label, n);
+  for (uint32_t e = 0; e < n && rows->is_timed; ++e) {
+    if (!is_own(rows, &rows->events[e])) {
+      write_other(rows, &rows->events[e], label);
+    }
+  }
+}
+
+// ---- steps -------------------------------------------------------------------------------------
+
+static const void * value_at(const struct fm_keyed_column * column, uint64_t k)
+{
+  const bool is_there = column->is_there == NULL || column->is_there[k];
+  return is_there ? (const char *)column->values + k * column->bytes : NULL;
+}
+
+static bool is_for_all(const struct fm_keyed_rows * rows, uint64_t k)
+{
+  bool has_key = false, has_shared = false;
+  for (uint32_t v = 0; v < rows->n_variables; ++v) {
+    has_key = has_key || rows->keys[v * rows->n + k].size > 0;
+  }
+  for (uint32_t c = 0; c < rows->n_columns; ++c) {
+    const struct fm_keyed_column * column = &rows->columns[c];
+    has_shared = has_shared || (column->kind == FM_BUNDLE && value_at(column, k) != NULL);
+  }
+  return has_shared || !has_key;
+}
+
+static void store_shared(struct fm_keyed_rows * rows, uint64_t k, bool is_of_all)
+{
+  const bool yes = true;
+  for (uint32_t c = 0; c < rows->n_columns; ++c) {
+    const struct fm_keyed_column * column = &rows->columns[c];
+    const void * value = value_at(column, k);
+    if (column->kind == FM_BUNDLE && value != NULL) {
+      fm_scopes_store_from(rows->scopes, column->input, value);
+    }
+  }
+  for (uint32_t r = 0; r < rows->n_receptions && is_of_all; ++r) {
+    fm_scopes_store_from(rows->scopes, rows->receptions[r], &yes);
+  }
+}
+
+static void store_keyed(struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
+{
+  const struct fm_key * key = &rows->keys[rows->kinds[kind].variable * rows->n + k];
+  rows->own[kind] = key->size == 0 ? FM_NO_SLOT :
+    fm_scopes_enter(rows->scopes, kind, key->bytes, key->size);
+  for (uint32_t c = 0; c < rows->n_columns && rows->own[kind] != FM_NO_SLOT; ++c) {
+    const struct fm_keyed_column * column = &rows->columns[c];
+    const void * value = value_at(column, k);
+    if (column->kind == kind && value != NULL) {
+      fm_scopes_store_keyed_from(rows->scopes, column->input, value);
+    }
+  }
+}
+
+static void step(struct fm_keyed_rows * rows, uint64_t k)
+{
+  const bool is_of_all = is_for_all(rows, k);
+  fm_scopes_begin_row(rows->scopes, is_of_all, rows->times[k]);
+  store_shared(rows, k, is_of_all);
+  for (uint32_t kind = 0; kind < rows->n_kinds; ++kind) {
+    store_keyed(rows, k, kind);
+  }
+  (void)fm_scopes_end(rows->scopes);
+}
+
+void fm_keyed_rows_advance(struct fm_keyed_rows * rows, int64_t until)
+{
+  int64_t instant;
+  while ((instant = fm_scopes_advance(rows->scopes, until)) != FM_NEVER) {
+    write_others(rows, instant);
+  }
+}
+
+void fm_keyed_rows_take(struct fm_keyed_rows * rows)
+{
+  for (uint64_t k = 0; k < rows->n; ++k) {
+    int64_t instant;
+    while ((instant = fm_scopes_advance_to(rows->scopes, rows->times[k])) != FM_NEVER) {
+      write_others(rows, instant);
+    }
+    step(rows, k);
+    write_stepped(rows, k);
+    fm_keyed_rows_advance(rows, rows->times[k]);
+  }
+}
+
+void fm_keyed_rows_free(struct fm_keyed_rows * rows)
+{
+  free(rows->text);
+  rows->text = NULL;
+  rows->length = 0;
+  rows->room = 0;
+}

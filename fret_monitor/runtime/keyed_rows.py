@@ -1,0 +1,153 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A wrapper of `keyed_rows.c`: rows of a trace with keys, and what they make of all scopes."""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.native.binding import ffi
+from fret_monitor.native.errors import NativeError
+from fret_monitor.native.monitor import CData
+from fret_monitor.runtime.scopes import most_instances, Scopes
+
+
+_NO_VERDICT = ffi.integer_const('FM_NO_VERDICT')
+
+
+@dataclass(frozen=True)
+class KeyedColumn:
+    """A column of values of an input (index) of a kind (index, or `BUNDLE`)."""
+
+    item: ManifestInput
+    kind: int
+    input: int
+
+
+@dataclass(frozen=True)
+class KeyedBlock:
+    """
+    Rows: their times (ns, or numbers), keys and values.
+
+    `keys` are a `struct fm_key` for each row, of one variable after the other, which point into
+    `texts`. A column of values is None if each row with a key has the value 1; beside it are the
+    rows that have a value.
+    """
+
+    times: 'array[int]'
+    keys: CData
+    texts: Any
+    columns: 'Sequence[tuple[array[Any], bytearray] | None]'
+
+
+class KeyedRows:
+    """Steps scopes with rows; the text of the verdicts is taken by `text`."""
+
+    def __init__(self, scopes: Scopes, cells: Sequence[Sequence[int]],
+                 columns: Sequence[KeyedColumn], receptions: Sequence[int], *,
+                 are_times: bool) -> None:
+        """
+        Prepare to run scopes.
+
+        `cells` has, for each kind and last for the bundle, the place of each requirement in a row.
+        `receptions` are inputs of the bundle that are true in each row for all.
+        """
+        variables = scopes.monitor.manifest.variables
+        kinds = scopes.monitor.manifest.kinds
+        slots = [*(most_instances(item, variables) for item in kinds), 1]
+        native = ffi.new('struct fm_keyed_scope[]', len(cells))
+        self._library: Any = scopes.library
+        self._columns = columns
+        self.n_cells = sum(map(len, cells))
+        self._kept: list[Any] = [scopes, native]
+        for place, (own, most) in enumerate(zip(cells, slots, strict=True)):
+            before = bytes([_NO_VERDICT]) * (most * len(own) + 1)
+            parts = ffi.new('uint32_t[]', [*own, 0]), ffi.new('uint8_t[]', before)
+            native[place] = {
+                'variable': kinds[place].variables[0] if place < len(kinds) else 0,
+                'n_slots': most, 'n': len(own), 'places': parts[0], 'before': parts[1]}
+            self._kept.append(parts)
+        self._rows: Any = ffi.new('struct fm_keyed_rows *', {
+            'scopes': scopes.pointer, 'kinds': native, 'n_kinds': len(kinds),
+            'n_variables': len(variables), 'n_cells': self.n_cells, 'is_timed': are_times,
+            'n_receptions': len(receptions), 'n_columns': len(columns),
+            'events': self._new('struct fm_stepped[]', 2 * sum(slots) + 4),
+            'own': self._new('uint32_t[]', len(kinds) + 1),
+            'cells': self._new('char[]', self.n_cells + 1),
+            'shown': self._new('struct fm_key[]', len(variables)),
+            'receptions': self._new('uint32_t[]', [*receptions, 0]),
+            'violations': self._new('uint64_t[]', self.n_cells + 1),
+            'first': self._new('int64_t[]', self.n_cells + 1),
+        })
+
+    def _new(self, kind: str, content: Any) -> CData:
+        self._kept.append(made := ffi.new(kind, content))
+        return made
+
+    def take(self, block: KeyedBlock, label: int) -> None:
+        """Take rows, of which the first has a number, which is its label unless it has a time."""
+        rows, count = self._rows, len(block.times)
+        ones = array('B', [1]) * count
+        parts = [(ffi.from_buffer(item[0]), ffi.from_buffer('bool[]', item[1])) if item else
+                 (ffi.from_buffer(ones), ffi.NULL) for item in block.columns]
+        columns = ffi.new('struct fm_keyed_column[]', [
+            {'values': values, 'is_there': there, 'kind': column.kind, 'input': column.input,
+             'bytes': column.item.value_type.size}
+            for column, (values, there) in zip(self._columns, parts, strict=True)] or 1)
+        times = ffi.from_buffer('int64_t[]', block.times)
+        rows.n, rows.times, rows.label, rows.keys = count, times, label, block.keys
+        rows.columns = columns
+        self._library.fm_keyed_rows_take(rows)
+
+    def advance(self, until: int) -> None:
+        """Take what is due by a time."""
+        self._library.fm_keyed_rows_advance(self._rows, until)
+
+    def text(self) -> str:
+        """Return the rows of verdicts since the last call; raises `NativeError` without memory."""
+        found = ffi.buffer(self._rows.text, self._rows.length)[:] if self._rows.length else b''
+        self._library.fm_keyed_rows_free(self._rows)
+        if self._rows.is_short:
+            raise NativeError('there is no memory for the rows of verdicts')
+        return found.decode(errors='replace')
+
+    @property
+    def count(self) -> int:
+        """How many rows were written."""
+        return int(self._rows.n_rows)
+
+    def violations(self, cell: int) -> tuple[int, int | None]:
+        """Return how often a requirement was violated, and the label of the first time."""
+        count = int(self._rows.violations[cell])
+        return count, int(self._rows.first[cell]) if count else None
+
+
+def keys_of(keys: Sequence[Sequence[bytes]]) -> tuple[CData, list[CData]]:
+    """Return the keys of rows, by variable, as a block has them; b'' is none."""
+    texts = [ffi.new('uint8_t[]', key or b'\0') for column in keys for key in column]
+    sizes = [len(key) for column in keys for key in column]
+    found = ffi.new('struct fm_key[]', [
+        {'bytes': text, 'size': size} for text, size in zip(texts, sizes, strict=True)] or 1)
+    return found, texts
+
+
+def joined_keys(columns: Sequence[CData], count: int) -> CData:
+    """Return the keys of rows, by variable, from a column of each."""
+    found = ffi.new('struct fm_key[]', len(columns) * count)
+    for place, keys in enumerate(columns):
+        ffi.memmove(found + place * count, keys, count * ffi.sizeof('struct fm_key'))
+    return found
