@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// keyed_rows.h: rows of a trace with keys: each is a step of scopes, whose verdicts are written as
-/// rows of CSV.
+/// keyed_rows.h: rows of a trace with keys: each is a step of scopes, whose verdicts are written
+/// as rows of CSV.
 ///
 /// A row with a key is a message of that instance; one with a value of a shared input, or without
 /// any key, is one of all. It gives a row of its key's verdicts and the bundle's. Under FM_TIMED

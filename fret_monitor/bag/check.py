@@ -191,9 +191,9 @@ def _compiled(bundle: Path, selection: Selection, find: 'FindMessage') -> Compil
             pass  # perhaps its messages are only in the recording
         else:
             types = {item.message_type for item in manifest.topics}
-            if all(item.report is Report.OCCURRENCE for item in manifest.requirements) and all(
+            if all(item.report is Report.OCCURRENCE for item in manifest.numbered) and all(
                     fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
-                return start(bundle, constants=selection.constants)
+                return start(bundle, constants=selection.constants, takes_instances=True)
     return compiled(read_bundle(bundle, selection, find))
 
 

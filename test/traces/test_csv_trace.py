@@ -133,7 +133,8 @@ def plain(cells: list[str], kind: ValueType) -> 'array[Any]':
     """Return what C reads of a column, without the rows after the first that is not plain."""
     text = ''.join(f'{cell}\n' for cell in cells).encode()
     rows = CsvRows(library(), [CsvColumn(0, kind, {})], 1)
-    count, place, (column,) = rows.read(text, 0, len(cells), *ANY_TIME)
+    count, place, columns = rows.read(text, 0, len(cells), *ANY_TIME)
+    column: array[Any] = columns[0]
     assert len(column) == count
     assert place == sum(len(cell.encode()) + 1 for cell in cells[:count])
     return column
