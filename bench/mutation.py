@@ -222,6 +222,10 @@ _COMPILER = """\
 import hashlib, os, sys
 
 REAL, KEPT = {real!r}, {kept!r}
+# A compiler cache looks for the compiler itself, and would find this program again.
+own = os.path.dirname(os.path.abspath(__file__))
+os.environ['PATH'] = os.pathsep.join(
+    place for place in os.environ['PATH'].split(os.pathsep) if place != own)
 arguments = [*sys.argv[1:], '-w']
 sources = [word for word in arguments if word.endswith('.c')]
 if '-c' not in arguments or not sources:
