@@ -279,9 +279,11 @@ def test_gates_of_any_quality_of_service(partner: Partner, tmp_path: Path) -> No
     override = 'qos_overrides./note_raw.subscription.depth'
     with running(write(tmp_path), '-p', 'gates:=[high, low, image, note]',
                  '-p', f'{override}:=20') as node:
-        wait_until(lambda: all(item.get_subscription_count() > 0 for item in (
-            level, images, notes, free)), 'the subscriptions of the gates')
-        sleep(1.5)
+        partner.wait_for_subscriptions(1, level, images, notes, free)
+        wait_until(lambda: [
+            item.qos_profile.reliability
+            for item in partner.node.get_subscriptions_info_by_topic('level_mid')] == [
+                RELIABLE.reliability], 'the gate behind the other')
         # Two gates in a row, and a flood of 10 kHz: all that both let through, in order.
         began = monotonic()
         for number in range(3000):
@@ -510,25 +512,34 @@ def test_a_gate_on_a_service(partner: Partner, stranger: Partner, tmp_path: Path
         node.wait_for('no server of /enable_raw answers')
         service = stranger.node.create_service(SetBool, 'enable_raw', serve)
         wait_until(lambda: stranger.node.count_clients('enable_raw') == 1, 'the client')
-        sleep(0.5)
         waiting = ask(False)  # the server is slow; others are answered meanwhile
-        wait_until(lambda: bool(calls), 'a call')
+
+        def is_called() -> bool:  # until then the gate has not found the server
+            nonlocal waiting
+            waiting = ask(False) if waiting.done() else waiting
+            return bool(calls)
+
+        wait_until(is_called, 'a call')
         assert answered(ask(True)) == 'withheld'
         assert not waiting.done()
         release.set()
         assert answered(waiting) == 'done'
         safe.publish(Bool(data=True))
-        sleep(0.3)
-        assert answered(ask(True)) == 'done'
+        wait_until(lambda: answered(ask(True)) == 'done', 'a request that passes')
         # A server that never answers, and goes while a request waits for it.
         stranger.node.destroy_service(service)
         idle = rclpy.node.Node('idle', context=stranger.context)
         idle.create_service(SetBool, 'enable_raw', serve)
         wait_until(lambda: idle.count_clients('enable_raw') == 1, 'the client')
-        sleep(0.5)
         lost = ask(True)
-        sleep(0.5)
-        assert not lost.done()
+
+        def waits() -> bool:  # until then the gate has not found the server
+            nonlocal lost
+            lost = ask(True) if lost.done() else lost
+            sleep(0.5)
+            return not lost.done()
+
+        wait_until(waits, 'a request without an answer')
         idle.destroy_node()
         assert answered(lost) == 'withheld'
         assert calls == [False, True]

@@ -20,11 +20,10 @@ import signal
 import stat
 import subprocess
 import sys
-from time import sleep
 
 import fret_monitor
 import pytest
-from ros.harness import Partner, wait_until
+from ros.harness import Partner, settle, wait_until
 from std_msgs.msg import Float32
 
 pytest.importorskip('launch')
@@ -124,9 +123,9 @@ def test_launch_starts_the_nodes_and_ends_them(
             partner.wait_for_listener(x)
             wait_until(lambda: partner.node.count_subscribers('/copilot/handlerpropR1') == 1,
                        'the logger')
-            sleep(1.0)  # until the monitor has matched it too
+            settle(1.0)  # until the monitor has matched it too
             x.publish(Float32(data=0.7))
-            sleep(1.0)
+            settle(1.0)
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=30)
         # Once, although there are two nodes that could log it.

@@ -200,8 +200,8 @@ def test_monitors_of_different_names_share_a_namespace_and_a_duplicate_is_report
             partner.listen('R_1')
             partner.listen('R_3', publishers=2)
             x, y, z = (partner.publisher(Float32, name) for name in 'xyz')
-            wait_until(lambda: z.get_subscription_count() == 2, 'both listeners to z')
-            partner.wait_for_listener(x, y, z)
+            for count, publisher in zip((3, 1, 2), (x, y, z)):
+                partner.wait_for_subscriptions(count, publisher)
             x.publish(Float32(data=0.9))
             y.publish(Float32(data=0.9))
             partner.expect({'R_1': 1})

@@ -36,7 +36,7 @@ inputs:
   got: {topic: p, type: std_msgs/msg/Bool, field: received()}
 evaluation: {policy: timed}
 requirements:
-  - {id: ALIVE, ptltl: "O[0, 400 ms] got", report: occurrence}
+  - {id: ALIVE, ptltl: "O[0, 1 s] got", report: occurrence}
 """
 ANSWER = """
 format: 1
@@ -102,9 +102,9 @@ def test_when_a_publisher_stops_the_violation_comes_on_time(
         received = listener.heard[0][1]
         assert not violated.is_recovery and violated.step is None
         # On a busy machine a message may be on its way for long. The deadline itself is exact.
-        assert 0.4 <= violated.stamp - stopped < 0.6
-        assert 0.0 <= received - violated.stamp < 1.0
-        assert violated.time is not None and float(violated.time) > 0.85
+        assert 1.0 <= violated.stamp - stopped < 2.0
+        assert 0.0 <= received - violated.stamp < 3.0
+        assert violated.time is not None and float(violated.time) > 1.45
         p.publish(Bool(data=True))
         again = listener.wait_for(2)[1]
         assert again.is_recovery and again.stamp > violated.stamp
