@@ -140,7 +140,7 @@ static int free_strings(struct fm_strings * strings)
 }
 
 static const struct fm_graph_functions functions = {
-  node_names, NULL, NULL, free_strings, forget_error};
+  node_names, NULL, NULL, free_strings, forget_error, NULL, NULL};
 
 // ---- an engine with one topic ------------------------------------------------------------------
 
