@@ -96,14 +96,29 @@ static void make_room_locked(struct fm_blackbox * box, uint64_t size, int64_t no
 void fm_blackbox_keep(
   struct fm_blackbox * box, const struct fm_kept * kept, const uint8_t * message)
 {
+  struct fm_kept plain = *kept;
+  plain.key_size = 0;
+  fm_blackbox_keep_keyed(box, &plain, message, NULL);
+}
+
+void fm_blackbox_keep_keyed(
+  struct fm_blackbox * box, const struct fm_kept * kept, const uint8_t * message,
+  const uint8_t * key)
+{
+  struct fm_kept whole = *kept;
+  whole.size += kept->key_size;
   pthread_mutex_lock(&box->mutex);
-  const bool fits = box->capacity >= sizeof(*kept) && message != NULL && kept->size > 0 &&
-    kept->size <= box->capacity - sizeof(*kept);
+  const bool fits = box->capacity >= sizeof(whole) && message != NULL && kept->size > 0 &&
+    whole.size <= box->capacity - sizeof(whole);
   if (fits) {
-    make_room_locked(box, sizeof(*kept) + kept->size, kept->steady);
-    write_at(box, box->end, kept, sizeof(*kept));
-    write_at(box, box->end + sizeof(*kept), message, (size_t)kept->size);
-    box->end += sizeof(*kept) + kept->size;
+    const uint64_t key_at = box->end + sizeof(whole);
+    make_room_locked(box, sizeof(whole) + whole.size, kept->steady);
+    write_at(box, box->end, &whole, sizeof(whole));
+    if (kept->key_size > 0) {
+      write_at(box, key_at, key, kept->key_size);
+    }
+    write_at(box, key_at + kept->key_size, message, (size_t)kept->size);
+    box->end += sizeof(whole) + whole.size;
     box->counts.kept += 1;
   } else {
     box->counts.left_out += 1;

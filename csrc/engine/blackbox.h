@@ -32,7 +32,8 @@ extern "C" {
 
 struct fm_blackbox;
 
-/// A message in the ring. Its `size` bytes follow; then comes the next one, without a gap.
+/// A message in the ring. Its `size` bytes follow, the key in the name of its topic first; then
+/// comes the next one, without a gap.
 struct fm_kept
 {
   uint64_t size;
@@ -40,7 +41,7 @@ struct fm_kept
   int64_t time;    // ns: its stamp, in the node's time; 0 if there was no time
   int64_t sent;    // ns, by the publisher's clock; 0: not known
   uint32_t topic;
-  uint32_t spare;
+  uint32_t key_size;
 };
 
 /// Violations that began.
@@ -69,6 +70,11 @@ FM_EXPORT void fm_blackbox_destroy(struct fm_blackbox * box);
 /// Keep a message; `kept->size` is its size. Never allocates. O(size + messages overwritten).
 FM_EXPORT void fm_blackbox_keep(
   struct fm_blackbox * box, const struct fm_kept * kept, const uint8_t * message);
+
+/// The same, with the key in the name of its topic, of `kept->key_size` bytes.
+FM_EXPORT void fm_blackbox_keep_keyed(
+  struct fm_blackbox * box, const struct fm_kept * kept, const uint8_t * message,
+  const uint8_t * key);
 
 /// Note an occurrence, at a time of CLOCK_MONOTONIC. O(1).
 FM_EXPORT void fm_blackbox_note(struct fm_blackbox * box, uint32_t requirement, int64_t steady);

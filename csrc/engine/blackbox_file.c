@@ -35,6 +35,18 @@
 #define LAST_BYTES 1024u            // for what is added when a file is complete
 #define PIECE_BYTES (UINT64_C(1) << 16)  // copied at once, while messages wait
 #define LONGEST_NAME 100u           // characters of a requirement, and of a node, in a file's name
+#define MOST_KEY_BYTES 255u
+#define MOST_NAME_BYTES 1024u
+#define MOST_CHANNELS 60000u
+
+// A topic with a key in its name, and its number in the file.
+struct keyed_channel
+{
+  uint32_t topic;
+  uint32_t key_size;
+  uint8_t key[MOST_KEY_BYTES];
+  uint16_t number;
+};
 
 struct fm_blackbox_file
 {
@@ -62,6 +74,8 @@ struct fm_blackbox_file
   bool is_full;
   uint8_t * data;            // of the message that is being read
   uint64_t capacity;
+  struct keyed_channel * keyed;
+  uint32_t n_keyed;
 };
 
 // ---- the ring ----------------------------------------------------------------------------------
@@ -147,6 +161,7 @@ static void write_head(struct fm_blackbox_file * file)
     }
   }
   file->mcap = fm_mcap_create(file->file);
+  file->n_keyed = 0;
   if (file->mcap == NULL) {
     file->error = ENOMEM;
     return;
@@ -257,6 +272,46 @@ int fm_blackbox_file_error(const struct fm_blackbox_file * file)
 
 // ---- messages ----------------------------------------------------------------------------------
 
+static uint16_t add_keyed(struct fm_blackbox_file * file, const struct fm_kept * kept)
+{
+  const struct fm_blackbox_topic * topic = &file->options->topics[kept->topic];
+  const size_t before = strcspn(topic->name, "{");
+  const char * after = topic->name + before + strcspn(topic->name + before, "}");
+  const size_t n = file->n_keyed;
+  struct keyed_channel * moved = realloc(file->keyed, (n + 1u) * sizeof(*moved));
+  char name[MOST_NAME_BYTES];
+  if (moved == NULL || n + file->options->n_topics >= MOST_CHANNELS) {
+    file->keyed = moved == NULL ? file->keyed : moved;
+    file->error = ENOMEM;
+    return 0;
+  }
+  (void)snprintf(name, sizeof(name), "%.*s%.*s%s", (int)before, topic->name, (int)kept->key_size,
+    (const char *)file->data, *after == '}' ? after + 1 : after);
+  file->keyed = moved;
+  moved[n] = (struct keyed_channel) {kept->topic, kept->key_size, {0},
+    fm_mcap_add_channel(file->mcap, name, topic->type, topic->definition)};
+  memcpy(moved[n].key, file->data, kept->key_size);
+  file->n_keyed += 1u;
+  return moved[n].number;
+}
+
+// The number in the file of the topic of a message, whose key is in its data.
+static uint16_t channel_of(struct fm_blackbox_file * file, const struct fm_kept * kept)
+{
+  if (kept->key_size == 0) {
+    return (uint16_t)kept->topic;
+  }
+  for (uint32_t k = 0; k < file->n_keyed; ++k) {
+    const struct keyed_channel * item = &file->keyed[k];
+    if (item->topic == kept->topic && item->key_size == kept->key_size &&
+      memcmp(item->key, file->data, kept->key_size) == 0)
+    {
+      return item->number;
+    }
+  }
+  return add_keyed(file, kept);
+}
+
 static void add(struct fm_blackbox_file * file, const struct fm_kept * kept)
 {
   const uint64_t size = RECORD_BYTES + kept->size;
@@ -266,10 +321,11 @@ static void add(struct fm_blackbox_file * file, const struct fm_kept * kept)
   } else if (!is_before && fm_blackbox_file_size(file) + size > file->options->disk) {
     file->is_full = true;
   } else {
+    const uint16_t channel = channel_of(file, kept);
     file->excess = 0;
     fm_mcap_add_message(
-      file->mcap, (uint16_t)kept->topic, file->time, kept->sent > 0 ? kept->sent : 0, file->data,
-      (size_t)kept->size);
+      file->mcap, channel, file->time, kept->sent > 0 ? kept->sent : 0,
+      file->data + kept->key_size, (size_t)kept->size - kept->key_size);
   }
 }
 
@@ -406,5 +462,6 @@ void fm_blackbox_file_close(struct fm_blackbox_file * file)
     fm_mcap_destroy(file->mcap);
   }
   free(file->data);
+  free(file->keyed);
   free(file);
 }

@@ -368,12 +368,11 @@ static int make_parts(struct fm_blackbox_writer * writer)
   return 0;
 }
 
-// Whether each topic of the bundle is one of ROS, and no other is the same.
+// Whether no two topics of the bundle are one: its messages would be there twice.
 static bool are_plain(const struct fm_blackbox_options * options)
 {
   bool are = true;
   for (uint32_t k = 0; k < options->n_topics; ++k) {
-    are = are && strchr(options->topics[k].name, '{') == NULL;
     for (uint32_t other = 0; other < k; ++other) {
       are = are && strcmp(options->topics[k].name, options->topics[other].name) != 0;
     }

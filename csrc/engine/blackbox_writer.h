@@ -50,7 +50,7 @@ struct fm_blackbox_event
 
 /// Create the folder, write to it once, and take the memory. The options are copied; what they
 /// point to outlives the writer. Returns 0, or an error as in errno: ENOMEM if there is not so
-/// much memory, EPROTOTYPE if a topic is several of ROS, or two are one. O(memory + topics^2).
+/// much memory, EPROTOTYPE if two topics are one. O(memory + topics^2).
 FM_EXPORT int fm_blackbox_writer_create(
   struct fm_blackbox_writer ** out, const struct fm_blackbox_options * options);
 

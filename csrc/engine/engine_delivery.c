@@ -134,7 +134,7 @@ static void deliver_fields_locked(
   const struct fm_delivery delivery = {
     topic, origin->key_size, fm_engine_prepare_locked(engine, topic, reading->fields, stamp),
     reading->message, reading->size, origin->key, stamp};
-  fm_engine_keep_message_locked(engine, topic, reading, stamp, origin->sent);
+  fm_engine_keep_message_locked(engine, topic, reading, stamp, origin);
   if (!has_begun) {
     now = fm_evaluator_arrival(evaluator, fm_evaluator_now(evaluator));
     deliver_step_locked(engine, &delivery, stamp, now);
@@ -171,7 +171,7 @@ bool fm_engine_accept_locked(
     *receipt = FM_UNDECODABLE;
     fm_evaluator_undecodable(engine->options.evaluator, topic);
     fm_engine_keep_message_locked(
-      engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin->sent);
+      engine, topic, reading, engine->source == FM_CLOCK ? 0 : origin->received, origin);
   }
   if (reading->is_unrelated) {
     *receipt = FM_UNRELATED;

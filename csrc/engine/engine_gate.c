@@ -120,7 +120,7 @@ static void keep_gated_locked(
   if (engine->gated < engine->options.n_topics) {
     const bool has_time = step->source != INT64_MIN || engine->source != FM_CLOCK;
     fm_engine_keep_message_locked(
-      engine, engine->gated, &reading, has_time ? step->stamp : 0, origin->sent);
+      engine, engine->gated, &reading, has_time ? step->stamp : 0, origin);
   }
 }
 

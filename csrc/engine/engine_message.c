@@ -68,7 +68,7 @@ bool fm_engine_needs_bytes(
 
 void fm_engine_keep_message_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
-  int64_t sent)
+  const struct fm_origin * origin)
 {
   if (reading->is_decoded &&
     !all_are_read(reading->fields, engine->options.topics[topic].n_inputs))
@@ -77,8 +77,8 @@ void fm_engine_keep_message_locked(
   }
   if (engine->blackbox != NULL) {
     const struct fm_kept kept =
-    {reading->size, fm_steady_time(), stamp, sent, topic, 0};
-    fm_blackbox_keep(engine->blackbox, &kept, reading->message);
+    {reading->size, fm_steady_time(), stamp, origin->sent, topic, origin->key_size};
+    fm_blackbox_keep_keyed(engine->blackbox, &kept, reading->message, origin->key);
   }
 }
 

@@ -262,7 +262,7 @@ const struct fm_field * fm_engine_prepare_locked(
 /// there is no time.
 void fm_engine_keep_message_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
-  int64_t sent);
+  const struct fm_origin * origin);
 
 // ---- engine_scopes.c ---------------------------------------------------------------------------
 

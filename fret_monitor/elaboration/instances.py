@@ -14,12 +14,14 @@
 
 """Of which instance variables each requirement is one for each key; what cannot be."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from fret_monitor.bundle.bundle import Bundle, InstanceVariable
+from fret_monitor.bundle.instances import mentioned
+from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
 from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
-from fret_monitor.model.diagnostics import Problems
+from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.paths import LookUp, path_text
 from fret_monitor.model.policies import InputSource
@@ -40,6 +42,7 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     for item in properties:
         _check(item, inputs, problems)
     _check_keys(inputs.values(), problems)
+    _check_actions(bundle, problems)
     for signal in inputs.values() if bundle.instance_variables else ():
         if signal.source.is_measured:
             problems.error(
@@ -50,6 +53,30 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     for gate in bundle.gates if bundle.instance_variables or selects else ():
         problems.error(f"a bundle with '{word}' has no gates yet", gate.name.span,
                        'not supported', 'gate the topics of each key in a bundle of its own')
+
+
+def _check_actions(bundle: Bundle, problems: Problems) -> None:
+    """Report instance variables in messages of actions."""
+    names = {item.name.value for item in bundle.instance_variables}
+    for action in bundle.actions:
+        for text in _texts(action.content):
+            for name, place in mentioned(text):
+                if name in names:
+                    problems.error('a message of an action has no keys yet', place,
+                                   'it would be sent as it is written',
+                                   'copilot/violations names the instance')
+
+
+def _texts(node: Node | None) -> Iterator[Text]:
+    match node:
+        case YamlScalar():
+            yield node.text
+        case YamlList():
+            for item in node.items:
+                yield from _texts(item)
+        case YamlMapping():
+            for _, item in node.entries:
+                yield from _texts(item)
 
 
 def _check_keys(signals: Iterable[Signal], problems: Problems) -> None:

@@ -38,7 +38,7 @@ NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgrap
                  'std_msgs', 'std_srvs', 'type_description_interfaces')
 """The packages of the messages and services that every node has."""
 
-_UNUSED = ('benchmark.c', 'csv.c', 'records.c', 'thinning.c', 'trials.c')
+_UNUSED = ('benchmark.c', 'csv.c', 'keyed_rows.c', 'records.c', 'thinning.c', 'trials.c')
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:

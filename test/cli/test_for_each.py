@@ -94,6 +94,20 @@ def test_a_compiled_bundle_and_an_exported_node_have_all_instances(here: Here) -
     assert 'kind_1_concerns' in table
 
 
+def test_an_instance_variable_in_the_message_of_an_action_is_refused(here: Here) -> None:
+    done = here.run('check', here.file('one.yaml', """\
+format: 1
+for_each: {robot: {most: 3}}
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
+actions:
+  say: {publish: {topic: said, type: std_msgs/msg/String, message: {data: "stop {robot}"}}}
+requirements:
+  - {id: SPEED, ptltl: "speed <= 1.0", on_violation: [say]}
+"""))
+    assert 'one.yaml:6:81: error: a message of an action has no keys yet' in done.err
+
+
 def test_gates_do_not_stand_beside_where(here: Here) -> None:
     path = here.file('one.yaml', """\
 format: 1

@@ -20,6 +20,7 @@ from contextlib import contextmanager, ExitStack
 from functools import partial
 from pathlib import Path
 from random import Random
+from time import time_ns
 from typing import Any
 
 from bag.recordings import START, statuses_of, TYPES
@@ -33,10 +34,11 @@ import pytest
 from rclpy.qos import DurabilityPolicy
 from ros.exported import exported_bundle, running
 from ros.harness import (
-    BEST_EFFORT, LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until,
+    BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import Bool, Float32
+from strategies import thorough
 
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
 
@@ -133,21 +135,26 @@ def random_elements(rng: Random, keys: Sequence[str], n: int) -> list[Elements]:
     return [*found, (0.5, ((keys[0], 1.75),))]
 
 
-def judged_by_bag(folder: Path, bundle: Path, sent: Sequence[Elements]) -> list[Detail]:
-    """Return the details that `bag --mcap` writes of the same messages."""
+def recorded(folder: Path, sent: Sequence[Elements], times: Sequence[int],
+             topic: str = '/joints', frames: Sequence[str] = ()) -> Path:
+    """Record messages that are received at their stamps."""
     types, nothing = TYPES.types, numpy.array([])
-    header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](0, 0), '')
-    with Writer(folder / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connection = writer.add_connection('/joints', JOINT_STATE, typestore=TYPES)
-        for place, (limit, elements) in enumerate(sent):
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(topic, JOINT_STATE, typestore=TYPES)
+        for place, (time, (limit, elements)) in enumerate(zip(times, sent, strict=True)):
+            stamp = types['builtin_interfaces/msg/Time'](*divmod(time, 10**9))
             content = types[JOINT_STATE](
-                header, [key for key, _ in elements], numpy.array([limit]), nothing,
+                types['std_msgs/msg/Header'](stamp, frames[place] if frames else ''),
+                [key for key, _ in elements], numpy.array([limit]), nothing,
                 numpy.array([value for _, value in elements]))
-            writer.write(connection, START + place * 10**8,
-                         TYPES.serialize_cdr(content, JOINT_STATE))
-    out = folder / 'out.mcap'
+            writer.write(connection, time, TYPES.serialize_cdr(content, JOINT_STATE))
+    return folder
+
+
+def judged_by_bag(out: Path, bundle: Path, recording: Path) -> list[Detail]:
+    """Return the details that `bag --mcap` writes of a recording."""
     with unoptimised(), open_violations(out, '/') as mcap:
-        check_recording(bundle, folder / 'bag', Selection(may_miss=True), changes=[mcap])
+        check_recording(bundle, recording, Selection(may_miss=True), changes=[mcap])
     return [detail_of(status) for _, status in statuses_of(out)]
 
 
@@ -164,7 +171,8 @@ def test_both_nodes_publish_of_instances_what_bag_says(
     names = ('elbow', 'k%s\n', 'wrist', 'beyond')
     bundle = write_bundle(tmp_path, JOINTS.replace('KEYS', keys))
     sent = random_elements(rng, names, 50)
-    expected = judged_by_bag(tmp_path, bundle, sent)
+    expected = judged_by_bag(tmp_path / 'out.mcap', bundle, recorded(
+        tmp_path / 'bag', sent, [START + place * 10**8 for place in range(len(sent))]))
     publisher = partner.publisher(sensor_msgs.JointState, '/joints', LATCHED)
     with both(bundle, partner) as faces:
         wait_until(partial(are_subscribed, partner, '/joints'), '/joints of both nodes')
@@ -200,14 +208,15 @@ def is_published(subscription: Any) -> bool:
     return int(subscription.get_publisher_count()) > 0
 
 
-def are_subscribed(partner: Partner, topic: str) -> bool:
+def are_subscribed(partner: Partner, topic: str, n: int = 1) -> bool:
     """
-    Whether both nodes have one subscription each, by which nothing is lost.
+    Whether both nodes have so many subscriptions each, by which nothing is lost.
 
     They receive what is published from now on, also where they discover the publisher later.
     """
     found = partner.node.get_subscriptions_info_by_topic(topic)
-    return sorted(item.node_namespace for item in found) == ['/native', '/python'] and all(
+    return sorted(item.node_namespace for item in found) == (
+        ['/native'] * n + ['/python'] * n) and all(
         item.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for item in found)
 
 
@@ -218,8 +227,11 @@ inputs:
   speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
   enabled: {topic: /enable, type: std_msgs/msg/Bool}
 definitions: {fast: speed > 0.5}
+actions: {say: {publish: {topic: said, type: std_msgs/msg/Bool, message: {data: true}}}}
 requirements:
-  - {id: SPEED, fretish: when enabled the robot shall always satisfy speed <= 1.0}
+  - id: SPEED
+    fretish: when enabled the robot shall always satisfy speed <= 1.0
+    on_violation: [say]
   - {id: FLEET, ptltl: "count(robot: fast) <= 1", report: onset}
 """
 
@@ -227,7 +239,7 @@ requirements:
 def drives(publisher: Any, face: Face, robots: int) -> bool:
     """Publish, and return whether a report then knows so many robots; for lossy publishers."""
     publisher.publish(Float32(data=0.4))
-    return values_of(face.next_report(1)['SPEED'])['instances'] == str(robots)
+    return has_instances(face, robots)
 
 
 def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
@@ -237,7 +249,7 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
     enable.publish(Bool(data=True))
     partner.publisher(Bool, '/crane/speed')
     alpha = partner.publisher(Float32, '/alpha/speed', LATCHED)
-    with both(bundle, partner) as faces:
+    with both(bundle, partner, '-p', f'blackbox:={tmp_path / "box"}') as faces:
         alpha.publish(Float32(data=0.4))
         beta = partner.publisher(Float32, '/beta/speed', BEST_EFFORT)
         for face in faces:
@@ -250,6 +262,7 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
             assert report['SPEED'].message == 'violated: gamma'
             assert values_of(report['SPEED'])['instances'] == '3'
             assert report['FLEET'].message == 'satisfied'
+            assert values_of(report['action say'])['started'] == '1'
             assert values_of(report['topic /{robot}/speed'])['publishers'] == '3'
             face.process.wait_for('SPEED[robot=gamma] violated at ')
             face.process.wait_for('/crane/speed is of type std_msgs/msg/Bool, where the bundle '
@@ -260,3 +273,174 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
     assert (name, level) == ('SPEED[robot=gamma]', 2)
     assert ('speed', '1.5') in values
     assert ('enabled', 'true') in values
+    for number, face in enumerate(faces):
+        box, = (tmp_path / 'box').glob(f'blackbox_*_{face.name}_fret_monitor_SPEED.mcap')
+        assert judged_by_bag(tmp_path / f'out_{number}.mcap', bundle, box) == face.details
+
+
+def test_listed_keys_are_known_from_the_start_and_a_reset_starts_all_afresh(
+        partner: Partner, tmp_path: Path) -> None:
+    bundle = write_bundle(
+        tmp_path, FLEET.replace('{most: 20, forget: 60}', '[alpha, beta]'))
+    partner.publisher(Bool, '/enable', LATCHED).publish(Bool(data=True))
+    alpha = partner.publisher(Float32, '/alpha/speed', LATCHED)
+    with both(bundle, partner) as faces:
+        alpha.publish(Float32(data=1.5))
+        for face in faces:
+            wait_until(partial(has_message, face, 'violated: alpha'), f'alpha at {face.name}')
+            face.process.wait_for('SPEED[robot=alpha] violated at ')
+            answer = partner.reset(f'/{face.name}/fret_monitor/reset')
+            assert answer == 'restarted 3 step groups; input values kept'
+            wait_until(partial(has_message, face, 'not evaluated yet: alpha, beta'),
+                       f'a reset of {face.name}')
+            face.process.wait_for('SPEED satisfied again')
+        alpha.publish(Float32(data=0.3))
+        for face in faces:
+            wait_until(partial(has_message, face, 'not evaluated yet: beta'),
+                       f'alpha anew at {face.name}')
+
+
+def has_message(face: Face, message: str) -> bool:
+    return str(face.next_report(1)['SPEED'].message) == message
+
+
+TRACKS = """
+format: 1
+evaluation: {policy: relevant_message}
+for_each: {track: {most: 5}}
+inputs:
+  near: {topic: /tracks, type: JOINTS, where: "header.frame_id = {track}", field: "position[0]"}
+  imu: {topic: /tracks, type: JOINTS, where: "header.frame_id = imu", field: "position[0]"}
+requirements:
+  - {id: NEAR, ptltl: "near >= 0.6", report: onset}
+  - {id: CALM, ptltl: "imu < 1.0", report: onset}
+""".replace('JOINTS', JOINT_STATE)
+
+
+def test_messages_that_where_selects_are_those_of_the_input_or_of_a_key(
+        partner: Partner, tmp_path: Path) -> None:
+    rng = Random(5)
+    bundle = write_bundle(tmp_path, TRACKS)
+    sent: list[Elements] = [(round(rng.uniform(0.4, 1.4), 2), ()) for _ in range(40)]
+    frames = rng.choices(['imu', 'a', 'b'], k=len(sent))
+    expected = judged_by_bag(tmp_path / 'out.mcap', bundle, recorded(
+        tmp_path / 'bag', sent, [START + place * 10**8 for place in range(len(sent))],
+        '/tracks', frames))
+    assert {name for name, *_ in expected} == {
+        'CALM', *(f'NEAR[track={key}]' for key in ('imu', 'a', 'b'))}
+    publisher = partner.publisher(sensor_msgs.JointState, '/tracks', LATCHED)
+    with both(bundle, partner) as faces:
+        wait_until(partial(are_subscribed, partner, '/tracks', 2), '/tracks of both nodes')
+        for item, frame in zip(sent, frames, strict=True):
+            message = joint_state(*item)
+            message.header.frame_id = frame
+            publisher.publish(message)
+        for face in faces:
+            wait_until(partial(face.has_details, len(expected)),
+                       f'{len(expected)} details of {face.name}')
+        reports = [face.next_report() for face in faces]
+    for face, report in zip(faces, reports, strict=True):
+        assert sorted(face.details, key=name_of) == sorted(expected, key=name_of)
+        received = values_of(report['topic /tracks where header.frame_id = imu'])['received']
+        assert int(received) == frames.count('imu')
+
+
+def name_of(detail: Detail) -> str:
+    return detail[0]
+
+
+STAMPED = """
+format: 1
+evaluation: {policy: timed, stamp: header, reorder: 5}
+for_each: {joint: {most: 3, forget: 0.4}}
+inputs:
+  effort: {topic: /joints, type: sensor_msgs/msg/JointState, field: "effort[name = {joint}]"}
+  limit: {topic: /joints, type: sensor_msgs/msg/JointState, field: "position[0]"}
+requirements:
+  - {id: EFFORT, ptltl: "effort <= limit", report: onset}
+  - {id: SOON, fretish: if effort > 1.2 the joint shall within 0.2 seconds satisfy effort < 0.6}
+  - {id: FLEET, ptltl: "count(joint: effort > 1.0) <= 1", report: onset}
+"""
+
+
+@thorough
+@pytest.mark.parametrize('seed', range(3))
+def test_instances_that_come_end_and_return_have_the_verdicts_of_bag(
+        seed: int, partner: Partner, tmp_path: Path) -> None:
+    rng = Random(seed)
+    bundle = write_bundle(tmp_path, STAMPED)
+    names = ('elbow', 'wrist', 'hip', 'beyond')
+    publisher = partner.publisher(sensor_msgs.JointState, '/joints', LATCHED)
+    with both(bundle, partner) as faces:
+        wait_until(partial(are_subscribed, partner, '/joints'), '/joints of both nodes')
+        # Of stamps that are not late: nothing takes effect for 5 s.
+        stamps = [time_ns()]
+        while len(stamps) <= 60:
+            stamps.append(stamps[-1] + rng.choice((10**7, 5 * 10**7, 3 * 10**8)))
+        sent = random_elements(rng, names, len(stamps) - 1)
+        for stamp, item in zip(stamps, sent, strict=True):
+            message = joint_state(*item)
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            publisher.publish(message)
+        expected = judged_by_bag(
+            tmp_path / 'out.mcap', bundle, recorded(tmp_path / 'bag', sent, stamps))
+        assert any(('the instance', 'ended') in values for *_, values in expected)
+        for face in faces:
+            wait_until(partial(face.has_details, len(expected)),
+                       f'{len(expected)} details of {face.name}')
+        reports = [face.next_report() for face in faces]
+    for face, report in zip(faces, reports, strict=True):
+        # The node goes on after the last message, and then the last instances end.
+        assert [*map(without_start, face.details[:len(expected)])] == [
+            *map(without_start, expected)]
+        assert all(name == 'FLEET' or ('the instance', 'ended') in values
+                   for name, *_, values in face.details[len(expected):])
+        values = values_of(report['EFFORT'])
+        assert int(values['began']) > 3
+        assert values['ended'] != '0'
+
+
+def without_start(detail: Detail) -> Detail:
+    """Return a detail of FLEET, which has begun with the node, without its time since then."""
+    name, level, message, values = detail
+    return name, level, message, values[name == 'FLEET':]
+
+
+@thorough
+def test_five_hundred_robots_join_within_a_second(partner: Partner, tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, FLEET.replace('most: 20', 'most: 500'))
+    partner.publisher(Bool, '/enable', LATCHED).publish(Bool(data=True))
+    with both(bundle, partner) as faces:
+        publishers = [partner.publisher(Float32, f'/robot_{number}/speed', LATCHED)
+                      for number in range(500)]
+        for place, publisher in enumerate(publishers):
+            publisher.publish(Float32(data=1.5 if place == 321 else 0.2))
+        for face in faces:
+            wait_until(partial(has_instances, face, 500), f'500 robots at {face.name}',
+                       4 * PATIENCE)
+            assert has_message(face, 'violated: robot_321')
+    for face in faces:
+        assert [name for name, *_ in face.details] == ['SPEED[robot=robot_321]']
+
+
+@thorough
+def test_a_subscription_ends_after_its_last_publisher_and_begins_anew(
+        partner: Partner, tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, FLEET)
+    partner.publisher(Bool, '/enable', LATCHED).publish(Bool(data=True))
+    with both(bundle, partner) as faces:
+        for n in range(2):
+            publisher = partner.publisher(Float32, '/gamma/speed', LATCHED)
+            publisher.publish(Float32(data=1.5))
+            for face in faces:
+                wait_until(partial(face.has_details, n + 1), f'violation {n} at {face.name}')
+            partner.node.destroy_publisher(publisher)
+            wait_until(partial(has_no_subscription, partner, '/gamma/speed'), 'an end')
+
+
+def has_no_subscription(partner: Partner, topic: str) -> bool:
+    return not partner.node.get_subscriptions_info_by_topic(topic)
+
+
+def has_instances(face: Face, n: int) -> bool:
+    return values_of(face.next_report(1)['SPEED'])['instances'] == str(n)

@@ -49,7 +49,11 @@ class Subscriber(Protocol):
 
 
 class KeyedTopics:
-    """Watches the graph for the topics of an engine; for the thread of the feed."""
+    """
+    Watches the graph for the topics of an engine; for the thread of the feed, which keeps it.
+
+    Memory of C is freed with this object.
+    """
 
     def __init__(self, node: Node, engine: Engine, middleware: Middleware,
                  subscriber: Subscriber) -> None:
@@ -84,10 +88,6 @@ class KeyedTopics:
                 self._library.fm_keyed_topics_destroy)
         if self._pointer == ffi.NULL:
             raise Unavailable('memory is short')
-
-    def close(self) -> None:
-        """End the watch, which nobody uses any more."""
-        ffi.release(self._pointer)
 
     def review(self, has_changed: bool, _: Callable[[str], int]) -> float:
         """Look at the graph if it is time; return after how many seconds to call this again."""

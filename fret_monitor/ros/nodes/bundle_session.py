@@ -318,7 +318,6 @@ class BundleSession:
         if found_topics(self.manifest):
             watch = KeyedTopics(self._node, engine, middleware, FoundTopics(
                 partial(self._subscribe, feed, in_place=middleware, is_found=True), feed))
-            self._running.callback(watch.close)
             feed.watch(watch)
 
     def _graph_sources(self, engine: Engine, middleware: Middleware) -> GraphSources | None:
