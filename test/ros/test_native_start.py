@@ -136,7 +136,8 @@ os.execv = execv
 def test_it_is_a_lifecycle_node_that_ends_at_once_when_it_is_killed(
     bundle: Path, partner: Partner,
 ) -> None:
-    node = NodeProcess('monitor', '-p', f'spec:={bundle}', *NATIVE, '-p', 'autostart:=false')
+    node = NodeProcess('monitor', '-p', f'spec:={bundle}', *NATIVE, '-p', 'autostart:=false', '-p',
+                       'use_sim_time:=true')
     try:
         node.wait_for('waiting to be configured and activated')
         assert is_native(node, bundle)
@@ -144,6 +145,7 @@ def test_it_is_a_lifecycle_node_that_ends_at_once_when_it_is_killed(
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             assert change_state(client, transition)
         node.wait_for('watching')
+        wait_until(lambda: partner.node.count_subscribers('/clock') == 1, 'the time of /clock')
         assert node.end(signal.SIGKILL) == -signal.SIGKILL
     finally:
         node.kill()

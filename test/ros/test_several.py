@@ -243,6 +243,18 @@ class Several(Face):
         return Counter(self._shown(item) for of_bundle in found.values() for item in of_bundle)
 
 
+def in_graph(partner: Partner, name: str) -> set[tuple[str, str, str]]:
+    """Return what a node publishes, subscribes to, offers and calls, with the types."""
+    node = partner.node
+    found = {'publishes': node.get_publisher_names_and_types_by_node,
+             'subscribes': node.get_subscriber_names_and_types_by_node,
+             'offers': node.get_service_names_and_types_by_node,
+             'calls': node.get_client_names_and_types_by_node}
+    return {(verb, topic.replace(f'/{name}/', '/NODE/'), str(types))
+            for verb, names in found.items()
+            for topic, types in names('fret_monitor', f'/{name}')}
+
+
 def test_several_bundles_in_c_do_as_those_in_python(partner: Partner, tmp_path: Path) -> None:
     (tmp_path / 'other').mkdir()
     texts = [('first', 'constants: {a: 0.5}' + FIRST),
@@ -265,6 +277,10 @@ def test_several_bundles_in_c_do_as_those_in_python(partner: Partner, tmp_path: 
         publishers = [partner.publisher(Float32, f'/{name}') for name in 'xyz']
         for count, publisher in zip((6, 4, 2), publishers):
             partner.wait_for_subscriptions(count, publisher)
+        wait_until(lambda: in_graph(partner, 'python') == in_graph(partner, 'native'),
+                   'the same names in the graph')
+        assert ('publishes', '/rosout', "['rcl_interfaces/msg/Log']") in in_graph(
+            partner, 'native')
         sent: Counter[str] = Counter()
         for values in ((0.1, 0.2, 9.0), (0.9, 0.2, 1.0), (0.1, 0.9, 9.0)):
             for publisher, value in zip(publishers, values):
