@@ -38,7 +38,8 @@ NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgrap
                  'std_msgs', 'std_srvs', 'type_description_interfaces')
 """The packages of the messages and services that every node has."""
 
-_UNUSED = ('benchmark.c', 'csv.c', 'keyed_rows.c', 'records.c', 'thinning.c', 'trials.c')
+_ROOMS = tuple(room for room in CSRC_ROOMS if room != 'traces')  # which no node needs
+_UNUSED = ('records.c',)
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:
@@ -153,7 +154,7 @@ def package_name(name: str, program: str = 'monitor') -> str:
 
 def hand_written_sources() -> list[str]:
     """Return the names in `csrc` of all C that every node has."""
-    found = [path.name for room in CSRC_ROOMS for path in (csrc_directory() / room).iterdir()]
+    found = [path.name for room in _ROOMS for path in (csrc_directory() / room).iterdir()]
     return sorted(name for name in found if name.rpartition('.')[0] + '.c' not in _UNUSED)
 
 

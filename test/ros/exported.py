@@ -64,12 +64,11 @@ def _command(flags: Sequence[str], folder: Path) -> list[str]:
 @cache
 def hand_written() -> list[Path]:
     """Return the object files of all C that is the same for every bundle."""
-    unused = {'csv.c', 'keyed_rows.c', 'records.c', 'thinning.c'}
     engine = objects.engine(SANITIZERS)
     node = sorted({path for room in ('reporting', 'node')
                    for path in (csrc_directory() / room).glob('*.c')} - {*engine})
     return [
-        *(made for source, made in engine.items() if source.name not in unused),
+        *(made for source, made in engine.items() if source.name in hand_written_sources()),
         *objects.compiled_once([*node, ROOT / 'bench' / 'ros' / 'no_python.c'],
                                [*objects.command(SANITIZERS), *searched()])]
 
