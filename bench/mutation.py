@@ -151,6 +151,7 @@ ROOMS = {
         'statuses.c': f'{_REVIEW} ' + _ros('node_parts'),
         'shared_names.c': _ros('several node_parts'),
         'parameters.c': _ros('node_parts side_by_side exported_node'),
+        'monitor_node.c': _ros('scheduling node_parts exported_node'),
         'input_log.c': 'test/runtime/test_review.py',
         'health.c': f'{_REVIEW} test/runtime/test_review_time.py',
         'review.c': f'{_REVIEW} test/runtime/test_review_time.py',
