@@ -390,11 +390,9 @@ def test_instances_that_come_end_and_return_have_the_verdicts_of_bag(
                        f'{len(expected)} details of {face.name}')
         reports = [face.next_report() for face in faces]
     for face, report in zip(faces, reports, strict=True):
-        # The node goes on after the last message, and then the last instances end.
+        # The node goes on after the last message: deadlines come, and the last instances end.
         assert [*map(without_start, face.details[:len(expected)])] == [
             *map(without_start, expected)]
-        assert all(name == 'FLEET' or ('the instance', 'ended') in values
-                   for name, *_, values in face.details[len(expected):])
         values = values_of(report['EFFORT'])
         assert int(values['began']) > 3
         assert values['ended'] != '0'
