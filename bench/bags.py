@@ -52,6 +52,20 @@ inputs:
   value: {topic: value, type: TYPE, field: FIELD}
 requirements:
 """
+KEYS = 1000
+POINT = 'geometry_msgs/msg/PointStamped'
+KEYED = """format: 1
+evaluation: {policy: timed}
+for_each: {robot: {most: 1000}}
+inputs:
+  value: {INPUT}
+requirements:
+"""
+KEYED_INPUTS = {
+    'a topic each': 'topic: "/{robot}/value", type: std_msgs/msg/Float64',
+    'one topic': f'topic: points, type: {POINT}, field: point.x, '
+                 'where: "header.frame_id = {robot}"',
+}
 REQUIREMENT = '  - {id: R-%d, ptltl: "H (value > 0.9%d -> O[0, 100 ms] value < 0.5)"}\n'
 
 
@@ -64,6 +78,12 @@ def main() -> int:
         for storage in StoragePlugin:
             for kind, count in ((SMALL, 300_000), (LARGE, 300)):
                 print(row(folder, storage, kind, count), flush=True)
+        print()
+        print(f'| {KEYS:,} keys | messages | raw, a message | ours, a message | ours / raw |')
+        print('|---|---|---|---|---|')
+        for storage in StoragePlugin:
+            for name in KEYED_INPUTS:
+                print(keyed_row(folder, storage, name, 200_000), flush=True)
         print()
         print(memory(folder))
         print(processes(folder))
@@ -120,7 +140,45 @@ def row(folder: Path, storage: StoragePlugin, kind: str, count: int) -> str:
     """Compare checking with reading."""
     path, spec = recording(folder, storage, kind, count), bundle(folder, kind)
     none = recording(folder, storage, kind, 1)
+    name = f'{storage.name.lower()}, {"1 MiB" if kind == LARGE else "small"}'
+    return compared(name, spec, path, none, count)
 
+
+def keyed_row(folder: Path, storage: StoragePlugin, name: str, count: int) -> str:
+    """Compare checking one requirement of each key with reading."""
+    spec = folder / f'{name.replace(" ", "_")}.yaml'
+    spec.write_text(KEYED.replace('INPUT', KEYED_INPUTS[name]) + REQUIREMENT % (0, 0))
+    path, none = (keyed_recording(folder, storage, name, number) for number in (count, KEYS))
+    return compared(f'{storage.name.lower()}, {name}', spec, path, none, count - KEYS)
+
+
+def keyed_recording(folder: Path, storage: StoragePlugin, name: str, count: int) -> Path:
+    """Write a recording of all keys, in turn."""
+    path = folder / f'{storage.name}-{name.replace(" ", "_")}-{count}'
+    values = [message(SMALL, number / 97) for number in range(97)]
+    points = [point(f'r{key}', key % 97 / 97) for key in range(KEYS)]
+    has_topics = name == 'a topic each'
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        topics = [writer.add_connection(f'/r{key}/value', SMALL, typestore=TYPES)
+                  for key in range(KEYS)] if has_topics else [
+            writer.add_connection('/points', POINT, typestore=TYPES)]
+        for number in range(count):
+            key = number * 7919 % KEYS
+            writer.write(topics[key if has_topics else 0], START + number * SPACING_NS,
+                         values[number % 97] if has_topics else points[key])
+    return path
+
+
+def point(key: str, value: float) -> bytes:
+    """Return a serialized message with a key in its header."""
+    types: Any = TYPES.types
+    header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](0, 0), key)
+    return bytes(TYPES.serialize_cdr(types[POINT](
+        header, types['geometry_msgs/msg/Point'](value, 0.0, 0.0)), POINT))
+
+
+def compared(name: str, spec: Path, path: Path, none: Path, count: int) -> str:
+    """Compare checking a recording with reading it; `none` is one that is hardly longer than 0."""
     def ours() -> float:
         start = seconds(lambda: check_recording(spec, none, Selection()))
         return seconds(lambda: check_recording(spec, path, Selection())) - start
@@ -128,7 +186,6 @@ def row(folder: Path, storage: StoragePlugin, kind: str, count: int) -> str:
     pairs = [(seconds(lambda: read_raw(path)), ours()) for _ in range(ROUNDS)]
     raw, mine = (median(column) * 1e6 / count for column in zip(*pairs))
     ratio = median(one / other for other, one in pairs)
-    name = f'{storage.name.lower()}, {"1 MiB" if kind == LARGE else "small"}'
     return f'| {name} | {count:,} | {raw:.2f} us | {mine:.2f} us | {ratio:.2f} |'
 
 
