@@ -31,6 +31,7 @@ from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import (
     LogLine, read_detail, Reporter, ReportTable, StatusRecord, ViolationLines, ViolationLog,
 )
+from fret_monitor.runtime.scopes import Scopes
 from hypothesis import given
 from hypothesis import strategies as st
 import pytest
@@ -44,6 +45,14 @@ evaluation: {policy: relevant_message}
 requirements:
   - {id: R, ptltl: "x < 1"}
   - {id: Q, ptltl: "y < 1", severity: warn}
+"""
+TRACKS = """
+format: 1
+for_each: {track: {most: 5}}
+inputs:
+  x: {topic: x, type: std_msgs/msg/Header, field: stamp.sec, where: "frame_id = {track}"}
+requirements:
+  - {id: R, ptltl: "x < 1"}
 """
 
 
@@ -69,7 +78,9 @@ class Log:
     """The log of an engine with two requirements; each message is a violation, or its end."""
 
     def __init__(self, monitor: Monitor, most_details_per_s: int = 1000) -> None:
-        self.engine = Engine(Evaluator(monitor, reports_recoveries=True))
+        scopes = Scopes(monitor, is_of_engine=True) if monitor.kinds else None
+        evaluator = scopes.evaluator() if scopes else Evaluator(monitor, reports_recoveries=True)
+        self.engine = Engine(evaluator, scopes=scopes)
         self._log = ViolationLog(Reporter(self.engine, ReportTable(self.engine.monitor.manifest)))
         self.engine.want_details(True, most_details_per_s)
         self.lines: list[str] = []
@@ -144,6 +155,19 @@ def test_what_comes_within_a_second_is_counted_and_the_latest_is_logged(log: Log
     assert log.taken(12.0) == ['ERROR: R violated at 11.600: x < 1 [step 10: x = 2.0]',
                                'INFO: R satisfied again at 11.700: x < 1 [step 11: x = 0.0]']
     assert log.taken(20.0) == []
+
+
+def test_each_instance_has_a_line_at_once_but_once_a_second(tmp_path: Path) -> None:
+    bundle = tmp_path / 'bundle.yaml'
+    bundle.write_text(TRACKS, encoding='utf-8')
+    reading = build.read(bundle, takes_instances=True)
+    log = Log(build.compile_monitor(build.generate_monitor(reading)).monitor)
+    for now, track in ((10.0, b'a'), (10.1, b'b'), (10.2, b'a'), (10.3, b'b')):
+        message = b'\0\1\0\0' + struct.pack('<iIi', 2, 0, 2) + track + b'\0'
+        log.engine.message(0, message, int(now * 1e9))
+        log.detail_comes(now)
+    assert [line.split(' violated at ')[0] for line in log.lines] == [
+        'ERROR: R[track=a]', 'ERROR: R[track=b]']
 
 
 def test_one_more_violation_is_in_the_singular(log: Log) -> None:
