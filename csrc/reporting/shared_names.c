@@ -199,7 +199,7 @@ bool fm_find_two_types(
   bool is_found = false;
   for (uint32_t k = 0; k < n; ++k) {
     const struct fm_typed_use * first = first_of(uses, &uses[k]);
-    const bool is_left = uses[k].is_input && is_of_one(first, &uses[k]);
+    const bool is_left = uses[k].owner == 0 || (uses[k].is_input && is_of_one(first, &uses[k]));
     if (!is_left && strcmp(first->type, uses[k].type) != 0) {
       add_two_types(lines, first, &uses[k], owners, kind);
       is_found = true;

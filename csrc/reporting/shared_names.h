@@ -48,8 +48,8 @@ struct fm_typed_use
 
 /// Add a line about each use of a name with another type than that of the name's first use: the
 /// middleware refuses it. `owners`: the names of the bundles or gates; `kind` is what they are.
-/// Left to fm_find_merged are two inputs of one bundle, and an input and the node itself. Returns
-/// whether there are any. O(n * n).
+/// Left to fm_find_merged are two inputs of one bundle, an input and the node itself, and two
+/// names of the node. Returns whether there are any. O(n * n).
 FM_EXPORT bool fm_find_two_types(
   struct fm_lines * lines, const struct fm_typed_use * uses, uint32_t n,
   const char * const * owners, const char * kind);
