@@ -17,8 +17,7 @@
 // overdue, also between the lines.
 //
 //   fret-monitor compile config/quadrotor.yaml --output compiled
-//   cc -std=c99 -Icompiled/src examples/standalone.c compiled/src/quadrotor_monitor.c -lm \
-//     -o standalone
+//   cc -Icompiled/src -o standalone examples/standalone.c compiled/src/quadrotor_monitor.c -lm
 //   printf '0,17.0,9.5\n30,12.0,3.0\n' | ./standalone
 
 #include <stdio.h>

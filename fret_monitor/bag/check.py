@@ -590,6 +590,8 @@ class _Run:
         due = {} if not is_timed else self._open_instances() if self._scopes else self._open()
         for index, (findings, before) in enumerate(zip(self._findings, self._before)):
             counts = all_counts[index]
+            if index in self._unread:
+                findings.instances.clear()
             findings.close(end)
             violations = counts.violations - before.violations
             findings.violations = None if is_timed else violations

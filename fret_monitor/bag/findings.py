@@ -58,7 +58,7 @@ class Findings:
             return self
         found = self.instances.get(key)
         if found is None:
-            shown = key.decode(errors='replace')
+            shown = key.decode(errors='backslashreplace')
             found = self.instances[key] = Findings(f'{self.id}[{self.variable}={shown}]', False)
         return found
 

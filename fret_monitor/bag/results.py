@@ -57,7 +57,7 @@ def json_line(result: RecordingResult) -> str:
 
 def _instances(item: Findings) -> dict[str, dict[str, object]]:
     """Return the instances of a requirement that were violated, by key."""
-    return {key.decode(errors='replace'): {
+    return {key.decode(errors='backslashreplace'): {
         'occurrences': found.occurrences,
         'first': None if found.first is None else seconds(found.first),
     } for key, found in sorted(item.instances.items())}
@@ -222,7 +222,7 @@ class ChangesCsv:
             self._waiting = None
 
     def _write(self, time: int, variable: str = '', key: bytes | None = None) -> None:
-        shown = '' if key is None else key.decode(errors='replace')
+        shown = '' if key is None else key.decode(errors='backslashreplace')
         self._writer.writerow([
             seconds(time), *(shown if name == variable else '' for name in self._variables),
             *(self._state[place] for place in self._columns)])

@@ -167,4 +167,4 @@ def check_variables(variables: Iterable[InstanceVariable], inputs: Iterable[Inpu
         if item.name.value not in used:
             problems.error(f'no input mentions {shown(item.name.value)}', item.name.span,
                            'its instances would have no inputs',
-                           f'topic: /{{{item.name.value}}}/odom')
+                           f'topic: "/{{{item.name.value}}}/odom"')

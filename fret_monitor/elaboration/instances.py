@@ -26,8 +26,6 @@ from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.paths import LookUp, path_text
 from fret_monitor.model.policies import InputSource
 
-_MOST_VARIABLES = 2
-
 
 def described_variable(item: InstanceVariable) -> ManifestVariable:
     """Return an instance variable as the manifest has it."""
@@ -118,18 +116,10 @@ def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> Non
     shown = ', '.join(f"'{name}' is of {' and '.join(names)}" for name, names in keyed.items())
     aggregate = next((name for name in item.inputs
                       if inputs[name].source is InputSource.INSTANCES), None)
-    if len(mentioned) > _MOST_VARIABLES:
+    if len(mentioned) > 1:
         problems.error(f'{item.id} reads inputs of {len(mentioned)} instance variables',
-                       item.place, shown, f'a requirement has at most {_MOST_VARIABLES}')
-    elif len(mentioned) == _MOST_VARIABLES:
-        if not any(len(names) == _MOST_VARIABLES for names in keyed.values()):
-            problems.error(
-                f'{item.id} reads inputs of two instance variables, and none that mentions both',
-                item.place, shown, 'which keys belong together is not known: read an input whose '
-                'topic or field mentions both')
-        else:
-            problems.error(f'{item.id} is one for each pair of keys', item.place, shown,
-                           'pairs are not supported yet')
+                       item.place, shown, 'a requirement is of one variable: pairs of keys are '
+                       'not supported yet')
     elif mentioned and aggregate:
         problems.error(f"{item.id} is one for each '{min(mentioned)}', and reads an aggregate",
                        item.place, f"'{aggregate}' is of all instances",

@@ -171,11 +171,12 @@ def _where(entry: InputEntry, layout: MessageLayout) -> LookUp:
     start = text.value.index(found.key[0])
     place = text.at(start, start + len(name))
     if key is None or key.array is not ArrayKind.NONE or not is_key(key.base):
+        names = [item.name for item in layout.fields
+                 if item.type.array is ArrayKind.NONE and is_key(item.type.base)]
         refuse(f"'{name}' cannot be compared in 'where'", place,
                f'{layout.name} has no such field' if key is None else f'this is {key}',
-               listed([item.name for item in layout.fields
-                       if item.type.array is ArrayKind.NONE and is_key(item.type.base)])
-               or 'a string or a whole number can')
+               listed(names) if names else 'a string or a whole number can, such as '
+               "'header.frame_id'")
     if key.base != _TEXT and not found.variable and not is_integer(found.name):
         refuse(f"'{name}' is a number", text.span, f'this compares it with the text {found.name}',
                f'where: "{name} = 1"')

@@ -14,11 +14,14 @@
 
 """Messages are read by a definition that fits them, and topics by the names that ROS has."""
 
+import json
 from pathlib import Path
 
 import apsw
 from bag.recordings import START, write
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
+from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.results import json_line
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
@@ -112,3 +115,26 @@ def test_the_types_of_the_first_recorders_are_known(tmp_path: Path) -> None:
                         encoding='utf-8')
     result = checked(tmp_path, path)
     assert (result.errors, result.findings[0].violations) == ((), 1)
+
+
+def test_no_instance_of_what_is_not_judged_is_listed_and_keys_are_told_apart(
+        tmp_path: Path) -> None:
+    def keys(definition: str) -> list[str]:
+        folder = tmp_path / str(len(definition))
+        folder.mkdir()
+        path = write_as(folder, definition, [30, 31])
+        forget_definitions(path)
+        file = tmp_path / 'keyed.yaml'
+        file.write_text(LOW.replace('inputs:', 'for_each: {robot: {most: 3}}\ninputs:').replace(
+            'topic: level', 'topic: "/{robot}"'), encoding='utf-8')
+        result = check_recording(file, path, Selection())
+        return list(json.loads(json_line(result))['requirements']['LOW']['instances'])
+
+    assert keys('int32 data') == ['level']
+    assert keys('int32 before\nint32 data') == []
+
+
+def test_keys_that_are_no_text_are_told_apart() -> None:
+    found = Findings('R', variable='robot')
+    assert [found.of(key).id for key in (b'\xff', b'\xfe', 'é'.encode())] == [
+        'R[robot=\\xff]', 'R[robot=\\xfe]', 'R[robot=é]']

@@ -79,9 +79,9 @@ class Voice:
     def detail(self, *pairs: tuple[str, str], name: str = 'A-1') -> None:
         self._details.publish(diagnostic_msgs.DiagnosticArray(status=[status(name, *pairs)]))
 
-    def recovery(self, *pairs: tuple[str, str]) -> None:
+    def recovery(self, *pairs: tuple[str, str], name: str = 'A-1') -> None:
         self._details.publish(diagnostic_msgs.DiagnosticArray(
-            status=[status('A-1', *pairs, level=diagnostic_msgs.DiagnosticStatus.OK)]))
+            status=[status(name, *pairs, level=diagnostic_msgs.DiagnosticStatus.OK)]))
 
     def raw_detail(self, data: bytes) -> None:
         self._details.publish(data)
@@ -126,6 +126,20 @@ def test_messages_that_no_monitor_publishes_are_ignored(
         voice.detail(*right(2))
         voice.violation()
         assert lines(node, 2)[1] == '12.346: x < 0.5 [step 2: x = 0.7]'
+
+
+def test_a_violation_of_an_instance_and_its_end_have_the_name_of_the_instance(
+        partner: Partner, tmp_path: Path) -> None:
+    (tmp_path / 'fleet.yaml').write_text(BUNDLE.replace('topic: x', 'topic: "/{robot}/x"').replace(
+        'inputs:', 'for_each: {robot: {most: 3}}\ninputs:'))
+    with started('logger', '-p', f"spec:={tmp_path / 'fleet.yaml'}") as node:
+        voice = Voice(partner)
+        name = 'A-1[robot=a[1]'
+        voice.detail(*right(2), name=name)
+        voice.violation()
+        node.wait_for(f'{name} violated at 12.346: x < 0.5 [step 2: x = 0.7]')
+        voice.recovery(*right(3), name=name)
+        node.wait_for(f'{name} satisfied again')
 
 
 MS = 10**6  # ns

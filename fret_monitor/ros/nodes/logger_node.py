@@ -64,7 +64,6 @@ _NEW_S = 5.0  # within which a monitor that announces something new is followed,
 class _Unknown:
     """A detail of a handler that the logger does not listen to; when it came (monotonic, s)."""
 
-    handler: str
     status: DiagnosticStatus
     detail: ReceivedDetail
     sent: int
@@ -243,14 +242,20 @@ class LoggerNode(ClockNode):
             return  # any node may publish here; the violation is logged without details
         for status in array.status:
             detail = read_detail(self._library, status_record(status))
-            handler = handler_name(status.name)
             if detail is None:
                 continue
             with self._changed:
+                handler = self._handler_of(status.name)
                 if handler in self._lines:
                     self._add_detail(handler, status, detail, sent)
                 else:
-                    self._unknown.append(_Unknown(handler, status, detail, sent, monotonic()))
+                    self._unknown.append(_Unknown(status, detail, sent, monotonic()))
+
+    def _handler_of(self, name: str) -> str:
+        """Return the handler of a requirement, also for the name of an instance of it."""
+        found = (name, *(name[:place] for place, sign in enumerate(name) if sign == '['))
+        return next((handler for handler in map(handler_name, found) if handler in self._lines),
+                    handler_name(name))
 
     def _add_detail(self, handler: str, status: DiagnosticStatus, detail: ReceivedDetail,
                     sent: int) -> None:
@@ -267,12 +272,13 @@ class LoggerNode(ClockNode):
         unknown, now = list(self._unknown), monotonic()
         self._unknown.clear()
         for item in unknown:
-            if item.handler not in self._lines:
+            handler = self._handler_of(item.status.name)
+            if handler not in self._lines:
                 self._unknown.append(item)
             elif now - item.came < _NEW_S:
                 if not item.detail.is_recovery:
-                    self._pairing.add_violation(item.handler, item.sent, item.sent, now)
-                self._add_detail(item.handler, item.status, item.detail, item.sent)
+                    self._pairing.add_violation(handler, item.sent, item.sent, now)
+                self._add_detail(handler, item.status, item.detail, item.sent)
 
     def _report_all(self) -> None:
         """Log violations once `Pairing` releases them, until the node is destroyed."""
