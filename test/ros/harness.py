@@ -141,13 +141,17 @@ def started(name: str, *arguments: str, environment: dict[str, str] | None = Non
     """Start a node and wait until it is ready; it must end well if the test succeeds."""
     node = NodeProcess(name, *arguments, environment=environment, folder=folder,
                        is_anew=is_anew)
+    has_succeeded = False
     try:
         node.wait_for(READY[name], 4 * PATIENCE)  # it may have to compile
         yield node
         if node.process.poll() is None:
             assert node.end() == 0, node.output
         assert 'Traceback' not in node.output, node.output
+        has_succeeded = True
     finally:
+        if not has_succeeded:
+            print(node.output)  # shown with the failure
         node.kill()
 
 
