@@ -69,6 +69,10 @@ class GraphWait:
         """
         with ExitStack() as held:
             held.enter_context(self._node.handle)
+            try:
+                held.enter_context(self._guard)  # a wait set does not keep it
+            except _rclpy.InvalidHandle:
+                return False  # closed, although the thread has not ended: that was interrupted
             graph = self._graph_of(ffi.cast('void *', self._node.handle.pointer))
             wait_set = self._filled(subscriptions)
             if for_change:
