@@ -35,13 +35,8 @@ import sys
 from tempfile import TemporaryDirectory
 from time import sleep
 
-_TOPIC = """
-format: 1
-inputs:
-  speed: {topic: speed, type: std_msgs/msg/Float32}
-requirements:
-  - {id: R, ptltl: speed <= 1.0}
-"""
+from bench.native_start import BUNDLE
+
 _GRAPH = """
 format: 1
 inputs:
@@ -119,7 +114,7 @@ def subjects(folder: Path) -> Iterator[dict[str, int]]:
     with ExitStack() as stack:
         found = {'a bare node of rclpy': stack.enter_context(running(_BARE))}
         for kind in ('', ', native:=true'):
-            for name, text in (('a topic', _TOPIC), ('a topic and the graph', _GRAPH)):
+            for name, text in (('a topic', BUNDLE), ('a topic and the graph', _GRAPH)):
                 spec = folder / f'{len(found)}.yaml'
                 spec.write_text(text, encoding='utf-8')
                 found[f'monitor of {name}{kind}'] = stack.enter_context(running(

@@ -260,10 +260,10 @@ class _Run:
             full_name(topic.name) if topic.made else resolved(topic.name, selection)
             for topic in self._manifest.topics]
         self._left_out = self._topics_left_out()
-        self._fitting = {index: matches(self._names[index], topic, self._manifest.variables,
-                                        recording.types)
+        self._fitting = {index: matches(self._names[index], topic, variable, recording.types)
                          for index, topic in enumerate(self._manifest.topics)
-                         if topic.is_keyed and not recording.is_trace}
+                         if (variable := self._manifest.key_of(topic)) is not None
+                         and not recording.is_trace}
         self._recorded = {name: sum(recording.recorded[item] for item in self._fitting.get(
             index, [name])) for index, name in enumerate(self._names)
             if recording.is_trace or index not in self._left_out}

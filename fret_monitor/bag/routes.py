@@ -20,19 +20,18 @@ variable in its name is fed by each recorded topic of its type whose name fits.
 """
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import re
 
 from fret_monitor.bag.recording import Batch
 from fret_monitor.model.manifest import ManifestTopic, ManifestVariable
-from fret_monitor.model.names import PLACEHOLDER
 
 Target = tuple[int, bytes]
 """A topic of the bundle (index), and the key in the name of the recorded one; b'' without."""
 
 
-def matches(name: str, topic: ManifestTopic, variables: Iterable[ManifestVariable],
+def matches(name: str, topic: ManifestTopic, variable: ManifestVariable,
             types: Mapping[str, set[str]]) -> dict[str, bytes]:
     """
     Return the recorded topics that fit a topic with a variable in its name, each with its key.
@@ -40,10 +39,9 @@ def matches(name: str, topic: ManifestTopic, variables: Iterable[ManifestVariabl
     `name` is its full name, `types` are those of what was recorded. Listed keys all fit, recorded
     or not.
     """
-    before, variable, after = PLACEHOLDER.split(name, maxsplit=1)
-    keys = next(item.keys for item in variables if item.name == variable)
-    if keys:
-        return {f'{before}{key}{after}': key.encode() for key in keys}
+    before, _, after = name.partition(f'{{{variable.name}}}')
+    if variable.keys:
+        return {f'{before}{key}{after}': key.encode() for key in variable.keys}
     pattern = re.compile(f'{re.escape(before)}([^/]+){re.escape(after)}')
     return {item: found[1].encode() for item, kinds in sorted(types.items())
             if topic.message_type in kinds and (found := pattern.fullmatch(item))}

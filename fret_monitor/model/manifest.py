@@ -171,11 +171,6 @@ class ManifestTopic:
         """What is shown behind its name, of a topic of which some messages are selected."""
         return f' where {self.where}' if self.where else ''
 
-    @property
-    def is_keyed(self) -> bool:
-        """Whether its name contains an instance variable: it is many topics of ROS."""
-        return '{' in self.name
-
 
 @dataclass(frozen=True)
 class ManifestGroup:

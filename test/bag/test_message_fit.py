@@ -18,7 +18,7 @@ import json
 from pathlib import Path
 
 import apsw
-from bag.recordings import START, write
+from bag.recordings import START, TYPES, write
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.results import json_line
@@ -132,6 +132,36 @@ def test_no_instance_of_what_is_not_judged_is_listed_and_keys_are_told_apart(
 
     assert keys('int32 data') == ['level']
     assert keys('int32 before\nint32 data') == []
+
+
+@pytest.mark.parametrize('tail', [b'', b'\0' * 8])
+def test_no_instance_is_listed_that_was_judged_before_another_topic_does_not_fit(
+        tmp_path: Path, tail: bytes) -> None:
+    bundle = tmp_path / 'keyed.yaml'
+    bundle.write_text(f"""format: 1
+for_each: {{robot: {{most: 3}}}}
+inputs:
+  level: {{topic: "/{{robot}}/level", type: {KIND}, field: data}}
+  limit: {{topic: /limit, type: {KIND}, field: data, initial: 20}}
+requirements: [{{id: LOW, ptltl: "H (level <= limit)"}}]
+""", encoding='utf-8')
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        level, limit = (writer.add_connection(name, KIND, typestore=TYPES)
+                        for name in ('/a/level', '/limit'))
+        message = bytes(TYPES.serialize_cdr(TYPES.types[KIND](21), KIND))
+        for number in range(600):  # more than are read at once
+            writer.write(level, START + number, message)
+        writer.write(limit, START + 600, message + tail)
+    result = check_recording(bundle, tmp_path / 'bag', Selection())
+    listed = json.loads(json_line(result))['requirements']['LOW']['instances']
+    assert (result.findings[0].verdict, list(listed)) == ((None, []) if tail else (False, ['a']))
+
+
+def test_a_name_that_ros_puts_in_for_braces_is_no_instance(tmp_path: Path) -> None:
+    file = tmp_path / 'low.yaml'
+    file.write_text(LOW.replace('topic: level', 'topic: "/{ns}/level"'), encoding='utf-8')
+    result = check_recording(file, write_as(tmp_path, 'int32 data', [20]), Selection())
+    assert result.errors[0].startswith('/{ns}/level was not recorded')
 
 
 def test_keys_that_are_no_text_are_told_apart() -> None:
