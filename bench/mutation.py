@@ -15,7 +15,7 @@
 """
 Mutants of csrc, ros, program and elaboration, judged by the tests of their room.
 
-    python -m bench.mutation [ROOM...] [--share PERCENT] [--only TEXT]
+    python -m bench.mutation [ROOM...] [--share PERCENT] [--only TEXT] [--once]
 
 Each mutant is put into a copy of the repository, where the tests of its file run until one fails.
 A test with ROS 2 that fails, and whatever takes too long, counts only if it does so a second time
@@ -62,15 +62,17 @@ _PROGRAM_S = 40
 _MUTANT_S = 1800.0
 _SLOWER = 10  # times as long as without the mutant: what takes longer counts as endless
 _MEMORY_BYTES = 8 << 30
-_LIKELY = 12  # tests that noticed other mutants of the room, and run first
+_LIKELY = 6  # tests that noticed other mutants of the room, and run first
 # About text alone, or as long as all the others and the same but for the preemption.
 _LEFT_OUT = ('without_warnings', 'without_a_warning', 'header_compiles', 'threads-True',
              'addresses-True')
 # With their arguments; of those without, each of the scenarios that they print is run.
 _PROGRAMS: dict[str, tuple[str, ...]] = {
     'evaluator_scenarios': (), 'timed_scenarios': (), 'evaluator_edges': ('',),
-    'evaluator_model': ('0 300', '1 300', '2 300'), 'engine_time': ('',), 'engine_timed': ('',),
-    'backlog': ('',), 'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'),
+    'evaluator_model': ('0 300', '1 300', '2 300'), 'scopes_lives': ('',),
+    'scopes_model': ('0 120', '1 120', '2 120'), 'engine_instances': ('',), 'questions': ('',),
+    'engine_time': ('',), 'engine_timed': ('',), 'backlog': ('',), 'receivers': ('',),
+    'relay': ('',), 'losses': ('0', '1'),
     'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',), 'actions': ('',),
     'closing': ('before_take', 'after_take', 'before_is_closed', 'after_is_closed')}
 _WRAPPED = re.compile(r'__wrap_(\w+)\(')
@@ -108,6 +110,9 @@ _EVALUATOR = 'test/csrc/test_evaluator.py'
 _THREADS = 'test/csrc/test_engine.py::test_threads[threads-engine_threads]'
 _BACKLOG = ('test/csrc/test_engine.py::'
             'test_messages_that_wait_in_the_queues_of_the_middleware')
+_BLACKBOX = 'test/csrc/test_engine.py::test_files_of_the_black_box'
+_KEYED = ('test/traces/test_keyed_simulate.py test/bag/test_instances.py '
+          'test/runtime/test_keyed_topics.py test/runtime')
 _REVIEW = 'test/runtime/test_review.py test/runtime/test_review_acting.py'
 _SPECIFY = 'test/elaboration/test_specify.py'
 ROOMS = {
@@ -119,6 +124,16 @@ ROOMS = {
         'states.c': 'test/runtime/test_states.py test/runtime',
         'handover.c': 'test/runtime ' + _ros('raw_topic feed'),
         'outbox.c': 'test/runtime',
+        'blackbox_*.c': f'{_BLACKBOX} test/runtime/test_mcap.py ' + _ros('blackbox'),
+        'mcap.c': f'test/runtime/test_mcap.py {_BLACKBOX} test/bag/test_chunks.py '
+                  'test/bag/test_bag.py',
+        'scopes*.c': _KEYED,
+        'aggregates.c': _KEYED,
+        'keys.c': _KEYED,
+        'pool.c': _KEYED,
+        'heap.c': _KEYED,
+        'measures.c': 'test/bag/test_rates.py test/traces/test_timed_simulate.py '
+                      'test/bag/test_random_bags.py test/runtime',
         'blackbox.c': f'test/runtime {_THREADS} ' + _ros('blackbox'),
         'reorder.c': 'test/runtime test/bag',
         'records.c': 'test/runtime test/traces test/bag',
@@ -453,7 +468,8 @@ class Programs:
         self._programs = {name: self._object(source, f'program_{name}')
                           for name, source in sources.items()}
         self._linked: dict[str, bytes] = {}
-        failing = self._first_failing([*self._engine.values()])
+        failing = self._first_failing([*self._engine.values()], [*_PROGRAMS])
+        self._used = {name: _symbols(folder / name) for name in _PROGRAMS}
         for name in _PROGRAMS:
             self._linked[name] = (folder / name).read_bytes()
             shutil.copy2(folder / name, folder / f'unchanged_{name}')
@@ -466,11 +482,13 @@ class Programs:
             return None
         objects = [*(made for source, made in self._engine.items() if source != path),
                    self._object(path, 'changed')]
-        return self._first_failing(objects)
+        defined = _symbols(self._engine[path])
+        return self._first_failing(
+            objects, [name for name in _PROGRAMS if defined & self._used[name]])
 
-    def _first_failing(self, objects: list[Path]) -> str | None:
-        for name, arguments in _PROGRAMS.items():
-            program = self._folder / name
+    def _first_failing(self, objects: list[Path], names: Sequence[str]) -> str | None:
+        for name in names:
+            program, arguments = self._folder / name, _PROGRAMS[name]
             flags = [f'-Wl,--wrap={function}' for function in self._wrapped[name]]
             subprocess.run(['gcc', self._programs[name], *objects, *flags, '-o', program,
                             '-Wl,--gc-sections', '-pthread', '-lm'],
@@ -510,6 +528,13 @@ class Programs:
         return made
 
 
+def _symbols(file: Path) -> set[str]:
+    """Return the names that an object file or a program defines for others."""
+    done = subprocess.run(['nm', '--defined-only', '--extern-only', '-P', file], check=True,
+                          capture_output=True, text=True)
+    return {line.split()[0] for line in done.stdout.splitlines()}
+
+
 def _status(program: Path, argument: str, limit_s: float = _PROGRAM_S) -> int | None:
     """Return the status with which a program ends, None if it takes longer than the limit."""
     with suppress(subprocess.TimeoutExpired):
@@ -519,19 +544,19 @@ def _status(program: Path, argument: str, limit_s: float = _PROGRAM_S) -> int | 
 
 
 class Judge:
-    """Judges mutants in a copy; knows which tests fail there without one."""
+    """Judges mutants in a copy; knows which tests fail, or pass, there without one."""
 
     def __init__(self, copy: Copy, programs: Programs) -> None:
         self._copy = copy
         self._programs = programs
         self._failing: list[str] = []
+        self._passing: dict[str, float] = {}  # without a mutant; the seconds
 
     def judged(self, mutant: SourceMutant, tests: tuple[str, ...], version: str,
                likely: Sequence[str] = ()) -> Result:
         """Return the result for a mutant; `likely` are tests that have noticed others."""
         before = time.monotonic()
-        answer, by = (self._first_answer(mutant) or self._likely_answer(mutant, likely)
-                      or self._answer(mutant, tests))
+        answer, by = self._first_answer(mutant) or self._answer_of_tests(mutant, tests, likely)
         return Result(mutant.key, answer, by, round(time.monotonic() - before, 1), version)
 
     def _first_answer(self, mutant: SourceMutant) -> tuple[str, str] | None:
@@ -541,16 +566,20 @@ class Judge:
             program = self._programs.failing(self._copy.root / mutant.path)
         return None if program is None else ('noticed', program)
 
-    def _likely_answer(self, mutant: SourceMutant,
-                       tests: Sequence[str]) -> tuple[str, str] | None:
+    def _answer_of_tests(self, mutant: SourceMutant, tests: Sequence[str],
+                         likely: Sequence[str]) -> tuple[str, str]:
+        passed: Sequence[str] = ()
         with suppress(RuntimeError):  # one has another name by now
-            answer = self._answer(mutant, tests)
-            return answer if answer[0] == 'noticed' else None
-        return None
+            answer = self._answer(mutant, likely)
+            if answer[0] == 'noticed':
+                return answer
+            passed = likely if answer[0] == 'missed' else ()
+        return self._answer(mutant, tests, passed)
 
-    def _answer(self, mutant: SourceMutant, tests: Sequence[str]) -> tuple[str, str]:
+    def _answer(self, mutant: SourceMutant, tests: Sequence[str],
+                passed: Sequence[str] = ()) -> tuple[str, str]:
         end = time.monotonic() + _MUTANT_S
-        left_out: list[str] = []
+        left_out = [*passed]
         while failure := self._failure(mutant, tests, left_out):
             if self._is_confirmed(mutant, failure):
                 return 'noticed', failure.by
@@ -573,15 +602,23 @@ class Judge:
         if '::' not in failure.by or not (failure.is_ended
                                           or failure.by.startswith('test/ros/')):
             return not failure.is_ended
-        before = time.monotonic()
-        if run_tests(self._copy, [failure.by]) is not None:
-            print(f'  left out, it fails without a mutant: {failure.by}', flush=True)
-            self._failing.append(failure.by)
+        if failure.is_ended or failure.by not in self._passing:
+            self._try_unchanged(failure.by)
+        taken_s = self._passing.get(failure.by)
+        if taken_s is None:
             return False
-        taken_s = time.monotonic() - before
         with self._copy.changed(mutant):
             again = run_tests(self._copy, [failure.by], max(_TEST_S, _SLOWER * taken_s))
         return again is not None
+
+    def _try_unchanged(self, test: str) -> None:
+        before = time.monotonic()
+        if run_tests(self._copy, [test]) is None:
+            self._passing[test] = time.monotonic() - before
+        else:
+            print(f'  left out, it fails without a mutant: {test}', flush=True)
+            self._failing.append(test)
+            self._passing.pop(test, None)
 
     def _compiles(self, mutant: SourceMutant) -> bool:
         if not mutant.path.endswith('.c'):
@@ -631,12 +668,13 @@ def _likely(known: dict[str, Result], mutant: SourceMutant,
     """Return the tests among `tests` that noticed this mutant before, or others of its room."""
     mine = known.get(mutant.key)
     others = [result for key, result in known.items() if key.startswith(f'{mutant.place}/')]
+    others.sort(key=lambda result: result.key.partition(':')[0] == mutant.key.partition(':')[0])
     found = [result.by for result in (*([mine] if mine else []), *reversed(others))
              if '::' in result.by and result.by.startswith(tuple(tests))]
     return [*dict.fromkeys(found)][:_LIKELY]
 
 
-def judge_room(name: str, judge: Judge, share: int, only: str) -> bool:
+def judge_room(name: str, judge: Judge, share: int, only: str, is_once: bool) -> bool:
     """Judge the mutants of a room and print what was missed; return whether enough was noticed."""
     room = ROOMS[name]
     known, same = kept_results(), equivalent()
@@ -651,7 +689,8 @@ def judge_room(name: str, judge: Judge, share: int, only: str) -> bool:
         tests = room.tests_of(mutant.path)
         version = _version(mutant.path, tests)
         result = known.get(mutant.key)
-        if result is None or result.version != version or result.answer == 'open':
+        is_known = result is not None and (is_once or result.version == version)
+        if result is None or not is_known or result.answer == 'open':
             result = judge.judged(mutant, tests, version, _likely(known, mutant, tests))
             known[mutant.key] = result
             keep(result)
@@ -675,6 +714,8 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument('rooms', nargs='*', metavar='ROOM', help=' '.join(ROOMS))
     parser.add_argument('--share', type=int, default=100, metavar='PERCENT',
                         help='of the mutants of each room')
+    parser.add_argument('--once', action='store_true',
+                        help='no mutant that was judged before, whatever has changed since')
     parser.add_argument('--only', default='', metavar='TEXT', help='those with this in their key')
     options = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what it has started
@@ -683,7 +724,7 @@ def main(arguments: Sequence[str]) -> int:
     with tempfile.TemporaryDirectory(prefix='fret_monitor-mutation-') as folder:
         copy = Copy(Path(folder))
         judge = Judge(copy, Programs(copy, Path(folder) / 'programs'))
-        enough = [judge_room(name, judge, options.share, options.only)
+        enough = [judge_room(name, judge, options.share, options.only, options.once)
                   for name in options.rooms or ROOMS]
     SUMMARY.write_text(summary({name: mutants_of(room, room.mutants)
                                 for name, room in ROOMS.items()}), encoding='utf-8')

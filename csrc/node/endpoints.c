@@ -45,6 +45,17 @@ void fm_service_close(struct fm_node * node, rcl_service_t * service)
   }
 }
 
+void fm_respond(
+  const struct fm_node * node, const rcl_service_t * service, rmw_request_id_t * request,
+  void * response)
+{
+  if (rcl_send_response(service, request, response) != RCL_RET_OK) {
+    fm_log(node, FM_WARN, "the response of %s is not sent: %s",
+      rcl_service_get_service_name(service), rcl_get_error_string().str);
+    rcl_reset_error();
+  }
+}
+
 static bool make_publisher(
   const struct fm_node * node, rcl_publisher_t * publisher,
   const rosidl_message_type_support_t * type, const char * topic,

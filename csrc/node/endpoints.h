@@ -31,13 +31,14 @@
     context_type * context, const package ## __srv__ ## type ## _Request * request, \
     package ## __srv__ ## type ## _Response * response)
 
-/// Define a function `serve(service, context)` that takes the waiting requests of a service and
-/// answers each by the body that follows, which has `context`, `request` and `response`; that is
-/// initialised before, and freed after. The service's headers (functions of requests and
+/// Define a function `serve(node, service, context)` that takes the waiting requests of a service
+/// and answers each by the body that follows, which has `context`, `request` and `response`; that
+/// is initialised before, and freed after. The service's headers (functions of requests and
 /// responses) are included before.
 #define FM_SERVER(serve, package, type, context_type, context) \
   FM_ANSWER(serve, package, type, context_type, context); \
-  static void serve(const rcl_service_t * service, context_type * context) \
+  static void serve( \
+    const struct fm_node * node, const rcl_service_t * service, context_type * context) \
   { \
     package ## __srv__ ## type ## _Request request; \
     package ## __srv__ ## type ## _Response response; \
@@ -48,7 +49,7 @@
     while (rcl_take_request(service, &id, &request) == RCL_RET_OK) { \
       if (package ## __srv__ ## type ## _Response__init(&response)) { \
         serve ## _one(context, &request, &response); \
-        fm_ignore(rcl_send_response(service, &id, &response)); \
+        fm_respond(node, service, &id, &response); \
         package ## __srv__ ## type ## _Response__fini(&response); \
       } \
     } \
@@ -62,6 +63,12 @@
 bool fm_service_open(
   struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
   const char * name, const rmw_qos_profile_t * profile);
+
+/// Send a response; a failure is logged. The middleware gives up (RCL_RET_TIMEOUT) if it does not
+/// find the client within 0.1 s or so, as it is when a client asks as soon as it has begun.
+void fm_respond(
+  const struct fm_node * node, const rcl_service_t * service, rmw_request_id_t * request,
+  void * response);
 
 /// Make a publisher. Returns false, with the error logged, and nothing to close.
 bool fm_publisher_open(

@@ -179,9 +179,9 @@ void fm_lifecycle_services(
 void fm_lifecycle_serve(struct fm_lifecycle * lifecycle)
 {
   const rcl_lifecycle_com_interface_t * offered = &lifecycle->machine.com_interface;
-  serve_change(&offered->srv_change_state, lifecycle);
-  serve_state(&offered->srv_get_state, lifecycle);
-  serve_states(&offered->srv_get_available_states, lifecycle);
-  serve_transitions(&offered->srv_get_available_transitions, lifecycle);
-  serve_graph(&offered->srv_get_transition_graph, lifecycle);
+  serve_change(lifecycle->node, &offered->srv_change_state, lifecycle);
+  serve_state(lifecycle->node, &offered->srv_get_state, lifecycle);
+  serve_states(lifecycle->node, &offered->srv_get_available_states, lifecycle);
+  serve_transitions(lifecycle->node, &offered->srv_get_available_transitions, lifecycle);
+  serve_graph(lifecycle->node, &offered->srv_get_transition_graph, lifecycle);
 }

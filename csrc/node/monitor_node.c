@@ -587,9 +587,9 @@ static void serve_all(struct fm_monitor_node * monitor)
   note_change(monitor);
   serve_clock(monitor);
   if (has_request(monitor)) {
-    serve_reset(&monitor->reset, monitor);
+    serve_reset(&monitor->node, &monitor->reset, monitor);
     if (monitor->types.impl != NULL) {
-      serve_type(&monitor->types, monitor);
+      serve_type(&monitor->node, &monitor->types, monitor);
     }
     fm_parameter_services_serve(&monitor->parameter_services);
     fm_lifecycle_serve(&monitor->lifecycle);

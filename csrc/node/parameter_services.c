@@ -270,12 +270,12 @@ bool fm_parameter_services_begin(
 
 void fm_parameter_services_serve(struct fm_parameter_services * services)
 {
-  serve_describe(&services->services[DESCRIBE], services);
-  serve_get(&services->services[GET], services);
-  serve_types(&services->services[TYPES], services);
-  serve_list(&services->services[LIST], services);
-  serve_set(&services->services[SET], services);
-  serve_set_atomically(&services->services[SET_ATOMICALLY], services);
+  serve_describe(services->node, &services->services[DESCRIBE], services);
+  serve_get(services->node, &services->services[GET], services);
+  serve_types(services->node, &services->services[TYPES], services);
+  serve_list(services->node, &services->services[LIST], services);
+  serve_set(services->node, &services->services[SET], services);
+  serve_set_atomically(services->node, &services->services[SET_ATOMICALLY], services);
 }
 
 void fm_parameter_services_end(struct fm_parameter_services * services)

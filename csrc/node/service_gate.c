@@ -40,7 +40,7 @@ static const rosidl_service_type_support_t * support_of(const struct fm_service_
 static void respond(
   const struct fm_service_gate * gate, rmw_request_id_t * id, const struct fm_typed_message * what)
 {
-  fm_ignore(rcl_send_response(&gate->service, id, what->memory));
+  fm_respond(gate->node, &gate->service, id, what->memory);
 }
 
 static void refuse_unanswered(struct fm_service_gate * gate, rmw_request_id_t * id)

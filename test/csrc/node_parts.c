@@ -44,6 +44,7 @@ static size_t n_matched;          // publishers
 static bool is_matched_scripted;
 static uint64_t announcer_turns;
 static uint64_t detail_turns;
+static uint32_t n_requests;       // that wait, whatever the service
 
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static struct fm_text lines;      // of the log
@@ -141,6 +142,33 @@ uint64_t __wrap_fm_detail_thread_turns(const struct fm_detail_thread * thread)
 {
   (void)thread;
   return detail_turns;
+}
+
+rcl_ret_t __wrap_rcl_take_request(
+  const rcl_service_t * service, rmw_request_id_t * id, void * request);
+rcl_ret_t __wrap_rcl_take_request(
+  const rcl_service_t * service, rmw_request_id_t * id, void * request)
+{
+  (void)service;
+  (void)request;
+  memset(id, 0, sizeof(*id));
+  if (n_requests == 0) {
+    return RCL_RET_SERVICE_TAKE_FAILED;
+  }
+  n_requests -= 1u;
+  return RCL_RET_OK;
+}
+
+rcl_ret_t __wrap_rcl_send_response(
+  const rcl_service_t * service, rmw_request_id_t * id, void * response);
+rcl_ret_t __wrap_rcl_send_response(
+  const rcl_service_t * service, rmw_request_id_t * id, void * response)
+{
+  (void)service;
+  (void)id;
+  (void)response;
+  rcutils_set_error_state("client will not receive response", "middleware.c", 1);
+  return RCL_RET_TIMEOUT;
 }
 
 static struct fm_monitor_node node;
@@ -378,7 +406,8 @@ static void a_missing_clock_is_logged_once(void)
 {
   pass_seconds(6.0);
   fm_health_review(&node.healths[0]);
-  fm_text_clear(&lines);  // what is not evaluated yet
+  CHECK(strstr(fm_text_get(&lines), "nothing received on /heat (0 publishers)") != NULL);
+  fm_text_clear(&lines);
   CHECK(fm_clock_simulate(&node.clock, true));
   fm_health_review(&node.healths[0]);
   EXPECT_LINES("");
@@ -410,6 +439,18 @@ static void a_thread_that_hangs_ends_the_signs_of_life(void)
   }
 }
 
+static void a_response_that_cannot_be_sent_is_logged(void)
+{
+  n_requests = 2;
+  fm_parameter_services_serve(&node.parameter_services);
+  EXPECT_LINES(
+    "WARN the response of /fret_monitor/describe_parameters is not sent: client will not receive "
+    "response, at middleware.c:1\n"
+    "WARN the response of /fret_monitor/describe_parameters is not sent: client will not receive "
+    "response, at middleware.c:1\n");
+  CHECK(!rcl_error_is_set());
+}
+
 static void a_text_that_was_freed_is_empty(void)
 {
   struct fm_text text = {NULL, 0, 0};
@@ -434,6 +475,7 @@ int main(int argc, char ** argv)
     {"depth", queues_are_as_long_as_the_bundle_says},
     {"clock", a_missing_clock_is_logged_once},
     {"life", a_thread_that_hangs_ends_the_signs_of_life},
+    {"response", a_response_that_cannot_be_sent_is_logged},
     {"text", a_text_that_was_freed_is_empty},
   };
   const int status = fm_monitor_node_begin(

@@ -22,7 +22,7 @@ import pytest
 from ros.exported import exported_parts
 
 TESTS = ('retries', 'callback', 'overlap', 'many', 'leak', 'place', 'order', 'depth', 'clock',
-         'life', 'text')
+         'life', 'response', 'text')
 BUNDLE = """
 format: 1
 constants: {whole: 3, real: 2.0}
@@ -64,4 +64,4 @@ def test_parts_of_the_node(program: Path, domain: int, name: str) -> None:
     # The middleware complains of files in shared memory that killed processes have left.
     said = ''.join(line for line in done.stdout.splitlines(keepends=True)
                    if 'RTPS_TRANSPORT_SHM' not in line)
-    assert (done.returncode, said) == (0, '')
+    assert (done.returncode, said) == (0, ''), said
