@@ -369,7 +369,8 @@ REASONS = ('action_call.c', 'action_lines.c', 'health.c', 'input_log.c', 'reason
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',
            'fret_monitor/ros/acting/actions.py': 'describe',
-           'fret_monitor/model/parts.py': 'judged_by_gates'}
+           'fret_monitor/model/parts.py': 'judged_by_gates',
+           'fret_monitor/ros/native_start.py': '_compiling'}
 
 
 def arguments(source: str, start: int) -> list[str]:

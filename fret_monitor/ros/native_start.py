@@ -23,6 +23,8 @@ from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
 import signal
+import sys
+from time import time_ns
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.ros.signals import SIGNALS
@@ -65,7 +67,7 @@ def _become(arguments: Sequence[str], given: Mapping[str, Any], node: str) -> st
         parts = _parts(settings, node)
         if not parts:
             return ''  # the node in Python reports that there is none
-        program = _program(settings, parts)
+        program = _program(settings, parts, node)
     except (Refusal, CompileError):
         return ''
     except NativeError as error:
@@ -102,15 +104,16 @@ def _parts(settings: 'Settings', node: str) -> list[tuple[Path, 'NodePart']]:
     return [(spec, NodePart(name)) for spec, name in found]
 
 
-def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']]) -> Path:
+def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']], node: str) -> Path:
     if len(parts) > 1:
-        return _program_of_several(settings, parts)
+        return _program_of_several(settings, parts, node)
     from fret_monitor.native.ros_files import identity
     from fret_monitor.start import start_program
     (spec, part), = parts
 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import node_program
+        _tell(node, spec)
         return node_program(generated, str(spec))
 
     return start_program(
@@ -118,14 +121,25 @@ def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']]) -> 
         constants=settings.constants, part=part).library
 
 
+def _tell(node: str, spec: Path) -> None:
+    """Say on standard error what takes long, in the form of the log, which is not there yet."""
+    seconds, nanoseconds = divmod(time_ns(), 10**9)
+    print(f'[INFO] [{seconds}.{nanoseconds:09}] [{node}]: {_compiling(spec)}', file=sys.stderr,
+          flush=True)
+
+
+def _compiling(spec: Path) -> str:
+    return f'compiling the node in C for {spec}; later starts reuse it'
+
+
 def _program_of_several(
-    settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']],
+    settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']], node: str,
 ) -> Path:
     from fret_monitor.export.program import program_of_several
     from fret_monitor.model.names import distinct_names
     from fret_monitor.ros.settings.opened import refuse_combinations
     shown = distinct_names([part.gate or spec.stem for spec, part in parts])
-    compiled = [_one_of_several(settings, spec, part, number, shown[number])
+    compiled = [_one_of_several(settings, spec, part, number, shown[number], node)
                 for number, (spec, part) in enumerate(parts)]
     manifests = [item.manifest for item in compiled]
     refuse_combinations(settings, manifests)
@@ -133,7 +147,7 @@ def _program_of_several(
 
 
 def _one_of_several(settings: 'Settings', spec: Path, part: 'NodePart', number: int,
-                    shown: str) -> 'CompiledMonitor':
+                    shown: str, node: str) -> 'CompiledMonitor':
     from fret_monitor.native.ros_files import identity
     from fret_monitor.ros.settings.opened import constants_of
     from fret_monitor.start import start_program
@@ -141,6 +155,7 @@ def _one_of_several(settings: 'Settings', spec: Path, part: 'NodePart', number: 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import table_object
         from fret_monitor.export.ros2_table import OneOfSeveral
+        _tell(node, spec)
         return table_object(generated, str(spec), OneOfSeveral(number, shown, spec.stem))
 
     return start_program(

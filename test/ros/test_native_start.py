@@ -152,11 +152,14 @@ def test_it_is_a_lifecycle_node_that_ends_at_once_when_it_is_killed(
 
 
 def test_another_value_of_a_constant_is_another_program_and_a_change_of_the_bundle_too(
-    bundle: Path, tmp_path: Path,
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     first = program_of(bundle)
+    assert not capsys.readouterr().err
     modified = Path(first).stat().st_mtime_ns
     assert program_of(bundle, '-p', 'constants.limit:=0.25') != first
+    assert (f'[fret_monitor]: compiling the node in C for {bundle}; later starts reuse it'
+            in capsys.readouterr().err)
     assert program_of(bundle) == first and Path(first).stat().st_mtime_ns == modified
     assert program_of(write_bundle(tmp_path, BUNDLE.replace('R1', 'R2'))) != first
 
