@@ -27,6 +27,7 @@ from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.constants import override_constants
+from fret_monitor.bundle.gates import names_with_keys
 from fret_monitor.bundle.reader import survey_bundle, USUAL_REORDER_S
 from fret_monitor.codegen.describe import describe, described_topics, with_kinds
 from fret_monitor.codegen.extractors import Feed
@@ -216,9 +217,10 @@ def own_constants(path: Path, constants: Mapping[str, Text]) -> dict[str, Text]:
 
 
 def gate_names(path: Path) -> tuple[str, ...]:
-    """Return the names of the gates of a bundle, as far as it can be read."""
+    """Return the names of the gates of a bundle, with keys, as far as it can be read."""
     bundle = survey_bundle(path, Problems())
-    return tuple(item.name.value for item in bundle.gates) if bundle else ()
+    return tuple(name for item in bundle.gates
+                 for name in names_with_keys(item, bundle)) if bundle else ()
 
 
 def _messages(specification: Specification,

@@ -29,8 +29,8 @@ from fret_monitor.bundle.yaml_shape import (
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.names import (
-    acting_name_fault, Fault, is_integer, PLAIN_TYPES, service_type_fault, shown, topic_fault,
-    type_fault,
+    acting_name_fault, Fault, is_integer, keyed_topic_fault, PLAIN_TYPES, service_type_fault,
+    shown, topic_fault, type_fault,
 )
 from fret_monitor.model.policies import ActionKind
 
@@ -154,14 +154,15 @@ def message_type_fault(name: str) -> Fault | None:
     return type_fault(name)
 
 
-def name_of_resource(what: str, key: str) -> Callable[[str], Fault | None]:
+def name_of_resource(what: str, key: str,
+                     has_keys: bool = False) -> Callable[[str], Fault | None]:
     """
     Return the check for the name of a topic, a service or a node, which have the same rules.
 
-    `key` is that under which it stands.
+    `key` is that under which it stands. `has_keys`: it may mention instance variables.
     """
     def fault(name: str) -> Fault | None:
-        found = topic_fault(name)
+        found = keyed_topic_fault(name) if has_keys else topic_fault(name)
         return None if found is None else Fault(
             found.reason.replace('topic', what), found.help.replace('topic:', f'{key}:', 1))
 

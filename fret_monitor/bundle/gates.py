@@ -18,16 +18,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from enum import Enum
 from fractions import Fraction
+from itertools import product
 
 from fret_monitor.bundle.actions import (
     message_type_fault, MESSAGES, name_of_resource, RATES_HZ, read_names, required,
 )
-from fret_monitor.bundle.bundle import GateEntry
+from fret_monitor.bundle.bundle import Bundle, GateEntry
+from fret_monitor.bundle.instances import mentioned
 from fret_monitor.bundle.yaml_shape import mapping_of, report_fault, SECONDS, Shape
 from fret_monitor.bundle.yaml_tree import Node, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import did_you_mean, Problems, Span, Text
 from fret_monitor.model.manifest import EVENT_SUFFIX, events_of
-from fret_monitor.model.names import acting_name_fault, service_type_fault, shown
+from fret_monitor.model.names import (
+    acting_name_fault, name_with_keys, service_type_fault, shown,
+)
 from fret_monitor.model.policies import Otherwise
 
 GATE_KEYS = ('from', 'service', 'to', 'type', 'keep', 'otherwise', 'stale', 'latch', 'open_after',
@@ -89,10 +93,10 @@ def _gate(name: YamlScalar, mapping: YamlMapping, types: Mapping[str, str],
     latches, open_after = _latch(shape, problems)
     entry = GateEntry(
         name=name.text, is_service=is_service,
-        source=required(shape, source, name_of_resource(kind, source), problems,
+        source=required(shape, source, name_of_resource(kind, source, has_keys=True), problems,
                         '/arm/enable' if is_service else 'cmd_vel_raw')
         if shape.key(source) else None,
-        target=required(shape, 'to', name_of_resource(kind, 'to'), problems,
+        target=required(shape, 'to', name_of_resource(kind, 'to', has_keys=True), problems,
                         '/arm/enable_raw' if is_service else 'cmd_vel'),
         type=required(shape, 'type', service_type_fault if is_service else message_type_fault,
                       problems, _likely_type(shape.node(source), is_service, types)),
@@ -232,3 +236,11 @@ def _with_alternative(entry: GateEntry, part: Shape, place: Span,
     content = mapping_of(part.node(kind.value), f"'{kind.value}'", problems,
                          _RESPOND_EXAMPLE if entry.is_service else _SUBSTITUTE_EXAMPLE)
     return replace(entry, otherwise=kind if content else None, content=content, rate=rate)
+
+
+def names_with_keys(entry: GateEntry, bundle: Bundle) -> list[str]:
+    """Return the names of a gate, one for each key of the variables that it mentions."""
+    found = {name for name, _ in mentioned(entry.source)}
+    keys = [[key.value for key in item.keys] for item in bundle.instance_variables
+            if item.keys and item.name.value in found]
+    return [name_with_keys(entry.name.value, each) for each in product(*keys)]

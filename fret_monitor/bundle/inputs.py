@@ -34,9 +34,8 @@ from fret_monitor.model.made import (
     Made, MadeKind, PARAMETER_SLIPS, PARAMETER_TYPES, STATES, USUAL_PATIENCE_S,
 )
 from fret_monitor.model.names import (
-    exact, Fault, is_integer, looks_like_number, name_fault, number_fault, PLACEHOLDER,
-    PLAIN_TYPES, shown,
-    topic_fault, type_fault,
+    exact, Fault, is_integer, keyed_topic_fault, looks_like_number, name_fault, number_fault,
+    PLAIN_TYPES, shown, topic_fault, type_fault,
 )
 from fret_monitor.model.policies import InputRole, Stale
 from fret_monitor.model.transforms import STAMPED
@@ -73,7 +72,7 @@ def read_input(name: DeclaredName, mapping: YamlMapping, problems: Problems) -> 
         return _transform(name, shape, problems)
     if kind := next((item for item in _WATCHED if shape.key(item.value)), None):
         return _watched(name, kind, shape, problems)
-    topic = _checked(shape, 'topic', _topic_fault, problems)
+    topic = _checked(shape, 'topic', keyed_topic_fault, problems)
     entry = InputEntry(name.text, topic=topic, damaged=_refused(shape, topic=topic))
     return _with_field(_with_topic_keys(entry, shape, problems), shape, problems)
 
@@ -169,12 +168,6 @@ def _graph_fault(key: str, name: str) -> Fault | None:
     return fault and fault._replace(help=fault.help.replace('topic: ', f'{key}: '))
 
 
-def _topic_fault(topic: str) -> Fault | None:
-    """Check a topic; its instance variables are checked elsewhere."""
-    return topic_fault(PLACEHOLDER.sub(lambda found: found[0] if topic_fault(
-        found[0]) is None else 'x', topic))
-
-
 def _transform(name: DeclaredName, shape: Shape, problems: Problems) -> InputEntry:
     """Return an input that is a part of a transform between two frames."""
     place = shape.key('transform') or name
@@ -237,7 +230,7 @@ def read_block(topic: YamlScalar, mapping: YamlMapping,
     """
     shape = Shape(mapping, 'a topic', BLOCK_KEYS, problems, _SLIPS, dict.fromkeys(
         FIELD_KEYS, f'it belongs under fields, as in\n{_FIELDS_EXAMPLE}'))
-    report_fault(_topic_fault(topic.value), topic.text, problems)
+    report_fault(keyed_topic_fault(topic.value), topic.text, problems)
     entry = InputEntry(topic.text, topic=topic.text, block=topic.text)
     entry = _with_topic_keys(entry, shape, problems)
     if entry.type and entry.type.value in PLAIN_TYPES:

@@ -115,8 +115,8 @@ def with_mentions(entry: InputEntry, texts: Iterable[Text | None], variables: Va
     """
     found = dict.fromkeys(entry.variables)
     for name, place in (item for text in texts for item in mentioned(text)):
-        if name not in variables and name not in _OF_ROS:
-            _report_unknown(name, place, variables, problems)
+        if is_unknown(name, variables):
+            report_unknown(name, place, variables, problems)
         elif name in variables and name not in found:
             found[name] = None
             if len(found) == MOST_VARIABLES + 1:
@@ -128,8 +128,14 @@ def with_mentions(entry: InputEntry, texts: Iterable[Text | None], variables: Va
                    damaged=entry.damaged | ({'variables'} if is_damaged else set()))
 
 
-def _report_unknown(name: str, place: Span, variables: Iterable[str],
-                    problems: Problems) -> None:
+def is_unknown(name: str, variables: Iterable[str]) -> bool:
+    """Return whether a name in braces is neither an instance variable nor one of ROS."""
+    return name not in variables and name not in _OF_ROS
+
+
+def report_unknown(name: str, place: Span, variables: Iterable[str],
+                   problems: Problems) -> None:
+    """Report a name in braces that is no instance variable."""
     names = list(variables)
     problems.error(f'there is no instance variable {shown(name)}', place, 'not declared',
                    did_you_mean(name, names) or 'declare it, as in\nfor_each: '

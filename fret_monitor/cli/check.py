@@ -15,7 +15,7 @@
 """`check BUNDLE...`: all problems of a bundle, or a table of its requirements."""
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -29,6 +29,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.elaboration.durations import approximate
+from fret_monitor.elaboration.restrict import names_with_keys
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import (
     Gate, Property, Signal, Specification, written_input,
@@ -37,7 +38,7 @@ from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
     by_place, CompileError, counted, Diagnostic, missing_packages, Text,
 )
-from fret_monitor.model.manifest import ManifestAction
+from fret_monitor.model.manifest import ManifestAction, ManifestVariable
 from fret_monitor.model.policies import InputSource, Policy, Stamp
 from fret_monitor.model.times import known_text, time_text
 from fret_monitor.native.errors import NativeError
@@ -105,23 +106,21 @@ def _checked(name: str, constants: Mapping[str, Text], is_analyzed: bool) -> _Ch
     except CompileError as error:
         return _Checked(path, None, error.diagnostics)
     return _Checked(path, generated, by_place((
-        *generated.warnings, *_of_gates(generated), *faults)))
+        *generated.warnings, *_of_gates(reading.specification), *faults)))
 
 
-def _of_gates(generated: GeneratedMonitor) -> Iterator[Diagnostic]:
+def _of_gates(specification: Specification) -> Iterator[Diagnostic]:
     """
     Yield what the solver finds about gates, if it is installed, and what their monitors find.
 
     Without a compiler there is nothing.
     """
-    specification = generated.specification
-
-    def decide(gate: Gate) -> Mapping[str, Repair]:
+    def decide(whole: Specification, gate: Gate) -> Mapping[str, Repair]:
         if missing_packages(NEEDED):
             return {}
         # Imported here: loading the solver is slow, and bundles without gates do not need it.
         from fret_monitor.analysis.repairs import repairs
-        return repairs(specification, gate, _SOLVER_S / len(specification.gates))
+        return repairs(whole, gate, _SOLVER_S / len(specification.gates))
 
     with suppress(NativeError):
         yield from doubtful_gates(specification, decide)
@@ -256,7 +255,7 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     late = [f'{item.id}: known {known_text(item.horizon, is_timed=is_timed)}'
             for item, *_ in _requirements(generated) if item.horizon]
     yield from ['', *late] if late else []
-    acting = [*_acting(generated.specification)]
+    acting = [*_acting(generated.specification, manifest.variables)]
     yield from ['', *acting] if acting else []
 
 
@@ -302,10 +301,13 @@ def _filled_by(found: WindowSize, signals: tuple[Signal, ...]) -> str:
     return f'{entries}: max_rate of {names} x {time_text(found.past)}' if names else entries
 
 
-def _acting(specification: Specification) -> Iterator[str]:
+def _acting(specification: Specification,
+            variables: Iterable[ManifestVariable]) -> Iterator[str]:
     """Yield a line for each gate and each action."""
     for gate in specification.gates:
-        yield (f'gate {gate.name}: {gate.settings.source} -> {gate.settings.target}, '
+        names = names_with_keys(gate, variables)
+        each = '' if names == [gate.name] else f', as {", ".join(names)}'
+        yield (f'gate {gate.name}: {gate.settings.source} -> {gate.settings.target}{each}, '
                f'keeps {", ".join(gate.keep)}')
     for action, users in _users(specification):
         yield f'{action.kind.value} {action.name}: {action.target}, of {", ".join(users) or "-"}'

@@ -19,6 +19,7 @@ from collections.abc import Iterable, Iterator
 from fret_monitor.bundle.bundle import Bundle, InstanceVariable
 from fret_monitor.bundle.instances import mentioned
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
+from fret_monitor.elaboration.gates_with_keys import check_gates
 from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.diagnostics import Problems, Text
@@ -37,6 +38,7 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
                     problems: Problems) -> None:
     """Report requirements that are not one for each key of some variables."""
     inputs = {item.name: item for item in signals}
+    properties = [*properties]
     for item in properties:
         _check(item, inputs, problems)
     _check_keys(inputs.values(), problems)
@@ -46,11 +48,7 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
             problems.error(
                 "a bundle with 'for_each' has no rates, periods and derivatives by messages yet",
                 signal.place, 'not supported', 'watch the topic in a bundle of its own')
-    word = 'for_each' if bundle.instance_variables else 'where'
-    selects = any(signal.where is not None for signal in inputs.values())
-    for gate in bundle.gates if bundle.instance_variables or selects else ():
-        problems.error(f"a bundle with '{word}' has no gates yet", gate.name.span,
-                       'not supported', 'gate the topics of each key in a bundle of its own')
+    check_gates(bundle, properties, inputs, problems)
 
 
 def _check_actions(bundle: Bundle, problems: Problems) -> None:

@@ -19,15 +19,13 @@ Each instance is then a part of a plain bundle. What would not have the verdicts
 refused with its place.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from enum import Flag
-import re
 
 from fret_monitor.build import Reading
-from fret_monitor.logic.expansion import expanded, Written
+from fret_monitor.logic.expansion import check_names, expanded, in_c
 from fret_monitor.logic.specification import InstanceAggregate, Signal, Specification
-from fret_monitor.model.diagnostics import Problems, Span
+from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import OverInstances, Policy
@@ -68,15 +66,10 @@ def with_written_keys(reading: Reading, target: str, limits: Limits) -> Reading:
     if not specification.instance_variables:
         return reading
     keys = {item.name: item.keys for item in specification.instance_variables}
-    found = expanded(specification, keys, _name)
-    _check_names(found, problems)
+    found = expanded(specification, keys, in_c)
+    check_names(found, problems)
     problems.raise_errors()
     return replace(reading, specification=found)
-
-
-def _name(name: str, written: Written) -> str:
-    """Return a name for C: `speed_alpha`."""
-    return '_'.join([name, *(re.sub('[^A-Za-z0-9_]', '_', key) for _, key in written)])
 
 
 def _check(specification: Specification, target: str, limits: Limits,
@@ -120,21 +113,3 @@ def _check_aggregate(item: InstanceAggregate, target: str, limits: Limits,
         problems.error(
             f'{target} has no sums of floats over instances', item.place,
             'it would be rounded at each addition, not once', 'sum integers')
-
-
-def _check_names(found: Specification, problems: Problems) -> None:
-    """Report copies of inputs or requirements that have one name in C."""
-    _check_distinct(((item.name, item.name, item.place) for item in found.signals),
-                    'inputs', problems)
-    _check_distinct(((item.handler, item.id, item.id_place) for item in found.properties),
-                    'requirements', problems)
-
-
-def _check_distinct(items: Iterable[tuple[str, str, Span | None]], what: str,
-                    problems: Problems) -> None:
-    taken: dict[str, str] = {}
-    for word, shown, place in items:
-        if word in taken:
-            problems.error(f'with keys in their names, two {what} are {word}', place,
-                           f'{taken[word]} and {shown}', 'rename one, or a key')
-        taken[word] = shown

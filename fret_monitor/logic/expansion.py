@@ -32,7 +32,8 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import InstanceAggregate, Property, Signal, Specification
-from fret_monitor.model.names import handler_name, PLACEHOLDER
+from fret_monitor.model.diagnostics import Problems, Span
+from fret_monitor.model.names import handler_name, name_with_keys, PLACEHOLDER
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import OverInstances
 from fret_monitor.model.values import ValueType
@@ -73,6 +74,29 @@ def expanded(specification: Specification, keys: Mapping[str, Sequence[str]],
                           for found in expansion.definitions(*item)),
         properties=tuple(found for item in specification.properties
                          for found in expansion.properties(item)))
+
+
+def in_c(name: str, written: Written) -> str:
+    """Return a name with its keys for C, such as `speed_alpha`."""
+    return name_with_keys(name, (key for _, key in written))
+
+
+def check_names(found: Specification, problems: Problems) -> None:
+    """Report copies of inputs or requirements that have one name in C."""
+    _check_distinct(((item.name, item.name, item.place) for item in found.signals),
+                    'inputs', problems)
+    _check_distinct(((item.handler, item.id, item.id_place) for item in found.properties),
+                    'requirements', problems)
+
+
+def _check_distinct(items: Iterable[tuple[str, str, Span | None]], what: str,
+                    problems: Problems) -> None:
+    taken: dict[str, str] = {}
+    for word, shown, place in items:
+        if word in taken:
+            problems.error(f'with keys in their names, two {what} are {word}', place,
+                           f'{taken[word]} and {shown}', 'rename one, or a key')
+        taken[word] = shown
 
 
 class Expansion:

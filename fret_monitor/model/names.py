@@ -19,7 +19,7 @@ Each `*_fault` function takes a string and returns None if it is valid, else the
 write instead. The rules for topics are those of `rcl` and `rmw`, those for types of `rosidl`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 import re
 from typing import NamedTuple
@@ -246,6 +246,17 @@ def service_type_fault(name: str) -> Fault | None:
     return None if name == right else Fault(
         reason, 'this is a message; a service type is written pkg/srv/Name, such as '
         'std_srvs/srv/SetBool' if is_message else f'type: {right}')
+
+
+def keyed_topic_fault(topic: str) -> Fault | None:
+    """Check a topic; its instance variables are checked elsewhere."""
+    return topic_fault(PLACEHOLDER.sub(lambda found: found[0] if topic_fault(
+        found[0]) is None else 'x', topic))
+
+
+def name_with_keys(name: str, keys: Iterable[str]) -> str:
+    """Return a name with the keys of its instance, for C and command lines: `speed_alpha`."""
+    return '_'.join([name, *(re.sub('[^A-Za-z0-9_]', '_', key) for key in keys)])
 
 
 def acting_name_fault(name: str) -> Fault | None:

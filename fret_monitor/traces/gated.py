@@ -28,13 +28,14 @@ from random import Random
 from typing import TypeAlias
 
 from fret_monitor.build import build_specification
-from fret_monitor.elaboration.restrict import judged_formula, restrict
+from fret_monitor.elaboration.restrict import (
+    gates_with_keys, judged_formula, kept_by,
+)
 from fret_monitor.logic.formula import (
     Binary, Choice, Constant, Conversion, Feedback, postorder, Previous, Unary, Variable,
 )
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.diagnostics import Diagnostic, Level
-from fret_monitor.model.parts import NodePart
 from fret_monitor.model.policies import InputSource, Otherwise, Report, Stale
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import Monitor
@@ -66,24 +67,27 @@ class Repair:
     is_first: bool = False
 
 
-Decide: TypeAlias = Callable[[Gate], Mapping[str, Repair]]
-"""Returns what is known of the requirements of a gate, by id."""
+Decide: TypeAlias = Callable[[Specification, Gate], Mapping[str, Repair]]
+"""Returns what is known of the requirements of a gate of a specification, by id."""
 
 
 def doubtful_gates(specification: Specification,
-                   decide: Decide = lambda gate: {}) -> Iterator[Diagnostic]:
+                   decide: Decide = lambda specification, gate: {}) -> Iterator[Diagnostic]:
     """
     Yield a warning for each requirement that nothing, or not the substitute, can satisfy.
 
-    What `decide` does not decide is found by example. Each gate is compiled.
+    What `decide` does not decide is found by example. Each gate is compiled; of those for each key
+    of a variable, the first.
 
     Raises
     ------
     NativeError
         if there is no C compiler, or it fails.
     """
-    for gate in specification.gates:
-        yield from _GateSearch(specification, gate, decide(gate)).warnings()
+    first = {gate.place: (whole, gate) for whole, gate in reversed(
+        [*gates_with_keys(specification)])}
+    for whole, gate in reversed(first.values()):
+        yield from _GateSearch(whole, gate, decide(whole, gate)).warnings()
 
 
 @dataclass
@@ -102,7 +106,7 @@ class _GateSearch:
 
     def __init__(self, specification: Specification, gate: Gate,
                  decided: Mapping[str, Repair]) -> None:
-        part = restrict(specification, NodePart(gate.name))
+        part = kept_by(specification, gate)
         # No input is silent, and of `H p` what counts is p, as for the gate.
         part = replace(
             part,

@@ -108,19 +108,23 @@ requirements:
     assert 'one.yaml:6:81: error: a message of an action has no keys yet' in done.err
 
 
-def test_gates_do_not_stand_beside_where(here: Here) -> None:
+def test_a_gate_stands_beside_where_and_check_names_the_gates_of_keys(here: Here) -> None:
     path = here.file('one.yaml', """\
 format: 1
+for_each: {robot: [a, b]}
 inputs:
-  x: {topic: x, type: std_msgs/msg/String, where: "data = imu", values: {A: a}}
-  v: {topic: v, type: std_msgs/msg/Float32}
+  x: {topic: x, type: std_msgs/msg/String, where: "data = imu", values: {A: a}, timeout: 1}
+  v: {topic: "/{robot}/v", type: std_msgs/msg/Float32}
 gates:
-  g: {from: v, to: w, keep: [R], otherwise: drop}
+  g: {from: "/{robot}/v", to: "/{robot}/w", type: std_msgs/msg/Float32, keep: [R]}
 requirements:
-  - {id: R, ptltl: "v < 1.0"}
+  - {id: R, ptltl: "v < 1.0 | x = A"}
 """)
     done = here.run('check', path)
-    assert "one.yaml:6:3: error: a bundle with 'where' has no gates yet" in done.err
+    assert done.status == 0
+    assert 'gate g: /{robot}/v -> /{robot}/w, as g_a, g_b, keeps R' in done.out
+    assert here.run('simulate', path, '--trace', here.file(
+        't.csv', 'robot,v,x\na,2.0,A\nb,2.0,\n')).out == 'step,robot,R\n0,a,1\n1,b,1\n'
 
 
 def test_check_says_of_what_each_requirement_is_one(here: Here) -> None:

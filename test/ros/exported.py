@@ -86,9 +86,18 @@ def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
 
 def exported_bundles(*bundles: Path) -> Path:
     """Return the program of the node of several bundles, as `exported_bundle`."""
+    return _exported([(path, UNGATED, path.stem) for path in bundles])
+
+
+def exported_gates(bundle: Path, *names: str) -> Path:
+    """Return the program of the node of several gates of a bundle, as `exported_bundle`."""
+    return _exported([(bundle, NodePart(name), name) for name in names])
+
+
+def _exported(parts: Sequence[tuple[Path, NodePart, str]]) -> Path:
     monitors = [build.generate_monitor(build.with_name(
-        build.read(path, part=UNGATED), f'b{number}_{path.stem}'))
-        for number, path in enumerate(bundles)]
+        build.read(path, part=part, takes_instances=True), f'b{number}_{name}'))
+        for number, (path, part, name) in enumerate(parts)]
     made = ros2_of_several(monitors, Options(name='several')).generated
     names = {name: Path(name).name for name in made}
     return _built({names[name]: text for name, text in made.items()

@@ -85,7 +85,7 @@ def test_what_is_decided_elsewhere_is_not_searched(tmp_path: Path) -> None:
     found(tmp_path / 'bundle.yaml', 'BRAKE, MOVE')
     specification = read(tmp_path / 'bundle.yaml').specification
     decided = {'BRAKE': Repair(), 'MOVE': Repair((('front', 0.25),))}
-    warnings = list(doubtful_gates(specification, lambda gate: decided))
+    warnings = list(doubtful_gates(specification, lambda _, gate: decided))
     assert [item.title for item in warnings] == [
         "MOVE can be violated whatever passes the gate 'drive'"]
     assert warnings[0].label == 'for example after front = 0.25'
