@@ -19,7 +19,7 @@ The stages in a row, from a bundle to a monitor that runs.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 import hashlib
 import math
@@ -29,6 +29,7 @@ from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.constants import override_constants
 from fret_monitor.bundle.gates import names_with_keys
 from fret_monitor.bundle.reader import survey_bundle, USUAL_REORDER_S
+from fret_monitor.bundle.source_file import read_source, ReadFile
 from fret_monitor.codegen.describe import describe, described_topics, with_kinds
 from fret_monitor.codegen.extractors import Feed
 from fret_monitor.codegen.module import CModule, generate
@@ -73,7 +74,8 @@ class Reading:
 
     `files` are the files that were read, the bundle first, each with the SHA-256 of its text;
     `messages` are its message types, each with the fingerprint of its definition; `constants` are
-    names with the values that were used, as written.
+    names with the values that were used, as written. `bundle` is what was elaborated; None if the
+    specification was not read from a bundle.
     """
 
     specification: Specification
@@ -82,6 +84,7 @@ class Reading:
     files: tuple[tuple[Path, str], ...]
     messages: tuple[tuple[str, str], ...] = ()
     constants: tuple[tuple[str, str], ...] = ()
+    bundle: Bundle | None = field(default=None, repr=False)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -133,14 +136,15 @@ class GeneratedKind:
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
          constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
          find_message: FindMessage | None = None, part: NodePart | None = None,
-         takes_instances: bool = False) -> Reading:
+         takes_instances: bool = False, read_file: ReadFile = read_source) -> Reading:
     """
     Read a bundle and elaborate it.
 
     `policy`, `period` (seconds), `constants` (see `override_constants`) and `stamp` override those
     of the bundle. `find_message` returns the layout of a message type; None: of what is installed.
     `part` are the requirements to take of it, None: all. The hash is that of the whole bundle.
-    Without `takes_instances`, a bundle with `for_each` or `where` is refused.
+    Without `takes_instances`, a bundle with `for_each` or `where` is refused. `read_file` is as
+    `read_source`.
 
     Raises
     ------
@@ -149,7 +153,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     """
     problems, constants = Problems(), constants or {}
     needs_period = period is None and policy in (None, Policy.PERIODIC)
-    written = survey_bundle(path, problems, needs_period=needs_period)
+    written = survey_bundle(path, problems, needs_period=needs_period, read_file=read_file)
     if written is None:
         raise CompileError(problems.errors)
     with_policy = _with_stamp(_with_policy(written, policy, period, problems), stamp, problems)
@@ -173,7 +177,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     return Reading(taken, warnings,
                    _bundle_hash(bundle, specification, messages, overrides),
                    tuple((Path(source.name), text_hash(source.text)) for source in bundle.sources),
-                   messages if part is None else _messages(taken, find_message), values)
+                   messages if part is None else _messages(taken, find_message), values, bundle)
 
 
 def read_one_instance(path: Path, *, constants: Mapping[str, Text] | None = None) -> Reading:

@@ -440,7 +440,8 @@ def _check_topic(item: InputEntry, topic: Text, first: InputEntry,
                 f"inputs on one topic must agree in '{key}'", place,
                 f'{shown(first.owner.value)} in {line_of(first.owner, place)} has '
                 f'{_written(first, key)}, {shown(item.owner.value)} has {_written(item, key)}',
-                _missing_line(item, first, key) or _missing_line(first, item, key))
+                _missing_line(item, first, key) or _missing_line(first, item, key),
+                first.owner.span)
 
 
 def _missing_line(item: InputEntry, other: InputEntry, key: str) -> str:

@@ -76,7 +76,8 @@ def _keys(name: DeclaredName, node: YamlList, problems: Problems) -> Iterator[Te
                            f'this has {len(text.value.encode())}')
         elif (same := first.setdefault(text.value, text)) is not text:
             problems.error(f'the key {shown(text.value)} is listed twice', text.span,
-                           f'first in {line_of(same, text.span)}')
+                           f'first in {line_of(same, text.span)}',
+                           related=same.span)
         else:
             yield text
 

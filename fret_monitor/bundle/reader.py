@@ -42,7 +42,7 @@ from fret_monitor.bundle.instances import (
     check_topic_mentions, check_variables, read_variable, VARIABLE_EXAMPLE, with_mentions,
 )
 from fret_monitor.bundle.requirements import Ids, read_requirements
-from fret_monitor.bundle.source_file import read_source
+from fret_monitor.bundle.source_file import read_source, ReadFile
 from fret_monitor.bundle.yaml_shape import (
     HERTZ, is_empty, line_of, mapping_of, SECONDS, Shape, text_of,
 )
@@ -102,28 +102,31 @@ def parse_bundle(source: Source, directory: Path) -> Bundle:
     return bundle
 
 
-def survey_bundle(path: Path, problems: Problems, *,
-                  needs_period: bool = True) -> Bundle | None:
+def survey_bundle(path: Path, problems: Problems, *, needs_period: bool = True,
+                  read_file: ReadFile = read_source) -> Bundle | None:
     """
     Read the usable parts of a bundle, and add the errors to `problems`.
 
     Declared names that cannot be used are in `Bundle.unreadable`, so that formulas with these
     names are not reported, too. Returns None if nothing is usable. With `needs_period=False`, a
-    bundle with the policy periodic may omit its period.
+    bundle with the policy periodic may omit its period. `read_file` is as `read_source`, such as
+    for texts that an editor has not saved.
     """
     try:
-        source = read_source(path)
+        source = read_file(path)
     except CompileError as error:
         problems.extend(error.diagnostics)
         return None
-    return _BundleReader(path.parent, problems, needs_period).bundle(source)
+    return _BundleReader(path.parent, problems, needs_period, read_file).bundle(source)
 
 
 class _BundleReader:
     """Reads the usable parts of a bundle, and collects the problems."""
 
-    def __init__(self, directory: Path, problems: Problems, needs_period: bool = True) -> None:
+    def __init__(self, directory: Path, problems: Problems, needs_period: bool = True,
+                 read_file: ReadFile = read_source) -> None:
         self._directory = directory
+        self._read_file = read_file
         self._problems = problems
         self._needs_period = needs_period
         self._declared: dict[str, DeclaredName] = {}
@@ -345,7 +348,7 @@ class _BundleReader:
             problems.error(
                 f'{shown(second.value)} is declared twice', second.span,
                 f'first in {line_of(first.text, second.span)}',
-                'choose another name for one of them')
+                'choose another name for one of them', first.span)
 
     def _is_usable(self, name: DeclaredName, node: Node, problems: Problems) -> bool:
         """Pass on the problems of an entry; return whether it has none."""
@@ -463,7 +466,7 @@ class _BundleReader:
                                  text.span)
             return None
         try:
-            source = read_source(path)
+            source = self._read_file(path)
         except CompileError as error:
             for item in error.diagnostics:
                 self._problems.extend([item if item.span else replace(item, span=text.span)])

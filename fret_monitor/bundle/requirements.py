@@ -92,12 +92,13 @@ def _check_id(item: Requirement, ids: dict[str, Requirement],
     clash = handlers.setdefault(item.handler, item)
     if same is not item:
         problems.error(f'the id {shown(item.id.value)} is given twice', item.id.span,
-                       f'first in line {same.id.span.line}')
+                       f'first in line {same.id.span.line}', related=same.id.span)
     elif clash is not item:
         problems.error(
             f'two ids have the same handler, {shown(item.handler)}', item.id.span,
             f'{shown(clash.id.value)} in line {clash.id.span.line} has it too',
-            "ids must differ in letters or digits: every other character becomes '_'")
+            "ids must differ in letters or digits: every other character becomes '_'",
+            related=clash.id.span)
 
 
 def _requirement_node(node: Node, problems: Problems) -> YamlMapping | None:

@@ -14,12 +14,15 @@
 
 """Reads a UTF-8 text file of limited size; errors name the file."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeAlias
 
 from fret_monitor.model.diagnostics import refuse, Source, Span
 from fret_monitor.model.names import LONGEST_PATH, shown
 
 MAX_BYTES = 16 * 2 ** 20
+ReadFile: TypeAlias = Callable[[Path], Source]
 
 
 def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:

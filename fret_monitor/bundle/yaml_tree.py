@@ -246,7 +246,7 @@ class _TreeBuilder:
         first = found.get(key.value)
         if first is not None:
             self.problems.error(f'{shown(key.value)} is given twice', key.span,
-                                f'first in line {first[0].span.line}')
+                                f'first in line {first[0].span.line}', related=first[0].span)
         return first is None
 
     def _alias(self, event: yaml.AliasEvent) -> Node:

@@ -27,7 +27,7 @@ in docs/numbers.md; in short:
 * `a = b` and `a != b` take two numbers, two Booleans, or a text input and a name of its values.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -37,7 +37,7 @@ from fret_monitor.bundle.bundle import (
 from fret_monitor.elaboration.acting import check_judged, resolve_acting
 from fret_monitor.elaboration.aggregates import Aggregates
 from fret_monitor.elaboration.durations import TimeScale
-from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, references
+from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, uses
 from fret_monitor.elaboration.equations import equations_term
 from fret_monitor.elaboration.fretish import sentence_term
 from fret_monitor.elaboration.future import from_horizon
@@ -115,22 +115,43 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     return specification, reading.problems.warnings
 
 
+def name_uses(bundle: Bundle, find_message: FindMessage | None = None) -> tuple[Name, ...]:
+    """
+    Return where the formulas of a bundle refer to names, as far as they can be parsed.
+
+    A name of a value, as LANDING in `state = LANDING`, is none. Arguments as of `specify`.
+    """
+    reading = _Reading(Problems(), bundle)
+    reading.skip(bundle.unreadable)
+    reading.read_inputs(bundle, find_message or find_installed)
+    return tuple(reading.uses())
+
+
 def _references(tree: Expression | Equations | Sentence | None,
                 vocabulary_of: FindVocabulary, in_bounds: bool = False) -> dict[str, Span]:
-    if tree is None:
-        return {}
-    if isinstance(tree, Sentence):
-        return {name: span for part in tree.expressions
-                for name, span in references(
-                    part, vocabulary_of, in_bounds=in_bounds).items()}
-    if not isinstance(tree, Equations):
-        return references(tree, vocabulary_of, in_bounds=in_bounds)
     found: dict[str, Span] = {}
-    for equation in tree.equations:
-        found = {**references(equation.expression, vocabulary_of, in_bounds=in_bounds), **found}
-    for equation in tree.equations:
-        found.pop(equation.name, None)
+    for name in _uses(tree, vocabulary_of, in_bounds):
+        found.setdefault(name.text, name.span)
     return found
+
+
+def _uses(tree: Expression | Equations | Sentence | None,
+          vocabulary_of: FindVocabulary, in_bounds: bool = False) -> Iterator[Name]:
+    """Yield the names that a formula refers to, without those that its equations define."""
+    parts: Iterable[Expression] = ()
+    local: set[str] = set()
+    match tree:
+        case Sentence():
+            parts = tree.expressions
+        case Equations():
+            parts = [item.expression for item in tree.equations]
+            local = {item.name for item in tree.equations}
+        case None:
+            pass
+        case _:
+            parts = (tree,)
+    yield from (name for part in parts for name in uses(part, vocabulary_of, in_bounds=in_bounds)
+                if name.text not in local)
 
 
 class _Reading:
@@ -206,7 +227,7 @@ class _Reading:
         """Declare all definitions in the order of their dependencies; report cycles."""
         known = {item.name.value: item for item in definitions}
         trees = {name: self._tree(item.language, item.text) for name, item in known.items()}
-        uses = self._uses(trees)
+        uses = self._used_definitions(trees)
         vocabulary_of = self._vocabularies(trees)
         self._names_of = {
             fret_name(name): {*map(fret_name, _references(tree, vocabulary_of, True))}
@@ -227,7 +248,15 @@ class _Reading:
             term = TypedTerm(Broken(), term.span)
         self._scope.declare(item.name.value, Declaration(Role.DEFINITION, term))
 
-    def _uses(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
+    def uses(self) -> Iterator[Name]:
+        """Yield the names that definitions and requirements refer to."""
+        trees = {item.name.value: self._tree(item.language, item.text)
+                 for item in self._bundle.definitions}
+        vocabulary_of = self._vocabularies(trees)
+        for tree in (*trees.values(), *map(self._formula, self._bundle.requirements)):
+            yield from _uses(tree, vocabulary_of, in_bounds=True)
+
+    def _used_definitions(self, trees: '_Trees') -> dict[str, dict[str, Span]]:
         """Return for each definition those that it uses, each with the place of its first use."""
         vocabulary_of = self._vocabularies(trees)
         names = {fret_name(name): name for name in trees}

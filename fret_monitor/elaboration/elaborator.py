@@ -110,6 +110,14 @@ def references(root: Expression, vocabulary_of: FindVocabulary,
     names below a delay are left out; those in bounds are found with `in_bounds` alone.
     """
     found: dict[str, Span] = {}
+    for name in uses(root, vocabulary_of, through_delays, in_bounds):
+        found.setdefault(name.text, name.span)
+    return found
+
+
+def uses(root: Expression, vocabulary_of: FindVocabulary, through_delays: bool = True,
+         in_bounds: bool = False) -> Iterator[Name]:
+    """Yield the names that an expression refers to, at each place; see `references`."""
     seen: set[Expression] = set()
     stack = [root]
     while stack:
@@ -118,7 +126,7 @@ def references(root: Expression, vocabulary_of: FindVocabulary,
             continue
         seen.add(node)
         if isinstance(node, Name):
-            found.setdefault(node.text, node.span)
+            yield node
         if in_bounds and isinstance(node, Prefix | Infix) and node.bound is not None:
             stack.extend(end for end in (node.bound.low, node.bound.high)
                          if end is not None and not isinstance(end, str))
@@ -126,7 +134,6 @@ def references(root: Expression, vocabulary_of: FindVocabulary,
         if not through_delays and delayed(node) is not None:
             parts = parts[:-1]
         stack.extend(reversed(parts))
-    return found
 
 
 def _without_values(node: Expression, vocabulary_of: FindVocabulary) -> tuple[Expression, ...]:

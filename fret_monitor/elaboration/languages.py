@@ -17,12 +17,15 @@ import re
 from typing import assert_never
 
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.language.cocospec import parse_cocospec
+from fret_monitor.language.cocospec import continue_cocospec, parse_cocospec
+from fret_monitor.language.continuation import Continuation
 from fret_monitor.language.expression import Equations, Expression
-from fret_monitor.language.fretish import parse_fretish, parse_fretish_expression
-from fret_monitor.language.mltl import parse_mltl
+from fret_monitor.language.fretish import (
+    continue_fretish, parse_fretish, parse_fretish_expression,
+)
+from fret_monitor.language.mltl import continue_mltl, parse_mltl
 from fret_monitor.language.sentence import Sentence
-from fret_monitor.language.smv import parse_smv
+from fret_monitor.language.smv import continue_smv, parse_smv
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Text
 
 
@@ -67,6 +70,22 @@ def _language_of(text: Text, tried: Language) -> Language | None:
         return None  # other languages read quoted text as a name
     others = (Language.PTLTL, Language.COCOSPEC, Language.MLTL)
     return next((other for other in others if _reads(other, text)), None)
+
+
+def what_follows(language: Language, beginning: str, *,
+                 is_definition: bool = False) -> Continuation | None:
+    """Return what may follow the beginning of a formula; None if that is wrong already."""
+    match language:
+        case Language.PTLTL:
+            return continue_smv(beginning)
+        case Language.COCOSPEC:
+            return continue_cocospec(beginning)
+        case Language.MLTL:
+            return continue_mltl(beginning)
+        case Language.FRETISH:
+            return continue_fretish(beginning, is_expression=is_definition)
+        case _:
+            assert_never(language)
 
 
 def _reads(language: Language, text: Text) -> bool:

@@ -26,8 +26,6 @@ import textwrap
 
 from fret_monitor.build import Reading
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.bundle.constants import override_constants
-from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain import future, sentence as fretish
@@ -151,12 +149,13 @@ def explain(reading: Reading, ids: Collection[str] = (), progress: Progress = no
                         if not ids or _concerns(warning, chosen))
 
 
-def meanings(reading: Reading, find_message: FindMessage | None = None) -> dict[str, Meaning]:
-    """Return what each requirement of a bundle means; `find_message` as of `build.read`."""
-    specification = reading.specification
-    context = _context(reading, {item.id for item in specification.properties}, find_message)
+def meanings(reading: Reading, find_message: FindMessage | None = None,
+             ids: Collection[str] = ()) -> dict[str, Meaning]:
+    """Return what requirements mean, by id; arguments as of `build.read` and `explain`."""
+    chosen = _chosen(reading.specification, ids)
+    context = _context(reading, {item.id for item in chosen}, find_message)
     return {item.id: Meaning(*_meaning(item, context), _formula(item, context),
-                             _denial(item, context)) for item in specification.properties}
+                             _denial(item, context)) for item in chosen}
 
 
 def _denial(item: Property, context: _ReportContext) -> Formula | None:
@@ -202,11 +201,7 @@ def _chosen(specification: Specification, ids: Collection[str]) -> Sequence[Prop
 def _context(reading: Reading, chosen: set[str],
              find_message: FindMessage | None = None) -> _ReportContext:
     specification = reading.specification
-    bundle = survey_bundle(reading.files[0][0], Problems())
-    if bundle is not None:
-        bundle = override_constants(bundle, {
-            name: Text.whole(Source(f'constant {name}', value))
-            for name, value in reading.constants}, Problems())
+    bundle = reading.bundle
     sentences = {} if bundle is None else {
         item.id.value: parse_fretish(_on_one_line(item.text)) for item in bundle.requirements
         if item.language is Language.FRETISH and item.id.value in chosen}

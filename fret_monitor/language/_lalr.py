@@ -27,6 +27,7 @@ import math
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 
+from fret_monitor.language.continuation import Continuation
 from fret_monitor.language.expression import (
     Boolean, Call, Duration, Expression, Name, Number, Prefix, Unit,
 )
@@ -35,7 +36,7 @@ from fret_monitor.language.precedence import Chain, Operator, Pending, Precedenc
 from fret_monitor.language.quoted_text import QuotedText
 from fret_monitor.language.tables import END, Parser, read_tables, UnexpectedLexemeError
 from fret_monitor.model.diagnostics import (
-    CompileError, Diagnostic, did_you_mean, refuse, Span, Text,
+    CompileError, Diagnostic, did_you_mean, refuse, Source, Span, Text,
 )
 
 OPERAND_ENDS = frozenset({'NAME', 'NUMBER', 'NEGATIVE', 'TRUE', 'FALSE', 'RPAR'})
@@ -240,6 +241,26 @@ def fitting(syntax: Syntax, start: str, lexemes: Sequence[Lexeme]) -> frozenset[
     for lexeme in lexemes:
         parser.feed(lexeme)
     return parser.fitting()
+
+
+def continuation(syntax: Syntax, start: str, beginning: str,
+                 scan: Callable[[Text], Sequence[Lexeme]],
+                 words: Mapping[str, str]) -> Continuation | None:
+    """Return what may follow; `words` have kinds. None if the beginning is wrong already."""
+    try:
+        kinds = fitting(syntax, start, scan(Text.whole(Source('', beginning))))
+    except (CompileError, UnexpectedLexemeError):
+        return None
+    is_operand, is_mode = {'NAME', 'LPAR'} <= kinds, {'NAME', 'MODE'} <= kinds
+    return Continuation(
+        tuple(word for word, kind in words.items() if kind in kinds and word.isalpha()),
+        is_operand, 'NAME' in kinds and not is_operand and not is_mode, is_mode)
+
+
+def spelled(syntax: Syntax) -> dict[str, str]:
+    """Return the words of a language with their kinds, each in one spelling."""
+    return {word: kind for word, (kind, text) in syntax.words.items()
+            if word == text or text not in syntax.words}
 
 
 def join_signs(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

@@ -32,6 +32,7 @@ from typing import Any
 from fret_monitor.language import _lalr
 from fret_monitor.language._lalr import join, Lexeme
 from fret_monitor.language.bounds import bound_end
+from fret_monitor.language.continuation import Continuation
 from fret_monitor.language.expression import (
     Bound, Call, Conditional, Equations, Expression, Infix, LustreEquation, LustreVariable, Name,
     Prefix,
@@ -275,6 +276,12 @@ def parse_cocospec(text: Text) -> Expression | Equations:
     start = 'program' if is_node or _is_equations(lexemes) else 'formula'
     tree: Expression | Equations = _lalr.parse(_SYNTAX, text, lexemes, start)
     return tree
+
+
+def continue_cocospec(beginning: str) -> Continuation | None:
+    """Return what may follow the beginning of a formula; None if that is wrong already."""
+    return _lalr.continuation(_SYNTAX, 'formula', beginning, lambda text: _rename(
+        text, _lalr.scan(_SYNTAX, text), _NODE_WORDS), _lalr.spelled(_SYNTAX))
 
 
 _NODE_WORDS = frozenset({'NODE', 'FUNCTION', 'RETURNS', 'VAR', 'LET', 'TEL'})

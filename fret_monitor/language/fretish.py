@@ -29,6 +29,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 from fret_monitor.language import _lalr, fretish_help
 from fret_monitor.language._lalr import join, Lexeme
+from fret_monitor.language.continuation import Continuation
 from fret_monitor.language.expression import Call, Duration, Expression, Infix, Name, Prefix
 from fret_monitor.language.fretish_words import (
     OPERATORS, TIME_UNITS, UNITS, WORDS,
@@ -301,6 +302,13 @@ def parse_fretish_expression(text: Text) -> Expression:
     fretish_help.check_expression(lexemes)
     tree: Expression = _lalr.parse(_SYNTAX, text, lexemes, 'definition', _refuse_at('definition'))
     return tree
+
+
+def continue_fretish(beginning: str, *,
+                     is_expression: bool = False) -> Continuation | None:
+    """Return what may follow the beginning of a sentence or expression, as `continue_smv`."""
+    return _lalr.continuation(_SYNTAX, 'definition' if is_expression else 'sentence', beginning,
+                              _scan, WORDS)
 
 
 def _refuse_at(start: str, is_timed: bool = False) -> _lalr.RefuseAt:

@@ -26,6 +26,7 @@ from dataclasses import replace
 
 from fret_monitor.language import smv
 from fret_monitor.language._lalr import Lexeme
+from fret_monitor.language.continuation import Continuation
 from fret_monitor.language.expression import Expression
 from fret_monitor.language.fretish_words import TIME_UNITS
 from fret_monitor.language.precedence import Precedence
@@ -72,3 +73,8 @@ _SYNTAX = replace(
 def parse_mltl(text: Text) -> Expression:
     """Return the tree of a formula; raises `CompileError` with the place of the first error."""
     return smv.parse_with(_SYNTAX, text)
+
+
+def continue_mltl(beginning: str) -> Continuation | None:
+    """Return what may follow the beginning of a formula; None if that is wrong already."""
+    return smv.continue_smv(beginning, _SYNTAX)

@@ -29,6 +29,7 @@ from typing import Any, NoReturn
 from fret_monitor.language import _lalr
 from fret_monitor.language._lalr import join, Lexeme
 from fret_monitor.language.bounds import bound_end
+from fret_monitor.language.continuation import Continuation
 from fret_monitor.language.expression import Bound, Duration, Expression
 from fret_monitor.language.fretish_words import TIME_UNITS
 from fret_monitor.language.precedence import Precedence
@@ -256,3 +257,9 @@ def parse_with(syntax: _lalr.Syntax, text: Text) -> Expression:
     lexemes = _lalr.join_times(_lalr.join_signs(lexemes), TIME_UNITS)
     tree: Expression = _lalr.parse(syntax, text, lexemes, 'start')
     return tree
+
+
+def continue_smv(beginning: str, syntax: _lalr.Syntax = SYNTAX) -> Continuation | None:
+    """Return what may follow the beginning of a formula; None if that is wrong already."""
+    return _lalr.continuation(syntax, 'start', beginning, lambda text: _lalr.scan(syntax, text),
+                              _lalr.spelled(syntax))

@@ -22,6 +22,7 @@ goal.
 
 
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 import re
 
@@ -39,6 +40,7 @@ _TYPE_NAME = re.compile(r'([A-Za-z][A-Za-z0-9_]*)/(?:msg/)?([A-Z][A-Za-z0-9]*)')
 _TYPE = re.compile(
     r'(?P<base>[A-Za-z][A-Za-z0-9_/]*?)(?:<=(?P<limit>[0-9]+))?'
     r'(?P<array>\[(?P<bound><=)?(?P<size>[0-9]+)?\])?')
+_BELOW = re.compile(r'[ \t]+#')
 _FIELD_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 
@@ -155,6 +157,24 @@ def _line(line: str, place: Span, package: str) -> MessageField | MessageConstan
     if '=' in rest:
         return MessageConstant(name, kind, value)
     return MessageField(name, kind, value.strip() or None)
+
+
+def field_comment(layout: MessageLayout, field: str) -> str:
+    """
+    Return what the definition of a message says of a field; '' if that is nothing.
+
+    It is the comment behind the field, which may go on in the lines below, or else that above it.
+    """
+    above: list[str] = []
+    lines = iter(layout.text.splitlines())
+    for line in lines:
+        content, _, comment = line.partition('#')
+        if content.split()[1:2] == [field]:
+            below = takewhile(lambda other: _BELOW.match(other), lines)
+            behind = [comment.strip(), *(other.partition('#')[2].strip() for other in below)]
+            return ' '.join(behind if comment else above).strip()
+        above = [*above, comment.strip()] if comment and not content.strip() else []
+    return ''
 
 
 def _field_type(text: str, package: str) -> FieldType | None:

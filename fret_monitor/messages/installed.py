@@ -85,6 +85,12 @@ def find_message(type_name: str, search: Sequence[Path] | None = None,
     _refuse_missing(package, folder, name, prefixes, place)
 
 
+def installed_types(folder: str = 'msg') -> list[str]:
+    """Return the names of all installed messages, or with the folder `srv` of services."""
+    return sorted({f'{path.parent.parent.name}/{folder}/{path.stem}' for prefix in search_path()
+                   for path in _list(prefix / 'share', f'*/{folder}/*.{folder}')})
+
+
 def _part(found: Mapping[str, MessageLayout], name: str, part: str,
           place: Span | None) -> MessageLayout:
     if part not in found:

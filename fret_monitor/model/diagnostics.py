@@ -149,6 +149,7 @@ class Diagnostic:
 
     `title` is the mistake, `label` the text beside the caret, and `help` the way to correct it: a
     line to paste where possible. `span` is None if there is no place (the file does not exist).
+    `related` is the other place that it is about, such as that of the first of two declarations.
     """
 
     title: str
@@ -156,6 +157,7 @@ class Diagnostic:
     label: str = ''
     help: str = ''
     level: Level = Level.ERROR
+    related: Span | None = None
 
     @property
     def in_one_line(self) -> str:
@@ -230,9 +232,10 @@ class Problems:
         """Start with none."""
         self._found: list[Diagnostic] = []
 
-    def error(self, title: str, span: Span | None = None, label: str = '', help: str = '') -> None:
+    def error(self, title: str, span: Span | None = None, label: str = '', help: str = '',
+              related: Span | None = None) -> None:
         """Add an error."""
-        self._found.append(Diagnostic(title, span, label, help))
+        self._found.append(Diagnostic(title, span, label, help, related=related))
 
     def warning(self, title: str, span: Span | None = None, label: str = '',
                 help: str = '') -> None:

@@ -26,11 +26,7 @@ from itertools import batched
 from random import Random
 
 from fret_monitor.build import Reading
-from fret_monitor.bundle.bundle import Bundle
-from fret_monitor.bundle.constants import override_constants
-from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.logic.specification import Property, Signal, Specification
-from fret_monitor.model.diagnostics import Problems, Source, Text
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.testgen.obligations import Kind, mapped, Obligation, obligations
@@ -180,7 +176,7 @@ def _tasks(reading: Reading) -> list[SearchTask]:
     specification = reading.specification
     is_timed = specification.policy is Policy.TIMED
     grids = {item.id: grid_of(item) if is_timed else 1 for item in specification.properties}
-    bundle = _bundle(reading)
+    bundle = reading.bundle
     exact = variants(bundle, dict.fromkeys(grids, 1)) if bundle else {}
     coarse = variants(bundle, grids) if bundle and is_timed else exact
     return [_task(item, specification, grids[item.id] if is_timed else None,
@@ -211,14 +207,6 @@ def _on_grid(each: Obligation, item: Property, grid: int) -> Obligation:
     return replace(
         each, proposition=None if each.proposition is None else found[each.proposition],
         mutant=None if each.mutant is None else found[each.mutant])
-
-
-def _bundle(reading: Reading) -> Bundle | None:
-    """Return the bundle that was read, for its sentences."""
-    bundle = survey_bundle(reading.files[0][0], Problems())
-    return bundle and override_constants(bundle, {
-        name: Text.whole(Source(f'constant {name}', value))
-        for name, value in reading.constants}, Problems())
 
 
 # -- which traces to keep ----------------------------------------------------------------------
