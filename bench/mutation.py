@@ -69,12 +69,12 @@ _LEFT_OUT = ('without_warnings', 'without_a_warning', 'header_compiles', 'thread
 # With their arguments; of those without, each of the scenarios that they print is run.
 _PROGRAMS: dict[str, tuple[str, ...]] = {
     'evaluator_scenarios': (), 'timed_scenarios': (), 'evaluator_edges': ('',),
-    'evaluator_model': ('0 300', '1 300', '2 300'), 'scopes_lives': ('',),
-    'scopes_model': ('0 120', '1 120', '2 120'), 'engine_instances': ('',), 'questions': ('',),
-    'engine_time': ('',), 'engine_timed': ('',), 'backlog': ('',), 'receivers': ('',),
-    'relay': ('',), 'losses': ('0', '1'),
-    'engine_threads': ('',), 'engine_clock': ('',), 'locks': ('',), 'actions': ('',),
-    'closing': ('before_take', 'after_take', 'before_is_closed', 'after_is_closed')}
+    'evaluator_model': ('0 300', '1 300', '2 300'), 'scopes_model': ('0 120', '1 120', '2 120'),
+    'engine_instances': ('',), 'questions': ('',), 'engine_time': ('',), 'engine_timed': ('',),
+    'receivers': ('',), 'relay': ('',), 'losses': ('0', '1'), 'actions': ('',),
+    'closing': ('before_take', 'after_take', 'before_is_closed', 'after_is_closed'),
+    'backlog': ('',), 'engine_threads': ('',), 'scopes_lives': ('',), 'locks': ('',),
+    'engine_clock': ('',)}  # the last ones wait for seconds, or need as much of a processor
 _WRAPPED = re.compile(r'__wrap_(\w+)\(')
 _SANITIZED = ('test/csrc', 'test/codegen', 'test/ros/test_node_parts', 'test/ros/test_exported')
 _OTHER_LIBRARIES = ('benchmark.c', 'trials.c')
@@ -113,6 +113,9 @@ _BACKLOG = ('test/csrc/test_engine.py::'
 _BLACKBOX = 'test/csrc/test_engine.py::test_files_of_the_black_box'
 _KEYED = ('test/traces/test_keyed_simulate.py test/bag/test_instances.py '
           'test/runtime/test_keyed_topics.py test/runtime')
+_MEMORY = ' '.join(f'test/csrc/test_engine.py::test_threads[addresses-{name}]'
+                   for name in ('actions', 'relay'))
+_QUESTIONS = 'test/csrc/test_engine.py::test_questions_to_nodes_that_were_killed'
 _REVIEW = 'test/runtime/test_review.py test/runtime/test_review_acting.py'
 _SPECIFY = 'test/elaboration/test_specify.py'
 ROOMS = {
@@ -141,6 +144,8 @@ ROOMS = {
         'thinning.c': 'test/runtime test/bag',
         'benchmark.c': 'test/traces/test_benchmark.py',
         'trials.c': 'test/traces',
+        'evaluator.c': 'test/runtime/test_evaluator.py test/bag/test_traces.py '
+                       'test/traces/test_timed_simulate.py test/runtime',
         '*': 'test/runtime/test_evaluator.py test/runtime'}),
     'headers': Room('csrc', ('csrc/generated/*.h', 'csrc/evaluator/*.h', 'csrc/engine/*.h'), 15, {
         'fret_windows.h': 'test/differential/test_over_time.py test/logic/test_over_time.py',
@@ -149,13 +154,20 @@ ROOMS = {
         'fret_cells.h': 'test/csrc/test_cells.py test/differential test/proving/test_cells.py',
         '*': f'test/codegen/test_extractors.py test/codegen test/runtime {_EVALUATOR}'}),
     'csrc/ros': Room('csrc/ros', ('csrc/ros/*.c',), 20, {
-        'relay.c': _ros('gate'),
-        'action*.c': _ros('actions'),
+        'relay.c': f'{_MEMORY} ' + _ros('gate'),
+        'action*.c': f'{_MEMORY} ' + _ros('actions'),
         'announcer.c': _ros('actions monitor_node'),
         'in_place*.c': _ros('hot_path'),
+        'keyed_topics.c': 'test/runtime/test_keyed_topics.py ' + _ros('instances'),
+        'question.c': f'{_QUESTIONS} ' + _ros('asked graph'),
+        'graph.c': f'{_QUESTIONS} ' + _ros('asked graph'),
         '*': _ros('feed hot_path raw_topic monitor_node')}),
     'csrc/node': Room('csrc/node', ('csrc/reporting/*.c', 'csrc/node/*.c'), 30, {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('node_parts exported_node'),
+        'gate_target.c': 'test/runtime/test_gate_target.py ' + _ros('gate'),
+        'instance_lines.c': f'test/runtime/test_reporting.py {_REVIEW} ' + _ros('instances'),
+        'bound_topics.c': _ros('instances'),
+        'node_blackbox.c': _ros('node_parts blackbox'),
         'subscription.c': 'test/runtime/test_subscription.py ' + _ros('node_parts'),
         'details.c': 'test/runtime/test_reporting.py',
         'violation_log.c': 'test/runtime/test_reporting.py',
@@ -167,7 +179,7 @@ ROOMS = {
         'shared_names.c': _ros('several node_parts'),
         'parameters.c': _ros('node_parts side_by_side exported_node'),
         'monitor_node.c': _ros('scheduling node_parts exported_node'),
-        'input_log.c': 'test/runtime/test_review.py',
+        'input_log.c': 'test/runtime/test_review.py test/runtime/test_review_time.py',
         'health.c': f'{_REVIEW} test/runtime/test_review_time.py',
         'review.c': f'{_REVIEW} test/runtime/test_review_time.py',
         '*': _ros('node_parts exported_node')}),
@@ -195,7 +207,7 @@ ROOMS = {
         'native_lifetimes.py': _ros('interrupts shutdown'),
         'node_time.py': _ros('node_time time timed'),
         'native_start.py': _ros('native_start'),
-        'graph_wait.py': _ros('feed missing monitor_node'),
+        'graph_*.py': _ros('feed missing graph asked'),
         'declared.py': _ros('parameters constants usage'),
         'next_report.py': _ros('node_time'),
         'overrides.py': _ros('overrides'),

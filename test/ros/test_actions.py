@@ -66,11 +66,15 @@ actions:
   absent: {call: {service: absent, type: std_srvs/srv/Trigger, timeout: 0.2, retries: 1}}
   park: {transition: {node: /arm, to: inactive, retries: 0}}
   shut: {transition: {node: /arm, to: unconfigured, retries: 0}}
+  end_arm: {transition: {node: /arm, to: finalized}}
+  end_leg: {transition: {node: /leg, to: finalized}}
+  end_hand: {transition: {node: /hand, to: finalized}}
 evaluation: {policy: relevant_message}
 requirements:
   - {id: SENT, ptltl: n != 1, on_violation: [once, brake, lamp, late, rare], on_end: [over]}
   - {id: CALLED, ptltl: n != 2, on_violation: [absent, slow, call, park]}
   - {id: SHUT, ptltl: n != 3, on_violation: [shut]}
+  - {id: ENDED, ptltl: n != 4, on_violation: [end_arm, end_leg, end_hand]}
 """
 
 
@@ -220,10 +224,14 @@ def test_actions_follow_violations_and_are_counted(
         return response
 
     partner.node.create_service(SetBool, 'call', answer)
-    arm = Arm('arm', context=partner.context)
+    limbs = [Arm(name, context=partner.context) for name in ('arm', 'leg', 'hand')]
+    arm, _, hand = limbs
+    hand.trigger_configure()
+    hand.trigger_activate()
     other = Partner(partner.context.get_domain_id())
     other.node.create_service(Trigger, 'slow', answer_late)
-    partner._executor.add_node(arm)
+    for limb in limbs:
+        partner._executor.add_node(limb)
     diagnostics = Diagnostics(partner)
     try:
         with monitoring(face, tmp_path, BUNDLE) as monitor:
@@ -279,10 +287,17 @@ def test_actions_follow_violations_and_are_counted(
                          "the action 'absent' failed 2 times: no server of /absent in 0.2 s",
                          "the action 'shut' failed: /arm refused to leave the state inactive"):
                 monitor.wait_for(line)
+            assert [limb._state_machine.current_state[1] for limb in limbs] == [
+                'inactive', 'unconfigured', 'active']
+            publish(4)
+            for limb in limbs:
+                diagnostics.wait_for(f'end_{limb.get_name()}', started=1, sent=1, failed=0)
+                assert limb._state_machine.current_state[1] == 'finalized'
     finally:
         is_over.set()
-        partner._executor.remove_node(arm)
-        arm.destroy_node()
+        for limb in limbs:
+            partner._executor.remove_node(limb)
+            limb.destroy_node()
         other.close()
 
 

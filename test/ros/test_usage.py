@@ -17,6 +17,7 @@
 import inspect
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -45,9 +46,11 @@ def test_help_names_the_command_that_was_used_and_all_parameters(
     command = script if folder == 'bin' else f'ros2 run fret_monitor {name}'
     assert (done.returncode, done.stderr) == (0, '')
     assert done.stdout.startswith(f'usage: {command} --ros-args -p spec:=BUNDLE.yaml\n')
-    told = [line.split(':=')[0].strip() for line in done.stdout.partition('parameters')[2]
-            .splitlines() if line.startswith('  ') and line[2] != ' ']
-    assert told == list(parameters)
+    lines = [line for line in done.stdout.partition('parameters')[2].splitlines()
+             if line.startswith('  ')]
+    assert [line.split(':=')[0].strip() for line in lines if line[2] != ' '] == list(parameters)
+    assert len({len(line) - len(re.sub(r' +(\w+:= +)?', '', line, count=1))
+                for line in lines}) == 1  # one column
 
 
 def test_help_ends_quietly_if_its_reader_has_read_enough() -> None:
