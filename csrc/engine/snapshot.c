@@ -163,7 +163,9 @@ void fm_engine_snapshot(struct fm_engine * engine, struct fm_snapshot * out)
   copy_kinds_locked(engine, out);
   copy_inputs_locked(engine, out);
   copy_topics_locked(engine, out);
-  out->time = fm_evaluator_time_counts(engine->options.evaluator);
+  out->time = engine->options.scopes == NULL ?
+    fm_evaluator_time_counts(engine->options.evaluator) :
+    fm_scopes_time_counts(engine->options.scopes);
   out->links = engine->tree == NULL ? no_links : fm_tree_left_out(engine->tree);
   out->gate = engine->gate == NULL ? none : fm_gate_counts(engine->gate, fm_steady_time());
   out->unpublished = engine->outbox.unpublished;

@@ -153,7 +153,15 @@ static void count(struct fm_pool * pool, uint64_t by)
   for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
     pool->violated[r] += evaluator->instance.previous[r] ? 0u : by;
   }
+  if (monitor->overflows != NULL) {
+    pool->overflows += by * monitor->overflows(evaluator->instance.state);
+  }
   count_unknown(pool, &evaluator->instance, by);
+}
+
+uint64_t fm_pool_overflows(const struct fm_pool * pool)
+{
+  return pool->overflows + fm_evaluator_time_counts(pool->evaluator).overflows;
 }
 
 // Messages move the time of their own instance alone. Under FM_TIMED each scope may be ahead of

@@ -44,6 +44,7 @@ struct fm_pool
   uint64_t * violated;   // a requirement: the instances whose violation goes on
   uint64_t * unknown;    // a requirement: the instances of which it is not known (states.h)
   bool counts_unknown;   // these are counted
+  uint64_t overflows;    // of fm_monitor.overflows, of all instances but the one entered
   int64_t forget;        // ns; 0: never
   uint32_t entered;      // FM_NO_SLOT: none, the evaluator has the blank
   struct fm_pool_counts counts;
@@ -81,6 +82,10 @@ FM_INTERNAL void fm_pool_end(struct fm_pool * pool, uint32_t slot);
 
 /// When something is due in an instance that is entered, or it is to end. O(inputs + groups).
 FM_INTERNAL int64_t fm_pool_deadline(struct fm_pool * pool);
+
+/// The changes of all instances that found no room in a queue, since start or reset, also of those
+/// that have ended; and the messages of which a rate had too many. O(queues).
+FM_INTERNAL uint64_t fm_pool_overflows(const struct fm_pool * pool);
 
 /// When the instance that is entered ends; FM_NEVER. O(1).
 FM_INTERNAL int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot);

@@ -377,6 +377,15 @@ struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes, uint32_t
   return kind < scopes->n_kinds ? scopes->kinds[kind].pool.counts : none;
 }
 
+struct fm_time_counts fm_scopes_time_counts(const struct fm_scopes * scopes)
+{
+  struct fm_time_counts counts = fm_evaluator_time_counts(scopes->bundle);
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    counts.overflows += fm_pool_overflows(&scopes->kinds[k].pool);
+  }
+  return counts;
+}
+
 uint64_t fm_scopes_violated(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement)
 {

@@ -198,6 +198,10 @@ FM_EXPORT uint32_t fm_scopes_next(const struct fm_scopes * scopes, uint32_t kind
 
 FM_EXPORT struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes, uint32_t kind);
 
+/// As fm_evaluator_time_counts of the bundle's scope; the overflows are those of all scopes, also
+/// of instances that have ended. O(kinds + queues).
+FM_EXPORT struct fm_time_counts fm_scopes_time_counts(const struct fm_scopes * scopes);
+
 /// How many instances violate a requirement of a kind now. O(1).
 FM_EXPORT uint64_t fm_scopes_violated(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);

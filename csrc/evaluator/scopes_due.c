@@ -92,6 +92,7 @@ void fm_scopes_reset(struct fm_scopes * scopes)
         fm_scopes_uncount(scopes, k, slot);
       }
     }
+    pool->overflows = 0;  // of those that had ended
   }
   fm_scopes_store_aggregates(
     scopes, fm_scopes_bundle_instant(scopes, fm_evaluator_now(scopes->bundle)));

@@ -111,8 +111,10 @@ void fm_add_violated(
     fm_show_detail(&values, detail);
   }
   if (more > 0) {
-    fm_text_add(&values, " (%" PRIu64 " more violation%s since the last line)", more,
-      more == 1u ? "" : "s");
+    // Of an instance the line names the requirement, since others may have violated it.
+    const bool is_of_instance = strcmp(name_of(about, detail), about->id) != 0;
+    fm_text_add(&values, " (%" PRIu64 " more violation%s%s%s since the last line)", more,
+      more == 1u ? "" : "s", is_of_instance ? " of " : "", is_of_instance ? about->id : "");
   }
   fm_lines_add(lines, level_of(about), "%s violated at %.3f: %s%s", name_of(about, detail),
     (double)stamp / 1e9, about->sentence, fm_text_get(&values));

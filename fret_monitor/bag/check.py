@@ -635,8 +635,8 @@ class _Run:
         if times.missed:
             self._errors.append(f'{counted(times.missed, "period")} in gaps of the recording '
                                 'were left out')
-        if times.overflows:
-            self._errors.append(overflow_text(times.overflows))
+        if overflows := self._scopes.overflows() if self._scopes else times.overflows:
+            self._errors.append(overflow_text(overflows))
 
     def _complain_of_instances(self) -> None:
         for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):

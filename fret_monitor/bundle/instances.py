@@ -34,7 +34,7 @@ from fret_monitor.model.names import is_integer, LONGEST_KEY, PLACEHOLDER, shown
 VARIABLE_KEYS = ('most', 'forget')
 VARIABLE_EXAMPLE = 'robot: {most: 100}'
 MOST_VARIABLES = 2  # that one input or requirement may mention
-_MOST_KEYS = 2 ** 24
+_MOST_KEYS = 10 ** 12  # memory allows less: program/layout.py names the bytes
 _SHORTEST_FORGET_S, _LONGEST_FORGET_S = SECONDS.sizes['ns'], SECONDS.sizes['h'] * 24 * 365
 _NAME = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 Variables: TypeAlias = Mapping[str, InstanceVariable | None]
@@ -91,7 +91,7 @@ def _found(name: DeclaredName, shape: Shape, problems: Problems) -> InstanceVari
                        f'{name.value}: {{most: 100}}')
     if most is None:
         return None
-    if not is_integer(most.value) or len(most.value) > 12 or not 0 < int(most.value) <= _MOST_KEYS:
+    if not is_integer(most.value) or len(most.value) > 13 or not 0 < int(most.value) <= _MOST_KEYS:
         problems.error(f"'most' must be a whole number from 1 to {_MOST_KEYS}", most.span)
         return None
     if forget is not None and (forget * 10 ** 9).denominator != 1:

@@ -218,9 +218,8 @@ class Scopes:
         return bytes(ffi.buffer(self._key, size))
 
     def overflows(self) -> int:
-        """Return the changes of the bundle's scope that found no room in a window."""
-        found = self.library.fm_scopes_look(self.pointer, BUNDLE, 0)
-        return int(self.library.fm_evaluator_time_counts(found).overflows)
+        """Return the changes that found no room in a window, of all instances together."""
+        return int(self.library.fm_scopes_time_counts(self.pointer).overflows)
 
     def counts(self, kind: int) -> KindCounts:
         """Return the counters of the instances of a kind."""

@@ -303,3 +303,48 @@ def test_a_message_that_where_does_not_select_is_none(tmp_path: Path) -> None:
     of_b = [item[3].point.x > 1.0 for item in found if item[1] == '/tracks' and 'b' in item[4]]
     assert other.violations == sum(of_b) > 0
     assert sum(item.occurrences for item in alone) > 10
+
+
+RATED = """
+format: 1
+evaluation: {policy: timed}
+for_each: {robot: {most: 5, forget: 0.7}}
+inputs:
+  x: {topic: "/{robot}/speed", type: std_msgs/msg/Float64, max_rate: 3}
+requirements:
+  - {id: SOME, ptltl: "countOver(2 s, x > 0.9) <= 2"}
+"""
+
+
+def lives_of(found: Sequence[Message], key: str) -> list[list[Message]]:
+    """Return the messages of each instance of a key: a pause of 0.7 s ends it."""
+    lives: list[list[Message]] = []
+    for item in found:
+        if item[1] == f'/{key}/speed':
+            if not lives or item[0] - lives[-1][-1][0] > 7 * 10**8:
+                lives.append([])
+            lives[-1].append(item)
+    return lives
+
+
+def test_changes_that_find_no_room_are_counted_in_all_instances(tmp_path: Path) -> None:
+    rng = Random(8)
+    found = [(place * 10**7 + (10**9 if place > 150 else 0), f'/{key}/speed', FLOAT,
+              TYPES.types[FLOAT](round(rng.uniform(0, 1.8), 2)), frozenset([key]))
+             for place, key in enumerate(rng.choices(KEYS, k=300))]
+    lives = [life for key in KEYS for life in lives_of(found, key)]
+    assert len(lives) > len(KEYS)
+    expected = 0
+    for place, life in enumerate(lives):
+        key, = life[0][4]
+        text = RATED.replace('{robot}', key).replace('for_each: {robot: {most: 5, forget: 0.7}}\n',
+                                                     '')
+        expected += overflows_in(judged(tmp_path, f'life_{place}', text, life))
+    assert expected > 20
+    assert overflows_in(judged(tmp_path, 'fleet', RATED, found)) == expected
+
+
+def overflows_in(result: RecordingResult) -> int:
+    counts = [int(error.split(' ')[0].replace(',', '')) for error in result.errors
+              if 'came faster than max_rate says' in error]
+    return sum(counts)

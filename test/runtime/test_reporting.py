@@ -168,6 +168,9 @@ def test_each_instance_has_a_line_at_once_but_once_a_second(tmp_path: Path) -> N
         log.detail_comes(now)
     assert [line.split(' violated at ')[0] for line in log.lines] == [
         'ERROR: R[track=a]', 'ERROR: R[track=b]']
+    (line,) = log.taken(11.5)[2:]
+    assert line.startswith('ERROR: R[track=b] violated at 10.300')
+    assert line.endswith('(1 more violation of R since the last line)')
 
 
 def test_one_more_violation_is_in_the_singular(log: Log) -> None:
