@@ -177,9 +177,13 @@ def opened(path: Path) -> Iterator[tuple[AnyRecording, 'FindMessage']]:
 
 def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
         changes: Sequence[Changes] = (), watch: Watch | None = None,
-        progress: Progress = no_progress) -> RecordingResult:
-    """Run a monitor over a recording; raises `CompileError` if they do not fit."""
-    return _Run(monitor, recording, selection, changes, watch, progress).result()
+        progress: Progress = no_progress, checks_remaps: bool = True) -> RecordingResult:
+    """
+    Run a monitor over a recording; raises `CompileError` if they do not fit.
+
+    Without `checks_remaps`, topics may be renamed that the monitor does not have.
+    """
+    return _Run(monitor, recording, selection, changes, watch, progress, checks_remaps).result()
 
 
 def _compiled(bundle: Path, selection: Selection, find: 'FindMessage') -> CompiledMonitor:
@@ -227,8 +231,9 @@ class _Run:
 
     def __init__(self, monitor: Monitor, recording: AnyRecording, selection: Selection,
                  changes: Sequence[Changes], watch: Watch | None,
-                 progress: Progress) -> None:
+                 progress: Progress, checks_remaps: bool) -> None:
         self._recording = recording
+        self._checks_remaps = checks_remaps
         self._selection = selection
         self._changes = changes
         self._watch = watch
@@ -260,7 +265,8 @@ class _Run:
             full_name(topic.name) if topic.made else resolved(topic.name, selection)
             for topic in self._manifest.topics]
         self._left_out = self._topics_left_out()
-        self._fitting = {index: matches(self._names[index], topic, variable, recording.types)
+        self._fitting = {index: matches(self._names[index], topic, variable, recording.types,
+                                        lambda name: resolved(name, selection))
                          for index, topic in enumerate(self._manifest.topics)
                          if (variable := self._manifest.key_of(topic)) is not None
                          and not recording.is_trace}
@@ -367,6 +373,9 @@ class _Run:
         named = [topic.name for topic in self._manifest.received] + [
             made.names[0] for made in self._manifest.in_graph.values()
             if made.kind is not MadeKind.NODE]
+        named += [topic.name.replace(f'{{{variable.name}}}', key)
+                  for topic in self._manifest.topics
+                  if (variable := self._manifest.key_of(topic)) for key in variable.keys]
         topics = {absolute(name, selection.namespace): name for name in named}
         for old, new in selection.remaps.items():
             if absolute(old, selection.namespace) not in topics:
@@ -377,7 +386,7 @@ class _Run:
     def _wanted(self) -> Iterator[tuple[tuple[str, str], Target]]:
         types = self._recording.types
         seen: dict[tuple[str, str], int] = {}
-        if not self._recording.is_trace:
+        if not self._recording.is_trace and self._checks_remaps:
             self._check_remaps()
         if not self._names:
             refuse('no input of the bundle has a topic',
@@ -390,11 +399,12 @@ class _Run:
                                f'{self._manifest.inputs[topic.inputs[0]].name}: {{topic: NAME, '
                                'type: TYPE, field: received(), timeout: 1, stale: violate}')
                 continue
-            if (name, topic.where) in seen:
-                other = self._manifest.topics[seen[name, topic.where]].name
-                refuse(f"'{other}' and '{topic.name}' are one topic here, {name}",
-                       help='give it one name in the bundle')
-            seen[name, topic.where] = index
+            for each in self._fitting.get(index, [name]):
+                if (each, topic.where) in seen:
+                    other = self._manifest.topics[seen[each, topic.where]].name
+                    refuse(f"'{other}' and '{topic.name}' are one topic here, {each}",
+                           help='give it one name in the bundle')
+                seen[each, topic.where] = index
             if index in self._fitting:
                 yield from self._wanted_by_key(index, topic)
                 continue
@@ -425,6 +435,10 @@ class _Run:
                        topic: ManifestTopic) -> Iterator[tuple[tuple[str, str], Target]]:
         """Yield the recorded topics that fit one with a variable in its name."""
         fitting = self._fitting[index]
+        variable = self._manifest.key_of(topic)
+        if variable is not None and variable.keys and len(fitting) < len(variable.keys):
+            refuse(f"two topics of '{topic.name}' are one with these names",
+                   help='--remap gives each key a topic of its own')
         for name, key in fitting.items():
             if topic.message_type in self._recording.types.get(name, set()):
                 yield (name, topic.message_type), (index, key)

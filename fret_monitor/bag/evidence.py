@@ -252,7 +252,7 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
                 changes.add_start(number, each)
     last = max(each.window[1] for each in shown)
     run(monitor, recording, replace(selection, end=Moment(Anchor.EPOCH, last), until=None),
-        changes=[changes], watch=watch)
+        changes=[changes], watch=watch, checks_remaps=False)  # a part of the topics
     place = 0
     for each in shown:
         each.ready = _ready(each, thinning, place)

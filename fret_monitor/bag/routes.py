@@ -20,7 +20,7 @@ variable in its name is fed by each recorded topic of its type whose name fits.
 """
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 import re
 
@@ -32,16 +32,16 @@ Target = tuple[int, bytes]
 
 
 def matches(name: str, topic: ManifestTopic, variable: ManifestVariable,
-            types: Mapping[str, set[str]]) -> dict[str, bytes]:
+            types: Mapping[str, set[str]], recorded_as: Callable[[str], str]) -> dict[str, bytes]:
     """
     Return the recorded topics that fit a topic with a variable in its name, each with its key.
 
     `name` is its full name, `types` are those of what was recorded. Listed keys all fit, recorded
-    or not.
+    or not, under the names that `recorded_as` returns.
     """
     before, _, after = name.partition(f'{{{variable.name}}}')
     if variable.keys:
-        return {f'{before}{key}{after}': key.encode() for key in variable.keys}
+        return {recorded_as(f'{before}{key}{after}'): key.encode() for key in variable.keys}
     pattern = re.compile(f'{re.escape(before)}([^/]+){re.escape(after)}')
     return {item: found[1].encode() for item, kinds in sorted(types.items())
             if topic.message_type in kinds and (found := pattern.fullmatch(item))}

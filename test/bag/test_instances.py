@@ -26,8 +26,10 @@ from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.moments import Anchor, Moment
+from fret_monitor.bag.report import check_and_report
 from fret_monitor.bag.results import ChangesCsv
 from fret_monitor.bag.violations import open_violations
+from fret_monitor.cli.main import main
 from fret_monitor.model.policies import Policy
 import numpy
 import pytest
@@ -348,3 +350,31 @@ def overflows_in(result: RecordingResult) -> int:
     counts = [int(error.split(' ')[0].replace(',', '')) for error in result.errors
               if 'came faster than max_rate says' in error]
     return sum(counts)
+
+
+def test_the_topic_of_a_listed_key_may_have_another_name_in_the_recording(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = bundle(Policy.RELEVANT_MESSAGE, ['robot'], '[a, b, silent]')
+    found = [item for item in messages(Random(5), KEYS[:2]) if item[1] != '/joint_states']
+    whole = judged(tmp_path, 'own', text, found)
+    path = record(tmp_path / 'renamed', [
+        (time, {'/b/speed': '/unit/x'}.get(topic, topic), *more)
+        for time, topic, *more in found])
+    file = tmp_path / 'own.yaml'
+    with unoptimised():
+        renamed = check_and_report(file, path, Selection(may_miss=True, remaps={
+            '/b/speed': '/unit/x', '/silent/speed': '/unit/y'}), tmp_path / 'out.html')
+        assert not whole.errors
+        assert not renamed.errors
+        for one, other in zip(whole.findings, renamed.findings, strict=True):
+            assert outline(one) == outline(other)
+            assert {*one.instances} == {*other.instances}
+        assert any(b'b' in item.instances for item in whole.findings)
+        missing = check_recording(file, path, Selection())
+        assert '/b/speed was not recorded as std_msgs/msg/Float64' in missing.errors
+    for remaps, message in ((('/c/speed:=/unit/x',), "the bundle has no topic '/c/speed'"),
+                            (('/b/speed:=/x', '/a/speed:=/x'),
+                             "two topics of '/{robot}/speed' are one with these names")):
+        arguments = [part for item in remaps for part in ('--remap', item)]
+        assert main(['bag', str(file), str(path), *arguments]) == 1
+        assert message in capsys.readouterr().err

@@ -172,3 +172,107 @@ def test_keys_that_give_one_name_in_c_are_refused(here: Here) -> None:
     assert 'with keys in their names, two inputs are speed_b_2' in done.err
     assert 'fleet.yaml:4:3: error' in done.err
     assert 'two requirements are handlerpropSPEED_b_2' in done.err
+
+
+ROBOTS = """\
+format: 1
+for_each: {robot: [alpha, beta]}
+evaluation: {policy: POLICY}
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
+  on: {topic: enable, type: std_msgs/msg/Bool}
+requirements:
+  - {id: SPEED, ptltl: "on -> O[0, WINDOW] (speed <= 0.5)"}
+  - {id: CALM, ptltl: "H (on & speed > 1.2 -> Y (speed <= 1.2))"}
+"""
+MESSAGES = """\
+#include <inttypes.h>
+#include <stdio.h>
+#include "robots_monitor.h"
+#include "evaluator.h"
+#include "robots_options.h"
+#include "robots_size.h"
+
+static unsigned char block[ROBOTS_EVALUATOR_BYTES + FM_ALIGNMENT];
+static struct fm_violation found[robots_requirements];
+
+static void advance(struct fm_evaluator * evaluator, int64_t now)
+{
+  do {
+    (void)fm_evaluator_advance(evaluator, now, found);
+  } while (fm_evaluator_wake(evaluator) <= now);
+}
+
+int main(void)
+{
+  const struct fm_evaluator_options options = robots_options();
+  const size_t misaligned = (uintptr_t)block % FM_ALIGNMENT;
+  struct fm_evaluator * evaluator = fm_evaluator_init(
+    block + (FM_ALIGNMENT - misaligned) % FM_ALIGNMENT, &options);
+  int64_t now;
+  unsigned topic;
+  double number;
+  robots_set_initial_values(evaluator);
+  advance(evaluator, 0);
+  while (scanf("%" SCNd64 " %u %lf", &now, &topic, &number) == 3) {
+    union fm_value value = {.f = number};
+    if (topic == 2) {
+      value = (union fm_value) {.i = number > 0.0};
+    }
+    advance(evaluator, now - 1);
+    fm_evaluator_store(evaluator, topic, value, now);
+    (void)fm_evaluator_message(evaluator, topic, now, found);
+    for (uint32_t r = 0; r < robots_requirements; ++r) {
+      const bool * verdicts = fm_evaluator_verdicts(evaluator);
+      printf("%d ", verdicts[r]);
+    }
+    printf("\\n");
+  }
+  return 0;
+}
+"""
+
+
+@pytest.mark.parametrize('policy', [Policy.RELEVANT_MESSAGE, Policy.TIMED])
+def test_the_exported_c99_gives_each_instance_the_verdicts_of_for_each(
+        here: Here, policy: Policy) -> None:
+    compiler = gcc()
+    if compiler is None:
+        pytest.skip('needs gcc')
+    window = '2 s' if policy is Policy.TIMED else '2'
+    path = here.file('robots.yaml', ROBOTS.replace('POLICY', policy.value).replace(
+        'WINDOW', window))
+    out, program = here.folder / 'out', here.folder / 'program'
+    done = here.run('export', path, '--to', 'c99', '--output', out)
+    assert done.status == 0, done.err
+    compile_c([*compiler, '-std=c99', *WARNINGS, '-I', out / 'src', *sorted(out.glob('src/*.c')),
+               here.file('main.c', MESSAGES), '-lm', '-o', program])
+    rng = Random(f'{policy} c99')
+    keys, rows, time = ('alpha', 'beta'), [(10**9, 2, 1.0)], 10**9
+    for _ in range(150):
+        time += rng.choice((1, 3 * 10**8, 10**9))
+        topic = rng.choice((0, 0, 1, 1, 2))
+        rows.append((time, topic, rng.choice((0.25, 1.0, 1.5)) if topic < 2 else
+                     float(rng.random() < 0.7)))
+    text = '\n'.join(' '.join(map(str, row)) for row in rows)
+    lines = subprocess.run([program], input=text, capture_output=True, text=True,
+                           check=True).stdout.splitlines()
+    trace = ['time,robot,speed,on', *(
+        f'{seconds(now)},{keys[topic]},{value},' if topic < 2 else f'{seconds(now)},,,{value:.0f}'
+        for now, topic, value in rows)]
+    judged = here.run('simulate', path, '--trace', here.file('t.csv', '\n'.join([*trace, '']))).out
+    compared = violated = 0
+    expected = {tuple(line.split(',')[:2]): line.split(',')[2:] for line in judged.splitlines()}
+    for place, ((now, topic, _), line) in enumerate(zip(rows, lines, strict=True)):
+        if topic < 2:
+            own = seconds(now) if policy is Policy.TIMED else str(place)
+            verdicts = line.split()
+            assert [verdicts[topic], verdicts[2 + topic]] == expected[own, keys[topic]]
+            compared += 1
+            violated += '0' in expected[own, keys[topic]]
+    assert compared > 80
+    assert 10 < violated < compared
+
+
+def seconds(time: int) -> str:
+    return f'{time // 10**9}.{time % 10**9:09}'.rstrip('0').rstrip('.')
