@@ -111,7 +111,8 @@ _THREADS = 'test/csrc/test_engine.py::test_threads[threads-engine_threads]'
 _BACKLOG = ('test/csrc/test_engine.py::'
             'test_messages_that_wait_in_the_queues_of_the_middleware')
 _BLACKBOX = 'test/csrc/test_engine.py::test_files_of_the_black_box'
-_KEYED = ('test/traces/test_keyed_simulate.py test/bag/test_instances.py '
+_KEYED = ('test/csrc/test_engine.py::test_an_engine_with_instances '
+          'test/traces/test_keyed_simulate.py test/bag/test_instances.py '
           'test/runtime/test_keyed_topics.py test/runtime')
 _MEMORY = ' '.join(f'test/csrc/test_engine.py::test_threads[addresses-{name}]'
                    for name in ('actions', 'relay'))
@@ -144,7 +145,7 @@ ROOMS = {
         'thinning.c': 'test/runtime test/bag',
         'benchmark.c': 'test/traces/test_benchmark.py',
         'trials.c': 'test/traces',
-        'evaluator.c': 'test/runtime/test_evaluator.py test/bag/test_traces.py '
+        'evaluator.c': 'test/runtime/test_evaluator.py test/cli/test_sources.py '
                        'test/traces/test_timed_simulate.py test/runtime',
         '*': 'test/runtime/test_evaluator.py test/runtime'}),
     'headers': Room('csrc', ('csrc/generated/*.h', 'csrc/evaluator/*.h', 'csrc/engine/*.h'), 15, {

@@ -636,6 +636,31 @@ SCENARIO(a_flood_of_keys_is_counted_and_leaves_those_there_are)
   end(&scoped);
 }
 
+SCENARIO(a_snapshot_counts_the_instances_that_violate_and_names_the_first)
+{
+  static const struct settings many = {FM_EVERY_MESSAGE, 0, -1, 100, 0, 12};
+  static struct fm_named_keys violated[3], unevaluated[3];
+  struct fm_keyed_snapshot keyed[N_INPUTS];
+  struct fm_kind_snapshot kind = {
+    .inputs = keyed, .violated = violated, .unevaluated = unevaluated};
+  struct fm_requirement_counts counts[4];
+  struct fm_input_snapshot fed[1];
+  struct fm_topic_snapshot topics[N_TOPICS];
+  uint8_t conditions[64];
+  struct fm_snapshot snapshot = {
+    .requirements = counts, .inputs = fed, .topics = topics, .kinds = &kind,
+    .conditions = conditions};
+  begin_found(&many);
+  for (uint8_t n = 0; n < 12; ++n) {
+    const struct fm_key key = {&n, 1};
+    give_element(&scoped, &key, 3, 10);
+  }
+  fm_engine_snapshot(scoped.engine, &snapshot);
+  CHECK(violated[0].n == 12 && violated[0].n_keys == FM_MOST_NAMED_KEYS);
+  CHECK(violated[0].keys[9][0] == 1 && violated[0].keys[9][1] == 9);
+  end(&scoped);
+}
+
 SCENARIO(a_message_of_which_one_part_cannot_be_read_has_no_effect)
 {
   begin_found(&FOUND);

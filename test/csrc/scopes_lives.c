@@ -260,6 +260,11 @@ static void give_shared(struct fm_scopes * scopes, int64_t now)
   while (fm_scopes_advance_to(scopes, now) != FM_NEVER) {
   }
   fm_scopes_begin(scopes, 1, now);
+  for (uint32_t k = 0; k < 2; ++k) {  // beyond the last: these take the place of no other
+    fm_scopes_store_from(scopes, LEAST.n_inputs, &value);
+    fm_scopes_store(scopes, LEAST.n_inputs, value);
+    fm_scopes_unusable(scopes, LEAST.n_inputs);
+  }
   fm_scopes_store(scopes, 1, value);
   (void)fm_scopes_end(scopes);
 }

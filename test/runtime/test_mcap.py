@@ -63,6 +63,16 @@ def test_a_file_without_messages_is_one(tmp_path: Path) -> None:
         assert [item.topic for item in reader.connections] == ['/a']
 
 
+@pytest.mark.parametrize('definition', ['', '\n', DEFINITION])
+def test_a_definition_has_a_format_unless_there_is_none(tmp_path: Path, definition: str) -> None:
+    path = tmp_path / 'file.mcap'
+    with path.open('wb') as file:
+        writer = McapWriter(file)
+        writer.add_channel('/a', FLOAT, definition)
+        writer.end()
+    assert (b'ros2msg' in path.read_bytes()) is (definition != '')
+
+
 def test_a_full_disk_is_an_error() -> None:
     with Path('/dev/full').open('wb') as file, \
             pytest.raises(OSError, match='No space left on device'):
