@@ -186,6 +186,29 @@ def read_one_instance(path: Path, *, constants: Mapping[str, Text] | None = None
     return replace(reading, specification=one_instance(reading.specification))
 
 
+def without_probabilities(reading: Reading, verb: str) -> tuple[Reading, tuple[Diagnostic, ...]]:
+    """
+    Return a bundle without its requirements with probabilities, and a warning for each.
+
+    Raises
+    ------
+    CompileError
+        if there are no others.
+    """
+    found = reading.specification.properties
+    kept = tuple(item for item in found if item.probability is None)
+    problems = Problems()
+    for item in found:
+        if item.probability is not None:
+            (problems.warning if kept else problems.error)(
+                f'`{verb}` leaves out {item.id}: it is about a probability', item.place,
+                'no single run satisfies or violates it', '' if kept else
+                'fret-monitor bag and a running monitor test it')
+    problems.raise_errors()
+    return replace(reading, specification=replace(
+        reading.specification, properties=kept)), problems.warnings
+
+
 def _refuse_instances(bundle: Bundle, problems: Problems) -> None:
     """Report what only `check` and `simulate` can do yet."""
     for place in (*(item.name.span for item in bundle.instance_variables[:1]),

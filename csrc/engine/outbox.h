@@ -35,6 +35,7 @@ struct fm_detail
   struct fm_violation violation;
   uint64_t suppressed;  // violations of this requirement so far whose details were not queued
   uint64_t number;      // of the violation, from 1; of a recovery, that of the last violation
+  struct fm_test_counts test;  // of a requirement with a probability
 };
 
 /// What became of a requirement's violations, at one instant.

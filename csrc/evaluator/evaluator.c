@@ -400,10 +400,28 @@ bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input
   return input < evaluator->monitor->n_inputs && evaluator->instance.inputs[input].is_stale;
 }
 
+void fm_evaluator_log_trials(struct fm_evaluator * evaluator, struct fm_trial_log * log)
+{
+  evaluator->trials = log;
+}
+
+static struct fm_test_counts test_counts(
+  const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  for (uint32_t k = 0; evaluator->tests != NULL && k < evaluator->tests->n_tests; ++k) {
+    const struct fm_test * test = &evaluator->tests->tests[k];
+    if (test->requirement == requirement) {
+      return fm_test_counts(
+        test, fm_test_words(evaluator, test), fm_test_parts(evaluator, test));
+    }
+  }
+  return (struct fm_test_counts) {NULL, 0, 0, 0, 0, 1.0};
+}
+
 struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  struct fm_requirement_counts counts = {0, 0, 0, true, true, false};
+  struct fm_requirement_counts counts = {0, 0, 0, true, true, false, {NULL, 0, 0, 0, 0, 1.0}};
   if (requirement < evaluator->monitor->n_requirements) {
     const struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
     const uint32_t group = evaluator->monitor->requirements[requirement].group;
@@ -413,6 +431,7 @@ struct fm_requirement_counts fm_evaluator_requirement_counts(
     counts.verdict = evaluator->instance.verdicts[requirement];
     counts.holds = evaluator->instance.previous[requirement];
     counts.is_violated = !counts.holds;
+    counts.test = test_counts(evaluator, requirement);
   }
   return counts;
 }

@@ -114,6 +114,7 @@ struct fm_evaluator_options
                                // silent; 0: as its timeout
   const int64_t * windows;     // an input whose source is FM_RATE: the length of its window, ns
   const uint32_t * rooms;      // and how many messages it has room for
+  const struct fm_tests * tests;  // of the monitor; NULL: none
 };
 
 /// One announced violation, or the recovery from one: what its report compares is true again.
@@ -127,6 +128,35 @@ struct fm_violation
   bool is_end;           // a recovery: the instance ended while it was violated (scopes.h)
 };
 
+/// The test of a requirement with a probability, since start or reset.
+struct fm_test_counts
+{
+  const struct fm_test * test;  // NULL: it has no probability, and the rest is 0
+  int64_t trials;
+  int64_t events;
+  int64_t verdict;     // 1: shown, -1: refuted, 0: neither
+  int64_t units;       // the likelihood of the outcomes is a power of 2^64
+  double likelihood;   // times this
+};
+
+/// A trial that was decided at a time.
+struct fm_trial_record
+{
+  int64_t stamp;
+  uint32_t requirement;
+  bool has_failed;
+};
+
+/// Where an evaluator writes the trials that are decided; the caller owns all of it. `missed`
+/// counts those for which there was no room.
+struct fm_trial_log
+{
+  struct fm_trial_record * records;
+  uint32_t room;
+  uint32_t n;
+  uint64_t missed;
+};
+
 /// Counters of a requirement. They count on through a reset.
 struct fm_requirement_counts
 {
@@ -137,6 +167,7 @@ struct fm_requirement_counts
   bool holds;            // what is reported: the verdict, or of H p whose falls are reported, p
   bool is_violated;      // the last violation is not over; of an engine with a gate, also one by a
                          // message that was withheld
+  struct fm_test_counts test;
 };
 
 /// Counters of an input.
@@ -391,6 +422,14 @@ FM_EXPORT bool fm_evaluator_has_value(const struct fm_evaluator * evaluator, uin
 
 /// Whether an input is stale.
 FM_EXPORT bool fm_evaluator_is_stale(const struct fm_evaluator * evaluator, uint32_t input);
+
+/// Write the trials that are decided from now on to a log, which outlives this use; NULL: to none.
+FM_EXPORT void fm_evaluator_log_trials(
+  struct fm_evaluator * evaluator, struct fm_trial_log * log);
+
+/// What the words and parts of a test (fret_trials.h) hold. O(1).
+FM_EXPORT struct fm_test_counts fm_test_counts(
+  const struct fm_test * test, const int64_t * words, const double * parts);
 
 /// Counters; all 0, and the verdict true, for an index out of range.
 FM_EXPORT struct fm_requirement_counts fm_evaluator_requirement_counts(

@@ -129,10 +129,62 @@ void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant)
   }
 }
 
+// ---- trials ------------------------------------------------------------------------------------
+
+const int64_t * fm_test_words(
+  const struct fm_evaluator * evaluator, const struct fm_test * test)
+{
+  const char * state = (const char *)evaluator->instance.state;
+  return (const int64_t *)(const void *)(state + test->words);
+}
+
+const double * fm_test_parts(
+  const struct fm_evaluator * evaluator, const struct fm_test * test)
+{
+  const char * state = (const char *)evaluator->instance.state;
+  return (const double *)(const void *)(state + test->parts);
+}
+
+struct fm_test_counts fm_test_counts(
+  const struct fm_test * test, const int64_t * words, const double * parts)
+{
+  return (struct fm_test_counts) {
+    test, words[FM_TEST_TRIALS], words[FM_TEST_EVENTS], words[FM_TEST_VERDICT],
+    words[FM_TEST_UNITS + FM_TEST_LIKELIHOOD], parts[FM_TEST_LIKELIHOOD]};
+}
+
+static void log_trial(
+  struct fm_trial_log * log, const struct fm_test * test, int64_t outcome, int64_t stamp)
+{
+  if (log->n == log->room) {
+    log->missed += 1;
+    return;
+  }
+  log->records[log->n].stamp = stamp;
+  log->records[log->n].requirement = test->requirement;
+  log->records[log->n].has_failed = (outcome < 0) != test->counts_successes;
+  log->n += 1;
+}
+
+// Log the trials that a step of a group has decided.
+static void log_trials(struct fm_evaluator * evaluator, uint32_t g, int64_t stamp)
+{
+  for (uint32_t k = 0; k < evaluator->tests->n_tests; ++k) {
+    const struct fm_test * test = &evaluator->tests->tests[k];
+    const int64_t outcome = fm_test_words(evaluator, test)[FM_TEST_OUTCOME];
+    if (evaluator->monitor->requirements[test->requirement].group == g && outcome != 0) {
+      log_trial(evaluator->trials, test, outcome, stamp);
+    }
+  }
+}
+
 // Judge the verdicts of a group's step, and count the step.
 static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
 {
   struct fm_instance_group * cell = &evaluator->instance.groups[g];
+  if (evaluator->tests != NULL && evaluator->trials != NULL) {
+    log_trials(evaluator, g, report->stamp);
+  }
   if (cell->stale > 0) {
     fm_overrule(evaluator, g);
   }

@@ -53,6 +53,13 @@ FM_INTERNAL void fm_evaluate_due_groups(
 /// Let the inputs become false that said that a message came, if that is over by an instant.
 FM_INTERNAL void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
 
+/// The words and the parts of a test (fret_trials.h) in the state of the evaluator's instance.
+/// O(1).
+FM_INTERNAL const int64_t * fm_test_words(
+  const struct fm_evaluator * evaluator, const struct fm_test * test);
+FM_INTERNAL const double * fm_test_parts(
+  const struct fm_evaluator * evaluator, const struct fm_test * test);
+
 /// Count and report the verdicts of a group.
 FM_INTERNAL void fm_judge_group(
   struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report);

@@ -447,6 +447,7 @@ struct fm_evaluator * fm_evaluator_init(
   uint32_t * topic_groups = (uint32_t *)(void *)(block + layout.topic_groups);
   memset(memory, 0, (size_t)layout.block.bytes);
   evaluator->monitor = options->monitor;
+  evaluator->tests = options->tests;
   evaluator->n_topics = options->n_topics;
   evaluator->policy = (enum fm_policy)options->policy;
   evaluator->period = evaluator->policy == FM_PERIODIC ? options->period : 0;

@@ -74,6 +74,8 @@ struct fm_topic_cell
 struct fm_evaluator
 {
   const struct fm_monitor * monitor;
+  const struct fm_tests * tests;  // NULL: none
+  struct fm_trial_log * trials;   // NULL: none
   struct fm_instance instance;
   struct fm_input_cell * inputs;
   struct fm_requirement_cell * requirements;

@@ -169,4 +169,50 @@ struct fm_outputs
   uint32_t n_outputs;
 };
 
+/// The words of a test: outcomes, events among them (outcomes of -1), the verdict (1: shown, -1:
+/// refuted, 0: neither), the outcome of this step, and the powers of 2^64 of its three parts: the
+/// evidence against the requirement, that in its favour, and the likelihood of the outcomes, each
+/// predicted from those before it.
+enum fm_test_word
+{
+  FM_TEST_TRIALS = 0,
+  FM_TEST_EVENTS = 1,
+  FM_TEST_VERDICT = 2,
+  FM_TEST_OUTCOME = 3,
+  FM_TEST_UNITS = 4,
+  FM_TEST_WORDS = 7
+};
+
+enum fm_test_part
+{
+  FM_TEST_AGAINST = 0,
+  FM_TEST_IN_FAVOUR = 1,
+  FM_TEST_LIKELIHOOD = 2,
+  FM_TEST_PARTS = 3
+};
+
+/// The test of a requirement with a probability, whose words and parts (fret_trials.h) are in the
+/// state at these offsets. What it counts as events are failures of trials, or successes. The
+/// numbers are those that it is called with; the texts are for people.
+struct fm_test
+{
+  uint32_t requirement;  // index
+  bool counts_successes;
+  uint64_t words;
+  uint64_t parts;
+  double allowed;
+  double rest;
+  double limit;
+  const char * relation;
+  const char * bound;
+  const char * confidence;
+};
+
+/// The tests of a monitor, by requirement. Constant; valid while its library is loaded.
+struct fm_tests
+{
+  const struct fm_test * tests;
+  uint32_t n_tests;
+};
+
 #endif  // FRET_MONITOR_H_

@@ -90,6 +90,7 @@ struct fm_node_scope
   const int64_t * startups;
   const int64_t * windows;
   const uint32_t * rooms;
+  const struct fm_tests * (* tests)(void);  // NULL: none
 };
 
 /// A kind of instances; what fm_report_kind has is not repeated. As in fm_kind.

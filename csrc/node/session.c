@@ -176,7 +176,8 @@ static struct fm_evaluator_options options_of(
     .policy = table->report.policy, .reports = scope->reports, .timeouts = scope->timeouts,
     .violates = scope->violates, .period = table->report.period, .patience = PATIENCE_NS,
     .sources = scope->sources, .reports_recoveries = true, .startups = scope->startups,
-    .windows = scope->windows, .rooms = scope->rooms};
+    .windows = scope->windows, .rooms = scope->rooms,
+    .tests = scope->tests == NULL ? NULL : scope->tests()};
 }
 
 // Zeroed memory, aligned; that which is never used is not touched. NULL if memory is short.

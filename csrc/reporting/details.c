@@ -21,6 +21,7 @@
 #include <string.h>
 
 #include "instance.h"
+#include "trial_lines.h"
 
 enum { HAS_VALUE = 1, IS_STALE = 2 };  // flags of an input (outbox.h)
 
@@ -251,6 +252,7 @@ void fm_add_detail(
   add_of_all(status, &item);
   add_values(status, &item);
   add_about(status, &item);
+  fm_add_trials(status, &detail->test);
   if (detail->violation.is_withheld && table->gate != NULL) {
     fm_status_value(status, WITHHELD_BY, "%s", table->gate->name);
   }
@@ -324,15 +326,29 @@ bool fm_read_detail(const struct fm_status * status, struct fm_received_detail *
   return true;
 }
 
-// The value of one of the keys behind the inputs and constants; NULL: there is none.
-static const char * find_value(const struct fm_status * detail, const char * key)
+// One of the keys behind the inputs and constants with its value; NULL: there is none.
+static const struct fm_key_value * find(const struct fm_status * detail, const char * key)
 {
   for (uint32_t k = FM_OF_ALL_DETAILS; k < detail->n_values; ++k) {
     if (strcmp(detail->values[k].key, key) == 0) {
-      return detail->values[k].value;
+      return &detail->values[k];
     }
   }
   return NULL;
+}
+
+static const char * find_value(const struct fm_status * detail, const char * key)
+{
+  const struct fm_key_value * found = find(detail, key);
+  return found == NULL ? NULL : found->value;
+}
+
+// The values of the trials, all of which are there; NULL: there are none.
+static const struct fm_key_value * find_trials(const struct fm_status * detail)
+{
+  const struct fm_key_value * found = find(detail, fm_trials_key);
+  return found != NULL && found - detail->values + FM_TRIAL_VALUES <= detail->n_values ?
+         found : NULL;
 }
 
 void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
@@ -342,11 +358,13 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   const char * step = find_value(detail, ABOUT_STEP);
   const char * time = find_value(detail, ABOUT_TIME);
   const char * end = find_value(detail, INSTANCE);
+  const struct fm_key_value * trials = find_trials(detail);
   uint32_t n = detail->n_values;
   if (n < FM_OF_ALL_DETAILS) {
     return;
   }
   n -= (uint32_t)((gate != NULL) + (step != NULL) + (time != NULL) + (end != NULL));
+  n -= trials != NULL ? FM_TRIAL_VALUES : 0u;
   fm_text_add(text, " [%s%s%s", is_of_times(detail) ? "" : "step ", values[PLACE].value,
     is_of_times(detail) ? " s after its start" : "");
   if (step != NULL) {
@@ -356,6 +374,9 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   }
   if (end != NULL) {
     fm_text_add(text, ", %s %s", INSTANCE, end);
+  }
+  if (trials != NULL) {
+    fm_show_trials(text, trials);
   }
   if (values[SILENT].value[0] != '\0') {
     fm_text_add(text, ", no message for %s", values[SILENT].value);

@@ -23,6 +23,7 @@
 #include "instance_lines.h"
 #include "review_parts.h"
 #include "transform_lines.h"
+#include "trial_lines.h"
 
 enum
 {
@@ -112,7 +113,11 @@ static uint8_t describe_requirement(
     fm_text_add(message, "satisfied, on old values of %s", fm_text_get(&places.silent));
   } else {
     level = counts->is_violated ? violated : OK;
-    fm_text_add(message, "%s", counts->is_violated ? "violated" : "satisfied");
+    if (counts->test.test != NULL) {
+      fm_add_trials_text(message, &counts->test);
+    } else {
+      fm_text_add(message, "%s", counts->is_violated ? "violated" : "satisfied");
+    }
   }
   fm_text_free(&places.missing);
   fm_text_free(&places.silent);
@@ -141,6 +146,7 @@ static void add_requirement(const struct report * report, uint32_t requirement)
   if (about->shows_verdict) {
     fm_status_value(status, "verdict", "%s", counts->verdict ? "true" : "false");
   }
+  fm_add_trials(status, &counts->test);
   fm_status_value(status, "text", "%s", about->text);
   fm_text_free(&message);
 }

@@ -274,8 +274,11 @@ class _Run:
             index, [name])) for index, name in enumerate(self._names)
             if recording.is_trace or index not in self._left_out}
         self._read = array('Q', bytes(8 * len(self._names)))
-        self._findings = [Findings(item.id, variable=variable) for item, variable in zip(
-            self._manifest.numbered, self._manifest.variable_of, strict=True)]
+        self._findings = [
+            Findings(item.id, variable=variable, probability=item.probability)
+            for item, variable in zip(
+                self._manifest.numbered, self._manifest.variable_of, strict=True)]
+        self._trials = self._evaluator.log_trials() if self._manifest.tests else None
         self._fit = None if isinstance(recording, Trace) else MessageFit(
             self._manifest.topics, recording.find_message)
 
@@ -583,6 +586,14 @@ class _Run:
                     each.change(violation, detail)
             self._report_judged(first_steps, NEVER)
             self._want_details()
+            self._take_trials()
+        self._take_trials()
+
+    def _take_trials(self) -> None:
+        """Note the trials that were decided."""
+        for index, time, has_failed in self._trials.take() if self._trials else ():
+            if self._is_judging and index not in self._unread:
+                self._findings[index].trials.append((time, has_failed))
 
     def _want_details(self) -> None:
         """Have the engine queue details as long as anybody wants them."""
@@ -618,6 +629,7 @@ class _Run:
                 findings.verdict = True
             findings.is_open = findings.verdict is None and counts.steps > before.steps
             findings.due = due.get(index) if findings.is_open else None
+            findings.test()
 
     def _complain(self) -> None:
         """Say what could not be decoded or used, and what was out of order."""
@@ -643,6 +655,7 @@ class _Run:
                 if count:
                     self._warnings.append(f'{counted(count, "message")} of {topic.name} {what}')
         self._complain_of_instances()
+        self._complain_of_trials()
         if not self._recording.is_trace:
             self._complain_of_transforms()
         times = self._evaluator.time_counts()
@@ -651,6 +664,11 @@ class _Run:
                                 'were left out')
         if overflows := self._scopes.overflows() if self._scopes else times.overflows:
             self._errors.append(overflow_text(overflows))
+
+    def _complain_of_trials(self) -> None:
+        if self._trials is not None and self._trials.missed:
+            self._errors.append(f'{counted(self._trials.missed, "trial")} found no room and are '
+                                'not counted')
 
     def _complain_of_instances(self) -> None:
         for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):

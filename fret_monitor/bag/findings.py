@@ -17,6 +17,9 @@
 from dataclasses import dataclass, field
 from operator import itemgetter
 
+from fret_monitor.model.probability import Probability
+from fret_monitor.runtime.probability import Figures, PooledTest, runs_of
+
 MOST_KEPT = 10_000
 """Occurrences of a requirement whose times are kept; the others are counted."""
 
@@ -33,6 +36,9 @@ class Findings:
 
     Of a requirement that is one for each key of a `variable`, these are of all its instances
     together, and `instances` has those that were violated, by key.
+
+    Of one with a `probability`, `trials` are the times (ns) of the trials, and whether each
+    failed; `figures` is what the test of this recording alone has found.
     """
 
     id: str
@@ -46,6 +52,9 @@ class Findings:
     spans: list[tuple[int, int | None]] = field(default_factory=list)
     variable: str = ''
     instances: dict[bytes, 'Findings'] = field(default_factory=dict)
+    probability: Probability | None = None
+    trials: list[tuple[int, bool]] = field(default_factory=list)
+    figures: Figures | None = None
 
     @property
     def first(self) -> int | None:
@@ -76,6 +85,17 @@ class Findings:
             self.longest = max(self.longest, stamp - since)
             if self.spans[-1] == (since, None):
                 self.spans[-1] = (since, stamp)
+
+    def test(self) -> None:
+        """Set the figures and the verdict of a requirement with a probability, if it is judged."""
+        if self.probability is None:
+            return
+        test = PooledTest(self.probability)
+        test.add_runs(runs_of(has_failed for _, has_failed in self.trials))
+        self.figures = test.figures()
+        if self.verdict is not False and (self.verdict or self.is_open):
+            self.verdict = True if self.figures.verdict == 'assured' else None
+            self.is_open = self.verdict is None
 
     def close(self, end: int) -> None:
         """Let what is violated last until the end of the recording; sum up the instances."""

@@ -26,6 +26,7 @@ from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.times import seconds, short_seconds
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.probability import Figures, runs_of
 from fret_monitor.runtime.reporting import StatusRecord
 
 _MOST_INSTANCES = 10  # violated instances of a requirement that are named
@@ -46,6 +47,7 @@ def json_line(result: RecordingResult) -> str:
             'first': None if item.first is None else seconds(item.first),
             **({'open': True} if item.is_open else {}),
             **({'instances': _instances(item)} if item.variable else {}),
+            **_probability(item),
         } for item in result.findings},
         **({'instances': {name: {
             'began': counts.begun, 'ended': counts.ended, 'ended_open': counts.open,
@@ -61,6 +63,23 @@ def _instances(item: Findings) -> dict[str, dict[str, object]]:
         'occurrences': found.occurrences,
         'first': None if found.first is None else seconds(found.first),
     } for key, found in sorted(item.instances.items())}
+
+
+def _probability(item: Findings) -> dict[str, object]:
+    """Return what was found of a probability, with all trials, to be pooled."""
+    if item.probability is None or item.figures is None:
+        return {}
+    return {'probability': {
+        'required': item.probability.required, 'confidence': item.probability.confidence_text,
+        **figures_json(item.figures),
+        'runs': runs_of(has_failed for _, has_failed in item.trials)}}
+
+
+def figures_json(found: Figures) -> dict[str, object]:
+    """Return the figures of a test (docs/probability.md)."""
+    return {'verdict': found.verdict, 'trials': found.trials, 'failures': found.failures,
+            'estimate': found.estimate if found.trials else None,
+            'interval': [found.low, found.high], 'more': found.more}
 
 
 def verdict_text(verdict: bool | None, *, is_open: bool) -> str:
@@ -89,7 +108,7 @@ def table(result: RecordingResult) -> str:
              f'{short_seconds(result.end - result.begin)} s{note}']
     lines += [f'{name}: {counted(counts.begun, "instance")}, {counts.ended:,} ended, '
               f'{counts.open:,} of them open' for name, counts in result.kinds.items()]
-    return '\n'.join([*lines, *(_aligned(row, widths) for row in rows)])
+    return '\n'.join([*lines, *(aligned(row, widths) for row in rows)])
 
 
 def _row(item: Findings, start: int) -> tuple[str, str, str, str, str]:
@@ -108,11 +127,11 @@ def shown_text(text: str) -> str:
     return ''.join(item if item.isprintable() else '?' for item in text)
 
 
-def _aligned(row: Sequence[str], widths: Sequence[int]) -> str:
-    """Return a row with its words on the left and its numbers on the right of their columns."""
-    words = [cell.ljust(width) for cell, width in zip(row[:2], widths)]
-    numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:])]
-    return '  '.join([*words, *numbers]).rstrip()
+def aligned(row: Sequence[str], widths: Sequence[int], words: int = 2) -> str:
+    """Return a row with its first words on the left and its numbers on the right of columns."""
+    texts = [cell.ljust(width) for cell, width in zip(row[:words], widths)]
+    numbers = [cell.rjust(width) for cell, width in zip(row[words:], widths[words:])]
+    return '  '.join([*texts, *numbers]).rstrip()
 
 
 def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,

@@ -29,6 +29,7 @@ from fret_monitor.model.names import handler_name
 from fret_monitor.model.policies import (
     ActionKind, InputRole, Otherwise, Policy, Report, Severity, Stale, Stamp,
 )
+from fret_monitor.model.probability import USUAL_CONFIDENCE
 
 
 DECLARING = ('signals', 'constants', 'inputs', 'topics', 'definitions', 'for_each')
@@ -130,7 +131,8 @@ class Requirement:
 
     `report` is None for the default of the policy. `is_assumption`: it constrains the environment
     instead of the system, which only `analyze` distinguishes. `on_violation` and `on_end` are
-    names of actions.
+    names of actions. `confidence` is that of a sentence with a probability; `has_confidence` where
+    it is the requirement's own, not the bundle's.
     """
 
     id: Text
@@ -143,6 +145,8 @@ class Requirement:
     is_assumption: bool = False
     on_violation: tuple[Text, ...] = ()
     on_end: tuple[Text, ...] = ()
+    confidence: Fraction = USUAL_CONFIDENCE
+    has_confidence: bool = False
 
     @property
     def handler(self) -> str:

@@ -62,8 +62,8 @@ _LONGEST_PERIOD_S = Fraction(10 ** 9)
 SIGNALS_KEYS = ('format', 'title', 'description', 'constants', 'inputs', 'topics')
 BUNDLE_KEYS = (
     'format', 'component', 'title', 'description', 'signals', 'for_each', 'constants', 'inputs',
-    'topics', 'definitions', 'evaluation', 'report', 'severity', 'actions', 'on_violation',
-    'on_end', 'gates', 'requirements')
+    'topics', 'definitions', 'evaluation', 'report', 'severity', 'confidence', 'actions',
+    'on_violation', 'on_end', 'gates', 'requirements')
 _LONGEST_REORDER_S = Fraction(3600)
 USUAL_REORDER_S = Fraction(1, 10)
 _TIMED_KEYS = ('unit', 'stamp', 'reorder')

@@ -16,18 +16,21 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 from fret_monitor.bundle.actions import read_names
 from fret_monitor.bundle.bundle import Language, Requirement
 from fret_monitor.bundle.formulas import FORMULA_KEYS, FORMULA_SLIPS, read_one_formula
-from fret_monitor.bundle.yaml_shape import kind_of, mapping_of, report_fault, Shape
+from fret_monitor.bundle.yaml_shape import kind_of, mapping_of, Quantity, report_fault, Shape
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Source, Text
 from fret_monitor.model.names import handler_fault, shown
 from fret_monitor.model.policies import Report, Severity
+from fret_monitor.model.probability import LEAST, USUAL_CONFIDENCE
 
 REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity', 'assume',
-                    'on_violation', 'on_end')
+                    'on_violation', 'on_end', 'confidence')
+_PROBABILITY = Quantity('certainty', '0.999', {})
 _NO_TEXT = Text('', Source('', ''), [0])
 
 
@@ -39,6 +42,7 @@ class _Defaults:
     severity: Severity
     on_violation: tuple[Text, ...]
     on_end: tuple[Text, ...]
+    confidence: Fraction
 
 
 @dataclass
@@ -55,7 +59,7 @@ def read_requirements(shape: Shape, problems: Problems, seen: Ids) -> Iterator[R
     defaults = _Defaults(
         shape.choice('report', Report), shape.choice('severity', Severity) or Severity.ERROR,
         read_names(shape, 'on_violation', problems) or (),
-        read_names(shape, 'on_end', problems) or ())
+        read_names(shape, 'on_end', problems) or (), _confidence(shape) or USUAL_CONFIDENCE)
     ids: dict[str, Requirement] = {}
     handlers: dict[str, Requirement] = {}
     seen.are_all = (isinstance(node, YamlList) and bool(node.items)
@@ -69,6 +73,10 @@ def read_requirements(shape: Shape, problems: Problems, seen: Ids) -> Iterator[R
             _check_id(found, ids, handlers, problems)
             if found.text is not _NO_TEXT:
                 yield found
+
+
+def _confidence(shape: Shape) -> Fraction | None:
+    return shape.number('confidence', _PROBABILITY, Fraction(1, 2), 1 - LEAST)
 
 
 def _requirement_nodes(shape: Shape, node: Node | None,
@@ -135,6 +143,8 @@ def _requirement(mapping: YamlMapping, defaults: _Defaults,
         on_violation=defaults.on_violation if on_violation is None else on_violation,
         on_end=defaults.on_end if on_end is None else on_end,
         is_assumption=shape.truth('assume'),
+        confidence=_confidence(shape) or defaults.confidence,
+        has_confidence=shape.key('confidence') is not None,
     )
     return found if name else None
 

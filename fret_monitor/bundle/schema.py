@@ -137,6 +137,8 @@ _VALUES: Values = {
                                     'others with earlier stamps'),
     'report': (_words(Report), 'which violations are announced'),
     'severity': (_words(Severity), 'the level at which violations are logged; default: error'),
+    'confidence': (_number(minimum=0.5, exclusiveMaximum=1), 'how sure the verdict about a '
+                   'probability has to be; default: 0.999'),
     'id': (_TEXT, 'the name of the requirement'),
     'assume': ({'type': 'boolean'}, 'for analyze: true where the environment has to fulfil it'),
     'rationale': (_FREE, 'why the requirement is there'),

@@ -25,7 +25,7 @@ from threading import current_thread, main_thread
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import read, read_one_instance, Reading
+from fret_monitor.build import read, read_one_instance, Reading, without_probabilities
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
@@ -71,8 +71,10 @@ def run(options: Namespace) -> int:
     from fret_monitor.traces.deadline import Deadline
     # A run that is written has no column for a key.
     read_it = read_one_instance if options.output is None else read
-    reading = read_it(existing_bundle(options.bundle), constants=dict(options.constants))
-    asked, warnings = _asked(reading, options.only)
+    reading, left_out = without_probabilities(
+        read_it(existing_bundle(options.bundle), constants=dict(options.constants)), 'analyze')
+    asked, more = _asked(reading, options.only)
+    warnings = (*left_out, *more)
     if not options.json:
         print_diagnostics(warnings)
     if options.output is not None:
@@ -97,6 +99,9 @@ def quick_warnings(reading: Reading) -> list[Diagnostic]:
     from fret_monitor.analysis.report import warnings
     from fret_monitor.traces.deadline import Deadline
     reading = replace(reading, specification=one_instance(reading.specification))
+    if all(item.probability for item in reading.specification.properties):
+        return []
+    reading, _ = without_probabilities(reading, 'analyze')
     asked, _ = _asked(reading, None)
     found = _analysis(reading, CompiledReplay(reading), asked, Deadline(_QUICK_S))
     return list(warnings(found, reading.specification))

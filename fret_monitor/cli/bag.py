@@ -183,6 +183,8 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
                 or (is_violated and options.fail_on_violation):
             status = 1
     found = [lines[key] for key in map(recording_key, options.bags) if key in lines]
+    if _print_pooled(found, is_json=options.json) and options.fail_on_violation:
+        status = 1
     if options.junit is not None:
         _write_junit(options, bundle, selection, found, texts)
     if folder is not None:
@@ -192,6 +194,17 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
     if results is not None and results.error:
         refuse(results.error, help='the recordings printed since then will be checked again')
     return status
+
+
+def _print_pooled(lines: Sequence[str], *, is_json: bool) -> bool:
+    """Print the probabilities over all recordings; return whether one is refuted."""
+    from fret_monitor.bag.pooled import pooled, pooled_json, pooled_table, required_of
+    found = pooled(lines)
+    if not found:
+        return False
+    print(pooled_json(found, len(lines)) if is_json else
+          pooled_table(found, required_of(lines), len(lines)), flush=True)
+    return any(item.verdict == 'refuted' for item in found.values())
 
 
 def _write_junit(options: Namespace, bundle: Path, selection: 'Selection', found: Sequence[str],

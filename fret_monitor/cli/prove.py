@@ -20,7 +20,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
-from fret_monitor.build import generate_monitor, read_one_instance
+from fret_monitor.build import generate_monitor, read_one_instance, without_probabilities
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
@@ -57,10 +57,14 @@ def run(options: Namespace) -> int:
     from fret_monitor.proving.certificate import as_dict, Certificate, lines
     from fret_monitor.proving.verification import verify
     bundle = existing_bundle(options.bundle)
-    generated = generate_monitor(read_one_instance(
-        bundle, constants=dict(options.constants)))
+    reading, left_out = without_probabilities(read_one_instance(
+        bundle, constants=dict(options.constants)), 'prove')
+    generated = generate_monitor(reading)
     if not options.json:
-        print_diagnostics(generated.warnings)
+        print_diagnostics((*generated.warnings, *left_out))
+    if options.sources is not None and left_out:
+        refuse('--sources: they hold requirements with probabilities, which are not proved',
+               help='prove the bundle without --sources')
     if options.sources is not None:
         _require_same_files(options.sources, source_files(generated.module.files))
     if options.trace is not None:
@@ -70,7 +74,8 @@ def run(options: Namespace) -> int:
         found = verify(generated, seconds=options.timeout, progress=report)
     certificate = Certificate(bundle.name, generated, found)
     if options.json:
-        print_document(_with_trace(as_dict(certificate), found), generated.warnings)
+        print_document(_with_trace(as_dict(certificate), found),
+                       (*generated.warnings, *left_out))
     else:
         style = 'satisfied' if found.is_proved else 'violated'
         first, *others = lines(certificate)

@@ -17,7 +17,9 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from fret_monitor.build import compile_monitor, generate_monitor, read_one_instance
+from fret_monitor.build import (
+    compile_monitor, generate_monitor, read_one_instance, without_probabilities,
+)
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.limits import seconds
@@ -47,14 +49,14 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Write the tests of a bundle."""
-    reading = read_one_instance(
-        existing_bundle(options.bundle), constants=dict(options.constants))
+    reading, left_out = without_probabilities(read_one_instance(
+        existing_bundle(options.bundle), constants=dict(options.constants)), 'tests')
     check_output(options.output)
     compiled = compile_monitor(generate_monitor(reading))
     with progress('tests') as report:
         suite = make_suite(reading, options.timeout, report)
         count = write_suite(suite, compiled.monitor, reading, options.output)
-    warnings = list(compiled.warnings)
+    warnings = [*compiled.warnings, *left_out]
     if suite.is_partial:
         warnings.append(Diagnostic(
             f'the search ended after {options.timeout:g} s: some answers are missing',

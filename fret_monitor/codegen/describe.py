@@ -89,6 +89,7 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         gate=_gate(specification.gate, all_topics) if specification.gate else None,
         kept=specification.kept,
         outputs=module.outputs,
+        tests=module.tests,
     )
 
 
@@ -156,4 +157,5 @@ def _requirement(item: Property, group: int, signal_of: dict[str, int],
         on_violation=tuple(action_of[name] for name in item.on_violation),
         on_end=tuple(action_of[name] for name in item.on_end),
         horizon=item.horizon,
+        probability=item.probability,
     )

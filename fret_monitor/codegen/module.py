@@ -40,10 +40,13 @@ from fret_monitor.program.monitor_program import MonitorProgram, room_of
 _FILE_EQUATIONS = 3000
 _BLOCK_EQUATIONS = 600
 _USE_OF_MATH_H = re.compile(rf'\b({"|".join(sorted(OF_MATH_H))})\b')
+_USE_OF_TRIALS_H = re.compile(r'\bfm_(trial|tested)')
 _USE_OF_WINDOWS_H = re.compile(r'\bfm_((number|of_key|exact|time_over)_|slope)')
 WINDOWS_HEADER = 'fret_windows.h'
 """The runtime header of the cells of numbers over time, which includes the others."""
-_HEADERS = ('fret_monitor.h', 'fret_cells.h', WINDOWS_HEADER)
+TRIALS_HEADER = 'fret_trials.h'
+"""The runtime header of trials and tests of probabilities."""
+_HEADERS = ('fret_monitor.h', 'fret_cells.h')
 _HASH_FIELD = '\0'  # replaced by the hash; cannot occur in text of a bundle
 
 
@@ -54,7 +57,8 @@ class CModule:
 
     `symbol` is the exported function that returns the `struct fm_monitor`. `readers` is the one
     that returns the `struct fm_readers` (the extractors), '' if there are no topics.
-    `outputs` is the one that returns the `struct fm_outputs`, '' if there are none.
+    `outputs` is the one that returns the `struct fm_outputs`, '' if there are none, and `tests`
+    the `struct fm_tests` of the requirements with probabilities.
     `source_hash` is the SHA-256 of all texts; the struct of the monitor holds it too.
     """
 
@@ -65,6 +69,7 @@ class CModule:
     sources: tuple[tuple[str, str], ...]
     readers: str = ''
     outputs: str = ''
+    tests: str = ''
 
     @property
     def files(self) -> dict[str, str]:
@@ -74,8 +79,9 @@ class CModule:
     @property
     def runtime_headers(self) -> tuple[str, ...]:
         """The names of the headers of the runtime that are included."""
-        has_windows = any(f'"{WINDOWS_HEADER}"' in text for _, text in self.sources)
-        return _HEADERS if has_windows else _HEADERS[:-1]
+        more = (name for name in (WINDOWS_HEADER, TRIALS_HEADER)
+                if any(f'"{name}"' in text for _, text in self.sources))
+        return (*_HEADERS, *more)
 
 
 def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
@@ -100,7 +106,8 @@ def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
     sources = tuple((name, text.replace(_HASH_FIELD, digest)) for name, text in texts)
     return CModule(program.name, names.symbol, digest, (names.header, header), sources,
                    names.readers if readers else '',
-                   names.outputs if any(layout.group.outputs for layout in layouts) else '')
+                   names.outputs if any(layout.group.outputs for layout in layouts) else '',
+                   names.tests if writer.has_tests else '')
 
 
 class _ModuleWriter:
@@ -226,6 +233,10 @@ class _ModuleWriter:
             yield '/// The numbers that are kept in the state, which aggregates read.'
             yield f'FM_EXPORT const struct fm_outputs * {names.outputs}(void);'
             yield ''
+        if self.has_tests:
+            yield '/// Where the tests of probabilities are in the state.'
+            yield f'FM_EXPORT const struct fm_tests * {names.tests}(void);'
+            yield ''
         yield '// The functions of each step group, for the description.'
         for number, _ in enumerate(self._layouts):
             yield f'FM_INTERNAL void {names.group_function(number, "reset")}(void * state);'
@@ -270,6 +281,8 @@ class _ModuleWriter:
         yield ''
         has_windows = any(map(_USE_OF_WINDOWS_H.search, code))
         yield f'#include "{WINDOWS_HEADER if has_windows else "fret_cells.h"}"'
+        if any(map(_USE_OF_TRIALS_H.search, code)):
+            yield f'#include "{TRIALS_HEADER}"'
         yield ''
         yield '#if FM_ABI != 2'
         yield '#error "this file was generated for another version of fret_monitor.h"'
@@ -487,6 +500,7 @@ class _ModuleWriter:
         yield '  return &monitor;'
         yield '}'
         yield from self._outputs()
+        yield from self._tests()
 
     def _outputs(self) -> Iterator[str]:
         """Yield the description of the outputs, if there are any."""
@@ -503,6 +517,36 @@ class _ModuleWriter:
         yield '  };'
         yield f'  static const struct fm_outputs outputs = {{all, {len(found)}u}};'
         yield from ('  return &outputs;', '}')
+
+    @property
+    def has_tests(self) -> bool:
+        """Whether a requirement has a probability."""
+        return any(item.probability is not None for item in self._program.properties)
+
+    def _tests(self) -> Iterator[str]:
+        """Yield the description of the tests, if there are any."""
+        if not self.has_tests:
+            return
+        struct = self._names.state_struct
+        yield from ('', f'const struct fm_tests * {self._names.tests}(void)', '{')
+        yield '  static const struct fm_test all[] = {'
+        found = [(number, group, verdict.value) for group, layout in enumerate(self._layouts)
+                 for number, verdict in zip(layout.group.properties, layout.group.verdicts)]
+        for number, group, index in sorted(found):
+            if (asked := self._program.properties[number].probability) is None:
+                continue
+            numbers = ', '.join(c.literal(item, ValueType.FLOAT64).text for item in (
+                asked.allowed, asked.rest, asked.limit))
+            yield f'    {{{number}u, {str(asked.counts_successes).lower()},'
+            yield f'      offsetof({struct}, group_{group}.queue_{index}),'
+            yield f'      offsetof({struct}, group_{group}.window_{index}),'
+            yield f'      {numbers},'
+            yield f'      {_string(asked.relation)}, {_string(asked.bound_text)},'
+            yield f'      {_string(asked.confidence_text)}}},'
+        yield '  };'
+        count = sum(item.probability is not None for item in self._program.properties)
+        yield f'  static const struct fm_tests tests = {{all, {count}u}};'
+        yield from ('  return &tests;', '}')
 
     def _input_table(self) -> Iterator[str]:
         if not self._program.signals:
@@ -564,7 +608,8 @@ def _declaration(item: StateField) -> str:
 def _initialisation(item: StateField) -> Iterator[str]:
     if item.length:
         yield f'  for (size_t i = 0u; i < {item.length}u; ++i) {{'
-        yield f'    s->{field(item)}[i] = {item.initial}u;'
+        shown = item.initial if item.type.is_float else f'{item.initial}u'
+        yield f'    s->{field(item)}[i] = {shown};'
         yield '  }'
     elif item.type.is_integer and item.type is not ValueType.INT64:
         value = int(item.initial)

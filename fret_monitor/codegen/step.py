@@ -37,10 +37,11 @@ from fret_monitor.program.layout import (
 )
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, CounterCell, Delay,
-    FeedbackRead, FirstStep, Greatest, Hold, is_exact_sum, lasts_a_tick, Literal, MonitorProgram,
-    OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation, Overflowed, Power,
-    PreviousNumber, Read, Room, Rounded, SinceBefore, SinceBetween, SinceEver, SinceWithin,
-    SlopeBetween, Tally, TimeAtLeast, Total, TriggeredEver, ValueAgo,
+    FeedbackRead, FirstStep, Greatest, Hold, is_exact_sum, lasts_a_tick, Literal,
+    MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation,
+    OutcomesTest, Overflowed, Power, PreviousNumber, Read, Room, Rounded, SinceBefore,
+    SinceBetween, SinceEver, SinceWithin, SlopeBetween, Tally, TimeAtLeast, Total,
+    TrialOutcome, TriggeredEver, ValueAgo,
 )
 
 _INLINE_DEPTH = 4
@@ -290,6 +291,14 @@ class PartWriter:
                 return c.Ternary(self._operand(operation.condition),
                                  self._operand(operation.argument),
                                  c.Atom(f's->number_{index}'))
+            case TrialOutcome():
+                return self._trial(operation, index)
+            case OutcomesTest():
+                numbers = (c.literal(item, ValueType.FLOAT64)
+                           for item in (operation.allowed, operation.rest, operation.limit))
+                return c.Apply('fm_tested', (
+                    c.Atom(f's->queue_{index}'), c.Atom(f's->window_{index}'), *numbers,
+                    self._operand(operation.outcome)))
             case PreviousNumber():
                 return c.Atom(f's->number_{index}')
             case FeedbackRead():
@@ -368,6 +377,12 @@ class PartWriter:
                     ((self._operand(cell.at),) if cell.room else ())
                     + (self._word(cell.argument),))
                 return sums if is_float else self._number(index, sums)
+
+    def _trial(self, cell: TrialOutcome, index: int) -> c.CExpression:
+        due = c.Atom('FM_NEVER') if cell.due is None else _int64(cell.due)
+        arguments = (c.Atom(f'&s->counter_{index}'), due, *map(self._operand, operands(cell)))
+        return c.Apply('fm_trial_at', (*arguments, *_AT)) if self._group.is_timed \
+            else c.Apply('fm_trial', arguments)
 
     def _slope(self, cell: SlopeBetween, index: int) -> c.CExpression:
         arguments = (c.Atom(f'&s->number_{index}'), c.Atom(f's->queue_{index}'),
@@ -478,7 +493,7 @@ _STEMS: dict[type[Operation], str] = {
     TriggeredEver: 'triggered', PreviousNumber: 'previous', FeedbackRead: 'feedback',
     SinceBetween: 'since_between', Overflowed: 'overflowed', Tally: 'count', Rounded: 'sum',
     ValueAgo: 'ago', Greatest: 'extreme', Total: 'total', TimeAtLeast: 'time_over', Hold: 'held',
-    SlopeBetween: 'slope',
+    SlopeBetween: 'slope', TrialOutcome: 'trial', OutcomesTest: 'tested',
 }
 
 

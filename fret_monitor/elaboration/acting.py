@@ -18,7 +18,7 @@ The actions and gates of a bundle, resolved: names, types, and messages as bytes
 All mistakes are added to the problems, each at its place.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 import re
@@ -251,11 +251,13 @@ def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
     """
     Refuse what a gate cannot judge by.
 
-    That is what speaks of the future, `stale: open` for inputs that violate while they are stale,
-    and fields of a service's events that a request has not.
+    That is what speaks of the future or of a probability, `stale: open` for inputs that violate
+    while they are stale, and fields of a service's events that a request has not. A lock is
+    refused for a probability, too.
     """
     known = {signal.name: signal for signal in signals}
     items = {item.id: item for item in properties}
+    _check_locks(items, bundle, problems)
     places = {entry.name.value: entry.stale_place for entry in bundle.gates}
     fields = {entry.name.value: entry.field or entry.name for entry in bundle.inputs}
     for gate in gates:
@@ -267,6 +269,11 @@ def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
                     f'the gate {shown(gate.name)} cannot keep {shown(item.id)}: it speaks of the '
                     'future', span, 'its verdict is about an earlier message',
                     'keep a requirement of the past, which can be judged before a message passes')
+            elif item is not None and item.probability:
+                problems.error(
+                    f'the gate {shown(gate.name)} cannot keep {shown(item.id)}: it is about a '
+                    'probability', span, 'no single message violates it',
+                    'keep the sentence without its probability')
         for name in read if gate.settings.is_service else ():
             place = fields[name]
             if known[name].topic == gate.settings.judged_topic and \
@@ -283,3 +290,17 @@ def check_judged(properties: Iterable[Property], gates: Iterable[Gate],
                     f'{shown(name)} is stale', places[gate.name] or gate.place,
                     f'{shown(name)} has stale: violate: its silence violates the requirements',
                     'stale: closed')
+
+
+def _check_locks(items: Mapping[str, Property], bundle: Bundle, problems: Problems) -> None:
+    """Refuse locks for probabilities: the verdict is final, so that they would stay for ever."""
+    locks = {entry.name.value for entry in bundle.actions if entry.kind is ActionKind.LOCK}
+    for requirement in bundle.requirements:
+        item = items.get(requirement.id.value)
+        for name in requirement.on_violation if item and item.probability else ():
+            if name.value in locks:
+                problems.error(
+                    f'the lock {shown(name.value)} cannot follow '
+                    f'{shown(requirement.id.value)}: it is about a probability', name.span,
+                    'its verdict is final, and the lock would stay for ever',
+                    'lock by the sentence without its probability')

@@ -39,7 +39,7 @@ from fret_monitor.elaboration.aggregates import Aggregates
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator, FindVocabulary, uses
 from fret_monitor.elaboration.equations import equations_term
-from fret_monitor.elaboration.fretish import sentence_term
+from fret_monitor.elaboration.fretish import probability_of, sentence_term
 from fret_monitor.elaboration.future import from_horizon
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.instances import check_instances, described_variable
@@ -62,6 +62,7 @@ from fret_monitor.model.graph import components, cycle, is_cyclic
 from fret_monitor.model.made import MadeKind
 from fret_monitor.model.names import fret_name
 from fret_monitor.model.policies import Stamp
+from fret_monitor.model.probability import Probability
 
 _HEADER = 'std_msgs/msg/Header'
 _MANY = 8
@@ -317,9 +318,19 @@ class _Reading:
             is_assumption=item.is_assumption,
             constants=self._constants_of(tree),
             horizon=term.horizon,
+            probability=self._probability(item, tree),
             on_violation=tuple(name.value for name in item.on_violation),
             on_end=tuple(name.value for name in item.on_end),
         )
+
+    def _probability(self, item: Requirement,
+                     tree: Expression | Equations | Sentence | None) -> Probability | None:
+        found = probability_of(tree, item.confidence) if isinstance(tree, Sentence) else None
+        if found is None and item.has_confidence:
+            self.problems.error(f"{item.id.value} has a 'confidence' and no probability",
+                                item.id.span, 'its verdict is of each run, not of many trials',
+                                'leave it out; or: shall with probability > 0.98 ...')
+        return found
 
     def _constants_of(self, tree: Expression | Equations | Sentence | None) -> tuple[str, ...]:
         """Return the constants that a text names, itself or in definitions, as declared."""
@@ -345,7 +356,7 @@ class _Reading:
         if not isinstance(tree, Sentence):
             return self._term(item.language, item.text, tree, item.id.value)
         self._check_component(tree.component)
-        return sentence_term(tree, self._scope, self.problems, self._scale)
+        return sentence_term(tree, self._scope, self.problems, self._scale, item.confidence)
 
     def _check_component(self, found: ComponentPhrase) -> None:
         expected = self._bundle.component

@@ -46,10 +46,14 @@ def formalize(sentence: Sentence, language: Literal['smv', 'cocospec'] = 'smv',
     Raises
     ------
     CompileError
-        if the sentence uses a name in two ways, or has a formula of more than a million
-        characters.
+        if the sentence uses a name in two ways, has a probability, or has a formula of more than
+        a million characters.
     """
     problems = Problems()
+    if sentence.probability is not None:
+        refuse('a probability has no formula of past-time MTL', sentence.probability.span,
+               'trials are counted and tested', 'put it into a bundle: fret-monitor explain says '
+               'what it means')
     term = sentence_term(sentence, scope_by_use(sentence), problems, scale)
     problems.raise_errors()
     formula = formula_of(term)

@@ -34,6 +34,7 @@ are [left, right) there; formulas are equivalent to FRET's, and mostly shorter.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 
 from fret_monitor.elaboration.durations import STEPS, TimeScale
 from fret_monitor.elaboration.elaborator import Elaborator
@@ -45,20 +46,28 @@ from fret_monitor.language.sentence import (
     ConditionKind, ScopeKind, ScopePhrase, Sentence, TimingKind,
 )
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Formula, FTP, Historically, Once, Since, TRUE, Unary,
-    UnaryOperator, WeakYesterday, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, FALSE, Formula, FTP, Historically, NotRefuted, Once, Since,
+    Trial, TRUE, Unary, UnaryOperator, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.model.diagnostics import CompileError, Problems
+from fret_monitor.model.probability import Probability, USUAL_CONFIDENCE
 
 
-def sentence_term(sentence: Sentence, scope: Scope, problems: Problems,
-                  scale: TimeScale = STEPS) -> TypedTerm:
+def sentence_term(sentence: Sentence, scope: Scope, problems: Problems, scale: TimeScale = STEPS,
+                  confidence: Fraction = USUAL_CONFIDENCE) -> TypedTerm:
     """
     Return the term of a sentence; report mistakes to the problems.
 
-    `scale` says what durations and counts mean; the default counts steps, as in FRET.
+    `scale` says what durations and counts mean; the default counts steps, as in FRET. With a
+    probability, `confidence` is how sure the verdict has to be.
     """
-    return _Formalisation(sentence, scope, problems, scale).term()
+    return _Formalisation(sentence, scope, problems, scale, confidence).term()
+
+
+def probability_of(sentence: Sentence, confidence: Fraction) -> Probability | None:
+    """Return what a sentence with a probability asks for; None of one without."""
+    phrase = sentence.probability
+    return None if phrase is None else Probability(phrase.relation, phrase.bound, confidence)
 
 
 def is_not_yet(sentence: Sentence) -> bool:
@@ -66,10 +75,10 @@ def is_not_yet(sentence: Sentence) -> bool:
     Whether a false verdict means "not yet": it can still become true.
 
     This holds for `eventually`, `finally` and no timing; with an `only` scope, for `always`,
-    `never` and `finally`. All other sentences stay false.
+    `never` and `finally`. All other sentences stay false, and those with a probability.
     """
     timing, _ = _meant(sentence)
-    return timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY)
+    return sentence.probability is None and timing in (TimingKind.EVENTUALLY, TimingKind.FINALLY)
 
 
 # The dual of each timing: an `only` scope requires the dual, of the negated response.
@@ -103,12 +112,34 @@ _SCOPE_WORDS = {
 }
 
 
+def _check_trials(sentence: Sentence, timing: TimingKind, has_end: bool, scale: TimeScale,
+                  problems: Problems) -> None:
+    """Report a sentence with a probability whose trials are not decided, or never end to begin."""
+    phrase = sentence.probability
+    assert phrase is not None
+    place = sentence.timing.span if sentence.timing else phrase.span
+    if not has_end and timing in (TimingKind.ALWAYS, TimingKind.EVENTUALLY, TimingKind.FINALLY):
+        reason = 'a trial would be decided at the end of the run' \
+            if timing is TimingKind.FINALLY else 'a trial would be decided ' + (
+                'only by failing' if timing is TimingKind.ALWAYS else 'only by succeeding')
+        problems.error(
+            'the trials of this probability have no end', place, f'{reason}: its scope has no end',
+            'give it a time: within 2 seconds, for 2 seconds; or a scope that ends: in m mode')
+    if scale.is_timed and sentence.condition is not None and \
+            sentence.condition_kind is ConditionKind.HOLDING:
+        problems.error(
+            'under policy timed, whenever would begin a trial each nanosecond',
+            sentence.condition.span, 'each step at which this holds is a trigger',
+            'write upon or when: a trial begins where it becomes true; or policy: periodic')
+
+
 class _Formalisation:
     """The formalisation of one sentence."""
 
     def __init__(self, sentence: Sentence, scope: Scope, problems: Problems,
-                 scale: TimeScale) -> None:
+                 scale: TimeScale, confidence: Fraction) -> None:
         self._sentence = sentence
+        self._probability = probability_of(sentence, confidence)
         self._problems = problems
         self._scale = scale
         self._bounds: frozenset[int] = frozenset()
@@ -132,8 +163,14 @@ class _Formalisation:
             return TypedTerm(Broken(), sentence.span)
         base = _Timed(self._interval, condition, sentence.condition_kind, stop, steps)
         timing, is_negated = _meant(sentence)
-        formula = base.formula(timing, _not(response) if is_negated else response,
-                               sentence.scope_kind.is_only)
+        due = _not(response) if is_negated else response
+        if self._probability is not None:
+            _check_trials(sentence, timing, self._interval.right is not None, self._scale,
+                          self._problems)
+            formula = _tested(base.trial(timing, due, sentence.scope_kind.is_only),
+                              self._probability)
+        else:
+            formula = base.formula(timing, due, sentence.scope_kind.is_only)
         return TypedTerm(formula, sentence.span, bounds=joined_bounds(self._bounds, (steps,)))
 
     def _is_value(self, phrase: ScopePhrase, scope: Scope) -> bool:
@@ -257,6 +294,33 @@ class _Timed:
         inside = self.interval.inside
         return Historically(ALWAYS, base if inside is TRUE else _implies(inside, base))
 
+    def trial(self, timing: TimingKind, response: Formula, is_only: bool) -> Trial:
+        """
+        Return the trial that each trigger begins; parameters as of `formula`.
+
+        FRET has in words what the response to a trigger is, for each of its templates; where the
+        interval ends earlier, it need not come, but for `eventually` and `finally`.
+        """
+        never, denied, last = FALSE, _not(response), self.steps
+        rules: dict[TimingKind, tuple[int | None, Formula, Formula, Formula]] = {
+            TimingKind.IMMEDIATELY: (0, never, never, TRUE),
+            TimingKind.NEXT: (1, never, never, TRUE),
+            TimingKind.ALWAYS: (None, never, denied, TRUE),
+            TimingKind.EVENTUALLY: (None, response, never, FALSE),
+            TimingKind.FINALLY: (None, never, never, Yesterday(response)),
+            TimingKind.UNTIL: (None, self.stop, _and(_not(self.stop), denied), TRUE),
+            TimingKind.BEFORE: (None, _and(_not(self.stop), response), self.stop, TRUE),
+            TimingKind.WITHIN: (last, response, never, TRUE),
+            TimingKind.FOR: (last, never, denied, TRUE),
+            TimingKind.AFTER: (last + 1, denied, never, TRUE) if is_only
+            else (last + 1, never, response, TRUE),
+        }
+        due, good, bad, good_at_end = rules[timing]
+        inside = self.interval.inside
+        begins = self._trigger if inside is TRUE else _and(self._trigger, inside)
+        return Trial(due, begins, good, bad, TRUE if due is None else response,
+                     FALSE if self.interval.right is None else _not(inside), good_at_end)
+
     def _at_the_end(self, base: Formula) -> Formula:
         """Require a base at the last step of past intervals, and now if an interval is open."""
         interval = self.interval
@@ -339,6 +403,12 @@ class _Timed:
         due = Once(Window(self.steps + 1, self.steps + 1), self._trigger)
         came_before = Yesterday(Once(recent, _not(denial)))
         return _implies(due, _or(_or(Once(recent, self.interval.left), denial), came_before))
+
+
+def _tested(trial: Trial, asked: Probability) -> Formula:
+    """Return the test of a trial's outcomes; failures are events, or successes of `<`."""
+    outcome: Formula = Unary(UnaryOperator.NEG, trial) if asked.counts_successes else trial
+    return NotRefuted(outcome, asked.allowed, asked.rest, asked.limit)
 
 
 # Connectives

@@ -114,7 +114,11 @@ def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> Non
     shown = ', '.join(f"'{name}' is of {' and '.join(names)}" for name, names in keyed.items())
     aggregate = next((name for name in item.inputs
                       if inputs[name].source is InputSource.INSTANCES), None)
-    if len(mentioned) > 1:
+    if mentioned and item.probability:
+        problems.error(f'{item.id} is about a probability, and one for each '
+                       f"'{min(mentioned)}'", item.place, shown, 'tests of instances are not '
+                       'supported yet: write a requirement of the bundle, or a bundle for each')
+    elif len(mentioned) > 1:
         problems.error(f'{item.id} reads inputs of {len(mentioned)} instance variables',
                        item.place, shown, 'a requirement is of one variable: pairs of keys are '
                        'not supported yet')

@@ -239,7 +239,7 @@ def _meaning(item: Property, context: _ReportContext) -> tuple[
     if item.id in context.sentences:
         parts = context.sentences[item.id]
         return tuple(fretish.fields(parts)), (
-            *fretish.meaning(parts, context.scale), *definitions)
+            *fretish.meaning(parts, context.scale, item.probability), *definitions)
     if item.horizon:
         return (), (
             ('in words', future.in_words(context.futures[item.id], context.scale)),

@@ -27,6 +27,7 @@ from fret_monitor.language.expression import Duration, Expression, Unit
 from fret_monitor.language.sentence import (
     ConditionKind, ConditionPhrase, ScopeKind, Sentence, TimingKind,
 )
+from fret_monitor.model.probability import Probability
 from fret_monitor.model.times import time_text
 
 _JOINTS = {'&': 'and', '|': 'or'}
@@ -76,15 +77,32 @@ def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
     yield 'scope', sentence.scope.span.written if sentence.scope else '-'
     yield 'condition', sentence.condition.span.written if sentence.condition else '-'
     yield 'component', sentence.component.name
+    if sentence.probability:
+        yield 'probability', sentence.probability.span.written
     yield 'timing', sentence.timing.span.written if sentence.timing else '-'
     yield 'response', _of(sentence.response)
 
 
-def meaning(sentence: Sentence, scale: TimeScale) -> Iterator[tuple[str, str]]:
-    """Yield scope, trigger and requirement in English."""
+def meaning(sentence: Sentence, scale: TimeScale,
+            asked: Probability | None = None) -> Iterator[tuple[str, str]]:
+    """Yield scope, trigger and requirement in English, and how a probability is tested."""
     yield 'in force', _scope(sentence, scale)
     yield 'trigger', _trigger(sentence, scale)
     yield 'required', _required(sentence, scale)
+    if asked is not None:
+        yield 'tested', _tested(sentence, asked)
+
+
+def _tested(sentence: Sentence, asked: Probability) -> str:
+    """Return how often a trigger may fail, and how sure the verdict is."""
+    events = 1 - asked.bound if not asked.counts_successes else asked.bound
+    share = f'at most {events.numerator:,} of {events.denominator:,}'
+    what = 'have its response' if asked.counts_successes else 'be without its response'
+    triggers = f'of the triggers, {share} may {what}' if sentence.condition or sentence.scope \
+        else f'each run is one trial; of the runs, {share} may {what}'
+    return (f'{triggers}; tested at {asked.confidence_text}: refuted or assured whenever the '
+            'trials so far show it, and then for good. A trigger that comes while another one '
+            'waits for its response is no trial')
 
 
 def _of_scale(template: str, scale: TimeScale) -> str:

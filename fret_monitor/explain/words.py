@@ -18,9 +18,10 @@ from collections.abc import Mapping
 from typing import assert_never, NamedTuple, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP,
-    Held, Historically, MessageSlope, NUMBERS_OVER_TIME, Once, Over, postorder, Previous, Since,
-    Slope, TimeOver, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
+    Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula,
+    FTP, Held, Historically, MessageSlope, NotRefuted, NUMBERS_OVER_TIME, Once, Over,
+    postorder, Previous, Since, Slope, TimeOver, Trial, Triggered, Unary, UnaryOperator,
+    Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.propositions import is_proposition
@@ -111,8 +112,10 @@ def _pieces(node: Formula, values: Values | None, names: Mapping[Formula, str] |
             return _timed(node) if is_timed else _temporal(node)
         case Over() | Ago() | Held() | Slope() | MessageSlope() | TimeOver():
             return _over_time(node, is_timed)
+        case NotRefuted():
+            return ['not refuted is that ', _Within(node.argument)]
         case Constant() | Variable() | Conversion() | Unary() | Binary() | Choice() | Previous() \
-                | Feedback():
+                | Feedback() | Trial():
             return [to_smv(node, _TERM_WIDTH, values, names, is_timed)]
         case _:
             assert_never(node)

@@ -140,8 +140,9 @@ def _scope(manifest: Manifest, n_reported: int, prefix: str = '') -> Iterator[st
         yield from _array(kind, f'{prefix}{name}', items)
 
 
-def _scope_value(symbol: str, topics: str, prefix: str = '') -> str:
-    return ', '.join((f'{{{symbol}', topics, *(f'{prefix}{name}' for name in _ARRAYS))) + '}'
+def _scope_value(manifest: Manifest, topics: str, prefix: str = '') -> str:
+    return ', '.join((f'{{{manifest.symbol}', topics, *(f'{prefix}{name}' for name in _ARRAYS),
+                      manifest.tests or 'NULL')) + '}'
 
 
 def _kinds(manifest: Manifest) -> Iterator[str]:
@@ -156,7 +157,7 @@ def _kinds(manifest: Manifest) -> Iterator[str]:
             f'{concern}u' for concern in concerns(manifest, kind)))
         yield from _array('struct fm_key', f'{prefix}listed', (
             f'{{(const uint8_t *){_text(key)}, {len(key.encode())}u}}' for key in variable.keys))
-        scope = _scope_value(kind.manifest.symbol, topics, prefix)
+        scope = _scope_value(kind.manifest, topics, prefix)
         items.append(', '.join((
             f'{{{kind.manifest.outputs or "NULL"}', scope, f'{prefix}concerns', f'{prefix}listed',
             f'{len(variable.keys)}u', f'INT64_C({variable.forget})}}')))
@@ -247,7 +248,7 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
         'n_warnings': f'{n_warnings}u',
         'judged_by_gates': _text(judged_by_gates(
             manifest.kept, f'spec:={origin}' if origin else FOLDER_OF_EACH)),
-        'scope': _scope_value(manifest.symbol, report['topic_inputs']),
+        'scope': _scope_value(manifest, report['topic_inputs']),
         'kinds': 'kinds',
         'aggregates': 'aggregates',
         'n_aggregates': f'{len(manifest.aggregates)}u',

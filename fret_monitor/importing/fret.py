@@ -48,6 +48,7 @@ _PLACEHOLDERS = frozenset({
     'meaning not specified', 'no meaning assigned', 'under construction', 'unhandled',
     'undefined', 'true',
 })
+_PROBABILITY = re.compile(r'\bwith\s+probability\b', re.IGNORECASE)
 _RESULTS = ('result_type', 'result_formula')
 
 
@@ -146,6 +147,8 @@ def _is_assumption(name: str) -> bool:
 
 
 def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[Wording]:
+    # FRET's formulas of a sentence with a probability are those of the sentence without it.
+    ptltl, cocospec = ('', '') if _PROBABILITY.search(sentence) else (ptltl, cocospec)
     for language, name, written in (
             (Language.FRETISH, 'sentence', ' '.join(sentence.split())),
             (Language.PTLTL, 'ptLTL', plain(ptltl)),
@@ -238,8 +241,9 @@ def _specified(item: dict[str, object], file: str, number: int,
     formula = text(item, 'formula', 'expression')
     if formula:
         wordings.append(Wording(_EITHER, plain(formula), f'{label}, formula'))
-    if text(item, 'PCTL'):
+    if text(item, 'PCTL') and not _PROBABILITY.search(text(item, 'fretish')):
         problems.warning(f'{label}: its probability is left out', None, '',
-                         'a monitor sees a single run, which has no probability')
+                         'only a sentence is read with its probability: shall with probability '
+                         '> 0.98 ...')
     return ComponentRequirement(name, tuple(wordings), text(item, 'text', 'description'),
                                 text(item, 'rationale'), is_assumption=_is_assumption(name))

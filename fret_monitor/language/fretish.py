@@ -24,6 +24,7 @@ in any case and anywhere, `x-3` for `x - 3`, and the component before the condit
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from fractions import Fraction
 import re
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 
@@ -37,8 +38,8 @@ from fret_monitor.language.fretish_words import (
 from fret_monitor.language.if_then import remarks
 from fret_monitor.language.precedence import Chain, Operator, Pending
 from fret_monitor.language.sentence import (
-    ComponentPhrase, ConditionKind, ConditionPhrase, Qualifier, ScopeKind, ScopePhrase, Sentence,
-    TimingKind, TimingPhrase,
+    ComponentPhrase, ConditionKind, ConditionPhrase, ProbabilityPhrase, Qualifier, ScopeKind,
+    ScopePhrase, Sentence, TimingKind, TimingPhrase,
 )
 from fret_monitor.language.smv import PRECEDENCE
 from fret_monitor.model.diagnostics import Span, Text
@@ -179,10 +180,15 @@ class _FretishBuilder(_lalr.ExpressionBuilder):
     def component(self, parts: list[Any]) -> ComponentPhrase:
         return ComponentPhrase(parts[-1].text, parts[-1].span)
 
-    def probability(self, parts: list[Any]) -> None:
-        first = next(part for part in parts if part.type == 'WITH')
-        number = next(part for part in parts if part.type == 'NUMBER')
-        fretish_help.refuse_probability(join(first.span, number.span))
+    def probability(self, parts: list[Any]) -> ProbabilityPhrase:
+        words = {part.type: part for part in parts}
+        relation, number = words['RELATION'], words['NUMBER']
+        bound = Fraction(number.text)
+        if 'MINUS' in words:
+            bound = -bound
+        phrase = ProbabilityPhrase(relation.text, bound, join(words['WITH'].span, number.span))
+        fretish_help.check_probability(phrase, relation.span, number.span)
+        return phrase
 
     def duration(self, parts: list[Any]) -> Duration:
         number, unit = parts
@@ -212,16 +218,16 @@ class _FretishBuilder(_lalr.ExpressionBuilder):
         phrase: TimingPhrase = next(part for part in parts if isinstance(part, TimingPhrase))
         return phrase
 
-    def body(self, parts: list[Any]) -> tuple[TimingPhrase | None, Expression]:
-        timing = next((part for part in parts if isinstance(part, TimingPhrase)), None)
-        return timing, self.finish(parts[-1])
+    def body(self, parts: list[Any]) -> tuple[list[Any], Expression]:
+        return parts[:-1], self.finish(parts[-1])
 
     def sentence(self, parts: list[Any]) -> Sentence:
-        timing, response = parts[-1]
+        phrases, response = parts[-1]
         return Sentence(
             _first(parts, ScopePhrase), _first(parts, ConditionPhrase),
-            _first(parts, ComponentPhrase), timing, response,
-            join(parts[0].span, response.span))
+            _first(parts, ComponentPhrase), _first(phrases, TimingPhrase), response,
+            join(parts[0].span, response.span),
+            probability=_first(phrases, ProbabilityPhrase))
 
 
 _PLACES = {

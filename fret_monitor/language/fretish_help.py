@@ -24,8 +24,10 @@ from fret_monitor.language._lalr import (
     as_written, check_unit, Lexeme, open_brackets, OPERAND_ENDS, OPERAND_STARTS, short,
 )
 from fret_monitor.language.fretish_words import ABBREVIATIONS, TIME, TIME_UNITS, WORDS
+from fret_monitor.language.sentence import ProbabilityPhrase
 from fret_monitor.language.tables import END
 from fret_monitor.model.diagnostics import refuse, Span, Text
+from fret_monitor.model.probability import LEAST, RELATIONS
 
 WRITE = {'and': '&', 'or': '|', 'not': '!', 'implies': '=>', 'iff': '<=>', 'xor': 'xor',
          'unequal': '!='}
@@ -166,11 +168,19 @@ def refuse_future(phrase: Span) -> NoReturn:
            'write at the previous occurrence of p, q; or make p the condition: upon p ... satisfy')
 
 
-def refuse_probability(phrase: Span) -> NoReturn:
-    """Refuse `with probability > 0.9`."""
-    refuse('a probability cannot be monitored', phrase,
-           'one run either satisfies the sentence or violates it',
-           'leave the probability out, and count violations over many runs')
+def check_probability(phrase: ProbabilityPhrase, relation: Span, number: Span) -> None:
+    """Refuse a probability that no number of trials can test."""
+    if phrase.relation not in RELATIONS:
+        refuse('a probability needs a bound on one side', relation,
+               'trials cannot show what a probability is exactly', 'write >, >=, < or <=')
+    if not 0 <= phrase.bound <= 1:
+        refuse('a probability is between 0 and 1', number, 'this is not')
+    if phrase.bound in (0, 1):
+        refuse('a probability of 0 or 1 is not tested', number,
+               'a test needs a bound between 0 and 1',
+               'leave the probability out: each trigger then needs its response')
+    if min(phrase.bound, 1 - phrase.bound) < LEAST:
+        refuse('a probability must differ from 0 and 1 by 1e-12 or more', number, 'this is closer')
 
 
 def refuse_negative(phrase: Span) -> NoReturn:

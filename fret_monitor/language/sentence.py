@@ -22,6 +22,7 @@ template keys.
 
 from dataclasses import dataclass
 from enum import Enum
+from fractions import Fraction
 
 from fret_monitor.language.expression import Duration, Expression
 from fret_monitor.model.diagnostics import Diagnostic, Span
@@ -126,6 +127,15 @@ class TimingPhrase:
 
 
 @dataclass(frozen=True, eq=False)
+class ProbabilityPhrase:
+    """`with probability > 0.98`; `relation` is `>`, `>=`, `<` or `<=`, and 0 < `bound` < 1."""
+
+    relation: str
+    bound: Fraction
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
 class ComponentPhrase:
     """The component; `span` is the place of its name."""
 
@@ -148,6 +158,7 @@ class Sentence:
     response: Expression
     span: Span
     remarks: tuple[Diagnostic, ...] = ()
+    probability: ProbabilityPhrase | None = None
 
     @property
     def scope_kind(self) -> ScopeKind:

@@ -25,13 +25,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
-    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, MessageSlope,
-    Once, operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
-    WeakYesterday, Window, Yesterday,
+    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically,
+    MessageSlope, NotRefuted, Once, operands, Over, postorder, Previous, Since, Slope,
+    TimeOver, Trial, Triggered, Unary, Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.pointwise import (
     aggregate, at_start, checked, Compute, operation, slope, TraceError, Value,
 )
+from fret_monitor.logic.trials import OpenTrial, SequentialTest
 from fret_monitor.model.values import ValueType
 
 Trace: TypeAlias = Mapping[str, Sequence[Value]]
@@ -145,6 +146,12 @@ def _rule(node: Formula, columns: _Columns, trace: Trace,
         case TimeOver():
             p = columns[node.argument]
             return lambda t: sum(p[max(0, t - node.past + 1):t + 1]) >= node.least
+        case Trial():
+            trials, parts = OpenTrial(node), [columns[item] for item in operands(node)]
+            return lambda t: trials.outcome(t, *(part[t] is True for part in parts))
+        case NotRefuted():
+            test, outcomes = SequentialTest(node), columns[node.argument]
+            return lambda t: test.take(int(outcomes[t]))
         case _:
             assert_never(node)
 

@@ -24,8 +24,8 @@ sufficient but not necessary.
 from typing import NamedTuple
 
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Constant, Formula, Historically, Once, postorder, Since, Triggered,
-    Unary, UnaryOperator, WeakYesterday, Yesterday,
+    Binary, BinaryOperator, Constant, Formula, Historically, NotRefuted, Once, postorder,
+    Since, Triggered, Unary, UnaryOperator, WeakYesterday, Yesterday,
 )
 
 
@@ -54,6 +54,8 @@ def _course(node: Formula, found: dict[Formula, Course]) -> Course:
             return _FIXED
         case Historically() | Once():
             return _bounded(node)
+        case NotRefuted():
+            return Course(True, False)
         case Unary(UnaryOperator.NOT, argument):
             return Course(found[argument].is_lasting, found[argument].is_final)
         case Binary():

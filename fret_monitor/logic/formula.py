@@ -437,9 +437,50 @@ class TimeOver(_Boolean):
     argument: 'Formula'
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Trial(_Node):
+    """
+    What becomes of a trial at a step: 1 if it succeeds, -1 if it fails, else 0. INT64.
+
+    It begins where `begins` holds while none is open. It is decided at the first step at which
+    `bad` (it fails) or `good` holds; `due` steps after its begin by `kept`, if `due` is not None;
+    and where `ends` holds at a later step than its begin, before all else, by `good_at_end`. At
+    the step of a decision no trial begins.
+    """
+
+    due: int | None
+    begins: 'Formula'
+    good: 'Formula'
+    bad: 'Formula'
+    kept: 'Formula'
+    ends: 'Formula'
+    good_at_end: 'Formula'
+
+    @property
+    def type(self) -> ValueType:
+        """INT64."""
+        return ValueType.INT64
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NotRefuted(_Boolean):
+    """
+    Whether a test has not refuted that outcomes of -1 are as rare as allowed.
+
+    `argument` is the outcome of a trial at a step, 0 of none. `allowed` is the probability, `rest`
+    one minus it, and `limit` the evidence that decides (docs/probability.md).
+    """
+
+    argument: 'Formula'
+    allowed: float
+    rest: float
+    limit: float
+
+
 Formula: TypeAlias = (Constant | Variable | Conversion | Unary | Binary | Choice | Previous
                       | Feedback | Over | Ago | Held | Slope | MessageSlope | Yesterday
-                      | WeakYesterday | Once | Historically | Since | Triggered | TimeOver)
+                      | WeakYesterday | Once | Historically | Since | Triggered | TimeOver | Trial
+                      | NotRefuted)
 
 NUMBERS_OVER_TIME = (Over, Ago, Held, Slope, MessageSlope, TimeOver)
 """The nodes of docs/over_time.md."""
@@ -453,13 +494,14 @@ FTP = WeakYesterday(FALSE)
 _OPERANDS: dict[type[Any], Callable[[Any], tuple[Formula, ...]]] = {
     **dict.fromkeys((Constant, Variable, Feedback), lambda node: ()),
     **dict.fromkeys((Conversion, Unary, Ago, Yesterday, WeakYesterday, Once, Historically,
-                     TimeOver), lambda node: (node.argument,)),
+                     TimeOver, NotRefuted), lambda node: (node.argument,)),
     **dict.fromkeys((Over, Slope), attrgetter('argument', 'at')),
     MessageSlope: attrgetter('argument', 'at', 'time'),
     Held: attrgetter('condition', 'argument'),
     **dict.fromkeys((Binary, Since, Triggered), attrgetter('left', 'right')),
     Choice: attrgetter('condition', 'yes', 'no'),
     Previous: attrgetter('initial', 'argument'),
+    Trial: attrgetter('begins', 'good', 'bad', 'kept', 'ends', 'good_at_end'),
 }
 
 

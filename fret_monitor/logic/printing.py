@@ -35,8 +35,9 @@ from typing import assert_never, ClassVar, Final, NamedTuple, TypeAlias
 from fret_monitor.language import cocospec, smv
 from fret_monitor.logic.formula import (
     Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, FTP, Held,
-    Historically, MessageSlope, Once, Over, Previous, Since, Slope, TimeOver, Triggered, Unary,
-    UnaryOperator, Variable, WeakYesterday, Window, Yesterday,
+    Historically, MessageSlope, NotRefuted, Once, operands, Over, Previous, Since, Slope,
+    TimeOver, Trial, Triggered, Unary, UnaryOperator, Variable, WeakYesterday, Window,
+    Yesterday,
 )
 from fret_monitor.model.floats import shortest_float32
 from fret_monitor.model.policies import OverInstances
@@ -228,6 +229,10 @@ class _Style:
                 return _call('derivative', _Part(node.argument))
             case TimeOver():
                 return [*self._over('timeOver', node.past, node.argument), self._least(node.least)]
+            case Trial():
+                return _call('trial', *map(_Part, operands(node)))
+            case NotRefuted():
+                return _call('tested', _Part(node.argument), repr(node.allowed))
             case Yesterday() | WeakYesterday() | Once() | Historically() | Since() | Triggered():
                 return ['FTP'] if node is FTP else self._temporal(node)
             case _:

@@ -21,8 +21,8 @@ a trace on which it is never true, the implication is vacuously satisfied.
 
 from fret_monitor.logic.formula import (
     Ago, Binary, BinaryOperator, Choice, Feedback, Formula, Historically, NUMBERS_OVER_TIME, Once,
-    operands, Over, postorder, Previous, Since, TimeOver, Triggered, Unary, UnaryOperator,
-    Variable, variables, WeakYesterday, Yesterday,
+    operands, Over, postorder, Previous, Since, TimeOver, Trial, Triggered, Unary,
+    UnaryOperator, Variable, variables, WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.values import ValueType
@@ -114,6 +114,8 @@ def _reach(node: Formula) -> int:
             return max(node.window.low, node.window.high or 0)
         case Over() | Ago() | TimeOver():
             return node.past
+        case Trial():
+            return node.due or 0
         case Yesterday() | WeakYesterday() | Previous() | Feedback():
             return 1
         case _:
@@ -128,4 +130,6 @@ def bounds(item: Property) -> list[int]:
             found |= {end for end in (node.window.low, node.window.high) if end}
         elif isinstance(node, Over | Ago | TimeOver):
             found.add(node.past)
+        elif isinstance(node, Trial):
+            found.add(node.due or 0)
     return sorted(end for end in found if end > 0)

@@ -35,6 +35,7 @@ from fret_monitor.model.paths import FieldPath, LookUp
 from fret_monitor.model.policies import (
     ActionKind, InputRole, InputSource, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
+from fret_monitor.model.probability import Probability
 from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 
@@ -120,6 +121,7 @@ class Property:
     `is_assumption`: it constrains the environment instead of the system. `on_violation` and
     `on_end` are names of actions. `output` is a number that is kept after each step, for an
     aggregate. `horizon`: the verdict is that of so many steps ago, and TRUE before there are any.
+    `probability` is that of a sentence with one; the formula is then a `NotRefuted`.
     """
 
     id: str
@@ -140,6 +142,7 @@ class Property:
     constants: tuple[str, ...] = field(default=(), compare=False)
     output: Formula | None = None
     horizon: int = 0
+    probability: Probability | None = None
 
     @property
     def roots(self) -> tuple[Formula, ...]:

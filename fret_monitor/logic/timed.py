@@ -31,13 +31,14 @@ from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.evaluate import Equations, Trace
 from fret_monitor.logic.formula import (
-    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically, MessageSlope,
-    Once, operands, Over, postorder, Previous, Since, Slope, TimeOver, Triggered, Unary, Variable,
-    WeakYesterday, Window, Yesterday,
+    Ago, Binary, Choice, Constant, Conversion, Feedback, Formula, Held, Historically,
+    MessageSlope, NotRefuted, Once, operands, Over, postorder, Previous, Since, Slope,
+    TimeOver, Trial, Triggered, Unary, Variable, WeakYesterday, Window, Yesterday,
 )
 from fret_monitor.logic.pointwise import (
     aggregate, at_start, checked, Compute, operation, slope, TraceError, Value,
 )
+from fret_monitor.logic.trials import OpenTrial, SequentialTest
 
 # The first tick of each interval in which a value stays the same, and that value. The first
 # interval starts at tick 0; adjacent intervals differ.
@@ -179,6 +180,10 @@ def _evaluate(node: Formula, arguments: Sequence[History], trace: TimedTrace) ->
                                               strict=True)])
         case TimeOver():
             return _history(_lasting(node, _true(arguments[0], end), end), end)
+        case Trial():
+            return _outcomes(node, arguments, end)
+        case NotRefuted():
+            return _tested(node, arguments[0], end)
         case _:
             assert_never(node)
 
@@ -285,6 +290,36 @@ def _lasting(node: TimeOver, p: _Spans, end: int) -> _Spans:
         if max(counts) >= node.least:
             found.append((first, min(final, following - 1)))
     return found
+
+
+# OpenTrial (docs/probability.md).
+
+def _outcomes(node: Trial, arguments: Sequence[History], end: int) -> History:
+    """Return the outcomes of trials, each at one tick; it takes a step where one can change."""
+    trials = OpenTrial(node)
+    starts = sorted({0}.union(start for history in arguments for start, _ in history))
+    pieces: History = []
+    tick: float = 0
+    while tick <= end:
+        now = int(tick)
+        parts = [value_at(history, now) is True for history in arguments]
+        outcome = trials.outcome(now, *parts)
+        pieces.append((now, outcome))
+        nexts = [math.inf, *starts[bisect_right(starts, now):][:1]]
+        if trials.begun is not None and node.due is not None:
+            nexts.append(trials.begun + node.due)
+        tick = min([*nexts, now + 1] if outcome else nexts)
+    return _canonical(pieces)
+
+
+def _tested(node: NotRefuted, outcomes: History, end: int) -> History:
+    test = SequentialTest(node)
+    starts = [start for start, _ in outcomes]
+    pieces: History = [(0, True)]
+    for (start, outcome), following in zip(outcomes, [*starts[1:], end + 1], strict=True):
+        for tick in range(start, following) if outcome else ():
+            pieces.append((tick, test.take(int(outcome))))
+    return _canonical(pieces)
 
 
 # Other nodes.

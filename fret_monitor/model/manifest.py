@@ -23,6 +23,7 @@ format number; other formats are refused.
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
+from fractions import Fraction
 import json
 import math
 import re
@@ -35,9 +36,11 @@ from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
+from fret_monitor.model.probability import LEAST, Probability, RELATIONS
 from fret_monitor.model.values import ValueType
 
-FORMAT = 12
+FORMAT = 13
+_FRACTION = re.compile(r'\d{1,40}/[1-9]\d{0,40}')
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
 EVENT_SUFFIX = '_Event'  # after the type of a service: that of the messages on this topic
@@ -190,7 +193,7 @@ class ManifestRequirement:
     `constants` are those that its text names, itself or in definitions, as indices.
     `on_violation` and `on_end` are the actions that follow a violation and its end, as indices. A
     lock, which follows both, is in `on_violation`. `horizon`: its verdict is about so many steps
-    ago, under the policy timed nanoseconds.
+    ago, under the policy timed nanoseconds. `probability`: it is about how often trials succeed.
     """
 
     id: str
@@ -206,6 +209,7 @@ class ManifestRequirement:
     on_end: tuple[int, ...] = ()
     constants: tuple[int, ...] = ()
     horizon: int = 0
+    probability: Probability | None = None
 
     @property
     def topic(self) -> str:
@@ -324,7 +328,8 @@ class Manifest:
     keep, which this monitor therefore leaves out. `kinds` are the monitors of the instances of
     `variables`; what stands beside them is of the bundle. `ids` are then those of the requirements
     of all, in the bundle's order. `outputs` is the exported function that returns the outputs of
-    the monitor of a kind, '' if there are none.
+    the monitor of a kind, '' if there are none, and `tests` that which returns the tests of
+    probabilities.
     """
 
     name: str
@@ -352,6 +357,7 @@ class Manifest:
     aggregates: tuple[ManifestAggregate, ...] = ()
     ids: tuple[str, ...] = ()
     outputs: str = ''
+    tests: str = ''
 
     @property
     def numbered(self) -> tuple[ManifestRequirement, ...]:
@@ -518,6 +524,8 @@ def _plain(value: object) -> object:
         return value.value
     if isinstance(value, bytes):
         return value.hex()
+    if isinstance(value, Fraction):
+        return str(value)
     raise TypeError(f'{value!r} is not part of a manifest')
 
 
@@ -541,6 +549,13 @@ class _Value:
         if name not in self.found:
             raise ManifestError(f'not a manifest of fret_monitor ({key} is missing)')
         return _Value(key, self.found[name])
+
+    def share(self) -> Fraction:
+        """Return a number between 0 and 1, as a fraction."""
+        text = self.text()
+        if not _FRACTION.fullmatch(text) or not LEAST <= Fraction(text) <= 1 - LEAST:
+            self.refuse('a fraction between 0 and 1')
+        return Fraction(text)
 
     def items(self) -> list['_Value']:
         if not isinstance(self.found, list):
@@ -704,6 +719,7 @@ def _manifest(content: _Value) -> Manifest:
                          for item in content['aggregates'].items()),
         ids=tuple(item.text() for item in content['ids'].items()),
         outputs=content['outputs'].symbol_or_empty(),
+        tests=content['tests'].symbol_or_empty(),
     )
 
 
@@ -791,7 +807,17 @@ def _requirement(item: _Value, inputs: int, groups: int, actions: int,
         on_violation=item['on_violation'].indices(actions),
         on_end=item['on_end'].indices(actions),
         horizon=item['horizon'].natural(),
+        probability=_probability(item['probability']),
     )
+
+
+def _probability(item: _Value) -> Probability | None:
+    if item.found is None:
+        return None
+    relation = item['relation'].text()
+    if relation not in RELATIONS:
+        item['relation'].refuse(f'one of {" ".join(RELATIONS)}')
+    return Probability(relation, item['bound'].share(), item['confidence'].share())
 
 
 def _action(item: _Value) -> ManifestAction:

@@ -88,7 +88,8 @@ class Monitor:
 
     `readers` is its `const struct fm_readers *`, None if it has no topics. Both are constant: any
     number of evaluators, in any threads, may use them. The library stays open while this object or
-    an evaluator made from it lives. `kinds` are those of the manifest.
+    an evaluator made from it lives. `kinds` are those of the manifest. `tests` is its
+    `const struct fm_tests *`, or NULL.
     """
 
     manifest: Manifest
@@ -96,6 +97,7 @@ class Monitor:
     pointer: CData
     readers: CData | None = None
     kinds: tuple['MonitorKind', ...] = ()
+    tests: CData = ffi.NULL
 
     @property
     def state_bytes(self) -> int:
@@ -136,7 +138,8 @@ def _monitor(opened: Library, manifest: Manifest) -> Monitor:
     enter = ffi.cast('const struct fm_monitor * (*)(void)', opened.find(manifest.symbol))
     kinds = tuple(MonitorKind(_monitor(opened, kind.manifest), _outputs(opened, kind.manifest))
                   for kind in manifest.kinds)
-    monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest), kinds)
+    monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest), kinds,
+                      _tests(opened, manifest))
     for difference in _differences(monitor):
         raise LibraryError(
             f'{opened.path} does not fit its manifest ({difference}): compile the bundle again')
@@ -147,6 +150,12 @@ def _outputs(opened: Library, manifest: Manifest) -> CData:
     if not manifest.outputs:
         return ffi.NULL
     return ffi.cast('const struct fm_outputs * (*)(void)', opened.find(manifest.outputs))()
+
+
+def _tests(opened: Library, manifest: Manifest) -> CData:
+    if not manifest.tests:
+        return ffi.NULL
+    return ffi.cast('const struct fm_tests * (*)(void)', opened.find(manifest.tests))()
 
 
 def _readers(opened: Library, manifest: Manifest) -> CData | None:

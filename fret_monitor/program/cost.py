@@ -31,9 +31,9 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FieldKind, GroupLayout, SHIFT_REGISTER_BITS
 from fret_monitor.program.monitor_program import (
     AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FeedbackRead,
-    Greatest, Hold, lasts_a_tick, Literal, OnceBefore, OnceWithin, Overflowed, Power,
-    PreviousNumber, Read, Rounded, SinceBefore, SinceBetween, SinceWithin, SlopeBetween, Tally,
-    TimeAtLeast, Total, ValueAgo,
+    Greatest, Hold, lasts_a_tick, Literal, OnceBefore, OnceWithin, OutcomesTest, Overflowed,
+    Power, PreviousNumber, Read, Rounded, SinceBefore, SinceBetween, SinceWithin, SlopeBetween,
+    Tally, TimeAtLeast, Total, TrialOutcome, ValueAgo,
 )
 
 COSTS = {
@@ -63,7 +63,7 @@ COSTS = {
     'pre, Boolean': 5, 'pre, integer': 4, 'pre, float': 4,
     'feedback': 3, 'wire': 3,
     'number ago': 60, 'greatest': 160, 'sum': 70, 'exact sum': 1300, 'rounded sum': 100,
-    'mean': 200, 'time over': 120, 'slope': 20, 'count': 8,
+    'mean': 200, 'time over': 120, 'slope': 20, 'count': 8, 'trial': 40, 'test': 160,
 }
 # Inside the functions of the C library, for glibc 2.36, whose fmod divides bit by bit.
 LIBRARY_COSTS = {'fmod, float32': 3_000, 'fmod, float64': 20_000, 'pow': 500,
@@ -174,6 +174,10 @@ def _kinds(equation: Equation, is_packed: bool) -> Iterator[tuple[str, int]]:
             yield 'time over', 1
         case Tally() | Hold():
             yield 'count', 1
+        case TrialOutcome():
+            yield 'trial', 1
+        case OutcomesTest():
+            yield 'test', 1
         case PreviousNumber() | FeedbackRead():
             yield f'pre, {family}', 1
         case _:

@@ -37,9 +37,10 @@ from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Greatest, Hold, is_exact_sum, Literal,
-    MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation, PreviousNumber,
-    Read, room_of, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup,
-    Tally, TimeAtLeast, Total, TriggeredEver, ValueAgo,
+    MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation,
+    OutcomesTest, PreviousNumber, Read, room_of, SinceBefore, SinceBetween, SinceEver,
+    SinceWithin, SlopeBetween, StepGroup, Tally, TimeAtLeast, Total, TrialOutcome,
+    TriggeredEver, ValueAgo,
 )
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
@@ -53,6 +54,7 @@ QUEUE_HEAD = 4  # numbers before the entries of a queue, as in csrc/generated/fr
 _RING_HEAD = 3  # as in csrc/generated/fret_windows.h
 _WINDOW_HEAD = 8
 _SUM_LENGTH = 40
+TEST_WORDS, TEST_PARTS = 7, 3  # of a test, as in csrc/generated/fret_trials.h
 _BLOCK_ALIGNMENT = 16  # as in csrc/evaluator/instance.h, like the sizes of its structs
 _TIME_BYTES = 72
 _INPUT_BYTES = 32
@@ -447,6 +449,11 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
                 yield StateField(FieldKind.COUNTER, index, _holding(operation.bound + 1))
             case PreviousNumber():
                 yield StateField(FieldKind.NUMBER, index, equation.type, 0, operation.initial)
+            case TrialOutcome():
+                yield StateField(FieldKind.COUNTER, index, ValueType.INT64)
+            case OutcomesTest():
+                yield StateField(FieldKind.QUEUE, index, ValueType.INT64, TEST_WORDS)
+                yield StateField(FieldKind.WINDOW, index, ValueType.FLOAT64, TEST_PARTS, 1.0)
             case Delay() if operation.steps > 1:
                 yield _line(index, operation)
             case _:

@@ -46,8 +46,9 @@ from typing import assert_never, TypeAlias
 
 from fret_monitor.logic.formula import (
     Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Feedback, Formula, Held,
-    Historically, MessageSlope, Once, Over, postorder, Previous, Since, Slope, TimeOver, Triggered,
-    Unary, UnaryOperator, Variable, variables, WeakYesterday, Window, Yesterday,
+    Historically, MessageSlope, NotRefuted, Once, Over, postorder, Previous, Since,
+    Slope, TimeOver, Trial, Triggered, Unary, UnaryOperator, Variable, variables, WeakYesterday,
+    Window, Yesterday,
 )
 from fret_monitor.logic.formula import operands as operands_of
 from fret_monitor.logic.specification import Signal, Specification
@@ -55,11 +56,12 @@ from fret_monitor.model.policies import InputSource, Policy, Report
 from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
-    AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation, FALSE,
-    FeedbackEquation, FeedbackRead, FirstStep, Greatest, Hold, Literal, MonitorProgram, OnceBefore,
-    OnceEver, OnceWithin, Operand, operands, Operation, Overflowed, Power, PreviousNumber, Pure,
-    Read, Room, room_of, Rounded, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween,
-    StepGroup, Tally, TimeAtLeast, Total, TriggeredEver, TRUE, ValueAgo,
+    AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation,
+    FALSE, FeedbackEquation, FeedbackRead, FirstStep, Greatest, Hold, Literal, MonitorProgram,
+    OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation, OutcomesTest, Overflowed,
+    Power, PreviousNumber, Pure, Read, Room, room_of, Rounded, SinceBefore, SinceBetween,
+    SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally, TimeAtLeast, Total, TrialOutcome,
+    TriggeredEver, TRUE, ValueAgo,
 )
 from fret_monitor.program.prune import prune
 from fret_monitor.program.rewriting import slope_by_times, without_queues
@@ -197,7 +199,7 @@ class _Rates:
         match node:
             case Yesterday() | WeakYesterday() | Previous() | Once() | Historically() | Ago():
                 return {node: total + 2}
-            case Since() | Triggered() | Over() | Slope() | MessageSlope() | TimeOver():
+            case Since() | Triggered() | Over() | Slope() | MessageSlope() | TimeOver() | Trial():
                 return {node: 2 * total + 4}
             case _:
                 return together
@@ -326,6 +328,13 @@ class _GroupBuilder:
                 return self.operand[meaning]
             case TimeOver():
                 return self._time_over(node)
+            case Trial():
+                parts = [self.operand[item] for item in operands_of(node)]
+                return self._windowed(TrialOutcome(node.due, *parts), node.type)
+            case NotRefuted():
+                outcome = self.operand[node.argument]
+                return self._share(('tested', node), False, OutcomesTest(
+                    outcome, node.allowed, node.rest, node.limit))
             case _:
                 assert_never(node)
 

@@ -334,6 +334,33 @@ class Hold:
 
 
 @dataclass(frozen=True)
+class TrialOutcome:
+    """
+    The outcome of the trial that is decided at this step; the parts are as in `Trial`.
+
+    One number: the steps since the open trial began; in groups that step at ticks, its tick.
+    """
+
+    due: int | None
+    begins: Operand
+    good: Operand
+    bad: Operand
+    kept: Operand
+    ends: Operand
+    good_at_end: Operand
+
+
+@dataclass(frozen=True)
+class OutcomesTest:
+    """Whether the test of `outcome` has not refuted; as `NotRefuted`. Two arrays of numbers."""
+
+    outcome: Operand
+    allowed: float
+    rest: float
+    limit: float
+
+
+@dataclass(frozen=True)
 class Overflowed:
     """Whether the queue of a cell, the argument, has lost what it would need now."""
 
@@ -360,8 +387,9 @@ BitCell: TypeAlias = FirstStep | OnceEver | AlwaysSoFar | SinceEver | TriggeredE
 CounterCell: TypeAlias = OnceWithin | AlwaysWithin | OnceBefore | SinceWithin | SinceBefore
 WindowState: TypeAlias = ValueAgo | Greatest | Total | TimeAtLeast | SlopeBetween
 WindowCell: TypeAlias = WindowState | Rounded | Tally | Hold
-Cell: TypeAlias = (BitCell | CounterCell | WindowCell | Delay | SinceBetween | Overflowed
-                   | PreviousNumber | FeedbackRead)
+TrialCell: TypeAlias = TrialOutcome | OutcomesTest
+Cell: TypeAlias = (BitCell | CounterCell | WindowCell | TrialCell | Delay | SinceBetween
+                   | Overflowed | PreviousNumber | FeedbackRead)
 Operation: TypeAlias = Pure | Cell
 
 

@@ -37,6 +37,8 @@ NEVER = 2**63 - 1
 ALIGNMENT = 16  # bytes, of blocks that C lays out
 _TABLE_ROWS = 4096  # rows of verdicts that are taken at once
 
+_MOST_TRIALS = 1 << 16  # that are decided before a log is read
+
 _REPORTS = {Report.EVERY_STEP: 'FM_EVERY_STEP', Report.ONSET: 'FM_ONSET',
             Report.OCCURRENCE: 'FM_OCCURRENCE'}
 _SOURCES = {InputSource.FIELD: 'FM_FIELD', InputSource.RECEIVED: 'FM_RECEPTION',
@@ -383,6 +385,12 @@ class Evaluator:
         """Put back an instance that an evaluator of the same monitor and options has saved."""
         self._library.fm_evaluator_restore(self.pointer, ffi.from_buffer(instance))
 
+    def log_trials(self) -> 'TrialLog':
+        """Return a log of the trials that are decided from now on; it replaces an earlier one."""
+        self._trials = TrialLog()
+        self._library.fm_evaluator_log_trials(self.pointer, self._trials.pointer)
+        return self._trials
+
     def ready(self, group: int) -> bool:
         """Return whether every input that a group reads has a value."""
         return bool(self._library.fm_evaluator_ready(self.pointer, group))
@@ -454,6 +462,28 @@ class NativeRows:
             'come': self._flags})
 
 
+class TrialLog:
+    """A `struct fm_trial_log`, which an evaluator writes to."""
+
+    def __init__(self) -> None:
+        """Allocate room."""
+        self._records = ffi.new('struct fm_trial_record[]', _MOST_TRIALS)
+        self.pointer: CData = ffi.new('struct fm_trial_log *', {
+            'records': self._records, 'room': _MOST_TRIALS})
+
+    @property
+    def missed(self) -> int:
+        """How many trials found no room since the log was made."""
+        return int(self.pointer.missed)
+
+    def take(self) -> list[tuple[int, int, bool]]:
+        """Return the trials since the last call: requirement, time (ns), whether it failed."""
+        found = [(item.requirement, item.stamp, bool(item.has_failed))
+                 for item in self._records[0:self.pointer.n]] if self.pointer.n else []
+        self.pointer.n = 0
+        return found
+
+
 class EvaluatorOptions:
     """The `struct fm_evaluator_options` of a monitor; keeps alive what the struct points to."""
 
@@ -496,6 +526,7 @@ class EvaluatorOptions:
             'startups': self._startups,
             'windows': self._windows,
             'rooms': self._rooms,
+            'tests': monitor.tests,
         })
 
 

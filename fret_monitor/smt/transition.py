@@ -34,9 +34,9 @@ from fret_monitor.program.layout import FieldKind, ring_lengths, SHIFT_REGISTER_
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, BitCell, Choose, Convert, CounterCell,
     Delay, FeedbackRead, FirstStep, Greatest, Hold, Literal, OnceBefore, OnceEver, OnceWithin,
-    Operand, operands, Operation, Overflowed, Power, PreviousNumber, Read, Rounded, SinceBefore,
-    SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally, TimeAtLeast, Total,
-    TriggeredEver, ValueAgo, WindowState,
+    Operand, operands, Operation, OutcomesTest, Overflowed, Power, PreviousNumber, Read,
+    Rounded, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally,
+    TimeAtLeast, Total, TrialOutcome, TriggeredEver, ValueAgo, WindowState,
 )
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
@@ -302,6 +302,8 @@ class SystemBuilder:
                                    [self._operand(item) for item in operands(operation)])
             case Rounded():
                 return self.rounded(self._operand(operation.total), operation.is_mean)
+            case TrialOutcome() | OutcomesTest():
+                raise ValueError('a test of a probability is no part of a transition system')
             case FeedbackRead():
                 return self._feedback[operation.index]
             case SinceBetween():

@@ -26,8 +26,8 @@ from math import gcd
 from typing import assert_never
 
 from fret_monitor.logic.formula import (
-    Ago, Formula, Historically, Once, Over, postorder, rebuilt, Since, Slope, TimeOver, Triggered,
-    Window,
+    Ago, Formula, Historically, Once, operands, Over, postorder, rebuilt, Since, Slope, TimeOver,
+    Trial, Triggered, Window,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.times import NANOSECONDS
@@ -77,6 +77,8 @@ def sampled_formulas(roots: Iterable[Formula], grid: int) -> dict[Formula, Formu
             changed = _narrowed(changed, grid)
         elif isinstance(changed, Slope):
             changed = Slope(changed.argument, changed.at, grid)
+        elif isinstance(changed, Trial) and changed.due is not None:
+            changed = Trial(changed.due // grid, *operands(changed))
         found[node] = changed
     return found
 
@@ -89,6 +91,8 @@ def _ends(node: Formula) -> tuple[int, ...]:
             return (node.past,)
         case TimeOver():
             return node.past, node.least
+        case Trial():
+            return (node.due,) if node.due else ()
         case _:
             return ()
 

@@ -15,6 +15,7 @@
 """A manifest is read as written; a damaged one is refused with the key."""
 
 from dataclasses import replace
+from fractions import Fraction
 import json
 from pathlib import Path
 from typing import Any
@@ -28,11 +29,13 @@ from fret_monitor.model.paths import LookUp, Sector, Slice
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
 )
+from fret_monitor.model.probability import Probability
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import LibraryError
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 import pytest
 
+PROBABLE = Probability('>', Fraction(49, 50), Fraction(9, 10))
 MANIFEST = Manifest(
     name='pump', symbol='fm_pump_monitor', component='', policy=Policy.PERIODIC, period=0.5,
     inputs=(ManifestInput('on', ValueType.BOOL, '/on', 'std_msgs/msg/Bool', ('data',), (), True),
@@ -49,7 +52,8 @@ MANIFEST = Manifest(
                           Made(MadeKind.TRANSFORM, ('map', 'base_link')))),
     groups=(ManifestGroup((0, 1, 2), (0,), 8, 3),),
     requirements=(ManifestRequirement('R', 'handlerpropR', 'text', '', 'on', Report.ONSET,
-                                      Severity.WARN, 0, (0, 2), (1,), (0,)),),
+                                      Severity.WARN, 0, (0, 2), (1,), (0,),
+                                      probability=PROBABLE),),
     state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
     readers='fm_pump_readers', stamp=Stamp.HEADER, reorder=50_000_000,
     constants=(('v_max', '0.5'),),
@@ -98,6 +102,7 @@ ALLOWED: dict[str, list[Any]] = {
     'groups[0].operations': [HUGE],
     'state_bytes': [HUGE],
     'requirements[0].horizon': [HUGE],
+    'requirements[0].probability': [None],
     'variables[0].most': [HUGE],
     'gate': [None],
     **{f'{item}.stamp_at': [None, HUGE] for item in ('gate', 'actions[0]', 'actions[1]')},
@@ -178,7 +183,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 12: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 13: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),
