@@ -73,6 +73,11 @@ ANALYZE = [
     Z3,
 ]
 
+# What `fret-monitor lsp` needs.
+LSP = [
+    'pygls>=2,<3',
+]
+
 # What `fret-monitor import` needs of a workbook.
 XLSX = [
     'openpyxl>=3.1,<4',
@@ -82,6 +87,7 @@ TEST = [
     *ANALYZE,
     *BAG,
     *DASK,
+    *LSP,
     *PROVE,
     *XLSX,
     'argcomplete>=3,<4',
@@ -143,7 +149,8 @@ setup(
     # `lark-parser` (0.x), apt's python3-lark is 1.x, and one installed over the other breaks both.
     install_requires=['cffi>=1.16', 'PyYAML>=6'],
     extras_require={
-        'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'prove': PROVE, 'ros': ROS_WHEELS,
+        'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'lsp': LSP, 'prove': PROVE,
+        'ros': ROS_WHEELS,
         'ros-test': ROS_TEST_WHEELS, 'ros-kilted': KILTED_WHEELS,
         'ros-kilted-test': KILTED_TEST_WHEELS, 'test': TEST, 'xlsx': XLSX,
     },

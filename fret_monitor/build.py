@@ -18,7 +18,7 @@ The stages in a row, from a bundle to a monitor that runs.
     text -> Bundle -> Specification -> MonitorProgram -> C module + Manifest -> library -> Monitor
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 import hashlib
@@ -321,9 +321,7 @@ def generate_monitor(reading: Reading, *,
         if it needs more than `max_state_bytes` of state.
     """
     specification = bundle_scope(reading.specification)
-    program = lower(specification)
-    layouts = tuple(lay_out(group) for group in program.groups)
-    check_bounds(program, layouts, max_state_bytes)
+    program, layouts = _lowered(specification, max_state_bytes)
     scopes = instance_scopes(reading.specification)
     keyed = [item.specification.signals for item in scopes]
     module = generate(program, layouts, keyed)
@@ -334,25 +332,51 @@ def generate_monitor(reading: Reading, *,
     if reading.specification.instance_variables:
         manifest = with_kinds(manifest, [(item.scope, item.manifest) for item in kinds],
                               reading.specification)
-    warnings = by_place((*reading.warnings, *constant_verdicts(specification, program),
-                         *(warning for item in kinds for warning in constant_verdicts(
-                             item.scope.specification, item.program, item.scope.n_reported))))
+    warnings = _warnings(reading, program, [(item.scope, item.program) for item in kinds])
     return GeneratedMonitor(specification, program, layouts, module, manifest, warnings,
                             reading.paths, kinds)
 
 
 def _generate_kind(scope: InstanceScope, reading: Reading, max_state_bytes: int,
                    topics: Mapping[Feed, ManifestTopic]) -> GeneratedKind:
-    program = lower(scope.specification)
-    layouts = tuple(lay_out(group) for group in program.groups)
-    check_bounds(program, layouts, max_state_bytes)
-    check_instances(program, layouts, ', '.join(scope.variables), math.prod(
-        item.most for item in reading.specification.instance_variables
-        if item.name in scope.variables))
+    program, layouts = _lowered_scope(scope, reading, max_state_bytes)
     module = generate(program, layouts, None)
     manifest = describe(program, layouts, module, scope.specification, reading.bundle_hash,
                         reading.constants, topics, reading.specification.properties)
     return GeneratedKind(scope, program, layouts, module, manifest)
+
+
+def check_reading(reading: Reading) -> tuple[Diagnostic, ...]:
+    """Return the warnings of a bundle, as `generate_monitor` does, with its errors, without C."""
+    program, _ = _lowered(bundle_scope(reading.specification), MAX_STATE_BYTES)
+    return _warnings(reading, program, [
+        (scope, _lowered_scope(scope, reading, MAX_STATE_BYTES)[0])
+        for scope in instance_scopes(reading.specification)])
+
+
+def _lowered(specification: Specification, max_state_bytes: int) -> tuple[
+        MonitorProgram, tuple[GroupLayout, ...]]:
+    program = lower(specification)
+    layouts = tuple(lay_out(group) for group in program.groups)
+    check_bounds(program, layouts, max_state_bytes)
+    return program, layouts
+
+
+def _lowered_scope(scope: InstanceScope, reading: Reading, max_state_bytes: int) -> tuple[
+        MonitorProgram, tuple[GroupLayout, ...]]:
+    program, layouts = _lowered(scope.specification, max_state_bytes)
+    check_instances(program, layouts, ', '.join(scope.variables), math.prod(
+        item.most for item in reading.specification.instance_variables
+        if item.name in scope.variables))
+    return program, layouts
+
+
+def _warnings(reading: Reading, program: MonitorProgram,
+              scopes: Iterable[tuple[InstanceScope, MonitorProgram]]) -> tuple[Diagnostic, ...]:
+    return by_place((
+        *reading.warnings, *constant_verdicts(bundle_scope(reading.specification), program),
+        *(warning for scope, lowered in scopes for warning in constant_verdicts(
+            scope.specification, lowered, scope.n_reported))))
 
 
 def compile_monitor(generated: GeneratedMonitor) -> CompiledMonitor:

@@ -62,8 +62,8 @@ KEYS = {
 }
 # Only with wheels: a ROS 2 installation has no key for these, and their tests are skipped there.
 OPTIONAL = {
-    'apsw', 'atheris', 'backports', 'catkin_pkg', 'compression', 'dd', 'distributed', 'openpyxl',
-    'pycparser', 'reelay', 'rosbags', 'xdist', 'z3', 'ziglang'}
+    'apsw', 'atheris', 'backports', 'catkin_pkg', 'compression', 'dd', 'distributed', 'lsprotocol',
+    'openpyxl', 'pycparser', 'pygls', 'reelay', 'rosbags', 'xdist', 'z3', 'ziglang'}
 
 
 def git(*arguments: str) -> str:

@@ -59,7 +59,8 @@ LEVELS = {
     'fret_monitor.editing': 18,
     'fret_monitor.ros': 19,
     'fret_monitor.bag': 19,
-    'fret_monitor.cli': 20,  # its verb `bag` calls that face
+    'fret_monitor.lsp': 19,
+    'fret_monitor.cli': 20,  # its verbs `bag` and `lsp` call those faces
     'fret_monitor.testing': 21,  # for tests of robots: starts the monitor as a process
     'fret_monitor.__main__': 21,
 }
@@ -67,7 +68,8 @@ LEVELS = {
 ROOMS_OF_ROS = (
     'signals', 'watch', 'log_lines', 'settings', 'intake', 'acting', 'reports', 'nodes', '')
 FACES = {name for name, level in LEVELS.items() if level in (19, 20)}
-BETWEEN_FACES = {('fret_monitor.cli', 'fret_monitor.bag')}
+BETWEEN_FACES = {
+    ('fret_monitor.cli', 'fret_monitor.bag'), ('fret_monitor.cli', 'fret_monitor.lsp')}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
 LEAN_LEVELS = {0, 1, 9, 10}
 # Packages of ROS that are not named `*_msgs`.

@@ -51,6 +51,7 @@ _VERBS = {
     'tests': 'write traces that test each requirement',
     'prove': 'prove that the generated C is right',
     'schema': 'print the JSON schema of a bundle, for editors',
+    'lsp': 'serve an editor: diagnostics, completion, hover and more',
 }
 
 

@@ -25,6 +25,7 @@ typed: what can be read of it is used, and the rest has a diagnostic.
 | `read_edited(path, text, read_file=...)` | an `EditedBundle`: `diagnostics` as of `check`, \
 `bundle`, `reading` (None while there are errors; for `explain`, `simulate`, `analyze`), \
 `inputs`, `signal(name)`, `uses` |
+| `unchecked(path, text)` | the same without diagnostics and reading, sooner |
 | `code_of(diagnostic)` | the kind of a diagnostic, a word for filters |
 | `fixes(edited, diagnostic)` | `QuickFix`es: a title and a `TextEdit`; each was tried |
 | `hover(edited, offset)` | a `HoverText` in Markdown, or None |
@@ -42,7 +43,7 @@ from fret_monitor.editing.completion import (
     complete, Proposal, ProposalKind, RunningTopics,
 )
 from fret_monitor.editing.edited_bundle import (
-    code_of, EditedBundle, looks_like_a_bundle, read_edited,
+    code_of, EditedBundle, looks_like_a_bundle, read_edited, unchecked,
 )
 from fret_monitor.editing.edits import edited as with_edits, TextEdit
 from fret_monitor.editing.fixes import fixes, QuickFix
@@ -56,4 +57,4 @@ __all__ = [
     'code_of', 'complete', 'definition', 'EditedBundle', 'EditorPosition', 'fixes', 'FoldedLines',
     'folds', 'formatted', 'hover', 'HoverText', 'looks_like_a_bundle', 'PositionMap', 'Proposal',
     'ProposalKind', 'QuickFix', 'read_edited', 'references', 'rename', 'RunningTopics',
-    'TextEdit', 'with_edits']
+    'TextEdit', 'unchecked', 'with_edits']

@@ -27,7 +27,7 @@ import json
 from pathlib import Path
 import re
 
-from fret_monitor.build import generate_monitor, read, Reading
+from fret_monitor.build import check_reading, read, Reading
 from fret_monitor.bundle.bundle import Bundle, InputEntry
 from fret_monitor.bundle.reader import BUNDLE_KEYS, SIGNALS_KEYS, survey_bundle
 from fret_monitor.bundle.source_file import read_source, ReadFile
@@ -123,6 +123,18 @@ def _is_signals(text: str) -> bool:
     return bool(keys) and not keys & _OF_BUNDLES and bool(keys - {'format'})
 
 
+def unchecked(path: Path, text: str, *, read_file: ReadFile = read_source,
+              find_message: FindMessage | None = None) -> EditedBundle:
+    """
+    Return a bundle without its diagnostics and its reading: enough for names and completion.
+
+    Arguments as of `read_edited`; it takes a tenth of the time.
+    """
+    source = Source(str(path), text)
+    return EditedBundle(source, (), None, find_message or find_installed, lambda other: (
+        source if other == path else read_file(other)))
+
+
 def read_edited(path: Path, text: str, *, read_file: ReadFile = read_source,
                 find_message: FindMessage | None = None) -> EditedBundle:
     """
@@ -131,9 +143,7 @@ def read_edited(path: Path, text: str, *, read_file: ReadFile = read_source,
     `read_file` reads the other files that it names, such as one that is open too. Without
     `find_message`, messages are those that are installed.
     """
-    source = Source(str(path), text)
-    found = EditedBundle(source, (), None, find_message or find_installed, lambda other: (
-        source if other == path else read_file(other)))
+    found = unchecked(path, text, read_file=read_file, find_message=find_message)
     if _is_signals(text):
         return replace(found, diagnostics=tuple(_of_signals(path, found)))
     return _checked(path, found)
@@ -145,7 +155,7 @@ def _checked(path: Path, found: EditedBundle) -> EditedBundle:
             path, takes_instances=True, find_message=found.find_message,
             read_file=found.read_file))
         assert found.reading is not None, 'read returns one'
-        return replace(found, diagnostics=generate_monitor(found.reading).warnings)
+        return replace(found, diagnostics=check_reading(found.reading))
     except CompileError as error:
         return replace(found, diagnostics=error.diagnostics)
 

@@ -13,7 +13,9 @@
 # limitations under the License.
 
 """
-Positions of an editor: a line, and a number of UTF-16 units in it, both from 0.
+Positions of an editor: a line, and a number of units in it, both from 0.
+
+Units are those of UTF-16, unless the editor has chosen another encoding.
 
 A line ends with CR LF, LF or CR, as the Language Server Protocol says; other characters that
 Unicode counts as line ends are part of a line.
@@ -29,7 +31,7 @@ _LINE_END = re.compile(r'\r\n|\n|\r')
 
 
 class EditorPosition(NamedTuple):
-    """A line, and the UTF-16 units before the place in it; both from 0."""
+    """A line, and the units before the place in it; both from 0."""
 
     line: int
     character: int
@@ -40,6 +42,7 @@ class PositionMap:
     """Converts between character offsets of a text and positions of an editor."""
 
     text: str
+    encoding: str = 'utf-16'
 
     @cached_property
     def starts(self) -> list[int]:
@@ -57,7 +60,7 @@ class PositionMap:
         """Return the position of an offset; one outside of the text is moved to its end."""
         offset = max(0, min(offset, len(self.text)))
         line = bisect_right(self.starts, offset) - 1
-        return EditorPosition(line, units(self.text[self.starts[line]:offset]))
+        return EditorPosition(line, self._units(self.text[self.starts[line]:offset]))
 
     def offset(self, position: EditorPosition) -> int:
         """Return the offset of a position; one outside of a line is moved to the line's end."""
@@ -68,10 +71,14 @@ class PositionMap:
         for number, char in enumerate(line):
             if left <= 0:
                 return start + number
-            left -= units(char)
+            left -= self._units(char)
         return start + len(line)
 
-
-def units(text: str) -> int:
-    """Return how many UTF-16 units a text has."""
-    return len(text) + sum(1 for char in text if ord(char) > 0xffff)
+    def _units(self, text: str) -> int:
+        match self.encoding:
+            case 'utf-8':
+                return len(text.encode('utf-8', 'surrogatepass'))
+            case 'utf-32':
+                return len(text)
+            case _:
+                return len(text) + sum(1 for char in text if ord(char) > 0xffff)
