@@ -52,6 +52,7 @@ _VERBS = {
     'prove': 'prove that the generated C is right',
     'schema': 'print the JSON schema of a bundle, for editors',
     'lsp': 'serve an editor: diagnostics, completion, hover and more',
+    'layout': 'write a layout of Foxglove, Lichtblick or PlotJuggler',
 }
 
 

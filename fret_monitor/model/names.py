@@ -32,6 +32,7 @@ MAX_TOPIC = 247  # rmw: 255 less 8 that are reserved for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
 DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
+VERDICTS_TOPIC = f'{HANDLER_TOPIC}verdicts/'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 OWN_TOPICS = {
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
