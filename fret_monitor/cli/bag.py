@@ -29,7 +29,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
-    CompileError, counted, pip_install, Problems, refuse, require_packages,
+    CompileError, counted, pip_install, Problems, refuse, require_packages, Text,
 )
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
@@ -53,6 +53,16 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='a folder of rosbag2, or a file .mcap, .db3, .bag, or .csv as for '
                         'simulate')
     add_constants(parser)
+    add_reading(parser)
+    gaps = parser.add_argument_group('what is missing')
+    gaps.add_argument('--partial', action='store_true',
+                      help='judge what can be read; exit with 0 though messages are missing')
+    _add_output(parser)
+    parser.set_defaults(run=run)
+
+
+def add_reading(parser: ArgumentParser) -> None:
+    """Add the options that say how recordings are read, as `selection_of` takes them."""
     names = parser.add_argument_group('names')
     names.add_argument('--namespace', metavar='NS', default='/',
                        help='where relative topics of the bundle were recorded; default /')
@@ -66,11 +76,13 @@ def add_arguments(parser: ArgumentParser) -> None:
                       help='let the time go on after the last message, such as end+10')
     time.add_argument('--stamp', choices=[item.value for item in Stamp],
                       help='under policy: timed, override which time of a message counts')
-    gaps = parser.add_argument_group('what is missing')
-    gaps.add_argument('--partial', action='store_true',
-                      help='judge what can be read; exit with 0 though messages are missing')
-    gaps.add_argument('--missing-topics', choices=['error', 'ok'], default='error',
+    time.add_argument('--missing-topics', choices=['error', 'ok'], default='error',
                       help='whether a topic that was not recorded is an error (default)')
+    parser.add_argument('--jobs', metavar='N', type=_jobs, default=1,
+                        help='processes; 0: one a processor')
+
+
+def _add_output(parser: ArgumentParser) -> None:
     output = parser.add_argument_group('output')
     output.add_argument('--fail-on-violation', action='store_true',
                         help='exit with 1 if any requirement was violated')
@@ -83,13 +95,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     output.add_argument('--report', metavar='FILE.html', type=Path,
                         help='write a page that shows what happened; of several recordings: a '
                         'folder for an index and a page each')
-    output.add_argument('--jobs', metavar='N', type=_jobs, default=1,
-                        help='processes; 0: one a processor')
     output.add_argument('--dask', metavar='ADDRESS',
                         help='check recordings on a Dask cluster; local: --jobs workers here')
     output.add_argument('--results', metavar='FILE.jsonl', type=Path,
                         help='append a line of JSON a recording; those in it already are skipped')
-    parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> int:
@@ -131,7 +140,8 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
             refuse(f'{name} is of one recording, here are {len(options.bags)}',
                    help='call the command once for each' if path is not options.report else
                    'name a folder, for an index and a page each')
-    return _check(options, bundle, _selection(options), lines)
+    selection = selection_of(options, options.constants, options.partial)
+    return _check(options, bundle, selection, lines)
 
 
 def _files_of_bundle(bundle: Path) -> list[Path]:
@@ -155,12 +165,14 @@ def _check_outputs(options: Namespace, read: Sequence[Path]) -> None:
             refuse(f"{other} and --{name} both write '{path}'", help='name two files')
 
 
-def _selection(options: Namespace) -> 'Selection':
+def selection_of(options: Namespace, constants: Sequence[tuple[str, Text]],
+                 is_partial: bool = False) -> 'Selection':
+    """Return how recordings are read, from the options of `add_reading`."""
     from fret_monitor.bag.check import Selection
     return Selection(
         options.namespace, dict(options.remap), options.begin, options.end, options.until,
-        options.partial, options.missing_topics == 'ok',
-        None if options.stamp is None else Stamp(options.stamp), dict(options.constants))
+        is_partial, options.missing_topics == 'ok',
+        None if options.stamp is None else Stamp(options.stamp), dict(constants))
 
 
 def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict[str, str]) -> int:

@@ -22,11 +22,12 @@ from fret_monitor.model.diagnostics import Source, Text
 def add_constants(parser: ArgumentParser) -> None:
     """Add the option; `dict(options.constants)` are then the overrides, by name."""
     parser.add_argument(
-        '--constant', dest='constants', metavar='NAME=VALUE', type=_constant, action='append',
+        '--constant', dest='constants', metavar='NAME=VALUE', type=constant, action='append',
         default=[], help="a constant of the bundle, with a value in place of the bundle's")
 
 
-def _constant(text: str) -> tuple[str, Text]:
+def constant(text: str) -> tuple[str, Text]:
+    """Return the name and the value of NAME=VALUE."""
     name, equals, value = text.partition('=')
     if name.endswith(':'):
         raise ArgumentTypeError(f"'{text}': here it is {name[:-1]}={value}, without the colon")

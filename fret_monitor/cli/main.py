@@ -45,6 +45,7 @@ _VERBS = {
     'export': 'write the monitors as sources that build without this package',
     'bench': 'measure step time, state and compile time',
     'new': 'write a first bundle from recordings',
+    'fit': 'the tightest value of a constant that recordings support',
     'import': 'make a bundle from a FRET project or an Ogma set-up',
     'explain': 'describe what requirements mean, with examples',
     'analyze': 'find requirements that conflict, are vacuous or redundant',
