@@ -17,11 +17,13 @@ From a keystroke to its diagnostics: `PYTHONPATH=.:test python -m bench.editor`.
 
 A bundle of 100 requirements is open in the language server, over its pipes. One character after
 another is typed in one of its sentences, with and without a mistake, and after each the time until
-the diagnostics of that version come, and until a completion comes.
+the diagnostics of that version come; in other rounds, until a completion comes. The processor time
+is that of the server, in the rounds of diagnostics.
 """
 
 from argparse import ArgumentParser
 from collections.abc import Sequence
+import os
 from pathlib import Path
 from statistics import median
 import time
@@ -48,27 +50,31 @@ def bundle(count: int) -> str:
             f'requirements:\n{requirements}\n')
 
 
-def _typed(client: Client, text: str, rounds: int) -> tuple[list[float], list[float]]:
-    """Return the seconds until diagnostics and until completions, of each keystroke."""
+def _typed(client: Client, text: str, rounds: int, *, completes: bool) -> list[float]:
+    """Return the seconds until diagnostics, or until a completion, of each keystroke."""
     line = text[:text.index('!fast')].count('\n')
     start = text.splitlines()[line].index('!fast') + len('!fast')
-    checks, completions, version = [], [], 1
+    times, version = [], 1
     for _ in range(rounds):
+        client.replace(URI, version := version + 1, (None, text))
+        client.diagnostics(URI, version)
         for number, char in enumerate(_TYPED):
-            version += 1
             place = at(line, start + number)
             begin = time.perf_counter()
-            client.replace(URI, version, ({'start': place, 'end': place}, char))
-            client.ask('textDocument/completion', textDocument={'uri': URI},
-                       position=at(line, start + number + 1))
-            completions.append(time.perf_counter() - begin)
-            client.diagnostics(URI, version)
-            checks.append(time.perf_counter() - begin)
-        version += 1
-        client.replace(URI, version, ({'start': at(line, start),
-                                       'end': at(line, start + len(_TYPED))}, ''))
-        client.diagnostics(URI, version)
-    return checks, completions
+            client.replace(URI, version := version + 1, ({'start': place, 'end': place}, char))
+            if completes:
+                client.ask('textDocument/completion', textDocument={'uri': URI},
+                           position=at(line, start + number + 1))
+            else:
+                client.diagnostics(URI, version)
+            times.append(time.perf_counter() - begin)
+    return times
+
+
+def _processor_s(client: Client) -> float:
+    """Return the processor time that the server has taken."""
+    fields = Path(f'/proc/{client.process.pid}/stat').read_text(encoding='ascii').split()
+    return (int(fields[13]) + int(fields[14])) / os.sysconf('SC_CLK_TCK')
 
 
 def _shown(name: str, times: Sequence[float]) -> str:
@@ -88,9 +94,13 @@ def main() -> None:
     with editor() as client:
         client.open(URI, text)
         client.diagnostics(URI, 1)
-        checks, completions = _typed(client, text, options.rounds)
+        before = _processor_s(client)
+        checks = _typed(client, text, options.rounds, completes=False)
+        taken = (_processor_s(client) - before) / len(checks)
+        completions = _typed(client, text, options.rounds, completes=True)
     print(f'{options.requirements} requirements, {len(text) // 1024} KiB')
     print(_shown('keystroke to diagnostics', checks))
+    print(f'{"  processor time":<28} mean   {1000 * taken:6.0f} ms')
     print(_shown('keystroke to completions', completions))
 
 

@@ -38,7 +38,7 @@ from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 
-DEBOUNCE_MS = 40
+DEBOUNCE_MS = 25
 _TRIGGERS = [' ', ':', '.', '/', '{', '(', '=']
 _REQUEST_FAILED = -32803
 _CONTENT_MODIFIED = -32801

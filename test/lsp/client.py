@@ -25,7 +25,7 @@ import sys
 from threading import Thread
 from typing import Any, BinaryIO
 
-WAIT_S = 60.0  # for an answer, on a machine with much other load
+WAIT_S = 300.0  # for an answer, on a machine with much other load
 
 Message = dict[str, Any]
 
