@@ -29,6 +29,7 @@
 #include <time.h>
 
 #include "draws.h"
+#include "scheduling.h"
 
 enum { MESSAGES = 1000000, ROUNDS = 5, KEY_BYTES = 14 };
 
@@ -164,9 +165,9 @@ static int measure(bool is_timed, uint32_t n_keys)
   const struct fm_monitor empty = {
     FM_ABI, 0, 0, 0, 16, 0, NULL, NULL, NULL, "bundle", "", NULL, NULL, 0, NULL};
   const struct fm_evaluator_options bundle = {
-    &empty, NO_INPUTS, 1, policy, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
+    .monitor = &empty, .topics = NO_INPUTS, .n_topics = 1, .policy = policy};
   const struct fm_evaluator_options instance = {
-    &monitor, TOPICS, 1, policy, REPORTS, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
+    .monitor = &monitor, .topics = TOPICS, .n_topics = 1, .policy = policy, .reports = REPORTS};
   struct fm_kind kind = {0};
   kind.options = &instance;
   kind.concerns = CONCERNS;
@@ -176,6 +177,9 @@ static int measure(bool is_timed, uint32_t n_keys)
   const struct fm_scopes_options options = {
     &bundle, &kind, 1, 0, NULL, NULL, NULL, NULL, 0};
   void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
+  if (memory != NULL) {
+    fm_use_large_pages(memory, fm_scopes_bytes(&options));
+  }
   void * plain_memory = calloc(1, (size_t)fm_evaluator_bytes(&instance));
   struct fm_scopes * scopes = memory == NULL ? NULL : fm_scopes_init(memory, &options);
   struct fm_evaluator * plain =

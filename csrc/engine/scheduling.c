@@ -22,6 +22,8 @@
 
 #ifdef __linux__
 
+#define LARGE_PAGE ((uintptr_t)1 << 21)
+
 #include <dirent.h>
 #include <sched.h>
 #include <stdlib.h>
@@ -108,6 +110,16 @@ int32_t fm_lock_memory(void)
   return mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0 ? 0 : errno;
 }
 
+void fm_use_large_pages(void * memory, uint64_t bytes)
+{
+  const uintptr_t place = (uintptr_t)memory;
+  const uintptr_t skipped = (LARGE_PAGE - place % LARGE_PAGE) % LARGE_PAGE;
+  if (bytes > skipped + 2u * LARGE_PAGE) {
+    const uint64_t whole = (bytes - skipped) / LARGE_PAGE * LARGE_PAGE;
+    (void)madvise((char *)memory + skipped, (size_t)whole, MADV_HUGEPAGE);
+  }
+}
+
 #else
 
 int32_t fm_set_priority(int32_t priority) {return (void)priority, ENOSYS;}
@@ -115,5 +127,7 @@ int32_t fm_set_priority(int32_t priority) {return (void)priority, ENOSYS;}
 int32_t fm_set_processors(const char * processors) {return (void)processors, ENOSYS;}
 
 int32_t fm_lock_memory(void) {return ENOSYS;}
+
+void fm_use_large_pages(void * memory, uint64_t bytes) {(void)memory, (void)bytes;}
 
 #endif

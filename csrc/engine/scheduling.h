@@ -36,4 +36,9 @@ FM_EXPORT int32_t fm_set_processors(const char * processors);
 /// O(memory).
 FM_EXPORT int32_t fm_lock_memory(void);
 
+/// Ask for pages of 2 MB for memory that nothing was written to yet: with many instances, a
+/// message waits most for the addresses of their pages. Does nothing for less than some pages, or
+/// where there are none. O(1), cannot fail.
+FM_EXPORT void fm_use_large_pages(void * memory, uint64_t bytes);
+
 #endif  // SCHEDULING_H_

@@ -24,6 +24,7 @@
 
 #include "endpoints.h"
 #include "in_place_types.h"
+#include "scheduling.h"
 #include "shared_names.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
@@ -262,6 +263,9 @@ static struct fm_scopes * make_scopes(struct fm_session * session)
     .bundle = &bundle, .kinds = session->kinds, .n_kinds = n,
     .n_aggregates = table->n_aggregates, .aggregates = table->aggregates, .seed = seed};
   void * memory = reserve(session, fm_scopes_bytes(&all));
+  if (memory != NULL) {
+    fm_use_large_pages(memory, fm_scopes_bytes(&all));
+  }
   return memory == NULL ? NULL : fm_scopes_init(memory, &all);
 }
 

@@ -21,6 +21,7 @@ A thin typed wrapper of the scopes in C: the bundle, and an instance for each ke
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from mmap import mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,7 +32,7 @@ from fret_monitor.native import evaluator_library, LibraryError, load_evaluator,
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, MonitorKind
 from fret_monitor.runtime.evaluator import (
-    ALIGNMENT, Evaluator, EvaluatorOptions, input_counts, InputCounts, NEVER, requirement_counts,
+    Evaluator, EvaluatorOptions, input_counts, InputCounts, NEVER, requirement_counts,
     RequirementCounts,
 )
 
@@ -108,10 +109,11 @@ class Scopes:
         if size == 0:
             raise LibraryError('the monitor was compiled for another evaluator')
         try:
-            self._block = ffi.new('char[]', size + ALIGNMENT)
-        except MemoryError:
+            memory = ffi.from_buffer(mmap(-1, size))  # zeros, aligned to pages
+        except (OSError, ValueError, OverflowError):
             raise LibraryError(f'there is no memory for all instances: {size:,} bytes') from None
-        memory = self._block + -int(ffi.cast('uintptr_t', self._block)) % ALIGNMENT
+        self._block = memory
+        self.library.fm_use_large_pages(memory, size)
         self.pointer: CData = self.library.fm_scopes_init(memory, self._options.pointer)
         if self.pointer == ffi.NULL:
             raise LibraryError('the evaluator refuses what the manifest says of instances')

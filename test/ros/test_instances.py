@@ -442,3 +442,38 @@ def has_no_subscription(partner: Partner, topic: str) -> bool:
 
 def has_instances(face: Face, n: int) -> bool:
     return values_of(face.next_report(1)['SPEED'])['instances'] == str(n)
+
+
+SILENT = """
+format: 1
+for_each: {robot: {most: 4}}
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32, timeout: 1, stale: violate}
+requirements:
+  - {id: SPEED, ptltl: "speed <= 1.0", report: onset}
+"""
+
+
+def test_the_silence_of_a_robot_violates_its_instance_until_its_next_message(
+        partner: Partner, tmp_path: Path) -> None:
+    publishers = [partner.publisher(Float32, f'/{robot}/speed', LATCHED)
+                  for robot in ('alpha', 'beta')]
+    for publisher in publishers:
+        publisher.publish(Float32(data=0.5))
+    with both(write_bundle(tmp_path, SILENT), partner) as faces:
+        for face in faces:
+            for robot in ('alpha', 'beta'):
+                wait_until(partial(has_detail, face, robot, is_over=False),
+                           f'the silence of {robot} at {face.name}')
+        publishers[0].publish(Float32(data=0.5))
+        for face in faces:
+            wait_until(partial(has_detail, face, 'alpha', is_over=True),
+                       f'the end of the silence at {face.name}')
+            assert not has_detail(face, 'beta', is_over=True)
+            assert all(('silent', 'speed') in values for _, level, _, values in face.details
+                       if level == 2)
+
+
+def has_detail(face: Face, robot: str, is_over: bool) -> bool:
+    return any(name == f'SPEED[robot={robot}]' and (level == 0) is is_over
+               for name, level, _, _ in face.details)
