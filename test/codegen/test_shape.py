@@ -24,7 +24,7 @@ import shutil
 import subprocess
 import sys
 
-from codegen.workbench import assert_clean_and_right, compile_with, inputs_of, specify
+from codegen.workbench import assert_clean_and_right, check_with_clang, inputs_of, specify
 from differential.compiled import (
     c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module, ZIG,
 )
@@ -95,7 +95,7 @@ def test_the_c_of_a_bundle_is_its_golden_file(case: Path) -> None:
 @pytest.mark.parametrize('case', golden.cases('c'), ids=lambda path: path.stem)
 def test_the_c_of_the_golden_files_gives_right_verdicts(case: Path) -> None:
     specification = read(case).specification
-    compile_with(clang(), c_module(specification))
+    check_with_clang(c_module(specification))
     if specification.policy is Policy.TIMED:
         check_timed(specification)
         return

@@ -20,7 +20,7 @@ from random import Random
 import tempfile
 
 from differential.compiled import (
-    c_module, clang, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module,
+    c_module, clang_check, compile_c, Compiled, CSRC, FLAGS, gcc, WARNINGS, write_module,
 )
 from fret_monitor.codegen.module import CModule
 from fret_monitor.logic.evaluate import evaluate_all
@@ -53,16 +53,16 @@ def assert_clean_and_right(specification: Specification, *, steps: int = 200,
         assert compiled[number] == expected[number], item.id
     module = c_module(specification)
     if with_clang:
-        compile_with(clang(), module, '-fbracket-depth=32', '-O0')
+        check_with_clang(module, '-fbracket-depth=32')
     return module
 
 
-def compile_with(compiler: tuple[str, ...] | None, module: CModule, *flags: str) -> None:
-    """Compile generated C to objects with warnings as errors; do nothing without the compiler."""
-    if compiler is None:
+def check_with_clang(module: CModule, *flags: str) -> None:
+    """Let clang check generated C with warnings as errors; do nothing without clang."""
+    clang = clang_check()
+    if clang is None:
         return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for source in write_module(module, folder):
-            compile_c([*compiler, *FLAGS, *WARNINGS, *flags, f'-I{CSRC}', f'-I{folder}', '-c',
-                       source, '-o', folder / 'out.o'])
+        compile_c([*clang, '-std=c99', *WARNINGS, *flags, f'-I{CSRC}', f'-I{folder}',
+                   *write_module(module, folder)])

@@ -51,11 +51,6 @@ def gcc() -> tuple[str, ...]:
     return compiled.gcc() or pytest.skip('no gcc')
 
 
-def clang() -> tuple[str, ...]:
-    """Return the command of clang, installed or inside ziglang, or skip the test."""
-    return compiled.clang() or pytest.skip('no clang')
-
-
 def run(*command: object, folder: Path | None = None) -> 'subprocess.CompletedProcess[str]':
     return subprocess.run(
         [str(word) for word in command], text=True, stdout=subprocess.PIPE,
@@ -138,10 +133,10 @@ def test_the_benchmark_of_instances_compiles(tmp_path: Path) -> None:
 
 
 # That the sources compile without a warning is tested in test_engine.
-def test_the_programs_compile_with_clang_without_warnings(tmp_path: Path) -> None:
-    for file in programs_in_c():  # of several, ziglang would link the objects
-        done = compile_all(tmp_path, clang(), [file], '-std=c99', '-O0')
-        assert (done.returncode, done.stdout) == (0, '')
+def test_the_programs_compile_with_clang_without_warnings() -> None:
+    clang = compiled.clang_check() or pytest.skip('no clang')
+    done = run(*clang, '-std=c99', *csrc_includes(), *WARNINGS, *programs_in_c())
+    assert (done.returncode, done.stdout) == (0, '')
 
 
 @pytest.mark.parametrize('header', [

@@ -86,13 +86,30 @@ def clang() -> tuple[str, ...] | None:
     return ('sh', str(HERE / 'zig_clang.sh'), ZIG) if shutil.which(ZIG) else None
 
 
+@cache
+def clang_check() -> tuple[str, ...] | None:
+    """Return the command with which clang only warns, of many files at once; None without it."""
+    found = shutil.which('clang')
+    if found:
+        return (found, '-fsyntax-only')
+    if shutil.which(ZIG) is None:
+        return None
+    return (ZIG, 'clang', '-fsyntax-only', f'-isystem{Path(ZIG).with_name("lib") / "include"}')
+
+
 @contextmanager
 def unoptimised() -> Iterator[None]:
-    """Let `native` compile without optimisation, which takes long, and refuse warnings."""
+    """Let `native` compile monitors without optimisation, and refuse warnings."""
     flags = (*library_compiler.COMPILE_FLAGS, '-O0', '-Werror')
+    evaluator, build = library_cache.evaluator_library(), library_cache.build_library
+
+    def build_others(sources: Mapping[str, str], *, name: str, **more: Any) -> Path:
+        return evaluator if name == 'fm_evaluator' else build(sources, name=name, **more)
+
     with pytest.MonkeyPatch.context() as patch:
         for module in (library_cache, library_compiler):
             patch.setattr(module, 'COMPILE_FLAGS', flags)
+        patch.setattr(library_cache, 'build_library', build_others)
         yield
 
 
