@@ -35,7 +35,9 @@ from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
+from native import engine
 import pytest
+from strategies import thorough
 
 PACKAGE = Path(fret_monitor.__file__).resolve().parent
 PUMP = """\
@@ -166,14 +168,20 @@ def test_the_sources_of_a_folder_compile_in_place(pump: Path, tmp_path: Path) ->
     assert b'O[0,3] p' in (out / 'src' / 'pump_monitor.c').read_bytes()
 
 
-def test_the_same_bundle_gives_the_same_bytes(pump: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize('is_anew', [False, pytest.param(True, marks=thorough)])
+def test_the_same_bundle_gives_the_same_bytes(
+    pump: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_anew: bool,
+) -> None:
     script = 'from pathlib import Path; from fret_monitor.build import *; ' \
              'write(generate_monitor(read(Path("pump.yaml"))), Path("../elsewhere"))'
     write_bundle(pump, tmp_path / 'here')  # with what the cache has
+    evaluator = engine.entry()
+    monkeypatch.setenv('ROS_HOME', str(tmp_path / 'home'))
+    if not is_anew:
+        engine.put(evaluator)
     subprocess.run(
         [sys.executable, '-c', script], cwd=pump.parent, check=True,
-        env={**os.environ, 'PYTHONHASHSEED': '0', 'PYTHONPATH': str(PACKAGE.parent),
-             'ROS_HOME': str(tmp_path / 'home')})
+        env={**os.environ, 'PYTHONHASHSEED': '0', 'PYTHONPATH': str(PACKAGE.parent)})
     made = contents(tmp_path / 'here')
     assert made == contents(tmp_path / 'elsewhere')
     assert len(made) >= 9

@@ -447,7 +447,8 @@ class Topic:
     signals: tuple[Signal, ...]
 
 
-def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> Iterator[str]:
+def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0,
+                  most_elements: int = 4) -> Iterator[str]:
     """Yield the paths of all readable values and a few others; of arrays, of a few elements."""
     if depth > _DEEPEST:
         return
@@ -462,16 +463,24 @@ def written_paths(layout: MessageLayout, prefix: str = '', depth: int = 0) -> It
                 yield one
                 yield f'len({one})'
                 if kind.is_message:
-                    yield from written_paths(_nested(layout, kind), f'{one}.', depth + 1)
+                    yield from written_paths(_nested(layout, kind), f'{one}.', depth + 1,
+                                             most_elements)
         last = 9 if kind.size is None else kind.size - 1
         for one in [path] if kind.array is ArrayKind.NONE else \
-                [f'{path}[{index}]' for index in sorted({0, 1, 3, last}) if index <= last]:
+                [f'{path}[{index}]' for index in _indices(last, most_elements)]:
             yield one
             if is_text:
                 yield f'len({one})'
             if kind.is_message:
                 yield from (f'{function}({one})' for function in ('norm', *ANGLES))
-                yield from written_paths(_nested(layout, kind), f'{one}.', depth + 1)
+                yield from written_paths(_nested(layout, kind), f'{one}.', depth + 1,
+                                         most_elements)
+
+
+def _indices(last: int, most: int) -> list[int]:
+    """Return the indices of so many elements of an array: the first and the last, or more."""
+    found = [index for index in sorted({0, 1, 3, last}) if index <= last]
+    return found if most >= 4 else sorted({*found[:most - 1], last})
 
 
 def _looked_up(layout: MessageLayout, array: MessageField, prefix: str) -> Iterator[str]:

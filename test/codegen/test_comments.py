@@ -29,6 +29,7 @@ from fret_monitor.model.values import ValueType
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
+from strategies import EXAMPLES
 
 HOSTILE = [
     '*/ int x; /*', '/* never closed', 'ends in a backslash \\', 'a trigraph ??/', '???/', '????/',
@@ -88,7 +89,7 @@ def test_a_text_cannot_leave_its_comment(text: str) -> None:
             'R', 'AL', 'AN', 'RLO', 'RLE', 'RLI', 'LRO', 'LRE', 'LRI', 'FSI', 'PDF', 'PDI', 'BN'}
 
 
-@settings(max_examples=300)
+@settings(max_examples=3 * EXAMPLES)
 @given(st.text(st.sampled_from('?/*\\ \n"a\x00é\u202e')))
 def test_no_combination_of_characters_can_leave_its_comment(text: str) -> None:
     shown = safe(text)

@@ -118,15 +118,15 @@ def is_known(name: str) -> bool:
 
 def topic_of(layout: MessageLayout, number: int, most: int | None = None) -> Topic:
     """Return a topic with inputs of all kinds, or with a selection of them."""
-    paths = list(written_paths(layout))
     if most is None:
-        chosen = list(readable(layout, paths))
+        chosen = list(readable(layout, written_paths(layout)))
     else:
         # With the last field there is something to skip before it.
+        paths = list(written_paths(layout, most_elements=2))
         last = next(readable(layout, reversed(paths)))
-        others = [path for path in paths if path != last]
-        Random(f'{layout.name} {number}').shuffle(others)
-        chosen = [*islice(readable(layout, others), most - 1), last]
+        others = Random(f'{layout.name} {number}').sample(paths, min(len(paths), 20 * most))
+        chosen = [*islice(readable(layout, (path for path in others if path != last)), most - 1),
+                  last]
     return Topic(layout, tuple(signal_of(layout, f't{number}_{place}', f'topic{number}', path)
                                for place, path in enumerate(chosen)))
 

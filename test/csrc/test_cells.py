@@ -23,7 +23,8 @@ from pathlib import Path
 import re
 import shutil
 
-from csrc.test_evaluator import clang, gcc, run, SANITIZERS
+from csrc.test_evaluator import gcc, run, SANITIZERS
+from differential import compiled
 from differential.compiled import WARNINGS
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import csrc_directory, csrc_includes
@@ -34,8 +35,15 @@ from fret_monitor.program.monitor_program import (
 import pytest
 
 HERE = Path(__file__).resolve().parent
-CHECKS = re.findall(r'NAMED\((\w+)\),', (HERE / 'cells.c').read_text(encoding='utf-8'))
+
+
+def clang() -> tuple[str, ...]:
+    """Return the command of clang, installed or inside ziglang, or skip the test."""
+    return compiled.clang() or pytest.skip('no clang')
+
+
 COMPILERS = {'gcc': gcc, 'clang': clang}
+CHECKS = re.findall(r'NAMED\((\w+)\),', (HERE / 'cells.c').read_text(encoding='utf-8'))
 BITS = {ValueType.UINT8: 8, ValueType.UINT16: 16, ValueType.UINT32: 32}
 CELLS: dict[str, type[OnceWithin] | type[AlwaysWithin]] = {
     'once': OnceWithin, 'always': AlwaysWithin}

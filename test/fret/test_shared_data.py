@@ -40,7 +40,7 @@ from fret_monitor.model.diagnostics import CompileError, Source, Text
 from fret_monitor.model.values import ValueType
 import pytest
 from stages import elaborate, scope_of
-from strategies import property_of, specification_of, Trace
+from strategies import property_of, some, specification_of, thorough, Trace
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SHARED = Path(os.environ.get('FRET_MONITOR_SHARED', ROOT.parent / 'shared' / 'data')) / 'fret'
@@ -92,8 +92,8 @@ def test_both_formulas_of_each_template_mean_the_same_and_c_agrees() -> None:
     inputs = (MODE, CONDITION, RESPONSE, STOP)
     pairs = {key: (meaning(Language.PTLTL, ptltl, inputs),
                    meaning(Language.COCOSPEC, cocospec, inputs))
-             for key, (ptltl, cocospec) in templates().items()}
-    assert len(pairs) == 288
+             for key, (ptltl, cocospec) in some([*templates().items()])}
+    assert len(pairs) > 50
     rng = Random(1)
     trace = {item.name: stretches(rng, 120, [False, True]) for item in inputs}
     properties = [property_of(f'{key}-{number}', formula) for key, pair in pairs.items()
@@ -131,7 +131,9 @@ def template_meaning(text: str) -> Formula:
     return meaning(Language.PTLTL, text, (MODE, CONDITION, RESPONSE, STOP))
 
 
-@pytest.mark.parametrize('duration', range(1, 10))
+@pytest.mark.parametrize('duration', [
+    pytest.param(number, marks=() if number in (1, 4, 9) else thorough)
+    for number in range(1, 10)])
 def test_templates_give_the_verdicts_of_the_oracle_of_fret(duration: int) -> None:
     oracle = load('oracle.json')
     inputs = (MODE, CONDITION, RESPONSE, STOP)

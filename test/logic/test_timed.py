@@ -34,8 +34,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 from strategies import (
-    FormulaMaker, formulas, INPUTS, make_timed_trace, on_both_scales, random_property, TERM_TYPES,
-    timed_traces, Trace,
+    EXAMPLES, FormulaMaker, formulas, INPUTS, make_timed_trace, on_both_scales, random_property,
+    TERM_TYPES, timed_traces, Trace,
 )
 
 BOOL, INT64, FLOAT64 = ValueType.BOOL, ValueType.INT64, ValueType.FLOAT64
@@ -115,7 +115,7 @@ def test_since_over_long_intervals_is_that_of_every_tick(operator: Any) -> None:
               TimedTrace(ticks, trace.columns, 33))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=3 * EXAMPLES, deadline=None)
 @given(formulas(size=20, reach=17), timed_traces())
 def test_any_formula_is_that_of_every_tick(formula: Formula, trace: TimedTrace) -> None:
     check([formula], trace)

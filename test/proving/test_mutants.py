@@ -35,9 +35,9 @@ from fret_monitor.proving.refutation import Counterexample
 from fret_monitor.smt import numbers
 from fret_monitor.smt import terms as t
 import pytest
-from strategies import random_trace, thorough
+from strategies import IS_THOROUGH, random_trace, thorough
 
-EACH = 12  # of each bundle; `make prove` judges more
+EACH = 12 if IS_THOROUGH else 7  # of each bundle; `make prove` judges more
 COMPILED = 3
 C_TYPES: dict[ValueType, Any] = {
     ValueType.BOOL: ctypes.c_bool, ValueType.INT32: ctypes.c_int32,

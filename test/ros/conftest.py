@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from fret_monitor.native import evaluator_library
 import pytest
+from strategies import IS_THOROUGH
 
 if TYPE_CHECKING:
     from ros.harness import Partner
@@ -77,6 +78,9 @@ def short_bench() -> Iterator[None]:
         patch.setattr(bench, 'DRAIN', 0.2)
         build = cache(bench.build)
         patch.setattr(bench, 'build', lambda name, _: build(name, Path(folder)))
+        if not IS_THOROUGH:  # the C of all bundles is compiled for other tests, too
+            from ros.exported import exported_bundle
+            patch.setattr(bench, 'exported', lambda bundle, _: exported_bundle(bundle))
         yield
 
 

@@ -164,7 +164,7 @@ def popen(command: Sequence[str], *, stdout: Any = None,
           env: Mapping[str, str] | None = None, **options: Any) -> Any:
     """Fork if the command starts a node of this package, otherwise call `subprocess.Popen`."""
     match = re.search(r'(?:fret_monitor/|fret_monitor\.ros\.)(monitor|gate|logger)\b',
-                      ' '.join(command))
+                      ' '.join(map(str, command)))
     if match is None or '--ros-args' not in command:
         return _Popen(command, stdout=stdout, env=env, **options)
     arguments = command[command.index('--ros-args') + 1:]

@@ -30,6 +30,7 @@ from fret_monitor.traces.subject import Subject, subjects
 from fret_monitor.traces.trace import length
 import pytest
 import strategies
+from strategies import some
 
 FORMULAS = (
     'H (p -> O[0,3] q)', 'p S[2,9] q', 'O p', 'H (x > 3.5 & y < 2.0 -> q)', 'x + y > 3.5',
@@ -155,7 +156,7 @@ def test_the_72_template_keys_whose_false_means_not_yet_recover(tmp_path: Path) 
         'format: 1\ninputs: {m: {type: bool}, c: {type: bool}, s: {type: bool}, r: {type: bool}}\n'
         'requirements:\n' + ''.join(
             f'  - {{id: "{key}", ptltl: "{item["ptltl"]}"}}\n'
-            for key, item in list(zip(keys, templates, strict=True))[::4]), encoding='utf-8')
+            for key, item in some([*zip(keys, templates, strict=True)][::4])), encoding='utf-8')
     for subject, found in examined(path):
         scope, _, timing = subject.item.id.split('-')
         late = ('always', 'never', 'finally') if scope.startswith('only') else (

@@ -41,7 +41,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 from strategies import (
-    INPUTS, property_of, random_inputs, random_property, random_trace, specification_of, Trace,
+    EXAMPLES, INPUTS, property_of, random_inputs, random_property, random_trace, specification_of,
+    Trace,
 )
 
 
@@ -186,7 +187,7 @@ def test_process_wide_settings_are_not_changed(
 CELLS = st.text(alphabet='ab ,"\r\n;\x00é', max_size=6)
 
 
-@settings(max_examples=300)
+@settings(max_examples=3 * EXAMPLES)
 @given(st.lists(st.lists(CELLS, min_size=2, max_size=3), max_size=5))
 def test_rows_are_split_as_python_splits_them(table: list[list[str]]) -> None:
     text = io.StringIO(newline='')
@@ -196,7 +197,7 @@ def test_rows_are_split_as_python_splits_them(table: list[list[str]]) -> None:
     assert found == table
 
 
-@settings(max_examples=300)
+@settings(max_examples=3 * EXAMPLES)
 @given(st.lists(st.tuples(st.integers(0, 400), st.sampled_from([
     b'', b'\n', b'\r', b',', b'"', b'\x00', b'\xff', b'\xef\xbb\xbf', b'1', b'-', b'.', b'e9',
     b'nan', b'\xc3\xa4', b' ', b'9' * 30, b'\x1b', b'true'])), max_size=6))
