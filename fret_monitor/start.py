@@ -53,12 +53,13 @@ _MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 def start(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
           constants: Mapping[str, Text] | None = None,
-          part: NodePart | None = None, takes_instances: bool = False) -> CompiledMonitor:
+          part: NodePart | None = None, takes_instances: bool = False,
+          margins: bool = False) -> CompiledMonitor:
     """
     Return a compiled bundle, or a part of one, with the library of the evaluator.
 
     `policy`, `period` (seconds) and `constants` override the bundle's; `takes_instances` is as in
-    `build.read`.
+    `build.read`. With `margins`, its steps compute margins too.
 
     Raises
     ------
@@ -68,7 +69,7 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
     return _start(path, _Overrides(policy, period, constants or {}, part,
-                                   takes_instances=takes_instances))
+                                   takes_instances=takes_instances, margins=margins))
 
 
 def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identity: str, *,
@@ -125,17 +126,21 @@ class _Overrides:
     program: str = ''
     takes_instances: bool = False
     name: str | None = None
+    margins: bool = False
 
     def read(self, path: Path) -> 'Reading':
         from fret_monitor.build import read, with_name
         reading = read(path, policy=self.policy, period=self.period, constants=self.constants,
                        part=self.part, takes_instances=self.takes_instances)
+        if self.margins:
+            reading = replace(reading, specification=replace(
+                reading.specification, has_margins=True))
         return reading if self.name is None else with_name(reading, self.name)
 
     def texts(self) -> Iterator[str]:
         """Yield all that distinguishes these overrides from others."""
         yield from (repr(self.policy), repr(self.period), repr(self.part), self.program,
-                    repr(self.takes_instances), repr(self.name))
+                    repr(self.takes_instances), repr(self.name), repr(self.margins))
         for name, text in sorted(self.constants.items()):
             yield from (name, text.source.name, text.value)
 

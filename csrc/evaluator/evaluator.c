@@ -23,6 +23,7 @@
 
 #include "evaluator.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "due.h"
@@ -314,6 +315,18 @@ uint32_t fm_evaluator_row(
   return fm_evaluator_step(evaluator, now, out);
 }
 
+// Write the present margins; returns whether a value differs from what was there.
+static bool put_margins(const struct fm_evaluator * evaluator, struct fm_margin * out)
+{
+  bool differs = false;
+  for (uint32_t r = 0; out != NULL && r < evaluator->monitor->n_requirements; ++r) {
+    const struct fm_margin margin = fm_evaluator_margin(evaluator, r);
+    differs |= memcmp(&out[r].value, &margin.value, sizeof(margin.value)) != 0;
+    out[r] = margin;
+  }
+  return differs;
+}
+
 // Take all that is due by an instant.
 static void take_instant(struct fm_evaluator * evaluator, int64_t instant)
 {
@@ -338,16 +351,20 @@ uint64_t fm_evaluator_rows(
     const int64_t due = fm_evaluator_deadline(evaluator);
     const bool is_due = due < end && due != FM_NEVER;
     bool * out = verdicts + n * evaluator->monitor->n_requirements;
+    struct fm_margin * margins =
+      rows->margins == NULL ? NULL : rows->margins + n * evaluator->monitor->n_requirements;
     if (!is_due && !has_row) {
       break;
     }
     memcpy(out, present, bytes);
+    (void)put_margins(evaluator, margins);
     times[n] = is_due ? due : end;
     if (!is_due) {
       (void)fm_evaluator_row(evaluator, rows, NULL);
     }
     take_instant(evaluator, times[n]);
-    n += !is_due || memcmp(out, present, bytes) != 0 ? 1u : 0u;
+    const bool is_other = put_margins(evaluator, margins) || memcmp(out, present, bytes) != 0;
+    n += !is_due || is_other ? 1u : 0u;
     memcpy(out, present, bytes);
   }
   return n;
@@ -416,6 +433,26 @@ static struct fm_test_counts test_counts(
     }
   }
   return (struct fm_test_counts) {NULL, 0, 0, 0, 0, 1.0};
+}
+
+struct fm_margin fm_evaluator_margin(
+  const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  const struct fm_margin unknown = {(double)NAN, (double)NAN, 0, -1};
+  if (evaluator->margins == NULL || requirement >= evaluator->monitor->n_requirements) {
+    return unknown;
+  }
+  const uint32_t group = evaluator->monitor->requirements[requirement].group;
+  return evaluator->instance.groups[group].steps == 0 ? unknown :
+         *fm_margin_in(evaluator, requirement);
+}
+
+struct fm_closest fm_evaluator_closest(
+  const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  const struct fm_closest none = {{(double)NAN, (double)NAN, 0, -1}, 0, false};
+  return requirement < evaluator->monitor->n_requirements ?
+         evaluator->requirements[requirement].closest : none;
 }
 
 struct fm_requirement_counts fm_evaluator_requirement_counts(

@@ -115,6 +115,15 @@ struct fm_evaluator_options
   const int64_t * windows;     // an input whose source is FM_RATE: the length of its window, ns
   const uint32_t * rooms;      // and how many messages it has room for
   const struct fm_tests * tests;  // of the monitor; NULL: none
+  const struct fm_margins * margins;  // of the monitor; NULL: none
+};
+
+/// The least margin of a requirement since the evaluator was made, and the step that had it.
+struct fm_closest
+{
+  struct fm_margin margin;
+  int64_t at;     // when the step was
+  bool is_known;  // false: no step had one
 };
 
 /// One announced violation, or the recovery from one: what its report compares is true again.
@@ -360,6 +369,8 @@ struct fm_rows
   uint64_t next;                 // the row to take next; 0 at first
   const uint8_t * const * come;  // a measure: n flags: in which rows a message came; or NULL, as
                                  // `come` itself may be: in all
+  struct fm_margin * margins;    // room for the margins of n_requirements for each row that is
+                                 // written; NULL: none. One that differs makes a row, too
 };
 
 /// Take the next row, which there must be, at its time: store its values, then fm_evaluator_step.
@@ -430,6 +441,15 @@ FM_EXPORT void fm_evaluator_log_trials(
 /// What the words and parts of a test (fret_trials.h) hold. O(1).
 FM_EXPORT struct fm_test_counts fm_test_counts(
   const struct fm_test * test, const int64_t * words, const double * parts);
+
+/// The margin of a requirement at its group's last step; not known (a NaN) before, without
+/// margins, and for an index out of range. O(1).
+FM_EXPORT struct fm_margin fm_evaluator_margin(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
+
+/// Its least margin. Steps while a stale input violates it do not count. O(1).
+FM_EXPORT struct fm_closest fm_evaluator_closest(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
 
 /// Counters; all 0, and the verdict true, for an index out of range.
 FM_EXPORT struct fm_requirement_counts fm_evaluator_requirement_counts(

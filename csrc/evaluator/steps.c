@@ -112,6 +112,39 @@ void fm_report_recoveries(
   }
 }
 
+// ---- margins -----------------------------------------------------------------------------------
+
+const struct fm_margin * fm_margin_in(const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  const char * state = evaluator->instance.state;
+  return evaluator->margins == NULL ? NULL : (const struct fm_margin *)(const void *)
+         (state + evaluator->margins->margins[requirement]);
+}
+
+// Say when the next step of a group is, for what decides its margins.
+static void set_instant(struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
+{
+  if (evaluator->margins != NULL) {
+    char * state = evaluator->instance.state;
+    *(int64_t *)(void *)(state + evaluator->margins->instants[g]) = instant;
+  }
+}
+
+static void note_closest(struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
+{
+  const struct fm_group * group = &evaluator->monitor->groups[g];
+  for (uint32_t k = 0; evaluator->margins != NULL && k < group->n_requirements; ++k) {
+    const struct fm_margin * margin = fm_margin_in(evaluator, group->requirements[k]);
+    struct fm_closest * closest = &evaluator->requirements[group->requirements[k]].closest;
+    const bool is_less = !closest->is_known || margin->value < closest->margin.value;
+    if (is_less && margin->value == margin->value) {  // no NaN
+      closest->margin = *margin;
+      closest->at = instant;
+      closest->is_known = true;
+    }
+  }
+}
+
 // ---- steps -------------------------------------------------------------------------------------
 
 void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant)
@@ -187,6 +220,8 @@ static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_findi
   }
   if (cell->stale > 0) {
     fm_overrule(evaluator, g);
+  } else {
+    note_closest(evaluator, g, report->stamp);
   }
   fm_judge_group(evaluator, g, report);
   if (cell->steps == 0 && evaluator->policy != FM_TIMED) {
@@ -200,6 +235,7 @@ static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_findi
 static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
 {
   const struct fm_instance * instance = &evaluator->instance;
+  set_instant(evaluator, g, report->stamp);
   evaluator->monitor->groups[g].step(instance->state, instance->values, instance->verdicts);
   account(evaluator, g, report);
 }
@@ -207,6 +243,9 @@ static void step_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_fi
 static void step_all_groups(struct fm_evaluator * evaluator, struct fm_findings * report)
 {
   const struct fm_instance * instance = &evaluator->instance;
+  for (uint32_t g = 0; evaluator->margins != NULL && g < evaluator->monitor->n_groups; ++g) {
+    set_instant(evaluator, g, report->stamp);
+  }
   evaluator->monitor->step(instance->state, instance->values, instance->verdicts);
   for (uint32_t g = 0; g < evaluator->monitor->n_groups; ++g) {
     account(evaluator, g, report);
@@ -287,6 +326,7 @@ void fm_evaluate_group(
   if (cell->steps == 0) {
     cell->start = instant;
   }
+  set_instant(evaluator, g, instant);
   const int64_t next = evaluator->monitor->groups[g].step_at(
     instance->state, instance->values, instance->verdicts, fm_between(cell->start, instant));
   const int64_t due = next == FM_NEVER ? FM_NEVER : fm_later(cell->start, next);

@@ -50,6 +50,10 @@ FM_INTERNAL void fm_evaluate_ready_groups(
 FM_INTERNAL void fm_evaluate_due_groups(
   struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
 
+/// The margin of a requirement in the state; NULL without margins. O(1).
+FM_INTERNAL const struct fm_margin * fm_margin_in(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
+
 /// Let the inputs become false that said that a message came, if that is over by an instant.
 FM_INTERNAL void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
 

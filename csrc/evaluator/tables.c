@@ -448,6 +448,7 @@ struct fm_evaluator * fm_evaluator_init(
   memset(memory, 0, (size_t)layout.block.bytes);
   evaluator->monitor = options->monitor;
   evaluator->tests = options->tests;
+  evaluator->margins = options->margins;
   evaluator->n_topics = options->n_topics;
   evaluator->policy = (enum fm_policy)options->policy;
   evaluator->period = evaluator->policy == FM_PERIODIC ? options->period : 0;

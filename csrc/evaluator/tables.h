@@ -61,6 +61,7 @@ struct fm_requirement_cell
   uint64_t announced;
   uint32_t occurrence;  // the verdict whose falls are occurrences
   enum fm_report report;
+  struct fm_closest closest;
 };
 
 struct fm_topic_cell
@@ -76,6 +77,7 @@ struct fm_evaluator
   const struct fm_monitor * monitor;
   const struct fm_tests * tests;  // NULL: none
   struct fm_trial_log * trials;   // NULL: none
+  const struct fm_margins * margins;  // NULL: none
   struct fm_instance instance;
   struct fm_input_cell * inputs;
   struct fm_requirement_cell * requirements;

@@ -215,4 +215,22 @@ struct fm_tests
   uint32_t n_tests;
 };
 
+/// How far a requirement is from the other verdict: positive or 0 if it is satisfied. `value` is
+/// the distance that the deciding comparison had, divided by its scale; infinite where none
+/// decides, a NaN where it is not known, since a queue had no room.
+struct fm_margin
+{
+  double value;
+  double distance;
+  int64_t instant;     // of the step at which it had it; under `timed` since which it had it
+  int64_t comparison;  // index of all comparisons of the monitor; meaningless if it is infinite
+};
+
+/// The margins of a monitor. Constant; valid while its library is loaded.
+struct fm_margins
+{
+  const uint64_t * margins;   // a requirement: where its struct fm_margin is in the state
+  const uint64_t * instants;  // a group: where the state has the instant of the next step, int64_t
+};
+
 #endif  // FRET_MONITOR_H_

@@ -108,6 +108,7 @@ class InputEntry:
     made: Made | None = None
     where: Text | None = None
     variables: tuple[str, ...] = ()
+    scale: Fraction | None = None
 
     @property
     def owner(self) -> Text:

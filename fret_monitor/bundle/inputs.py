@@ -26,7 +26,8 @@ from fractions import Fraction
 from fret_monitor.bundle.bundle import InputEntry, ValueEntry
 from fret_monitor.bundle.declared_name import DeclaredName
 from fret_monitor.bundle.yaml_shape import (
-    line_of, mapping_of, MESSAGES_A_SECOND, report_choice, report_fault, SECONDS, Shape, text_of,
+    line_of, mapping_of, MESSAGES_A_SECOND, Quantity, report_choice, report_fault, SECONDS, Shape,
+    text_of,
 )
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlMapping, YamlScalar
 from fret_monitor.model.diagnostics import Problems, Text
@@ -40,7 +41,7 @@ from fret_monitor.model.names import (
 from fret_monitor.model.policies import InputRole, Stale
 from fret_monitor.model.transforms import STAMPED
 
-FIELD_KEYS = ('field', 'initial', 'values', 'role')
+FIELD_KEYS = ('field', 'initial', 'values', 'role', 'scale')
 _TOPIC_KEYS = ('where', 'qos', 'timeout', 'stale', 'startup', 'max_rate')
 TRANSFORM_KEYS = ('from', 'to')
 PARAMETER_KEYS = ('node', 'name')
@@ -51,6 +52,8 @@ _FIELDS_EXAMPLE = 'fields: {altitude: pose.pose.position.z}'
 _SHORTEST_TIMEOUT_S = Fraction(1, 10 ** 3)
 _LONGEST_TIMEOUT_S = Fraction(10 ** 9)
 _RATES_HZ = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
+_DISTANCE = Quantity("the input's unit", '2.5', {})
+_SCALES = (Fraction(1, 10 ** 9), Fraction(10 ** 9))
 _NOTHING = 'none'
 _WATCHED = (MadeKind.PARAMETER, *(  # which has a node, but in its mapping
     item for item in MadeKind if item not in (MadeKind.TRANSFORM, MadeKind.PARAMETER)))
@@ -294,9 +297,11 @@ def _with_field(entry: InputEntry, shape: Shape, problems: Problems) -> InputEnt
     found = Problems()
     entry = replace(entry, field=shape.text('field'), initial=shape.text('initial'),
                     values=tuple(_values(shape.node('values'), found)),
-                    role=shape.choice('role', InputRole))
+                    role=shape.choice('role', InputRole),
+                    scale=shape.number('scale', _DISTANCE, *_SCALES))
     damaged = entry.damaged | _refused_with(found, shape, 'values', problems) \
-        | _refused(shape, field=entry.field, initial=entry.initial, role=entry.role)
+        | _refused(shape, field=entry.field, initial=entry.initial, role=entry.role,
+                   scale=entry.scale)
     if entry.field and entry.type and entry.type.value in PLAIN_TYPES and entry.block is None:
         damaged |= {'field'}
         is_measure = entry.field.value.startswith(('rate', 'period'))

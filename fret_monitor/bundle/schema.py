@@ -124,6 +124,8 @@ _VALUES: Values = {
                              'requirements that read the input as violated'),
     'startup': (_SECONDS, 'with a timeout: seconds within which the first message must come; '
                           'default: 10, or the timeout if that is longer'),
+    'scale': (_number(exclusiveMinimum=0),
+              'margins are distances divided by this; default: 1'),
     'max_rate': (_number(exclusiveMinimum=0), 'the greatest number of messages in a second (Hz)'),
     'definitions': (_named({'anyOf': [_TEXT, {
         'type': 'object', 'additionalProperties': False, **_ONE_FORMULA,

@@ -42,6 +42,9 @@ def add_arguments(parser: ArgumentParser) -> None:
                         'policy: timed also a column `time`, in seconds')
     parser.add_argument('--verdicts', metavar='FILE.csv', type=Path,
                         help='where to write the verdicts; default: standard output')
+    parser.add_argument('--margins', metavar='FILE.csv', type=Path,
+                        help='also write how far each requirement is from the other verdict, and '
+                        'which comparison decides that')
     parser.add_argument('--fail-on-violation', action='store_true',
                         help='exit with 1 if any requirement was violated')
     parser.add_argument('--until', metavar='T', type=_seconds,
@@ -53,7 +56,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
     compiled = start(existing_bundle(options.bundle), constants=dict(options.constants),
-                     takes_instances=True)
+                     takes_instances=True, margins=options.margins is not None)
+    if options.margins is not None and compiled.monitor.manifest.variables:
+        refuse("--margins does not take bundles with 'for_each' yet")
     if not options.json:
         print_diagnostics(compiled.warnings)
     if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:
@@ -64,7 +69,7 @@ def run(options: Namespace) -> int:
     verdicts = options.verdicts or (Path(os.devnull) if options.json else None)
     with progress('simulate', is_printing=verdicts is None) as report:
         summary = simulate(compiled.monitor, options.trace, verdicts, compiled.sources,
-                           options.until, report)
+                           options.until, report, margins=options.margins)
     is_timed = compiled.monitor.manifest.policy is Policy.TIMED
     horizons = _horizons(compiled.monitor.manifest)
     for name, horizon in horizons.items():

@@ -20,14 +20,16 @@ from itertools import chain
 
 from fret_monitor.codegen.extractors import Feed, sources_of, topics_of
 from fret_monitor.codegen.inputs import described_input
+from fret_monitor.codegen.margins import comparisons, LONGEST_COMPARISON
 from fret_monitor.codegen.module import CModule
+from fret_monitor.logic.formula import Formula, variables
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.scopes import InstanceScope
 from fret_monitor.logic.specification import Gate, Property, Signal, Specification
 from fret_monitor.model.made import SourceTopic
 from fret_monitor.model.manifest import (
-    Manifest, ManifestAggregate, ManifestGate, ManifestGroup, ManifestKind, ManifestRequirement,
-    ManifestTopic,
+    Manifest, ManifestAggregate, ManifestComparison, ManifestGate, ManifestGroup, ManifestKind,
+    ManifestRequirement, ManifestTopic,
 )
 from fret_monitor.model.policies import Policy
 from fret_monitor.program.layout import GroupLayout, state_bytes
@@ -90,7 +92,17 @@ def describe(program: MonitorProgram, layouts: tuple[GroupLayout, ...], module: 
         kept=specification.kept,
         outputs=module.outputs,
         tests=module.tests,
+        margins=module.margins,
+        comparisons=tuple(_comparison(item.formula, values, signal_of, program.policy)
+                          for item in comparisons(program) if item.formula),
     )
+
+
+def _comparison(formula: Formula, values: Mapping[str, tuple[tuple[str, int | str], ...]],
+                signal_of: Mapping[str, int], policy: Policy) -> ManifestComparison:
+    return ManifestComparison(
+        to_smv(formula, LONGEST_COMPARISON, values, is_timed=policy is Policy.TIMED),
+        tuple(sorted(signal_of[item.name] for item in variables(formula))))
 
 
 def with_kinds(manifest: Manifest, kinds: list[tuple[InstanceScope, Manifest]],

@@ -28,6 +28,7 @@ from fret_monitor.codegen import c
 from fret_monitor.codegen.comments import comment, safe
 from fret_monitor.codegen.extractors import generate_extractors
 from fret_monitor.codegen.inputs import described_input, meaning, origin
+from fret_monitor.codegen.margins import MarginWriter
 from fret_monitor.codegen.names import field, Names
 from fret_monitor.codegen.operations import OF_MATH_H
 from fret_monitor.codegen.step import PartWriter
@@ -35,7 +36,9 @@ from fret_monitor.logic.specification import Signal
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import FM_NEVER, GroupLayout, StateField
-from fret_monitor.program.monitor_program import MonitorProgram, room_of
+from fret_monitor.program.monitor_program import (
+    MarginOperation, MonitorProgram, Operation, room_of, StepGroup,
+)
 
 _FILE_EQUATIONS = 3000
 _BLOCK_EQUATIONS = 600
@@ -46,6 +49,7 @@ WINDOWS_HEADER = 'fret_windows.h'
 """The runtime header of the cells of numbers over time, which includes the others."""
 TRIALS_HEADER = 'fret_trials.h'
 """The runtime header of trials and tests of probabilities."""
+_MARGINS_HEADER = 'fret_margins.h'
 _HEADERS = ('fret_monitor.h', 'fret_cells.h')
 _HASH_FIELD = '\0'  # replaced by the hash; cannot occur in text of a bundle
 
@@ -57,8 +61,9 @@ class CModule:
 
     `symbol` is the exported function that returns the `struct fm_monitor`. `readers` is the one
     that returns the `struct fm_readers` (the extractors), '' if there are no topics.
-    `outputs` is the one that returns the `struct fm_outputs`, '' if there are none, and `tests`
-    the `struct fm_tests` of the requirements with probabilities.
+    `outputs` is the one that returns the `struct fm_outputs`, '' if there are none, `tests`
+    the `struct fm_tests` of the requirements with probabilities, and `margins` the
+    `struct fm_margins`, '' without margins.
     `source_hash` is the SHA-256 of all texts; the struct of the monitor holds it too.
     """
 
@@ -70,6 +75,7 @@ class CModule:
     readers: str = ''
     outputs: str = ''
     tests: str = ''
+    margins: str = ''
 
     @property
     def files(self) -> dict[str, str]:
@@ -79,7 +85,7 @@ class CModule:
     @property
     def runtime_headers(self) -> tuple[str, ...]:
         """The names of the headers of the runtime that are included."""
-        more = (name for name in (WINDOWS_HEADER, TRIALS_HEADER)
+        more = (name for name in (WINDOWS_HEADER, TRIALS_HEADER, _MARGINS_HEADER)
                 if any(f'"{name}"' in text for _, text in self.sources))
         return (*_HEADERS, *more)
 
@@ -107,7 +113,8 @@ def generate(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
     return CModule(program.name, names.symbol, digest, (names.header, header), sources,
                    names.readers if readers else '',
                    names.outputs if any(layout.group.outputs for layout in layouts) else '',
-                   names.tests if writer.has_tests else '')
+                   names.tests if writer.has_tests else '',
+                   names.margins if writer.has_margins else '')
 
 
 class _ModuleWriter:
@@ -116,6 +123,7 @@ class _ModuleWriter:
         self._program = program
         self._layouts = layouts
         self._names = names
+        self.has_margins = any(layout.group.margins for layout in layouts)
 
     # -- header -------------------------------------------------------------------------------
 
@@ -237,6 +245,10 @@ class _ModuleWriter:
             yield '/// Where the tests of probabilities are in the state.'
             yield f'FM_EXPORT const struct fm_tests * {names.tests}(void);'
             yield ''
+        if self.has_margins:
+            yield '/// Where the state has the margins of the requirements.'
+            yield f'FM_EXPORT const struct fm_margins * {names.margins}(void);'
+            yield ''
         yield '// The functions of each step group, for the description.'
         for number, _ in enumerate(self._layouts):
             yield f'FM_INTERNAL void {names.group_function(number, "reset")}(void * state);'
@@ -283,6 +295,8 @@ class _ModuleWriter:
         yield f'#include "{WINDOWS_HEADER if has_windows else "fret_cells.h"}"'
         if any(map(_USE_OF_TRIALS_H.search, code)):
             yield f'#include "{TRIALS_HEADER}"'
+        yield from [f'#include "{_MARGINS_HEADER}"'] if any(
+            'fm_margin' in line for line in code) else []
         yield ''
         yield '#if FM_ABI != 2'
         yield '#error "this file was generated for another version of fret_monitor.h"'
@@ -293,6 +307,10 @@ class _ModuleWriter:
         layout = self._layouts[number]
         yield f'// Step group {number}: {self._reads(layout)}.'
         yield from self._reset(number, layout)
+        if layout.group.margins is not None:
+            writer = MarginWriter(self._program, layout, layout.group.margins, self._names)
+            yield from self._function('static', self._names.group_function(number, 'margins'),
+                                      number, list(writer.lines()), has_verdicts=False)
         if len(layout.parts) == 1:
             yield from self._single_step(number, layout)
         else:
@@ -304,7 +322,8 @@ class _ModuleWriter:
         yield from self._locate(number, 'state')
         yield '  memset(s, 0, sizeof(*s));'
         for item in layout.fields:
-            if repr(item.initial) not in ('0', '0.0', 'False'):  # -0.0 is not all zeros
+            if item.n_margins or repr(item.initial) not in (
+                    '0', '0.0', 'False'):  # -0.0 is not all zeros
                 yield from _initialisation(item)
         yield '}'
         yield ''
@@ -320,13 +339,15 @@ class _ModuleWriter:
                                   number, body)
         yield from self._entry(number, (self._names.group_function(number, 'body'),))
 
-    def _function(self, kind: str, name: str, number: int, body: list[str]) -> Iterator[str]:
+    def _function(self, kind: str, name: str, number: int, body: list[str],
+                  has_verdicts: bool = True) -> Iterator[str]:
         """Yield a function with the parameters `s` (a group's state), `in` and `verdicts`."""
         yield f'{kind} {"int64_t" if self._is_timed else "void"} {name}('
-        yield (f'  {self._names.group_struct(number)} * s, const {self._names.inputs_struct} * in,'
-               f' bool * verdicts{", int64_t tick" if self._is_timed else ""})')
+        yield (f'  {self._names.group_struct(number)} * s, const {self._names.inputs_struct} * in'
+               f'{", bool * verdicts" if has_verdicts else ""}'
+               f'{", int64_t tick" if self._is_timed else ""})')
         yield '{'
-        uses = [('s', 's->'), ('in', 'in->'), ('verdicts', 'verdicts[')]
+        uses = [('s', 's->'), ('in', 'in->')] + [('verdicts', 'verdicts[')] * has_verdicts
         for parameter, use in uses + [('tick', 'tick')] * self._is_timed:
             if not _mentions(body, use):
                 yield f'  (void){parameter};'
@@ -339,14 +360,18 @@ class _ModuleWriter:
         yield from self._locate(number, 'state')
         inputs = self._names.inputs_struct
         yield f'  const {inputs} * const in = (const {inputs} *)inputs;'
+        calls = [f'{function}(s, in, verdicts{", tick" if self._is_timed else ""})'
+                 for function in functions]
+        if self._layouts[number].group.margins is not None:
+            calls.append(f'{self._names.group_function(number, "margins")}(s, in'
+                         f'{", tick" if self._is_timed else ""})')
         if not self._is_timed:
-            yield from (f'  {function}(s, in, verdicts);' for function in functions)
-        elif len(functions) == 1:
-            yield f'  return {functions[0]}(s, in, verdicts, tick);'
+            yield from (f'  {call};' for call in calls)
+        elif len(calls) == 1:
+            yield f'  return {calls[0]};'
         else:
             yield '  int64_t next = FM_NEVER;'
-            for function in functions:
-                yield f'  fm_lower(&next, true, {function}(s, in, verdicts, tick));'
+            yield from (f'  fm_lower(&next, true, {call});' for call in calls)
             yield '  return next;'
         yield from ('}', '')
 
@@ -381,7 +406,7 @@ class _ModuleWriter:
         yield '  bool * verdicts)'
         yield '{'
         for group in groups:
-            if len(self._layouts[group].parts) == 1:
+            if len(self._layouts[group].parts) == 1 and not self.has_margins:
                 yield f'  {names.group_function(group, "body")}(&state->group_{group}, inputs, ' \
                       'verdicts);'
             else:
@@ -422,10 +447,11 @@ class _ModuleWriter:
     @property
     def _queues(self) -> list[str]:
         """The queues that can overflow, as members of the state."""
-        return [f'group_{number}.queue_{index}'
+        return [f'group_{number}.{name}_{index}'
                 for number, layout in enumerate(self._layouts)
-                for index, equation in enumerate(layout.group.equations)
-                if (room := room_of(equation.operation)) is not None and room.may_overflow]
+                for name, cells in _cells(layout.group)
+                for index, cell in enumerate(cells)
+                if (room := room_of(cell)) is not None and room.may_overflow]
 
     @property
     def _overflows_name(self) -> str:
@@ -501,6 +527,25 @@ class _ModuleWriter:
         yield '}'
         yield from self._outputs()
         yield from self._tests()
+        yield from self._margins()
+
+    def _margins(self) -> Iterator[str]:
+        """Yield the description of the margins, if there are any."""
+        if not self.has_margins:
+            return
+        group_of = {number: group for group, layout in enumerate(self._layouts)
+                    for number in layout.group.properties}
+        state = self._names.state_struct
+        yield from ('', f'const struct fm_margins * {self._names.margins}(void)', '{')
+        yield '  static const uint64_t margins[] = {'
+        yield from (f'    offsetof({state}, group_{group}.margin_{number}),'
+                    for number, group in sorted(group_of.items()))
+        yield from ('  };', '  static const uint64_t instants[] = {')
+        yield from (f'    offsetof({state}, group_{group}.instant_0),'
+                    for group, _ in enumerate(self._layouts))
+        yield '  };'
+        yield '  static const struct fm_margins all = {margins, instants};'
+        yield from ('  return &all;', '}')
 
     def _outputs(self) -> Iterator[str]:
         """Yield the description of the outputs, if there are any."""
@@ -586,6 +631,15 @@ class _ModuleWriter:
         yield '  };'
 
 
+def _cells(
+    group: StepGroup,
+) -> Iterator[tuple[str, Iterable[Operation | MarginOperation]]]:
+    """Yield the cells of a group's equations and margins, with the name of their queues."""
+    yield 'queue', (item.operation for item in group.equations)
+    if group.margins is not None:
+        yield 'margin_queue', (item.operation for item in group.margins.equations)
+
+
 def _runs(groups: Iterable[int], size: Callable[[int], int],
           limit: int) -> Iterator[list[int]]:
     """Divide a sequence of groups into runs of at most `limit` equations, or of one group."""
@@ -601,12 +655,16 @@ def _runs(groups: Iterable[int], size: Callable[[int], int],
 
 
 def _declaration(item: StateField) -> str:
+    if item.n_margins:
+        return f'struct fm_margin {field(item)}[{item.n_margins}]'
     array = f'[{item.length}]' if item.length else ''
     return f'{item.type.c_name} {field(item)}{array}'
 
 
 def _initialisation(item: StateField) -> Iterator[str]:
-    if item.length:
+    if item.n_margins:
+        yield f'  fm_margins_reset(s->{field(item)}, {item.n_margins}u);'
+    elif item.length:
         yield f'  for (size_t i = 0u; i < {item.length}u; ++i) {{'
         shown = item.initial if item.type.is_float else f'{item.initial}u'
         yield f'    s->{field(item)}[i] = {shown};'

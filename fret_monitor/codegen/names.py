@@ -49,7 +49,7 @@ _TAKEN = C_KEYWORDS | CPP_KEYWORDS | _MACROS | _OURS
 _GENERATED = re.compile(r'fm_|FM_|group_\d+|[a-z]+_\d+|.*_(t|wide)$|_|[A-Z0-9_]+$')
 _MODULE = re.compile(
     r'(req|occ)_.*|requirements|verdicts|step|step_at|step_any|overflows|reset|monitor|readers'
-    r'|outputs|tests'
+    r'|outputs|tests|margins'
     r'|groups?_.*')
 _LONGEST_PREFIX = 100  # characters; file names begin with the prefix
 
@@ -109,6 +109,7 @@ class Names:
         self.readers = f'{self.prefix}_readers'  # the function that returns the extractors
         self.outputs = f'{self.prefix}_outputs'  # the function that returns the outputs
         self.tests = f'{self.prefix}_tests'  # the function that returns the tests
+        self.margins = f'{self.prefix}_margins'  # the function that returns the margins
         self.header = f'{self.prefix}_monitor.h'
         self.fields_source = f'{self.prefix}_fields.c'  # the C file with the extractors
         self.inputs_struct = f'struct {self.prefix}_inputs'

@@ -79,7 +79,7 @@ class PartWriter:
         if self._is_last:
             used.update(item.next.value for item in self._group.feedback)
         return used.union(self._layout.verdicts_of, self._layout.occurrences_of,
-                          self._layout.outputs_of)
+                          self._layout.outputs_of, self._layout.leaves)
 
     def lines(self) -> Iterator[str]:
         """Yield the statements, indented."""
@@ -460,6 +460,11 @@ class PartWriter:
             yield self._verdict(self._names.occurrences[number], operand)
         for number, operand in self._layout.outputs_of.get(index, ()):
             yield f'  s->output_{number} = {c.text(self._operand(operand))};'
+        if index in self._layout.leaves:
+            value = self._inlined[index]
+            is_cast = self._group.equations[index].type not in (
+                ValueType.BOOL, ValueType.FLOAT64)
+            yield f'  s->leaf_{index} = {c.text(c.Cast("double", value) if is_cast else value)};'
 
     def _verdict(self, place: str, operand: Operand) -> str:
         return f'  verdicts[{place}] = {c.text(self._operand(operand))};'

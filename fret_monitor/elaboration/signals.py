@@ -154,8 +154,18 @@ def _signal(entry: InputEntry, find_message: FindMessage,
         variables=entry.variables,
         where=_where(entry, layout) if entry.where and layout else None,
         window=field.window if field else 0,
+        scale=1.0 if entry.scale is None else float(entry.scale),
     )
+    _check_scale(entry, signal, problems)
     return signal, vocabulary
+
+
+def _check_scale(entry: InputEntry, signal: Signal, problems: Problems) -> None:
+    """Report a scale of values that have no distance."""
+    if entry.scale is not None and (signal.type is ValueType.BOOL or signal.values):
+        what = 'names' if signal.values else 'true and false'
+        problems.error(f"'{entry.name}' cannot have a scale", entry.name.span,
+                       f'its values are {what}, which have no distance', "remove 'scale'")
 
 
 def _where(entry: InputEntry, layout: MessageLayout) -> LookUp:

@@ -54,6 +54,7 @@ class Signal:
     `made` is what the monitor makes the messages of; `topic` is then its name.
     `variables` are the instance variables that it mentions, in the order of the bundle: it has a
     value for each of their keys. `where` selects messages: those of which a field has a value.
+    Margins of comparisons that read it are distances divided by `scale`.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Signal:
     variables: tuple[str, ...] = field(default=(), repr=False)
     where: LookUp | None = field(default=None, repr=False)
     window: int = 0
+    scale: float = field(default=1.0, repr=False)
 
     @property
     def room(self) -> int:
@@ -206,6 +208,7 @@ class Specification:
     `restrict`) has none. `gate` is that of a part that a gate keeps; `kept` are the ids that gates
     keep, of the part that they leave. `instance_variables` are those of the bundle, and
     `aggregates` what formulas read of their instances; `signals` has those of aggregates last.
+    With `has_margins` a step computes margins, too.
     """
 
     name: str
@@ -224,6 +227,7 @@ class Specification:
     kept: tuple[tuple[str, tuple[str, ...]], ...] = ()
     instance_variables: tuple[ManifestVariable, ...] = ()
     aggregates: tuple[InstanceAggregate, ...] = ()
+    has_margins: bool = False
 
     @cached_property
     def read(self) -> frozenset[str]:

@@ -39,7 +39,7 @@ from fret_monitor.model.policies import (
 from fret_monitor.model.probability import LEAST, Probability, RELATIONS
 from fret_monitor.model.values import ValueType
 
-FORMAT = 13
+FORMAT = 14
 _FRACTION = re.compile(r'\d{1,40}/[1-9]\d{0,40}')
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
@@ -150,6 +150,14 @@ class ManifestAggregate:
     kind: int
     operand: int
     input: int
+
+
+@dataclass(frozen=True)
+class ManifestComparison:
+    """A comparison that margins can rest on, as written, and the indices of its inputs."""
+
+    text: str
+    inputs: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -328,8 +336,9 @@ class Manifest:
     keep, which this monitor therefore leaves out. `kinds` are the monitors of the instances of
     `variables`; what stands beside them is of the bundle. `ids` are then those of the requirements
     of all, in the bundle's order. `outputs` is the exported function that returns the outputs of
-    the monitor of a kind, '' if there are none, and `tests` that which returns the tests of
-    probabilities.
+    the monitor of a kind, '' if there are none, `tests` that which returns the tests of
+    probabilities, and `margins` that which returns the margins, '' without; `comparisons` are
+    what they number.
     """
 
     name: str
@@ -358,6 +367,8 @@ class Manifest:
     ids: tuple[str, ...] = ()
     outputs: str = ''
     tests: str = ''
+    margins: str = ''
+    comparisons: tuple[ManifestComparison, ...] = ()
 
     @property
     def numbered(self) -> tuple[ManifestRequirement, ...]:
@@ -720,6 +731,10 @@ def _manifest(content: _Value) -> Manifest:
         ids=tuple(item.text() for item in content['ids'].items()),
         outputs=content['outputs'].symbol_or_empty(),
         tests=content['tests'].symbol_or_empty(),
+        margins=content['margins'].symbol_or_empty(),
+        comparisons=tuple(
+            ManifestComparison(item['text'].text(), item['inputs'].indices(len(inputs)))
+            for item in content['comparisons'].items()),
     )
 
 

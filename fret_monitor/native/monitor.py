@@ -89,7 +89,7 @@ class Monitor:
     `readers` is its `const struct fm_readers *`, None if it has no topics. Both are constant: any
     number of evaluators, in any threads, may use them. The library stays open while this object or
     an evaluator made from it lives. `kinds` are those of the manifest. `tests` is its
-    `const struct fm_tests *`, or NULL.
+    `const struct fm_tests *`, and `margins` its `const struct fm_margins *`, or NULL.
     """
 
     manifest: Manifest
@@ -98,6 +98,7 @@ class Monitor:
     readers: CData | None = None
     kinds: tuple['MonitorKind', ...] = ()
     tests: CData = ffi.NULL
+    margins: CData = ffi.NULL
 
     @property
     def state_bytes(self) -> int:
@@ -139,7 +140,7 @@ def _monitor(opened: Library, manifest: Manifest) -> Monitor:
     kinds = tuple(MonitorKind(_monitor(opened, kind.manifest), _outputs(opened, kind.manifest))
                   for kind in manifest.kinds)
     monitor = Monitor(manifest, opened, enter(), _readers(opened, manifest), kinds,
-                      _tests(opened, manifest))
+                      _tests(opened, manifest), _margins(opened, manifest))
     for difference in _differences(monitor):
         raise LibraryError(
             f'{opened.path} does not fit its manifest ({difference}): compile the bundle again')
@@ -156,6 +157,12 @@ def _tests(opened: Library, manifest: Manifest) -> CData:
     if not manifest.tests:
         return ffi.NULL
     return ffi.cast('const struct fm_tests * (*)(void)', opened.find(manifest.tests))()
+
+
+def _margins(opened: Library, manifest: Manifest) -> CData:
+    if not manifest.margins:
+        return ffi.NULL
+    return ffi.cast('const struct fm_margins * (*)(void)', opened.find(manifest.margins))()
 
 
 def _readers(opened: Library, manifest: Manifest) -> CData | None:

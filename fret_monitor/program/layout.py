@@ -36,11 +36,11 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.monitor_program import (
-    AlwaysSoFar, AlwaysWithin, Delay, FirstStep, Greatest, Hold, is_exact_sum, Literal,
-    MonitorProgram, OnceBefore, OnceEver, OnceWithin, Operand, operands, Operation,
-    OutcomesTest, PreviousNumber, Read, room_of, SinceBefore, SinceBetween, SinceEver,
-    SinceWithin, SlopeBetween, StepGroup, Tally, TimeAtLeast, Total, TrialOutcome,
-    TriggeredEver, ValueAgo,
+    AlwaysSoFar, AlwaysWithin, Delay, Distance, FirstStep, Greatest, Hold, is_exact_sum, Literal,
+    MarginAgo, MarginOperation, Margins, MarginSince, MarginWithin, MonitorProgram, OnceBefore,
+    OnceEver, OnceWithin, Operand, operands, Operation, OutcomesTest, PreviousNumber, Read,
+    room_of, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally,
+    TimeAtLeast, Total, TrialOutcome, TriggeredEver, ValueAgo,
 )
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
@@ -55,6 +55,7 @@ _RING_HEAD = 3  # as in csrc/generated/fret_windows.h
 _WINDOW_HEAD = 8
 _SUM_LENGTH = 40
 TEST_WORDS, TEST_PARTS = 7, 3  # of a test, as in csrc/generated/fret_trials.h
+MARGIN_WORDS = 4  # of a struct fm_margin
 _BLOCK_ALIGNMENT = 16  # as in csrc/evaluator/instance.h, like the sizes of its structs
 _TIME_BYTES = 72
 _INPUT_BYTES = 32
@@ -80,6 +81,15 @@ class FieldKind(Enum):
     FEEDBACK = 'feedback'
     WIRE = 'wire'
     OUTPUT = 'output'
+    LEAF = 'leaf'
+    INSTANT = 'instant'
+    MARGIN = 'margin'
+    MARGINS = 'margins'
+    MARGIN_QUEUE = 'margin_queue'
+    MARGIN_FEEDBACK = 'margin_feedback'
+
+
+_OF_MARGINS = (FieldKind.MARGIN, FieldKind.MARGINS, FieldKind.MARGIN_FEEDBACK)
 
 
 @dataclass(frozen=True)
@@ -88,8 +98,10 @@ class StateField:
     A field of a group's state struct.
 
     `number` is the number of the word (BITS), the length of the rings (POSITION), the index of the
-    feedback equation (FEEDBACK), of the property (OUTPUT), else of the equation. `length` is 0 for
-    a scalar, else the length of the array. `initial` is the initial value, of each element.
+    feedback equation (FEEDBACK, MARGIN_FEEDBACK), of the property (OUTPUT, MARGIN), of the
+    equation of a margin (MARGINS, MARGIN_QUEUE), 0 (INSTANT), else of the equation. `length` is 0
+    for a scalar, else the length of the array. `initial` is the initial value, of each element. A
+    margin is an array of MARGIN_WORDS words.
     """
 
     kind: FieldKind
@@ -102,6 +114,11 @@ class StateField:
     def size(self) -> int:
         """Size in bytes."""
         return self.type.size * max(1, self.length)
+
+    @property
+    def n_margins(self) -> int:
+        """How many margins it holds; 0 of another kind."""
+        return self.length // MARGIN_WORDS if self.kind in _OF_MARGINS else 0
 
 
 @dataclass(frozen=True)
@@ -158,7 +175,15 @@ class GroupLayout:
         uses.update(item.value for item in group.verdicts)
         uses.update(item.value for _, item in (*group.occurrences, *group.outputs))
         uses.update(item.next.value for item in group.feedback)
+        uses.update(self.leaves)
         return uses
+
+    @cached_property
+    def leaves(self) -> frozenset[int]:
+        """The values that are kept in the state for the margins."""
+        return frozenset() if self.group.margins is None else frozenset(
+            item.value for item in self.group.margins.leaves
+            if not isinstance(self.group.equations[item.value].operation, Read | Literal))
 
     @cached_property
     def occurrences_of(self) -> dict[int, list[tuple[int, Operand]]]:
@@ -188,6 +213,8 @@ def lay_out(group: StepGroup) -> GroupLayout:
     parts = tuple(_parts(group))
     bits = _place_bits(group, parts)
     fields = [*_words(group, bits), *_flags(group, bits), *_cells(group), *_shared(group, parts)]
+    if group.margins is not None:
+        fields += _margins(group, group.margins)
     fields.sort(key=lambda field: (-field.type.size, field.kind.value, field.number))
     return GroupLayout(group, tuple(fields), bits, parts)
 
@@ -291,27 +318,44 @@ def _check_rates(program: MonitorProgram, layouts: tuple[GroupLayout, ...]) -> N
     for layout in layouts:
         group = layout.group
         for index, equation in enumerate(group.equations):
-            cell = equation.operation
-            room = room_of(cell)
-            if room is not None and room.capacity is None:
-                item = program.properties[_owner(group, index)]
-                slow = dict.fromkeys(
-                    written_input(program.signals, program.signals[one]).name
-                    for one in room.signals if program.signals[one].max_rate is None)
-                exactly = 'exactly ' if isinstance(cell, SinceBetween) else ''
-                problems.extend([Diagnostic(
-                    f'{item.id} looks back {exactly}{time_text(_past(cell))}, for which each '
-                    'change in between must be stored', item.place,
-                    f'how many there can be is not known without a rate of {", ".join(slow)}',
-                    f'write `max_rate: 100` (Hz) at {", ".join(slow)}' + (
-                        ', or a window [a,b] with a < b, which needs no rate' if exactly else
-                        ''))])
+            _check_rate(equation.operation, program, _owner(group, index), problems)
+        longest: dict[int, MarginOperation] = {}
+        for item in group.margins.equations if group.margins else ():
+            if (room := room_of(item.operation)) is not None and room.capacity is None:
+                longest[item.owner] = max(
+                    item.operation, longest.get(item.owner, item.operation), key=_past)
+        for owner, cell in longest.items():
+            _check_rate(cell, program, owner, problems)
     problems.raise_errors()
 
 
-def _past(cell: Operation) -> int:
+def _check_rate(cell: Operation | MarginOperation, program: MonitorProgram, owner: int,
+                problems: Problems) -> None:
+    """Report a cell whose room depends on rates that are not known."""
+    room = room_of(cell)
+    if room is None or room.capacity is not None:
+        return
+    item = program.properties[owner]
+    slow = dict.fromkeys(
+        written_input(program.signals, program.signals[one]).name
+        for one in room.signals if program.signals[one].max_rate is None)
+    exactly = 'exactly ' if isinstance(cell, SinceBetween) else ''
+    what = f'the margin of {item.id}' if isinstance(cell, MarginAgo | MarginWithin) else item.id
+    problems.extend([Diagnostic(
+        f'{what} looks back {exactly}{time_text(_past(cell))}, for which each '
+        'change in between must be stored', item.place,
+        f'how many there can be is not known without a rate of {", ".join(slow)}',
+        f'write `max_rate: 100` (Hz) at {", ".join(slow)}' + (
+            ', or a window [a,b] with a < b, which needs no rate' if exactly else ''))])
+
+
+def _past(cell: Operation | MarginOperation) -> int:
     """Return how far a cell with a queue looks back."""
     match cell:
+        case MarginAgo():
+            return cell.steps
+        case MarginWithin():
+            return cell.bound
         case SinceBetween():
             return cell.high
         case ValueAgo() | Greatest() | Total() | TimeAtLeast():
@@ -456,6 +500,43 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
                 yield StateField(FieldKind.WINDOW, index, ValueType.FLOAT64, TEST_PARTS, 1.0)
             case Delay() if operation.steps > 1:
                 yield _line(index, operation)
+            case _:
+                pass
+
+
+def _margins(group: StepGroup, margins: Margins) -> Iterator[StateField]:
+    """Yield the fields of the margins (see csrc/generated/fret_margins.h)."""
+    def some(kind: FieldKind, number: int, count: int = 1) -> StateField:
+        return StateField(kind, number, ValueType.FLOAT64, MARGIN_WORDS * count)
+
+    def queue(number: int, length: int) -> StateField:
+        return StateField(FieldKind.MARGIN_QUEUE, number, ValueType.INT64, length)
+
+    yield StateField(FieldKind.INSTANT, 0, ValueType.INT64)
+    yield from (some(FieldKind.MARGIN, number) for number in group.properties)
+    yield from (some(FieldKind.MARGIN_FEEDBACK, number)
+                for number, _ in enumerate(margins.feedback))
+    for value in sorted({item.value for item in margins.leaves}):
+        equation = group.equations[value]
+        if not isinstance(equation.operation, Read | Literal):
+            yield StateField(FieldKind.LEAF, value, ValueType.BOOL if equation.type is
+                             ValueType.BOOL else ValueType.FLOAT64)
+    for number, item in enumerate(margins.equations):
+        cell = item.operation
+        match cell:
+            case Distance() if not group.is_timed:
+                pass
+            case MarginSince() | MarginAgo(steps=1) | Distance():
+                yield some(FieldKind.MARGINS, number)
+            case MarginAgo(room=None):
+                yield from (some(FieldKind.MARGINS, number, cell.steps), queue(number, 1))
+            case MarginWithin(room=None):
+                yield from (some(FieldKind.MARGINS, number, cell.bound + 1),
+                            queue(number, QUEUE_HEAD + cell.bound + 1))
+            case MarginAgo() | MarginWithin():
+                capacity = cell.room.capacity or 1 if cell.room else 1
+                yield from (some(FieldKind.MARGINS, number, capacity),
+                            queue(number, QUEUE_HEAD + capacity))
             case _:
                 pass
 

@@ -55,6 +55,7 @@ from fret_monitor.logic.specification import Signal, Specification
 from fret_monitor.model.policies import InputSource, Policy, Report
 from fret_monitor.model.times import NANOSECONDS
 from fret_monitor.model.values import ValueType
+from fret_monitor.program.margins import MarginBuilder
 from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, ApplyBinary, ApplyUnary, Choose, Convert, Delay, Equation,
     FALSE, FeedbackEquation, FeedbackRead, FirstStep, Greatest, Hold, Literal, MonitorProgram,
@@ -124,6 +125,11 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         and root.window.is_unbounded]
     outputs = [(number, builder.operand[simpler[item.output]])
                for number, item in zip(numbers, properties) if item.output is not None]
+    margins = MarginBuilder(
+        lambda node: builder.value_of(node, without_queues([node])[node]),
+        specification.signals, feedback, builder.rates,
+    ).build((number, item.formula) for number, item in zip(numbers, properties, strict=True)) \
+        if specification.has_margins else None
     if is_timed:
         verdicts = [builder.unless_lost(verdict) for verdict in verdicts]
         occurrences = [(place, builder.unless_lost(now)) for place, now in occurrences]
@@ -138,6 +144,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         tuple((numbers[place], now) for place, now in occurrences),
         is_timed,
         tuple(outputs),
+        margins,
     ))
 
 
@@ -161,10 +168,11 @@ class _Rates:
 
     def changes(self, roots: Sequence[Formula], ticks: int) -> int | None:
         """Return how often some formulas change in so many ticks; None if unknown."""
-        together = self._sources(roots, ticks)
+        together = self.sources(roots, ticks)
         return None if together is None else sum(together.values())
 
-    def _sources(self, roots: Sequence[Formula], ticks: int) -> dict[object, int] | None:
+    def sources(self, roots: Sequence[Formula], ticks: int) -> dict[object, int] | None:
+        """Return where changes come from, and how many there are at most; None if unknown."""
         found: dict[Formula, dict[object, int] | None] = {}
         for item in postorder(roots):
             found[item] = self._changes(item, ticks, [found[part] for part in operands_of(item)])
@@ -175,7 +183,7 @@ class _Rates:
         match self._feedback[node]:
             case Binary(BinaryOperator.ADD, before, Choice(holds, Constant(), Constant())) \
                     if before is node:
-                together = self._sources([holds], ticks)
+                together = self.sources([holds], ticks)
                 return None if together is None else {node: sum(together.values())}
             case _:
                 return None
@@ -234,7 +242,7 @@ class _GroupBuilder:
         self.fed: list[Operand] = []  # the values of feedback equations
         self._found: dict[tuple[object, ...], Operand] = {}
         self._index = index
-        self._rates = rates
+        self.rates = rates
         self._feedback = feedback
         # Operands that are known to equal a conjunction, `t >= m`, or `O[0,b] p`.
         self._conjuncts: dict[Operand, tuple[Operand, Operand]] = {}
@@ -248,6 +256,13 @@ class _GroupBuilder:
             if node not in self.operand:
                 self.operand[node] = self._term(node)
                 self._name(self.operand[node], node)
+
+    def value_of(self, node: Formula, simpler: Formula) -> Operand:
+        """Return the value of a formula; add the equations of the equivalent `simpler` one."""
+        if node not in self.operand:
+            self.define([simpler])
+            self.operand[node] = self.operand[simpler]
+        return self.operand[node]
 
     def _name(self, operand: Operand, node: Formula) -> None:
         """Record in an equation the first formula whose value it is."""
@@ -589,7 +604,7 @@ class _GroupBuilder:
         if window.high is None:
             return self._before(window.low, argument) if window.low \
                 else self._once_ever(argument, dual)
-        if window.low and self._rates and window != _LAST:
+        if window.low and self.rates and window != _LAST:
             return self._between(node, TRUE, argument)
         return self._once_within(window.high - window.low,
                                  self._ago(window.low, argument), dual)
@@ -597,19 +612,19 @@ class _GroupBuilder:
     def _between(self, node: _Windowed, left: Operand, right: Operand) -> Operand:
         """Return `left S[w] right`, w the window of `node`, in a group that steps at ticks."""
         low, high = node.window.low, node.window.high
-        assert self._rates is not None and high is not None
+        assert self.rates is not None and high is not None
         # Intervals of `right` whose results do not touch begin at least this many ticks apart.
         longest = high // (high - low + 2) + 1
-        room = self._room(node, self._rates.intervals(operands_of(node), high), longest,
+        room = self._room(node, self.rates.intervals(operands_of(node), high), longest,
                           low == high and high > _SHORT_QUEUE)
         return self._share(('between', low, high, left, right), False,
                            SinceBetween(low, high, left, right, room))
 
     def _room(self, node: Formula, by_rate: int | None, longest: int, needs_rate: bool) -> Room:
         """Return room for the entries that the rate allows, and at most for the `longest`."""
-        assert self._rates is not None
+        assert self.rates is not None
         may_overflow = needs_rate if by_rate is None else by_rate < longest
-        return Room(self._rates.inputs(node), by_rate if may_overflow else longest, may_overflow)
+        return Room(self.rates.inputs(node), by_rate if may_overflow else longest, may_overflow)
 
     def unless_lost(self, verdict: Operand) -> Operand:
         """
@@ -685,7 +700,7 @@ class _GroupBuilder:
             return right if window.low == 0 else FALSE
         if window.high is None:
             return self._since_before(window.low, left, right, dual)
-        if window.low and self._rates:
+        if window.low and self.rates:
             return self._between(node, left, right)
         started = self._ago(window.low, right)
         if window.low:
@@ -716,7 +731,7 @@ class _GroupBuilder:
                 return argument if node.past == 0 else self._windowed(
                     Greatest(node.past, argument, is_least, self._room_of_changes(node)),
                     node.type)
-            case Aggregate.COUNT if self._rates is None:
+            case Aggregate.COUNT if self.rates is None:
                 leaving = self._delay(node.past + 1, argument)
                 return self._windowed(Tally(argument, leaving), node.type)
             case Aggregate.COUNT:
@@ -732,16 +747,16 @@ class _GroupBuilder:
 
     def _total(self, node: Over, argument: Operand, at: Operand) -> Operand:
         room = None
-        if self._rates is not None:
-            by_rate = self._rates.intervals([node.at], node.past)
+        if self.rates is not None:
+            by_rate = self.rates.intervals([node.at], node.past)
             room = self._room(node.at, by_rate, node.past + 2, node.past > _SHORT_QUEUE)
         return self._windowed(Total(node.past, argument, at, room), node.type)
 
     def _room_of_changes(self, node: Over | Ago) -> Room | None:
         """Return room for the changes of a number, in a group that steps at ticks."""
-        if self._rates is None:
+        if self.rates is None:
             return None
-        by_rate = self._rates.changes([node.argument], node.past)
+        by_rate = self.rates.changes([node.argument], node.past)
         return self._room(node, None if by_rate is None else by_rate + 2, node.past + 2,
                           node.past > _SHORT_QUEUE)
 
@@ -764,13 +779,13 @@ class _GroupBuilder:
         argument = self.operand[node.argument]
         if not 0 < node.least <= node.past or argument == FALSE:
             return TRUE if node.least <= 0 else FALSE
-        if self._rates is None:
+        if self.rates is None:
             tally = self._windowed(Tally(argument, self._delay(node.past, argument)),
                                    ValueType.INT64)
             least = self._constant(Constant(node.least, ValueType.INT64))
             return self._relation(BinaryOperator.LE, least, tally,
                                   (ValueType.INT64, ValueType.INT64))
-        room = self._room(node, self._rates.intervals([node.argument], node.past),
+        room = self._room(node, self.rates.intervals([node.argument], node.past),
                           node.past // 2 + 2, node.past > _SHORT_QUEUE)
         return self._share(('time over', node), False,
                            TimeAtLeast(node.past, node.least, argument, room))

@@ -417,6 +417,101 @@ class FeedbackEquation:
 
 
 @dataclass(frozen=True)
+class Certain:
+    """The margin of a Boolean leaf (its number): plus or minus infinity."""
+
+    leaf: int
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far two numbers (numbers of leaves) are from comparing otherwise, over a scale."""
+
+    operator: BinaryOperator
+    left: int
+    right: int
+    scale: float
+
+
+@dataclass(frozen=True)
+class Lesser:
+    """The lesser of two margins."""
+
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class Greater:
+    """The greater of two margins."""
+
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class MarginSince:
+    """Of `p S q`: the greater of q, and of the lesser of p and this at the step before."""
+
+    left: Operand
+    right: Operand
+
+
+@dataclass(frozen=True)
+class MarginWithin:
+    """The greatest margin of this step and the `bound` before; bound > 0. `room` as ValueAgo."""
+
+    bound: int
+    argument: Operand
+    room: Room | None
+
+
+@dataclass(frozen=True)
+class MarginAgo:
+    """The margin `steps` > 0 steps ago; that of FALSE if there is none. `room` as ValueAgo."""
+
+    steps: int
+    argument: Operand
+    room: Room | None
+
+
+@dataclass(frozen=True)
+class MarginFeedback:
+    """The margin at the step before of an equation, by its place in `Margins.feedback`."""
+
+    index: int
+
+
+MarginOperation: TypeAlias = (Certain | Distance | Lesser | Greater | MarginSince | MarginWithin
+                              | MarginAgo | MarginFeedback)
+
+
+@dataclass(frozen=True)
+class MarginEquation:
+    """A margin, the requirement it was added for, and the comparison that it is of, if any."""
+
+    operation: MarginOperation
+    owner: int
+    formula: Formula | None
+
+
+@dataclass(frozen=True)
+class Margins:
+    """
+    What a group computes beside its verdicts: how far each is from being otherwise.
+
+    Operands are indices of `equations`, those of `leaves` of the group's equations: the values
+    that are compared. `roots` are in the order of the group's properties. `feedback` are the
+    margins that are kept for the next step.
+    """
+
+    leaves: tuple[Operand, ...]
+    equations: tuple[MarginEquation, ...]
+    roots: tuple[Operand, ...]
+    feedback: tuple[Operand, ...]
+
+
+@dataclass(frozen=True)
 class StepGroup:
     """
     The requirements that read the same inputs.
@@ -427,7 +522,7 @@ class StepGroup:
     are numbers that are kept in the state after each step, by property.
 
     With `is_timed` the group steps at ticks, of which most are left out (policy `timed`). A bound
-    is a number of ticks, and a counter holds a tick.
+    is a number of ticks, and a counter holds a tick. `margins` are there where they are asked for.
     """
 
     signals: tuple[int, ...]
@@ -439,6 +534,7 @@ class StepGroup:
     occurrences: tuple[tuple[int, Operand], ...] = ()
     is_timed: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
+    margins: Margins | None = None
 
 
 @dataclass(frozen=True)
@@ -462,7 +558,7 @@ def operands(operation: Operation) -> tuple[Operand, ...]:
     return tuple(item for item in vars(operation).values() if isinstance(item, Operand))
 
 
-def room_of(operation: Operation) -> Room | None:
+def room_of(operation: Operation | MarginOperation) -> Room | None:
     """Return the room of a cell with entries that are not a number of steps, else None."""
     room = getattr(operation, 'room', None)
     return room if isinstance(room, Room) else None

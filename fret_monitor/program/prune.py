@@ -42,12 +42,15 @@ def prune(group: StepGroup) -> StepGroup:
                        for item in group.feedback),
         occurrences=tuple((index, _operand(item, number)) for index, item in group.occurrences),
         outputs=tuple((index, _operand(item, number)) for index, item in group.outputs),
+        margins=group.margins and replace(group.margins, leaves=tuple(
+            _operand(item, number) for item in group.margins.leaves)),
     )
 
 
 def _live(group: StepGroup) -> list[int]:
     roots = [*group.verdicts, *(item for _, item in group.occurrences),
-             *(item for _, item in group.outputs), *(item.next for item in group.feedback)]
+             *(item for _, item in group.outputs), *(item.next for item in group.feedback),
+             *(group.margins.leaves if group.margins else ())]
     seen: set[int] = set()
     stack = [root.value for root in roots if not root.is_constant]
     while stack:

@@ -124,6 +124,26 @@ class TimeCounts:
     restarted_at: int = 0
 
 
+@frozen
+class Margin:
+    """
+    How far a requirement is from the other verdict: positive or 0 if it is satisfied.
+
+    `value` is the `distance` that the deciding comparison had, divided by its scale: infinite
+    where none decides, NaN where it is not known. `instant` is when it had it, `comparison` its
+    index in the manifest.
+    """
+
+    value: float
+    distance: float
+    instant: int
+    comparison: int
+
+
+def _margin(found: CData) -> Margin:
+    return Margin(found.value, found.distance, found.instant, found.comparison)
+
+
 class Evaluator:
     """
     Runs a monitor: takes values and the time, steps the groups that are due, returns violations.
@@ -317,7 +337,27 @@ class Evaluator:
         ValueError
             if a column has another type or length.
         """
-        rows = self.native_rows(columns, times)
+        for instants, verdicts, _ in self._rows(self.native_rows(columns, times), until, ffi.NULL):
+            yield instants, verdicts
+
+    def margin_rows(
+        self, columns: Sequence['array[Any] | None'], times: 'array[int]',
+        until: int | None = None,
+    ) -> Iterator[tuple['array[int]', bytes, list[Margin]]]:
+        """
+        Do as `rows`, with margins: one a requirement for each row of verdicts.
+
+        There is a row for each instant at which a margin differs, too. The monitor has margins.
+        """
+        width = len(self.monitor.manifest.requirements)
+        room = ffi.new('struct fm_margin[]', _TABLE_ROWS * width)
+        for instants, verdicts, count in self._rows(
+                self.native_rows(columns, times), until, room):
+            yield instants, verdicts, [_margin(room[place]) for place in range(count * width)]
+
+    def _rows(self, rows: 'NativeRows', until: int | None,
+              margins: CData) -> Iterator[tuple['array[int]', bytes, int]]:
+        rows.pointer.margins = margins
         width = len(self.monitor.manifest.requirements)
         instants, verdicts = array('q', bytes(8 * _TABLE_ROWS)), bytearray(_TABLE_ROWS * width)
         count = _TABLE_ROWS
@@ -326,7 +366,7 @@ class Evaluator:
                 self.pointer, rows.pointer, -2**63 if until is None else until, _TABLE_ROWS,
                 ffi.from_buffer('int64_t[]', instants), ffi.from_buffer('bool[]', verdicts))
             if count:
-                yield instants[:count], bytes(verdicts[:count * width])
+                yield instants[:count], bytes(verdicts[:count * width]), count
 
     def native_rows(
             self, columns: Sequence['array[Any] | None'], times: 'array[int]') -> 'NativeRows':
@@ -527,6 +567,7 @@ class EvaluatorOptions:
             'windows': self._windows,
             'rooms': self._rooms,
             'tests': monitor.tests,
+            'margins': monitor.margins,
         })
 
 

@@ -43,12 +43,14 @@ from fret_monitor.runtime.scopes import Scopes
 from fret_monitor.traces.csv_trace import (
     LAST_TICK, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
 )
+from fret_monitor.traces.margin_table import MarginTable, with_margins
 from fret_monitor.traces.summary import Summary
 
 
 def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
              read: Iterable[Path] = (), until: int | None = None,
-             progress: Progress = no_progress, library: Path | None = None) -> Summary:
+             progress: Progress = no_progress, library: Path | None = None,
+             margins: Path | None = None) -> Summary:
     """
     Step a monitor once for each row of a trace.
 
@@ -72,6 +74,8 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
         called with the part of the trace that was read.
     library
         as of `Evaluator`.
+    margins
+        output file, as `MarginTable` writes it; the monitor then has margins.
 
     Raises
     ------
@@ -80,14 +84,18 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     """
     writing = nullcontext(sys.stdout) if verdicts is None else open_output(
         verdicts, (trace, *read))
-    with open_trace(trace) as file, writing as out:
+    writing_margins = nullcontext(None) if margins is None else open_output(
+        margins, (trace, *read, *([verdicts] if verdicts else [])))
+    with open_trace(trace) as file, writing as out, writing_margins as margins_out:
         if monitor.manifest.variables:
             return _run_scopes(monitor, str(trace), file, out, until,
                                partial(_report, file, progress), library)
         evaluator = Evaluator(for_trace(monitor), library=library)
         reader = TraceReader(str(trace), file, monitor.manifest.inputs,
                              _time_column(monitor.manifest), evaluator.library)
-        return _run(evaluator, reader, out, until, partial(_report, file, progress))
+        table = None if margins_out is None else MarginTable(
+            monitor.manifest, margins_out, has_times=reader.has_times)
+        return _run(evaluator, reader, out, until, partial(_report, file, progress), table)
 
 
 def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until: int | None,
@@ -124,14 +132,14 @@ def _report(file: BinaryIO, progress: Progress, steps: int) -> None:
 
 
 def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO, until: int | None,
-         report: Callable[[int], None]) -> Summary:
+         report: Callable[[int], None], table: MarginTable | None) -> Summary:
     ids = [item.id for item in evaluator.monitor.manifest.requirements]
     is_timed = evaluator.monitor.manifest.policy is Policy.TIMED
     csv.writer(out, lineterminator='\n').writerow([TIME if is_timed else 'step', *ids])
     violations = [0] * len(ids)
     first: dict[str, int] = {}
     steps = 0
-    for times, found in _verdicts(evaluator, trace, until):
+    for times, found in _verdicts(evaluator, trace, until, table):
         labels = times if is_timed else array('q', range(steps, steps + len(times)))
         out.write(verdict_rows(evaluator.library, labels, found, len(ids), are_times=is_timed))
         for index, name in enumerate(ids):
@@ -145,11 +153,12 @@ def _run(evaluator: Evaluator, trace: TraceReader, out: TextIO, until: int | Non
                    overflows=evaluator.time_counts().overflows)
 
 
-def _verdicts(evaluator: Evaluator, trace: TraceReader,
-              until: int | None) -> Iterator[tuple['array[int]', bytes]]:
+def _verdicts(evaluator: Evaluator, trace: TraceReader, until: int | None,
+              table: MarginTable | None) -> Iterator[tuple['array[int]', bytes]]:
+    take = evaluator.rows if table is None else partial(with_margins, table, evaluator)
     last: int | None = None
     for times, columns in trace.blocks():
-        yield from evaluator.rows(columns, times)
+        yield from take(columns, times)
         last = times[-1]
     if until is None or last is None:
         return
@@ -159,4 +168,4 @@ def _verdicts(evaluator: Evaluator, trace: TraceReader,
         refuse(f'--until {seconds_text(until)} is before the last row of the trace',
                help=f'which is at {seconds_text(last)}')
     empty: list[array[int] | None] = [None] * len(evaluator.monitor.manifest.inputs)
-    yield from evaluator.rows(empty, array('q'), until)
+    yield from take(empty, array('q'), until)

@@ -37,7 +37,8 @@ GOOD = """
 format: 1
 constants: {v_max: 0.5, is_outdoors: true}
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 0.5, stale: violate, startup: 5, initial: 0}
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 0.5, stale: violate, startup: 5, initial: 0,
+      scale: 0.5}
   t: {transform: {from: map, to: base}, field: translation.x}
   s: {topic: s, type: std_msgs/msg/String, values: {IDLE: idle}, qos: {depth: 5}}
 topics:
@@ -137,7 +138,7 @@ def test_wrong_bundles_are_not_valid(old: str, new: str) -> None:
 
 @pytest.mark.parametrize('name', [
     'a_list', 'a_text', 'acting', 'unknown_keys', 'no_format', 'no_requirements',
-    'requirements_by_name', 'startup', 'topics', 'misplaced_policy', 'inner_shapes'])
+    'requirements_by_name', 'scale', 'startup', 'topics', 'misplaced_policy', 'inner_shapes'])
 def test_what_the_reader_refuses_for_its_shape_is_not_valid(name: str) -> None:
     text = (golden.FOLDER / 'bundle' / f'{name}.yaml').read_text(encoding='utf-8')
     assert not is_valid(text)

@@ -555,3 +555,74 @@ def test_verdicts_can_be_written_to_standard_output_in_a_file(here: Here) -> Non
                        stdout=out, check=True, env=environment())
     first, *_, last = (here.folder / 'out.csv').read_text().splitlines()
     assert first.startswith('step,') and last.startswith('R"3: ')
+
+
+MOTOR = """format: 1
+inputs:
+  current: {type: float64, scale: 5}
+  mode: {type: int32, values: {IDLE: 0, RUN: 1}}
+requirements:
+  - {id: LOW, ptltl: "H (mode = RUN -> current <= 20)"}
+  - {id: IDLE, ptltl: "mode = IDLE"}
+"""
+
+
+def test_margins_have_the_deciding_comparison_its_distance_and_its_step(here: Here) -> None:
+    bundle = here.file('motor.yaml', MOTOR)
+    trace = here.file('trace.csv', 'mode,current\nIDLE,30\nRUN,15\nRUN,17.5\nRUN,22.5\n')
+    table = here.folder / 'margins.csv'
+    done = here.run('simulate', bundle, '--trace', trace, '--margins', table)
+    assert (done.status, done.err) == (0, '')
+    assert done.out == 'step,LOW,IDLE\n0,1,1\n1,1,0\n2,1,0\n3,0,0\n'
+    assert table.read_text().splitlines() == [
+        'step,requirement,margin,distance,comparison,inputs,at',
+        '0,LOW,inf,,,,', '0,IDLE,inf,,,,',
+        '1,LOW,1.0,5.0,current <= 20.0,current,1', '1,IDLE,-inf,,,,',
+        '2,LOW,0.5,2.5,current <= 20.0,current,2', '2,IDLE,-inf,,,,',
+        '3,LOW,-0.5,-2.5,current <= 20.0,current,3', '3,IDLE,-inf,,,,']
+
+
+def test_margins_under_timed_have_rows_where_only_a_margin_changes(here: Here) -> None:
+    bundle = here.file('timed.yaml', """format: 1
+inputs: {x: {type: float64, max_rate: 10}}
+evaluation: {policy: timed, unit: 1}
+requirements: [{id: R, ptltl: "H[0,2] (x <= 5)"}]
+""")
+    trace = here.file('trace.csv', 'time,x\n0,4\n1,1\n1.5,6\n2,0\n')
+    table = here.folder / 'margins.csv'
+    done = here.run('simulate', bundle, '--trace', trace, '--margins', table, '--until', '5')
+    assert (done.status, done.err) == (0, '')
+    assert done.out == 'time,R\n0,1\n1,1\n1.5,0\n2,0\n4,1\n'
+    assert [line.split(',') for line in table.read_text().splitlines()[1:]] == [
+        ['0', 'R', '1.0', '1.0', 'x <= 5.0', 'x', '0'],
+        ['1', 'R', '1.0', '1.0', 'x <= 5.0', 'x', '0'],
+        ['1.5', 'R', '-1.0', '-1.0', 'x <= 5.0', 'x', '1.5'],
+        ['2', 'R', '-1.0', '-1.0', 'x <= 5.0', 'x', '1.5'],
+        ['4', 'R', '5.0', '5.0', 'x <= 5.0', 'x', '2']]
+
+
+def test_margins_under_timed_need_the_rates_of_what_is_in_a_window(here: Here) -> None:
+    bundle = here.file('timed.yaml', """format: 1
+inputs: {x: {type: float64}}
+evaluation: {policy: timed, unit: 1}
+requirements: [{id: R, ptltl: "H[0,2] (x <= 5)"}]
+""")
+    trace = here.file('trace.csv', 'time,x\n0,4\n')
+    table = here.folder / 'margins.csv'
+    done = here.run('simulate', bundle, '--trace', trace, '--margins', table)
+    assert done.status == 1 and not table.exists()
+    assert 'the margin of R looks back 2 s' in done.err
+    assert 'write `max_rate: 100` (Hz) at x' in done.err
+    assert here.run('simulate', bundle, '--trace', trace).status == 0
+
+
+def test_margins_of_instances_are_refused(here: Here) -> None:
+    bundle = here.file('robots.yaml', """format: 1
+for_each: {robot: [a, b]}
+inputs: {x: {topic: "/{robot}/x", type: std_msgs/msg/Float64}}
+requirements: [{id: R, ptltl: "x <= 5.0"}]
+""")
+    done = here.run('simulate', bundle, '--trace', here.file('trace.csv', 'robot,x\na,1\n'),
+                    '--margins', here.folder / 'margins.csv')
+    assert (done.status, done.out) == (1, '')
+    assert "--margins does not take bundles with 'for_each' yet" in done.err

@@ -258,7 +258,7 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
   const int64_t timeouts[] = {0, timeout};
   const struct fm_evaluator_options evaluator = {
     &monitor, topics, N_TOPICS, policy, reports, timeouts, violates, 0, 0, NULL, false, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   memory = NULL;
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&evaluator)) == 0);
   const struct fm_engine_options options = {

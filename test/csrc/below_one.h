@@ -54,7 +54,7 @@ static struct fm_engine * make_engine(void ** memory, const int64_t * timeout)
 {
   const struct fm_evaluator_options evaluator = {
     &monitor, &topic, 1, FM_EVERY_MESSAGE, &report, timeout, NULL, 0, 0, NULL, true, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   *memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(*memory, &evaluator), &monitor, &readers, &topic, 1,

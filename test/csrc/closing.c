@@ -96,7 +96,8 @@ int main(int argc, char ** argv)
 {
   chosen = argc > 1 ? argv[1] : "";
   const struct fm_evaluator_options evaluator = {
-    &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0, NULL, false, NULL, NULL, NULL};
+    &monitor, NULL, 0, FM_PERIODIC, NULL, NULL, NULL, 1, 0, NULL, false, NULL, NULL, NULL, NULL,
+    NULL};
   void * memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, NULL, NULL, 0,

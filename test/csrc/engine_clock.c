@@ -149,7 +149,7 @@ static struct fm_engine * make(void ** memory, int64_t fed_ms)
   const uint8_t onsets[] = {FM_EVERY_STEP, FM_EVERY_STEP, FM_ONSET};
   const struct fm_evaluator_options options = {
     &monitor, topics, N_TOPICS, FM_PERIODIC, onsets, timeouts, violates,
-    (int64_t)PERIOD_MS * MS, (int64_t)PATIENCE_MS * MS, NULL, false, NULL, NULL, NULL};
+    (int64_t)PERIOD_MS * MS, (int64_t)PATIENCE_MS * MS, NULL, false, NULL, NULL, NULL, NULL, NULL};
   *memory = NULL;
   CHECK(posix_memalign(memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {

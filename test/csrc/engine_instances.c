@@ -303,7 +303,7 @@ static struct fm_evaluator_options options_of(
            of, topics, N_TOPICS, settings->policy, all_reports,
            of == &monitor ? timeouts : NULL, of == &monitor ? violates : NULL,
            settings->policy == FM_PERIODIC ? 10 : 0, 0, of == &monitor ? sources : NULL, true,
-           NULL, NULL, NULL};
+           NULL, NULL, NULL, NULL, NULL};
 }
 
 static void * zeros(uint64_t bytes)

@@ -357,7 +357,7 @@ static struct fm_evaluator * make_evaluator(void ** memory)
 {
   const struct fm_evaluator_options options = {
     &monitor, fed, N_TOPICS, FM_RELEVANT_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   *memory = NULL;
   CHECK(posix_memalign(memory, 16, fm_evaluator_bytes(&options)) == 0);
   return fm_evaluator_init(*memory, &options);

@@ -76,7 +76,7 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout, int64_t patienc
   const bool violates[] = {true};
   const struct fm_evaluator_options options = {
     &monitor, topics, 1, policy, NULL, timeouts, violates, PERIOD, patience,
-    NULL, false, NULL, NULL, NULL};
+    NULL, false, NULL, NULL, NULL, NULL, NULL};
   memory = NULL;
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);
   const struct fm_engine_options made = {
@@ -358,7 +358,8 @@ SCENARIO(an_engine_of_another_abi_is_refused)
   struct fm_monitor other = monitor;
   other.abi = FM_ABI + 1;
   struct fm_evaluator_options options = {
-    &other, topics, 1, FM_PERIODIC, NULL, NULL, NULL, PERIOD, 0, NULL, false, NULL, NULL, NULL};
+    &other, topics, 1, FM_PERIODIC, NULL, NULL, NULL, PERIOD, 0, NULL, false, NULL, NULL, NULL,
+    NULL, NULL};
   CHECK(fm_evaluator_bytes(&options) == 0);
   options.monitor = &monitor;
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);

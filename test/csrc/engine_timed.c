@@ -166,7 +166,7 @@ static struct fm_engine * make(int64_t reorder)
 {
   const struct fm_evaluator_options options = {
     &monitor, topics, N_TOPICS, FM_TIMED, reports, NULL, NULL, 0, 0, sources, true, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   memory = NULL;
   n_taken = 0;
   CHECK(posix_memalign(&memory, 16, (size_t)fm_evaluator_bytes(&options)) == 0);

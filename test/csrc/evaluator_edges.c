@@ -92,7 +92,7 @@ static struct fm_evaluator * make(const uint32_t policy, const struct times time
   static int64_t timeouts[N_INPUTS];
   const struct fm_evaluator_options options = {
     &MONITOR, TOPICS, 2, policy, REPORTS, timeouts, VIOLATES, times.period, times.patience,
-    NULL, false, NULL, NULL, NULL};
+    NULL, false, NULL, NULL, NULL, NULL, NULL};
   timeouts[0] = timeouts[1] = times.timeout;
   void * const memory = malloc((size_t)fm_evaluator_bytes(&options));
   struct fm_evaluator * const evaluator =

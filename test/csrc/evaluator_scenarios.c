@@ -124,7 +124,7 @@ static struct fm_evaluator_options options_of(enum fm_policy policy)
 {
   const struct fm_evaluator_options options = {
     &MONITOR, TOPICS, N_TOPICS, (uint32_t)policy, ONSET_OF_A, NULL, NULL, 0, 0, NULL,
-    false, NULL, NULL, NULL};
+    false, NULL, NULL, NULL, NULL, NULL};
   return options;
 }
 
@@ -708,7 +708,7 @@ SCENARIO(rows_put_timeouts_off_from_their_times)
   const uint8_t flags[] = {1};
   const void * const columns[] = {flags, NULL};
   const int64_t times[] = {1030};
-  struct fm_rows rows = {columns, times, 1, 0, NULL};
+  struct fm_rows rows = {columns, times, 1, 0, NULL, NULL};
   struct fm_evaluator * evaluator = with_timeouts(FM_PERIODIC, FLAG_50);
   CHECK(advance(evaluator, 1010) == 0);
   (void)fm_evaluator_row(evaluator, &rows, NULL);
@@ -1372,7 +1372,8 @@ static const struct fm_monitor TYPES = {
 static struct fm_evaluator * with_types(void)
 {
   const struct fm_evaluator_options options = {
-    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
+    &TYPES, NULL, 0, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
+    NULL, NULL};
   return make(&options);
 }
 
@@ -1451,7 +1452,7 @@ SCENARIO(rows_are_stored_and_stepped_in_one_call)
   const int64_t times[] = {0, 1, 2};
   int64_t instants[4];
   bool verdicts[4][N_REQUIREMENTS];
-  struct fm_rows rows = {columns, times, 3, 0, NULL};
+  struct fm_rows rows = {columns, times, 3, 0, NULL, NULL};
   CHECK(fm_evaluator_rows(evaluator, &rows, INT64_MIN, 4, instants, verdicts[0]) == 3);
   CHECK(instants[0] == 0 && instants[1] == 1 && instants[2] == 2);
   CHECK(verdicts[0][A] && !verdicts[0][B] && verdicts[0][C] && verdicts[0][D]);
@@ -1466,7 +1467,7 @@ SCENARIO(a_column_that_is_missing_leaves_its_input_alone)
   const double levels[] = {50.0, 1.0};
   const void * const columns[] = {NULL, levels};
   const int64_t times[] = {0, 1};
-  struct fm_rows rows = {columns, times, 2, 0, NULL};
+  struct fm_rows rows = {columns, times, 2, 0, NULL, NULL};
   CHECK(fm_evaluator_row(evaluator, &rows, out) == 1);
   CHECK(fm_evaluator_row(evaluator, &rows, out) == 1);
   CHECK(stepped(evaluator, 0, 2, 2) && !fm_evaluator_has_value(evaluator, FLAG));

@@ -109,7 +109,8 @@ static void * memory;
 static struct fm_engine * make_engine(void)
 {
   const struct fm_evaluator_options evaluator = {
-    &monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
+    &monitor, topics, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
+    NULL, NULL};
   memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   const struct fm_engine_options options = {
     fm_evaluator_init(memory, &evaluator), &monitor, &readers, topics, 1,

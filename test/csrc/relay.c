@@ -249,7 +249,8 @@ static struct bench begin(enum fm_otherwise otherwise, int64_t period)
   struct bench bench = {NULL, NULL, NULL, NULL};
   uint8_t substitute[MESSAGE_BYTES];
   const struct fm_evaluator_options evaluator = {
-    &monitor, topics, 2, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, true, NULL, NULL, NULL};
+    &monitor, topics, 2, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, true, NULL, NULL, NULL,
+    NULL, NULL};
   bench.memory = malloc((size_t)fm_evaluator_bytes(&evaluator));
   struct fm_evaluator * made = fm_evaluator_init(bench.memory, &evaluator);
   const struct fm_engine_options options = {

@@ -217,10 +217,10 @@ static void a_million_lives_need_no_more_memory(void)
 {
   const struct fm_evaluator_options bundle = {
     &BUNDLE, WITHOUT, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, AGGREGATES, false, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   const struct fm_evaluator_options instances = {
     &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   const struct fm_kind kind = {
     &instances, &ALL_OUTPUTS, CONCERNS, NULL, NOT_SHARED, NULL, 0, MOST, FORGET};
   const struct fm_scopes_options options = {
@@ -274,9 +274,10 @@ static void a_group_does_not_step_without_the_least_of_all_instances(void)
 {
   const struct fm_evaluator_options bundle = {
     &LEAST, ON_SECOND, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, LEAST_SOURCES, false, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   const struct fm_evaluator_options instances = {
-    &INSTANCES, ON_FIRST, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL};
+    &INSTANCES, ON_FIRST, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
+    NULL, NULL};
   const struct fm_kind kind = {
     &instances, &ALL_OUTPUTS, TWO_CONCERNS, NULL, NOT_SHARED, NULL, 0, MOST, 10};
   const struct fm_scopes_options options = {&bundle, &kind, 1, 1, MIN, NULL, NULL, NULL, 0};

@@ -197,7 +197,7 @@ static struct fm_evaluator_options options_of(void)
 {
   const struct fm_evaluator_options options = {
     &MONITOR, TOPICS, N_TOPICS, FM_TIMED, ALL_OCCURRENCES, NULL, NULL, 0, 0, SOURCES, false, NULL,
-    NULL, NULL};
+    NULL, NULL, NULL, NULL};
   return options;
 }
 
@@ -628,7 +628,7 @@ SCENARIO(rows_give_verdicts_at_rows_and_where_one_changes)
   const void * const columns[] = {p, q, no, no};
   int64_t instants[MOST];
   bool verdicts[MOST][N_REQUIREMENTS];
-  struct fm_rows rows = {columns, times, 3, 0, NULL};
+  struct fm_rows rows = {columns, times, 3, 0, NULL, NULL};
   struct fm_evaluator * evaluator = made();
   uint64_t n = 0;
   uint64_t more = ROOM;
@@ -654,7 +654,7 @@ SCENARIO(without_an_end_rows_end_with_the_last)
   const void * const columns[] = {yes, yes, yes, yes};
   int64_t instants[4];
   bool verdicts[4][N_REQUIREMENTS];
-  struct fm_rows rows = {columns, times, 1, 0, NULL};
+  struct fm_rows rows = {columns, times, 1, 0, NULL, NULL};
   struct fm_evaluator * evaluator = made();
   CHECK(fm_evaluator_rows(evaluator, &rows, INT64_MIN, 4, instants, verdicts[0]) == 1);
   CHECK(fm_evaluator_rows(evaluator, &rows, 20, 4, instants, verdicts[0]) == 1);

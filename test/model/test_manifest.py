@@ -22,8 +22,8 @@ from typing import Any
 
 from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.manifest import (
-    Manifest, ManifestAction, ManifestError, ManifestGate, ManifestGroup, ManifestInput,
-    ManifestRequirement, ManifestTopic, ManifestVariable,
+    Manifest, ManifestAction, ManifestComparison, ManifestError, ManifestGate, ManifestGroup,
+    ManifestInput, ManifestRequirement, ManifestTopic, ManifestVariable,
 )
 from fret_monitor.model.paths import LookUp, Sector, Slice
 from fret_monitor.model.policies import (
@@ -55,6 +55,7 @@ MANIFEST = Manifest(
                                       Severity.WARN, 0, (0, 2), (1,), (0,),
                                       probability=PROBABLE),),
     state_bytes=8, bundle_hash='b', source_hash='s', sources=('pump.h', 'pump.c'),
+    margins='fm_pump_margins', comparisons=(ManifestComparison('level > 1.0', (0,)),),
     readers='fm_pump_readers', stamp=Stamp.HEADER, reorder=50_000_000,
     constants=(('v_max', '0.5'),),
     actions=(ManifestAction('call', ActionKind.CALL, '/stop', 'std_srvs/srv/Trigger', b'\0\1\0\0',
@@ -112,7 +113,8 @@ ALLOWED: dict[str, list[Any]] = {
 }
 # Lists that may be empty.
 EMPTY = ('path', 'values', 'qos', 'sources', 'constants', 'on_violation', 'on_end',
-         'kept', 'kept[0][1]', 'names', 'variables', 'keys', 'kinds', 'aggregates', 'ids')
+         'kept', 'kept[0][1]', 'names', 'variables', 'keys', 'kinds', 'aggregates', 'ids',
+         'comparisons', 'comparisons[0].inputs')
 EMPTY_INDICES = ('topics[0].inputs', 'topics[1].inputs', 'groups[0].inputs',
                  'groups[0].requirements', 'requirements[0].inputs', 'requirements')
 OPTIONAL = ('.topic', 'inputs[0].message_type', 'inputs[1].message_type',
@@ -183,7 +185,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 13: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 14: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),

@@ -1,0 +1,87 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Margins over a trace as CSV (docs/margins.md)."""
+
+from array import array
+from collections.abc import Iterator, Sequence
+import csv
+import math
+from typing import Any, TextIO
+
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.policies import Policy
+from fret_monitor.runtime.evaluator import Evaluator, Margin
+from fret_monitor.traces.csv_trace import seconds_text, TIME
+
+_HEADING = ('requirement', 'margin', 'distance', 'comparison', 'inputs', 'at')
+
+
+class MarginTable:
+    """
+    Writes a row for each step and requirement.
+
+    `margin` is infinite where no comparison decides, and empty where it is not known; what follows
+    it is then empty. `distance` is that of the comparison, in its own unit, and `at` the step or
+    time at which it had it. Under `timed` there are further steps, where a margin changes.
+    """
+
+    def __init__(self, manifest: Manifest, out: TextIO, *, has_times: bool) -> None:
+        """Write the heading; `has_times`: instants are times, else the numbers of steps."""
+        self._manifest = manifest
+        self._is_timed = manifest.policy is Policy.TIMED
+        self._has_times = has_times
+        self._writer = csv.writer(out, lineterminator='\n')
+        self._steps = 0
+        self._writer.writerow([TIME if self._is_timed else 'step', *_HEADING])
+        self.before = b''  # the last verdicts
+
+    def write(self, times: Sequence[int], margins: Sequence[Margin]) -> None:
+        """Write the margins of steps, those of all requirements for each of the times."""
+        ids = [item.id for item in self._manifest.requirements]
+        for row, time in enumerate(times):
+            label = seconds_text(time) if self._is_timed else str(self._steps + row)
+            found = margins[row * len(ids):(row + 1) * len(ids)]
+            self._writer.writerows(
+                [label, name, *self._cells(margin)]
+                for name, margin in zip(ids, found, strict=True))
+        self._steps += len(times)
+
+    def _cells(self, margin: Margin) -> list[str]:
+        if not math.isfinite(margin.value):
+            return ['' if math.isnan(margin.value) else repr(margin.value), '', '', '', '']
+        comparison = self._manifest.comparisons[margin.comparison]
+        names = ' '.join(self._manifest.inputs[index].name for index in comparison.inputs)
+        at = seconds_text(margin.instant) if self._has_times else str(margin.instant)
+        return [repr(margin.value), repr(margin.distance), comparison.text, names, at]
+
+
+def with_margins(
+    table: MarginTable, evaluator: Evaluator, columns: Sequence['array[Any] | None'],
+    times: 'array[int]', until: int | None = None,
+) -> Iterator[tuple['array[int]', bytes]]:
+    """Write the margins of rows to a table, and yield the verdicts as `Evaluator.rows`."""
+    width = len(evaluator.monitor.manifest.requirements)
+    rows = set(times)
+    for instants, verdicts, margins in evaluator.margin_rows(columns, times, until):
+        table.write(instants, margins)
+        kept = array('q')
+        found = bytearray()
+        for place, instant in enumerate(instants):
+            row = verdicts[place * width:(place + 1) * width]
+            if instant in rows or row != table.before:  # not where only a margin changes
+                kept.append(instant)
+                found += row
+            table.before = row
+        yield kept, bytes(found)
