@@ -447,6 +447,13 @@ struct fm_margin fm_evaluator_margin(
          *fm_margin_in(evaluator, requirement);
 }
 
+void fm_evaluator_forget_closest(struct fm_evaluator * evaluator)
+{
+  for (uint32_t r = 0; r < evaluator->monitor->n_requirements; ++r) {
+    evaluator->requirements[r].closest.is_known = false;
+  }
+}
+
 struct fm_closest fm_evaluator_closest(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {

@@ -451,6 +451,9 @@ FM_EXPORT struct fm_margin fm_evaluator_margin(
 FM_EXPORT struct fm_closest fm_evaluator_closest(
   const struct fm_evaluator * evaluator, uint32_t requirement);
 
+/// Forget the least margins. O(requirements).
+FM_EXPORT void fm_evaluator_forget_closest(struct fm_evaluator * evaluator);
+
 /// Counters; all 0, and the verdict true, for an index out of range.
 FM_EXPORT struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement);

@@ -25,10 +25,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+import math
 from pathlib import Path
 from typing import Protocol, TYPE_CHECKING
 
-from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.findings import Closest, Findings
 from fret_monitor.bag.message_fit import MessageFit
 from fret_monitor.bag.moments import LAST_TIME, Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, full_name, Recording
@@ -73,6 +74,7 @@ class Selection:
     recorded. `begin` and `end` limit what is judged, `until` is how far the time goes on after
     the last message. `is_partial`: judge what can be read of a damaged recording. `may_miss`: a
     topic that was not recorded is no error. `stamp` and `constants` override the bundle's.
+    `margins`: find out how close each requirement came to the other verdict.
     """
 
     namespace: str = '/'
@@ -84,6 +86,7 @@ class Selection:
     may_miss: bool = False
     stamp: Stamp | None = None
     constants: Mapping[str, Text] = field(default_factory=dict)
+    margins: bool = False
 
 
 @dataclass(frozen=True)
@@ -197,7 +200,8 @@ def _compiled(bundle: Path, selection: Selection, find: 'FindMessage') -> Compil
             types = {item.message_type for item in manifest.topics}
             if all(item.report is Report.OCCURRENCE for item in manifest.numbered) and all(
                     fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
-                return start(bundle, constants=selection.constants, takes_instances=True)
+                return start(bundle, constants=selection.constants, takes_instances=True,
+                             margins=selection.margins)
     return compiled(read_bundle(bundle, selection, find))
 
 
@@ -209,7 +213,7 @@ def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage') -> 'Rea
     properties = tuple(replace(item, report=Report.OCCURRENCE)
                        for item in reading.specification.properties)
     return replace(reading, specification=replace(
-        reading.specification, properties=properties))
+        reading.specification, properties=properties, has_margins=selection.margins))
 
 
 def requirement_texts(bundle: Path, path: Path, selection: Selection) -> dict[str, str]:
@@ -287,6 +291,8 @@ class _Run:
         if self._manifest.variables and self._recording.is_trace:
             refuse('`bag` does not run a trace with a bundle with for_each',
                    help='fret-monitor simulate does')
+        if self._manifest.variables and self._selection.margins:
+            refuse("--margins does not take bundles with 'for_each' yet")
 
     def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection
@@ -315,6 +321,7 @@ class _Run:
         self._take(self._engine.advance_all(end + manifest.reorder, most=self._most))
         for each in self._changes:
             each.end(end)
+        self._note_closest()
         self._finish(end)
         self._complain()
         read = dict(zip(self._names, self._read))
@@ -324,6 +331,19 @@ class _Run:
             recording.path, manifest, self._recorded, read, self._in_order(),
             tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
             recording.is_trace, recording.has_checksums, dict(self._kind_counts()))
+
+    def _note_closest(self) -> None:
+        """Note the least margins of what was judged."""
+        comparisons = self._manifest.comparisons if self._selection.margins else ()
+        for index, findings in enumerate(self._findings if comparisons else ()):
+            found = None if index in self._unread else self._evaluator.closest(index)
+            if found is not None and math.isfinite(found[0].value):
+                margin, step = found
+                comparison = comparisons[margin.comparison]
+                findings.closest = Closest(
+                    margin.value, margin.distance, comparison.text,
+                    tuple(self._manifest.inputs[place].name for place in comparison.inputs),
+                    margin.instant, step)
 
     def _in_order(self) -> tuple[Findings, ...]:
         """Return the findings in the bundle's order."""
@@ -538,6 +558,7 @@ class _Run:
             self._take(self._engine.advance_all(
                 begin + self._manifest.reorder, most=self._most))
             self._engine.reset()
+        self._evaluator.forget_closest()
         self._before = list(map(self._counts, range(len(self._findings))))
         self._is_judging = True
         self._begin = begin

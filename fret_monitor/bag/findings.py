@@ -24,6 +24,23 @@ MOST_KEPT = 10_000
 """Occurrences of a requirement whose times are kept; the others are counted."""
 
 
+@dataclass(frozen=True)
+class Closest:
+    """
+    The least margin of a requirement (docs/margins.md), and the time of its step (ns).
+
+    `distance` is that of the `comparison` that decides, which reads `inputs`; `at` is the time
+    (ns) at which it had it.
+    """
+
+    margin: float
+    distance: float
+    comparison: str
+    inputs: tuple[str, ...]
+    at: int
+    step: int
+
+
 @dataclass
 class Findings:
     """
@@ -39,6 +56,8 @@ class Findings:
 
     Of one with a `probability`, `trials` are the times (ns) of the trials, and whether each
     failed; `figures` is what the test of this recording alone has found.
+
+    `closest` is None without margins, and where no comparison of numbers decides.
     """
 
     id: str
@@ -55,6 +74,7 @@ class Findings:
     probability: Probability | None = None
     trials: list[tuple[int, bool]] = field(default_factory=list)
     figures: Figures | None = None
+    closest: Closest | None = None
 
     @property
     def first(self) -> int | None:

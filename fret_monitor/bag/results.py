@@ -21,7 +21,7 @@ from typing import TextIO
 from xml.etree import ElementTree
 
 from fret_monitor.bag.check import RecordingResult
-from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.findings import Closest, Findings
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.times import seconds, short_seconds
@@ -48,6 +48,7 @@ def json_line(result: RecordingResult) -> str:
             **({'open': True} if item.is_open else {}),
             **({'instances': _instances(item)} if item.variable else {}),
             **_probability(item),
+            **({'closest': _closest(item.closest)} if item.closest else {}),
         } for item in result.findings},
         **({'instances': {name: {
             'began': counts.begun, 'ended': counts.ended, 'ended_open': counts.open,
@@ -63,6 +64,11 @@ def _instances(item: Findings) -> dict[str, dict[str, object]]:
         'occurrences': found.occurrences,
         'first': None if found.first is None else seconds(found.first),
     } for key, found in sorted(item.instances.items())}
+
+
+def _closest(found: Closest) -> dict[str, object]:
+    return {'margin': found.margin, 'distance': found.distance, 'comparison': found.comparison,
+            'inputs': list(found.inputs), 'at': seconds(found.at), 'step': seconds(found.step)}
 
 
 def _probability(item: Findings) -> dict[str, object]:
@@ -96,13 +102,18 @@ def verdict_of(item: Findings) -> str:
 
 def table(result: RecordingResult) -> str:
     """Return the result for a terminal; times count from the begin of the recording."""
-    rows = [('requirement', 'verdict', 'occurrences', 'first at', 'longest')]
+    rows: list[tuple[str, ...]] = [('requirement', 'verdict', 'occurrences', 'first at',
+                                    'longest')]
+    if any(item.closest for item in result.findings):
+        rows = [(*rows[0], 'closest', 'at', 'by')]
     for item in result.findings:
-        rows += [_row(each, result.start) for each in (item, *_first_instances(item))]
+        rows += [_row(each, result.start) + _closest_cells(
+            each.closest, result.start)[:len(rows[0]) - 5]
+            for each in (item, *_first_instances(item))]
         if len(item.instances) > _MOST_INSTANCES:
             more = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
             rows.append((f'{item.id}[{item.variable}=...]', f'{more} more', '', '', ''))
-    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     note = '' if result.has_checksums or result.is_trace else ', no checksums'
     lines = [f'{result.path}: {result.amount}, '
              f'{short_seconds(result.end - result.begin)} s{note}']
@@ -115,6 +126,19 @@ def _row(item: Findings, start: int) -> tuple[str, str, str, str, str]:
     return (shown_text(item.id), verdict_of(item), f'{item.occurrences:,}',
             '-' if item.first is None else f'{short_seconds(item.first - start)} s',
             f'{short_seconds(item.longest)} s' if item.occurrences else '-')
+
+
+def _closest_cells(found: Closest | None, start: int) -> tuple[str, str, str]:
+    """Return the margin, when its comparison had it, and that with its distance."""
+    if found is None:
+        return '-', '-', '-'
+    return (f'{found.margin:.6g}', f'{short_seconds(found.at - start)} s',
+            by_text(found.comparison, found.distance))
+
+
+def by_text(comparison: str, distance: float) -> str:
+    """Return what decides a margin: a comparison, and its distance in its own unit."""
+    return f'{shown_text(comparison)} ({distance:.6g})'
 
 
 def _first_instances(item: Findings) -> list[Findings]:
@@ -148,6 +172,12 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
         for name, found in content['requirements'].items():
             case = ElementTree.SubElement(
                 suite, 'testcase', name=_clean(name), classname=_clean(bundle))
+            if 'closest' in found:
+                properties = ElementTree.SubElement(case, 'properties')
+                for key in ('margin', 'distance', 'comparison', 'at'):
+                    ElementTree.SubElement(
+                        properties, 'property', name=f'closest.{key}',
+                        value=_clean(str(found['closest'][key])))
             if found['verdict'] is False:
                 first = '' if found['first'] is None else f', first at {found["first"]}'
                 failure = ElementTree.SubElement(

@@ -86,6 +86,9 @@ def _add_output(parser: ArgumentParser) -> None:
     output = parser.add_argument_group('output')
     output.add_argument('--fail-on-violation', action='store_true',
                         help='exit with 1 if any requirement was violated')
+    output.add_argument('--margins', action='store_true',
+                        help='also find out how close each requirement came to the other '
+                        'verdict, when, and by which comparison')
     output.add_argument('--json', action='store_true', help='print a line of JSON a recording')
     output.add_argument('--junit', metavar='FILE.xml', type=Path, help='write a report for CI')
     output.add_argument('--csv', metavar='FILE.csv', type=Path,
@@ -140,7 +143,8 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
             refuse(f'{name} is of one recording, here are {len(options.bags)}',
                    help='call the command once for each' if path is not options.report else
                    'name a folder, for an index and a page each')
-    selection = selection_of(options, options.constants, options.partial)
+    selection = replace(selection_of(options, options.constants, options.partial),
+                        margins=options.margins)
     return _check(options, bundle, selection, lines)
 
 
@@ -197,6 +201,10 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
     found = [lines[key] for key in map(recording_key, options.bags) if key in lines]
     if _print_pooled(found, is_json=options.json) and options.fail_on_violation:
         status = 1
+    if options.margins and len(found) > 1 and not options.json:
+        from fret_monitor.bag.closest import closest_table
+        if ranking := closest_table(found):
+            print(ranking, flush=True)
     if options.junit is not None:
         _write_junit(options, bundle, selection, found, texts)
     if folder is not None:

@@ -368,6 +368,15 @@ class Evaluator:
             if count:
                 yield instants[:count], bytes(verdicts[:count * width]), count
 
+    def closest(self, requirement: int) -> tuple[Margin, int] | None:
+        """Return the least margin of a requirement and the time of its step; None: none known."""
+        found = self._library.fm_evaluator_closest(self.pointer, requirement)
+        return (_margin(found.margin), found.at) if found.is_known else None
+
+    def forget_closest(self) -> None:
+        """Forget the least margins."""
+        self._library.fm_evaluator_forget_closest(self.pointer)
+
     def native_rows(
             self, columns: Sequence['array[Any] | None'], times: 'array[int]') -> 'NativeRows':
         """

@@ -588,17 +588,17 @@ inputs: {x: {type: float64, max_rate: 10}}
 evaluation: {policy: timed, unit: 1}
 requirements: [{id: R, ptltl: "H[0,2] (x <= 5)"}]
 """)
-    trace = here.file('trace.csv', 'time,x\n0,4\n1,1\n1.5,6\n2,0\n')
+    trace = here.file('trace.csv', 'time,x\n0,4\n1,1\n3.5,6\n4,0\n')
     table = here.folder / 'margins.csv'
     done = here.run('simulate', bundle, '--trace', trace, '--margins', table, '--until', '5')
     assert (done.status, done.err) == (0, '')
-    assert done.out == 'time,R\n0,1\n1,1\n1.5,0\n2,0\n4,1\n'
+    assert done.out == 'time,R\n0,1\n1,1\n3.5,0\n4,0\n'
     assert [line.split(',') for line in table.read_text().splitlines()[1:]] == [
         ['0', 'R', '1.0', '1.0', 'x <= 5.0', 'x', '0'],
         ['1', 'R', '1.0', '1.0', 'x <= 5.0', 'x', '0'],
-        ['1.5', 'R', '-1.0', '-1.0', 'x <= 5.0', 'x', '1.5'],
-        ['2', 'R', '-1.0', '-1.0', 'x <= 5.0', 'x', '1.5'],
-        ['4', 'R', '5.0', '5.0', 'x <= 5.0', 'x', '2']]
+        ['3', 'R', '4.0', '4.0', 'x <= 5.0', 'x', '1'],
+        ['3.5', 'R', '-1.0', '-1.0', 'x <= 5.0', 'x', '3.5'],
+        ['4', 'R', '-1.0', '-1.0', 'x <= 5.0', 'x', '3.5']]
 
 
 def test_margins_under_timed_need_the_rates_of_what_is_in_a_window(here: Here) -> None:
