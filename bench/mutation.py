@@ -58,7 +58,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 GOAL = 0.9
 _TEST_S = 100  # for one test; mutants that loop for ever are noticed
-_PROGRAM_S = 40
+_PROGRAM_S = 15
 _MUTANT_S = 1800.0
 _SLOWER = 10  # times as long as without the mutant: what takes longer counts as endless
 _MEMORY_BYTES = 8 << 30
@@ -123,7 +123,8 @@ ROOMS = {
     'csrc': Room('csrc', ('csrc/evaluator/*.c', 'csrc/engine/*.c', 'csrc/traces/*.c'), 110, {
         'gate.c': 'test/runtime/test_gate.py test/runtime/test_states.py '
                   f'test/traces/test_gated.py {_EVALUATOR}::test_scenario',
-        '*transforms.c': 'test/csrc/test_transforms.py test/bag/test_transforms.py test/runtime',
+        '*transforms.c': 'test/csrc/test_transforms.py test/bag/test_transforms.py test/runtime '
+                         + _ros('transforms'),
         'engine*.c': f'test/runtime {_THREADS} {_BACKLOG}',
         'states.c': 'test/runtime/test_states.py test/runtime',
         'handover.c': 'test/runtime ' + _ros('raw_topic feed'),

@@ -67,3 +67,22 @@ def test_a_rate_beyond_its_room_is_violated_until_what_was_lost_has_left(
     _, _, *rows = (line.split(',') for line in (tmp_path / 'out.csv').read_text().splitlines())
     assert changes(rows) == EXPECTED
     assert '77 changes came faster than max_rate says: ' in capsys.readouterr().err
+
+
+PERIOD = """format: 1
+evaluation: {policy: every_message}
+inputs:
+  pause: {topic: a, type: TYPE, field: period()}
+requirements:
+  - {id: APART, ptltl: "pause > 0.0"}
+""".replace('TYPE', FLOAT)
+
+
+def test_two_messages_at_one_time_are_no_seconds_apart(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / 'period.yaml'
+    file.write_text(PERIOD)
+    bag = write(tmp_path / 'bag', [('/a', time, 1.0) for time in (0, 0, 1_000_000_000)])
+    assert main(['bag', str(file), str(bag)]) == 0
+    assert ['APART', 'VIOLATED', '1', '0', 's', '1', 's'] in [
+        line.split() for line in capsys.readouterr().out.splitlines()]

@@ -251,6 +251,7 @@ def test_what_cannot_be_written_is_logged_once_and_counted(bench: Workbench) -> 
     ({'blackbox_seconds': -1.0}, "'blackbox_seconds' is -1.0"),
     ({'blackbox_bytes': 0}, "'blackbox_bytes' is 0, and has to be a number of bytes"),
     ({'blackbox_files': 0}, "'blackbox_files' is 0, and has to be a number of files, at least 1"),
+    ({'blackbox_files': 1 << 62}, "'blackbox_files' is 4611686018427387904, and has to be"),
     ({'blackbox_disk_bytes': 100_000}, 'at least 1048576: -p blackbox_disk_bytes:=1048576'),
 ])
 def test_values_that_cannot_be_used_are_refused(given: dict[str, object], words: str) -> None:
