@@ -217,6 +217,10 @@ class Recording(AbstractContextManager['Recording']):
             refuse(f"'{path}' is not a recording: it has no metadata.yaml",
                    help=f'name the recordings in it: {path}/*' if len(within) > 1 else
                    f"name the recording in it: '{within[0]}'" if within else '')
+        for item in path.iterdir() if path.is_dir() else (path,):
+            if item.exists() and not (item.is_file() or item.is_dir()):
+                # To open a named pipe would wait for a process that writes to it.
+                refuse(f"'{item}' is a named pipe or a device, not a file of a recording")
         if path.is_file() and path.suffix == _COMPRESSED:
             refuse(f"'{path}' is a compressed file of a recording",
                    help=f'name its folder, or decompress it: zstd -d {path.name}')

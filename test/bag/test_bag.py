@@ -494,10 +494,16 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     shutil.copy(tmp_path / 'bags' / 'one' / 'one.mcap', tmp_path / 'cut.mcap')
     whole = (tmp_path / 'cut.mcap').read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(whole[:len(whole) // 2])
+    os.mkfifo(tmp_path / 'pipe.db3')
+    piped = write(tmp_path / 'piped', [('/level', 0, 0.0)])
+    (piped / 'piped.mcap').unlink()
+    os.mkfifo(piped / 'piped.mcap')
     for name, message in (('bags', 'is not a recording: it has no metadata.yaml'),
                           ('text.txt', 'is not a recording'), ('gone', 'there is no recording'),
                           ('broken', 'cannot read the recording'),
-                          ('cut.mcap', 'cannot read the recording')):
+                          ('cut.mcap', 'cannot read the recording'),
+                          ('pipe.db3', "pipe.db3' is a named pipe or a device, not a file"),
+                          ('piped', "piped.mcap' is a named pipe or a device, not a file")):
         with pytest.raises(CompileError, match=message):
             check_recording(file, tmp_path / name, Selection())
     write(tmp_path / 'bags' / 'two', [('/level', 0, 0.0)])
