@@ -15,8 +15,8 @@
 """
 Formats a bundle: two blanks for each level, no blanks at the ends of lines, a last line end.
 
-Only white space changes, and only if the text means the same afterwards: the tree of YAML is
-compared, and all other characters. A text that is no YAML, or that would change, stays as it is.
+Only white space changes, and only if the text means the same afterwards: the trees of YAML are
+compared. A text that is no YAML, or that would change, stays as it is.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,7 +43,7 @@ def formatted(text: str) -> str:
     inside = frozenset(_inside_values(root, in_braces=True))
     for tried in (_joined(_indented(trimmed, inside)), _joined(trimmed)):
         other = _tree(tried)
-        if other is not None and _is_same(root, other) and tried.split() == text.split():
+        if other is not None and _is_same(root, other):
             return tried
     return text
 

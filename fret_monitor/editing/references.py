@@ -142,9 +142,7 @@ def _check(edited: EditedBundle, found: NamedThing, edits: tuple[TextEdit, ...],
     error = next((item for item in after.diagnostics if item.level is Level.ERROR), None)
     if error is not None:
         refuse(f"'{found.name}' cannot be named '{name}'", place, error.title, error.help)
-    renamed = _declared(after, name)
-    if renamed is None or (len(renamed.declarations), len(renamed.uses)) != (
-            len(found.declarations), len(found.uses)) or len(after.uses) != len(edited.uses):
+    if len(after.uses) != len(edited.uses):
         refuse(f"'{name}' has another meaning here", place, '', 'choose another name')
 
 

@@ -107,6 +107,12 @@ def test_a_diagnostic_names_the_other_place_and_its_kind() -> None:
         ('is-declared-twice', 5, 3), ('the-id-is-given-twice', 23, 19)]
 
 
+def test_more_state_than_there_may_be_is_an_error_here_too() -> None:
+    text = BUNDLE.replace('H[0,steps] (battery > 0.2)', 'O[1000000000,2000000000] fast')
+    found, = editing.read_edited(Path('b.yaml'), text).diagnostics
+    assert found.level is Level.ERROR and 'state' in found.title
+
+
 def test_a_text_that_is_open_counts_in_place_of_the_file(tmp_path: Path) -> None:
     path, signals = tmp_path / 'b.yaml', tmp_path / 'signals.yaml'
     path.write_text('broken', encoding='utf-8')
@@ -195,6 +201,16 @@ def test_hovering_says_what_is_known(place: Marked, expected: list[str]) -> None
 @pytest.mark.parametrize('place', [at('comment'), at('not too'), at('e_stop')])
 def test_hovering_over_anything_else_says_nothing(place: Marked) -> None:
     assert editing.hover(place.edited, place.offset) is None
+
+
+@pytest.mark.parametrize(('field', 'unit'), [
+    ('rate(5 s)', 'in messages a second'), ('period()', 'in seconds'),
+    ('header.stamp', 'in seconds')])
+def test_the_unit_of_what_is_measured_is_known(field: str, unit: str) -> None:
+    place = marked('inputs:\n  <>x: {topic: a, type: sensor_msgs/msg/Imu, max_rate: 9, '
+                   f'field: {field}}}\nrequirements: [{{id: A, ptltl: x > 1.0}}]\n')
+    found = editing.hover(place.edited, place.offset)  # without the line of the format, too
+    assert found is not None and unit in found.markdown.split('\n\n')
 
 
 def test_hovering_works_beside_a_line_that_is_half_typed() -> None:
@@ -424,7 +440,8 @@ def test_formatting_indents_by_two_and_keeps_comments_and_values() -> None:
 
 
 @pytest.mark.parametrize('text', [
-    'format: 1\ninputs: {a: [\n', 'a: |2\n    x  \n  y\n', '', 'a: !p\n', 'a: 1\r\nb: 2\r\n'])
+    'format: 1\ninputs: {a: [\n', 'a: |+\n  x\n\n\n', '', 'a: !p\n',
+    'a: |2\n    x  \n  y\n', 'a: 1\r\nb: 2\r\n'])
 def test_formatting_leaves_alone_what_is_not_sure(text: str) -> None:
     assert editing.formatted(text) == text
 
