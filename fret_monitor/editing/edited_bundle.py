@@ -32,7 +32,7 @@ from fret_monitor.bundle.bundle import Bundle, InputEntry
 from fret_monitor.bundle.reader import BUNDLE_KEYS, SIGNALS_KEYS, survey_bundle
 from fret_monitor.bundle.source_file import read_source, ReadFile
 from fret_monitor.bundle.yaml_tree import Node
-from fret_monitor.editing.outline import mended, OutlinePlace, place_at, top_keys, with_format
+from fret_monitor.editing.outline import mended, OutlinePlace, place_at, top_keys
 from fret_monitor.elaboration.elaborate import name_uses
 from fret_monitor.elaboration.signals import FindMessage, input_declaration
 from fret_monitor.elaboration.terms import Vocabulary
@@ -72,7 +72,7 @@ class EditedBundle:
         """What can be used of it; None if nothing can."""
         if self.reading is not None:
             return self.reading.bundle
-        source = with_format(self._readable[0])
+        source = self._readable[0]
         path = Path(source.name)
         return survey_bundle(path, Problems(), read_file=lambda other: (
             source if other == path else self.read_file(other)))

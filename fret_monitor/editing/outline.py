@@ -38,7 +38,6 @@ _KEY = re.compile(r"""(?P<key>"[^"\n]*"|'[^'\n]*'|[^\s:#"'{\[,-][^:#\n]*?)[ \t]*
 _DASHES = re.compile(r'[ ]*(?:-(?:[ ]+|$))*')
 _FLOW_KEY = re.compile(r"""[{,]\s*(?P<key>"[^"]*"|'[^']*'|[\w/~.{}-]+)\s*:(?=\s|$)""")
 _OPENS = {'}': '{', ']': '['}
-_FORMAT = re.compile(r'^format[ \t]*:', re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +72,6 @@ def mended(source: Source) -> tuple[Source, Node | None]:
             return (source if text == source.text else tried), root
         text = _without_line(tried, problems.errors[-1].span.line)
     return source, None
-
-
-def with_format(source: Source) -> Source:
-    """Return a source that has the line without which a bundle is not read, as its last."""
-    if _FORMAT.search(source.text):
-        return source
-    return Source(source.name, f'{source.text}\nformat: 1\n')
 
 
 def _without_line(source: Source, number: int) -> str:
