@@ -43,6 +43,7 @@ _PARTIAL = re.compile(r'"?[A-Za-z_$][\w$.%]*$|"[^"]*$')
 _COMPARED = re.compile(r'(?P<name>[A-Za-z_$][\w$.%]*|"[^"]*")\s*(?:=|!=|==)\s*$')
 _CALLED = re.compile(r'^\s*\w+\s*\(')
 _INDEX = re.compile(r'\[[^]]*\]')
+_LONGEST_NAME = 300  # characters before a place that are searched for a name
 _TOPIC_KEYS = frozenset({'topic', 'from', 'publishers', 'subscribers'})
 
 
@@ -184,11 +185,11 @@ def _inside(edited: EditedBundle, name: str, path: str) -> MessageLayout | None:
 
 def _in_formula(edited: EditedBundle, place: OutlinePlace, formula: FormulaPlace,
                 offset: int) -> Iterator[Proposal]:
-    match = _PARTIAL.search(place.beginning)
+    match = _PARTIAL.search(place.beginning[-_LONGEST_NAME:])
     partial = match[0] if match else ''
     beginning = place.beginning[:len(place.beginning) - len(partial)]
     span = Span(edited.source, max(offset - len(partial), place.start), offset)
-    compared = _COMPARED.search(beginning)
+    compared = _COMPARED.search(beginning[-_LONGEST_NAME:])
     if compared is not None:
         vocabulary = edited.vocabulary(compared['name'].strip('"'))
         for name, value in vocabulary.named if vocabulary else ():

@@ -26,7 +26,7 @@ import re
 from typing import NamedTuple
 
 from fret_monitor.bundle.yaml_tree import (
-    Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
+    MAX_DEPTH, Node, read_tree, Unread, YamlList, YamlMapping, YamlScalar,
 )
 from fret_monitor.model.diagnostics import Problems, Source
 
@@ -34,6 +34,7 @@ ITEM = '[]'
 """The step of a path that stands for an item of a list."""
 
 _TRIES = 8
+_LONGEST_KEY = 500  # characters of a line that are searched for a key
 _KEY = re.compile(r"""(?P<key>"[^"\n]*"|'[^'\n]*'|[^\s:#"'{\[,-][^:#\n]*?)[ \t]*:(?=[ \t]|$)""")
 _DASHES = re.compile(r'[ ]*(?:-(?:[ ]+|$))*')
 _FLOW_KEY = re.compile(r"""[{,]\s*(?P<key>"[^"]*"|'[^']*'|[\w/~.{}-]+)\s*:(?=\s|$)""")
@@ -83,7 +84,7 @@ def _without_line(source: Source, number: int) -> str:
 def top_keys(text: str) -> frozenset[str]:
     """Return the keys of a bundle, whether it is YAML or not."""
     return frozenset(match['key'] for line in text.splitlines()
-                     if (match := _KEY.match(line)) is not None)
+                     if (match := _KEY.match(line[:_LONGEST_KEY])) is not None)
 
 
 def place_at(source: Source, root: Node | None, offset: int) -> OutlinePlace:
@@ -201,7 +202,7 @@ def _tokens(line: str) -> list[_LineKey]:
     begin = dashes.end() if dashes else 0
     found = [_LineKey(place, ITEM, line[place + 1:]) for place in range(begin)
              if line[place] == '-']
-    if (match := _KEY.match(line, begin)) is not None:
+    if (match := _KEY.match(line[:begin + _LONGEST_KEY], begin)) is not None:
         found.append(_LineKey(begin, _unquoted(match['key']), line[match.end():]))
     return found
 
@@ -248,7 +249,7 @@ def _beside(source: Source, number: int, column: int) -> frozenset[str]:
 
 
 def _open_brace(before: str) -> int | None:
-    """Return the place of the innermost brace that is open at the end of a line's beginning."""
+    """Return the innermost open brace at the end of a line's beginning, if it is not too deep."""
     opened: list[int] = []
     quote = ''
     for place, char in enumerate(before):
@@ -262,7 +263,7 @@ def _open_brace(before: str) -> int | None:
             opened.append(place)
         elif opened and _OPENS.get(char) == before[opened[-1]]:
             opened.pop()
-    return opened[-1] if opened else None
+    return opened[-1] if 0 < len(opened) <= MAX_DEPTH else None
 
 
 def _in_braces(source: Source, number: int, start: int, before: str,

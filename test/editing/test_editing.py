@@ -56,6 +56,8 @@ requirements:
     ptltl: "H[0,steps] (battery > 0.2) | speed <= limit"
 """
 
+HEAD = 'format: 1\ninputs:\n  speed: {type: float64}\n'
+
 
 @dataclass(frozen=True)
 class Marked:
@@ -168,6 +170,17 @@ def test_a_text_that_is_half_typed_never_fails_and_is_never_late(step: int) -> N
         assert time.process_time() - begin < 1.0, text[-80:]  # usually 10 ms
 
 
+@pytest.mark.parametrize('line', [
+    'x' * 100_000, ' ' * 100_000, '{' * 2_000, '- ' * 2_000, 'x' * 100_000 + ': y', '(' * 20_000,
+    '"' * 100_001, ', a' * 20_000], ids=lambda line: line[:3])
+@pytest.mark.parametrize('before', ['fretish: "', '    x: {a: '])
+def test_a_long_line_is_not_late(before: str, line: str) -> None:
+    text = f'{HEAD}requirements:\n  - id: A\n    {before}{line}'
+    begin = time.process_time()
+    ask_everything(text, len(text))
+    assert time.process_time() - begin < 10.0  # usually 0.2 s
+
+
 @pytest.mark.parametrize('step', [151, pytest.param(3, marks=thorough)])
 def test_a_text_with_a_gap_never_fails(step: int) -> None:
     for text in (BUNDLE, (CONFIG / 'fleet.yaml').read_text(encoding='utf-8')):
@@ -221,8 +234,6 @@ def test_hovering_works_beside_a_line_that_is_half_typed() -> None:
 
 
 # -- completion ----------------------------------------------------------------------------------
-
-HEAD = 'format: 1\ninputs:\n  speed: {type: float64}\n'
 
 
 @pytest.mark.parametrize(('text', 'wanted', 'unwanted'), [
