@@ -363,8 +363,8 @@ WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increa
           'fm_log': (2,), 'fm_log_failure': (1,), 'count_result': (5,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.
 REASONS = ('action_call.c', 'action_lines.c', 'health.c', 'input_log.c', 'reasons.c',
-           'monitor_node.c', 'transform_lines.c', 'graph_lines.c',
-           'instance_lines.c')
+           'monitor_node.c', 'transform_lines.c', 'graph_lines.c', 'instance_lines.c',
+           'trial_lines.c')
 # Functions of Python that word what a node logs, but do not log it.
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',

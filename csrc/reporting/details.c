@@ -351,6 +351,14 @@ static const struct fm_key_value * find_trials(const struct fm_status * detail)
          found : NULL;
 }
 
+// Add the values that fm_add_trials has added.
+static void show_trials(struct fm_text * text, const struct fm_key_value * values)
+{
+  fm_text_add(
+    text, ", %s of %s trials failed, probability %s (%s)", values[1].value, values[0].value,
+    values[2].value, values[3].value);
+}
+
 void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
 {
   const struct fm_key_value * values = detail->values;
@@ -376,7 +384,7 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
     fm_text_add(text, ", %s %s", INSTANCE, end);
   }
   if (trials != NULL) {
-    fm_show_trials(text, trials);
+    show_trials(text, trials);
   }
   if (values[SILENT].value[0] != '\0') {
     fm_text_add(text, ", no message for %s", values[SILENT].value);

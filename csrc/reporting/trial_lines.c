@@ -46,10 +46,3 @@ void fm_add_trials_text(struct fm_text * text, const struct fm_test_counts * cou
     counts->verdict > 0 ? "assured" : counts->verdict < 0 ? "refuted" : "open", found.failures,
     found.trials, counts->test->relation, counts->test->bound);
 }
-
-void fm_show_trials(struct fm_text * text, const struct fm_key_value * values)
-{
-  fm_text_add(
-    text, ", %s of %s trials failed, probability %s (%s)", values[1].value, values[0].value,
-    values[2].value, values[3].value);
-}

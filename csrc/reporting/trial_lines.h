@@ -32,7 +32,4 @@ void fm_add_trials(struct fm_status * status, const struct fm_test_counts * coun
 /// Add it as text: `open: 1 of 40 trials failed, > 0.98 required`.
 void fm_add_trials_text(struct fm_text * text, const struct fm_test_counts * counts);
 
-/// Add the values that fm_add_trials has added, as text.
-void fm_show_trials(struct fm_text * text, const struct fm_key_value * values);
-
 #endif  // TRIAL_LINES_H_

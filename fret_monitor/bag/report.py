@@ -26,6 +26,7 @@ from typing import Any
 from fret_monitor.bag.check import (
     Changes, compiled, opened, read_bundle, RecordingResult, run, Selection,
 )
+from fret_monitor.bag.curve import probability_section
 from fret_monitor.bag.evidence import Occurrence, Plot
 from fret_monitor.bag.evidence_by_key import evidence_by_key
 from fret_monitor.bag.findings import Findings
@@ -171,6 +172,7 @@ class _Report:
                 kind = ' class="formula"' if title == 'formula' else ''
                 yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
             yield f'</dl>{self._count(index)}'
+            yield from probability_section(item)
             for number, occurrence in enumerate(self._occurrences[index], 1):
                 key = occurrence.start.key
                 of = '' if key is None else f' of {item.instances[key].id}'

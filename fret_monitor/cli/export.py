@@ -116,8 +116,8 @@ def run(options: Namespace) -> int:
     written = partial(assemble, options.target, monitors[0], chosen, content,
                       others=monitors[1:], templates=options.templates)
     written()
-    has_instances = any(item.kinds for item in monitors)
-    is_proved = not (options.no_proof or has_instances or missing_packages(_PROVER))
+    obstacle = _obstacle_to_proof(monitors)
+    is_proved = not (options.no_proof or obstacle or missing_packages(_PROVER))
     files = written(certificate=_certificates(monitors) if is_proved else None)
     write_export(options.output, files)
     manifests = [item.manifest for item in monitors]
@@ -125,7 +125,7 @@ def run(options: Namespace) -> int:
     print(f'{options.output}: {options.target}, {counted(len(files), "file")}, '
           f'{counted(n_requirements, "requirement")}, '
           f'{counted(sum(item.state_bytes for item in manifests), "byte")} of state')
-    print(_proof_line(options, is_proved=is_proved, has_instances=has_instances))
+    print(_proof_line(options, is_proved=is_proved, obstacle=obstacle))
     print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
     return 0
 
@@ -214,13 +214,22 @@ def _without_times(value: Any) -> Any:
             return value
 
 
-def _proof_line(options: Namespace, *, is_proved: bool, has_instances: bool) -> str:
+def _obstacle_to_proof(monitors: Sequence[GeneratedMonitor]) -> str:
+    """Return why monitors are not proved as a whole; '' if they may be."""
+    if any(item.kinds for item in monitors):
+        return 'a bundle with instances; `fret-monitor prove` proves one of them'
+    if any(item.manifest.tests for item in monitors):
+        return 'requirements with probabilities; `fret-monitor prove` proves the others'
+    return ''
+
+
+def _proof_line(options: Namespace, *, is_proved: bool, obstacle: str) -> str:
     if is_proved:
         return 'proved: the generated C computes its program (certificate.json)'
     if options.no_proof:
         return 'not proved: --no-proof'
-    if has_instances:
-        return 'not proved: a bundle with instances; `fret-monitor prove` proves one of them'
+    if obstacle:
+        return f'not proved: {obstacle}'
     missing = missing_packages(_PROVER)
     return f'not proved: {" and ".join(missing)} missing; {pip_install(*missing)}'
 

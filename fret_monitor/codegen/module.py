@@ -566,7 +566,7 @@ class _ModuleWriter:
     @property
     def has_tests(self) -> bool:
         """Whether a requirement has a probability."""
-        return any(item.probability is not None for item in self._program.properties)
+        return any(layout.group.tests for layout in self._layouts)
 
     def _tests(self) -> Iterator[str]:
         """Yield the description of the tests, if there are any."""
@@ -575,11 +575,11 @@ class _ModuleWriter:
         struct = self._names.state_struct
         yield from ('', f'const struct fm_tests * {self._names.tests}(void)', '{')
         yield '  static const struct fm_test all[] = {'
-        found = [(number, group, verdict.value) for group, layout in enumerate(self._layouts)
-                 for number, verdict in zip(layout.group.properties, layout.group.verdicts)]
+        found = [(number, group, test.value) for group, layout in enumerate(self._layouts)
+                 for number, test in layout.group.tests]
         for number, group, index in sorted(found):
-            if (asked := self._program.properties[number].probability) is None:
-                continue
+            asked = self._program.properties[number].probability
+            assert asked is not None
             numbers = ', '.join(c.literal(item, ValueType.FLOAT64).text for item in (
                 asked.allowed, asked.rest, asked.limit))
             yield f'    {{{number}u, {str(asked.counts_successes).lower()},'
@@ -589,8 +589,7 @@ class _ModuleWriter:
             yield f'      {_string(asked.relation)}, {_string(asked.bound_text)},'
             yield f'      {_string(asked.confidence_text)}}},'
         yield '  };'
-        count = sum(item.probability is not None for item in self._program.properties)
-        yield f'  static const struct fm_tests tests = {{all, {count}u}};'
+        yield f'  static const struct fm_tests tests = {{all, {len(found)}u}};'
         yield from ('  return &tests;', '}')
 
     def _input_table(self) -> Iterator[str]:

@@ -78,7 +78,7 @@ def fields(sentence: Sentence) -> Iterator[tuple[str, str]]:
     yield 'condition', sentence.condition.span.written if sentence.condition else '-'
     yield 'component', sentence.component.name
     if sentence.probability:
-        yield 'probability', sentence.probability.span.written
+        yield 'with', sentence.probability.span.written.partition(' ')[2]
     yield 'timing', sentence.timing.span.written if sentence.timing else '-'
     yield 'response', _of(sentence.response)
 

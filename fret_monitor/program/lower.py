@@ -130,6 +130,8 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         specification.signals, feedback, builder.rates,
     ).build((number, item.formula) for number, item in zip(numbers, properties, strict=True)) \
         if specification.has_margins else None
+    tests = [(number, builder.operand[root]) for number, item, root in zip(
+        numbers, properties, roots) if item.probability and isinstance(root, NotRefuted)]
     if is_timed:
         verdicts = [builder.unless_lost(verdict) for verdict in verdicts]
         occurrences = [(place, builder.unless_lost(now)) for place, now in occurrences]
@@ -145,6 +147,7 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
         is_timed,
         tuple(outputs),
         margins,
+        tuple(tests),
     ))
 
 

@@ -519,7 +519,8 @@ class StepGroup:
     `signals` and `properties` are indices, ascending. `verdicts` are in the order of
     `properties`; `first_equations[i]` is the index of the first equation added for property i.
     `occurrences` are p for each property `H p` that reports occurrences, by property. `outputs`
-    are numbers that are kept in the state after each step, by property.
+    are numbers that are kept in the state after each step, by property; `tests` are the tests of
+    probabilities, by property.
 
     With `is_timed` the group steps at ticks, of which most are left out (policy `timed`). A bound
     is a number of ticks, and a counter holds a tick. `margins` are there where they are asked for.
@@ -535,6 +536,7 @@ class StepGroup:
     is_timed: bool = False
     outputs: tuple[tuple[int, Operand], ...] = ()
     margins: Margins | None = None
+    tests: tuple[tuple[int, Operand], ...] = ()
 
 
 @dataclass(frozen=True)

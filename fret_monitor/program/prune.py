@@ -44,6 +44,7 @@ def prune(group: StepGroup) -> StepGroup:
         outputs=tuple((index, _operand(item, number)) for index, item in group.outputs),
         margins=group.margins and replace(group.margins, leaves=tuple(
             _operand(item, number) for item in group.margins.leaves)),
+        tests=tuple((index, _operand(item, number)) for index, item in group.tests),
     )
 
 

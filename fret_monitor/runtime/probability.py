@@ -83,12 +83,13 @@ class PooledTest:
         """Its parts, as `fret_monitor.h` numbers them."""
         return list(self._parts)
 
-    def figures(self) -> Figures:
-        """Return what was found so far."""
+    def figures(self, *, has_more: bool = True) -> Figures:
+        """Return what was found so far; without `has_more`, which may take long, not `more`."""
         counts = self._library.fm_test_counts(self._test, self._words, self._parts)
         found = self._library.fm_figures_of(ffi.new('struct fm_test_counts *', counts))
         more = self._library.fm_figures_more(
-            self._test, self._words, self._parts, self._asked.counts_successes, _MOST_MORE)
+            self._test, self._words, self._parts, self._asked.counts_successes,
+            _MOST_MORE) if has_more else -1
         is_open = counts.verdict == 0
         return Figures(found.trials, found.failures, _VERDICTS[counts.verdict], found.estimate,
                        found.low, found.high, more if is_open and more >= 0 else None)

@@ -61,7 +61,8 @@ def variants(bundle: Bundle, delta: Mapping[str, int],
     sentences = {
         item.id.value: parse_fretish(Text.whole(
             Source('<sentence>', ' '.join(item.text.value.split()))))
-        for item in bundle.requirements if item.language is Language.FRETISH}
+        for item in bundle.requirements
+        if item.language is Language.FRETISH and item.id.value in delta}
     wanted = [(item, name, text) for item in bundle.requirements if item.id.value in sentences
               for name, text in _texts(sentences[item.id.value], scale, delta[item.id.value])]
     found: dict[str, Variants] = {

@@ -110,8 +110,13 @@ requirements:
   - {id: FIXED, ptltl: "fixed < 1.0"}
   - {id: NEVER, ptltl: "never < 1.0"}
   - {id: FRESH, ptltl: "delay < 1.5"}
+  - id: OFTEN
+    fretish: upon x > 0.5 the robot shall with probability > 0.9 immediately satisfy x < 0.7
+    confidence: 0.9
+    report: onset
 """
-IDS = ('X_1', 'X_2', 'RANGE', 'ELBOW', 'WRIST', 'STILL', 'LEVEL', 'FIXED', 'FRESH', 'NEVER')
+IDS = ('X_1', 'X_2', 'RANGE', 'ELBOW', 'WRIST', 'STILL', 'LEVEL', 'FIXED', 'FRESH', 'NEVER',
+       'OFTEN')
 TOPICS = {'probe': 'Range', 'x': 'Range', 'level': 'Range', 'joints': 'JointState',
           'state': 'CompressedImage'}  # each with an acknowledging requirement
 NODES = ('python', 'native')
