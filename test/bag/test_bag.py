@@ -41,6 +41,7 @@ import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
+from strategies import thorough
 import yaml
 
 SECOND = 10**9
@@ -752,7 +753,7 @@ requirements: [{{id: OFF, ptltl: "!on"}}]
 
 @pytest.mark.parametrize(('storage', 'compression'), [
     (StoragePlugin.MCAP, CompressionMode.STORAGE),
-    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE)])
+    pytest.param(StoragePlugin.SQLITE3, CompressionMode.MESSAGE, marks=thorough)])
 def test_two_gigabytes_are_read_in_little_memory(
         tmp_path: Path, storage: StoragePlugin, compression: CompressionMode) -> None:
     count, kind = 2048, 'std_msgs/msg/Float64MultiArray'
