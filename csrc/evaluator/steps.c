@@ -183,7 +183,7 @@ struct fm_test_counts fm_test_counts(
 {
   return (struct fm_test_counts) {
     test, words[FM_TEST_TRIALS], words[FM_TEST_EVENTS], words[FM_TEST_VERDICT],
-    words[FM_TEST_UNITS + FM_TEST_LIKELIHOOD], parts[FM_TEST_LIKELIHOOD]};
+    words[(int)FM_TEST_UNITS + (int)FM_TEST_LIKELIHOOD], parts[FM_TEST_LIKELIHOOD]};
 }
 
 static void log_trial(

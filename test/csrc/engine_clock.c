@@ -255,7 +255,7 @@ static bool is_in_order(const struct fm_violation * violation, int64_t last)
 
 static void * take_details(void * engine)
 {
-  uint64_t room[8];
+  uint64_t room[32];
   int64_t last = 0;
   while (is_running()) {
     struct fm_detail * detail = (struct fm_detail *)(void *)room;

@@ -265,7 +265,7 @@ static bool is_over;
 static void * read_details(void * argument)
 {
   struct fm_engine * engine = argument;
-  uint64_t room[8];
+  uint64_t room[32];
   while (!__atomic_load_n(&is_over, __ATOMIC_ACQUIRE)) {
     if (fm_engine_take_detail(engine, (struct fm_detail *)(void *)room, 20)) {
       CHECK(((struct fm_detail *)(void *)room)->violation.requirement < 2);
