@@ -83,12 +83,20 @@ XLSX = [
     'openpyxl>=3.1,<4',
 ]
 
+# What `fret-monitor studio` needs.
+STUDIO = [
+    'starlette>=0.40,<2',
+    'uvicorn>=0.35,<1',
+    'websockets>=14',
+]
+
 TEST = [
     *ANALYZE,
     *BAG,
     *DASK,
     *LSP,
     *PROVE,
+    *STUDIO,
     *XLSX,
     'argcomplete>=3,<4',
     'catkin-pkg>=1',
@@ -138,7 +146,8 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.12',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={'': ['*.css', '*.h', '*.js', '*.json', '*.lark', 'py.typed']},
+    package_data={'': ['*.css', '*.h', '*.js', '*.json', '*.lark', 'py.typed'],
+                  f'{NAME}.studio': ['page/*.*', 'page/vendor/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -152,7 +161,7 @@ setup(
         'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'lsp': LSP, 'prove': PROVE,
         'ros': ROS_WHEELS,
         'ros-test': ROS_TEST_WHEELS, 'ros-kilted': KILTED_WHEELS,
-        'ros-kilted-test': KILTED_TEST_WHEELS, 'test': TEST, 'xlsx': XLSX,
+        'ros-kilted-test': KILTED_TEST_WHEELS, 'studio': STUDIO, 'test': TEST, 'xlsx': XLSX,
     },
     entry_points={
         'console_scripts': [

@@ -60,7 +60,8 @@ LEVELS = {
     'fret_monitor.ros': 19,
     'fret_monitor.bag': 19,
     'fret_monitor.lsp': 19,
-    'fret_monitor.cli': 20,  # its verbs `bag` and `lsp` call those faces
+    'fret_monitor.studio': 19,
+    'fret_monitor.cli': 20,  # its verbs `bag`, `lsp` and `studio` call those faces
     'fret_monitor.testing': 21,  # for tests of robots: starts the monitor as a process
     'fret_monitor.__main__': 21,
 }
@@ -69,7 +70,8 @@ ROOMS_OF_ROS = (
     'signals', 'watch', 'log_lines', 'settings', 'intake', 'acting', 'reports', 'nodes', '')
 FACES = {name for name, level in LEVELS.items() if level in (19, 20)}
 BETWEEN_FACES = {
-    ('fret_monitor.cli', 'fret_monitor.bag'), ('fret_monitor.cli', 'fret_monitor.lsp')}
+    ('fret_monitor.cli', 'fret_monitor.bag'), ('fret_monitor.cli', 'fret_monitor.lsp'),
+    ('fret_monitor.cli', 'fret_monitor.studio')}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
 LEAN_LEVELS = {0, 1, 9, 10}
 # Packages of ROS that are not named `*_msgs`.

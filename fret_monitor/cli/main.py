@@ -51,6 +51,7 @@ _VERBS = {
     'analyze': 'find requirements that conflict, are vacuous or redundant',
     'tests': 'write traces that test each requirement',
     'prove': 'prove that the generated C is right',
+    'studio': 'write, understand and try requirements in a page',
     'schema': 'print the JSON schema of a bundle, for editors',
     'lsp': 'serve an editor: diagnostics, completion, hover and more',
     'layout': 'write a layout of Foxglove, Lichtblick or PlotJuggler',

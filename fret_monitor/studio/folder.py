@@ -1,0 +1,179 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bundles of one folder, as a page may see them: nothing outside, links included."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from hashlib import sha256
+import os
+from pathlib import Path
+import stat
+import tempfile
+
+from fret_monitor.editing import looks_like_a_bundle
+from fret_monitor.model.diagnostics import refuse, Source
+
+MOST_BYTES = 2_000_000
+_SUFFIXES = ('.yaml', '.yml')
+_MOST_FILES = 500
+
+
+@dataclass(frozen=True)
+class StoredFile:
+    """A file of the folder; `stamp` changes with its content."""
+
+    text: str
+    stamp: str
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder whose bundles can be read and written; `root` has no links."""
+
+    root: Path
+
+    def names(self) -> list[str]:
+        """Return the names of the files that are meant as bundles, without folders inside."""
+        return sorted(self._bundles())[:_MOST_FILES]
+
+    def _bundles(self) -> Iterator[str]:
+        for entry in os.scandir(self.root):
+            if not entry.name.endswith(_SUFFIXES):
+                continue
+            try:
+                text = self.read(entry.name).text
+            except ValueError:
+                continue
+            if looks_like_a_bundle(text):
+                yield entry.name
+
+    def path(self, name: str) -> Path:
+        """
+        Return the path of a bundle of this folder, which may not exist yet.
+
+        Raises
+        ------
+        ValueError
+            if the name leads out of the folder, or is not that of a bundle.
+        """
+        if '/' in name or '\0' in name or name in ('', '.', '..'):
+            raise ValueError(f"'{name}' is not the name of a file of this folder")
+        if not name.endswith(_SUFFIXES):
+            raise ValueError(f"'{name}' does not end with .yaml")
+        path = self.root / name
+        if path.resolve() != path:
+            raise ValueError(f"'{name}' is a link")
+        return path
+
+    def read(self, name: str) -> StoredFile:
+        """Return a file; raises `ValueError` with the reason."""
+        path = self.path(name)
+        try:
+            return _stored(_bytes_of(path))
+        except OSError as error:
+            raise ValueError(f"cannot read '{name}': {error.strerror or error}") from None
+
+    def write(self, name: str, text: str, stamp: str | None) -> str:
+        """
+        Replace a file, or make it if `stamp` is None, and return its new stamp.
+
+        Raises
+        ------
+        ValueError
+            if the file is not the one of that stamp any more, or cannot be written.
+        """
+        path = self.path(name)
+        present = self.stamp(name)
+        if present != stamp:
+            raise ValueError(f"'{name}' is there already" if stamp is None else
+                             f"'{name}' has changed on disk since it was read")
+        data = text.encode()
+        if len(data) > MOST_BYTES:
+            raise ValueError(f"'{name}' would have more than {MOST_BYTES:,} bytes")
+        try:
+            _replace(path, data)
+        except OSError as error:
+            raise ValueError(f"cannot write '{name}': {error.strerror or error}") from None
+        return _stamp(data)
+
+    def stamp(self, name: str) -> str | None:
+        """Return the stamp of a file, None if there is none that can be read."""
+        try:
+            return self.read(name).stamp
+        except ValueError:
+            return None
+
+    def read_source(self, path: Path) -> Source:
+        """Read another file of a bundle, such as its signals; as `read_source`, but inside."""
+        try:
+            inside = path.resolve().relative_to(self.root)
+        except ValueError:
+            refuse(f"'{path}' is outside of the folder of this page")
+        try:
+            return Source(str(path), _stored(_bytes_of(self.root / inside)).text)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, 'strerror', None) or error
+            refuse(f"cannot read '{path}': {reason}")
+
+
+def _bytes_of(path: Path) -> bytes:
+    """Return what is in a file; no link, no device, not more than fits."""
+    # A pipe without a writer would hold the server for ever.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    with open(descriptor, 'rb') as file:
+        state = os.fstat(descriptor)
+        if not stat.S_ISREG(state.st_mode):
+            raise ValueError(f"'{path.name}' is not a file")
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise ValueError(f"'{path.name}' has more than {MOST_BYTES:,} bytes")
+    return data
+
+
+def _stored(data: bytes) -> StoredFile:
+    try:
+        return StoredFile(data.decode(), _stamp(data))
+    except UnicodeDecodeError:
+        raise ValueError('it is not UTF-8') from None
+
+
+def _stamp(data: bytes) -> str:
+    return sha256(data).hexdigest()
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write a file so that it is the old one or the new one at every instant."""
+    descriptor, temporary = tempfile.mkstemp(prefix=f'.{path.name}.', dir=path.parent)
+    try:
+        with open(descriptor, 'wb') as file:
+            file.write(data)
+            file.flush()
+            os.fsync(descriptor)
+            os.fchmod(descriptor, _mode(path))
+        os.replace(temporary, path)
+    finally:
+        with suppress(FileNotFoundError):  # it is the file now
+            os.unlink(temporary)
+
+
+def _mode(path: Path) -> int:
+    """Return the permissions of a file, those of a new one if there is none."""
+    try:
+        return stat.S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        mask = os.umask(0)
+        os.umask(mask)
+        return 0o666 & ~mask

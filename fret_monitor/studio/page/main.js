@@ -1,0 +1,202 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+// The page: a bundle, what is wrong with it, what it means, and a trace to try it on.
+
+import { h, show } from './dom.js';
+import { Editor } from './editor.js';
+import { Meaning } from './meaning.js';
+import { OUTDATED, Talk } from './talk.js';
+import { Tryout } from './tryout.js';
+import { words } from './words.js';
+
+const PAUSE_MS = 60; // after a key, before the text is checked
+const NEW = `format: 1
+inputs:
+  speed: {topic: odom, type: nav_msgs/msg/Odometry, field: twist.twist.linear.x}
+requirements:
+  - id: SPEED
+    fretish: the robot shall always satisfy speed <= 1.0
+`;
+
+const at = (id) => document.getElementById(id);
+const talk = new Talk();
+const file = { name: null, stamp: null, saved: '' };
+let pause = 0;
+
+for (const name of ['write', 'read', 'try']) at(`${name}-title`).textContent = words[name];
+at('problems').setAttribute('aria-label', words.problems(1, 0));
+
+const ask = (what, question = {}) => talk.ask(what, {
+  ...question, name: file.name ?? 'new.yaml', text: editor.text });
+const editor = new Editor(at('editor'), {
+  ask, changed, moved: (offset) => meaning.follow(offset), save });
+const meaning = new Meaning(at('meaning'), ask, (offset) => editor.go(offset));
+const tryout = new Tryout(at('trace'), ask);
+show(at('trace'), h('p', { class: 'faint' }, words.noTrace));
+
+const files = h('select', { id: 'file', onchange: () => open(files.value || null) });
+const button = (label, run, id) => h('button', { type: 'button', onclick: run, id }, label);
+show(at('files'), words.file, ' ', files);
+show(at('actions'), button(words.save, save, 'save'), button(words.saveAs, saveAs, 'save-as'),
+  button(words.format, format, 'format'));
+
+// What is open, and what of it is saved.
+
+const draft = () => `draft ${file.folder}/${file.name ?? ''}`;
+
+function changed() {
+  clearTimeout(pause);
+  pause = setTimeout(check, PAUSE_MS);
+  state(words.checking);
+  if (editor.text === file.saved) localStorage.removeItem(draft());
+  else localStorage.setItem(draft(), editor.text);
+}
+
+function state(text) {
+  at('state').textContent = [
+    text, editor.text === file.saved && file.stamp ? words.saved : words.unsaved].join(' · ');
+}
+
+async function begin() {
+  const found = await talk.ask('open');
+  file.folder = found.folder;
+  list(found.names);
+  await open(found.bundle ?? found.names[0] ?? null);
+}
+
+function list(names) {
+  show(files, ...names.map((name) => h('option', { value: name }, name)),
+    h('option', { value: '' }, words.noFile));
+}
+
+async function open(name) {
+  try {
+    const found = name ? await talk.ask('read', { name }) : { text: NEW, stamp: null };
+    Object.assign(file, { name, stamp: found.stamp, saved: name ? found.text : '' });
+    files.value = name ?? '';
+    notice();
+    const kept = localStorage.getItem(draft());
+    editor.write(kept ?? found.text, { silent: true });
+    if (kept !== null && kept !== found.text) notice(words.restored, []);
+    await check();
+  } catch (error) {
+    notice(error.message, []);
+  }
+}
+
+async function save() {
+  if (!file.name) return saveAs();
+  if (editor.text === file.saved || !await asked(words.askSave(file.name))) return undefined;
+  return write(file.name, file.stamp);
+}
+
+async function saveAs() {
+  const name = await asked(words.askName, file.name ?? 'requirements.yaml');
+  if (name) await write(name, name === file.name ? file.stamp : null);
+}
+
+async function write(name, stamp) {
+  const { text } = editor;
+  try {
+    const found = await talk.ask('write', { name, text, stamp });
+    localStorage.removeItem(draft());
+    Object.assign(file, { name, stamp: found.stamp, saved: text });
+    list((await talk.ask('open')).names);
+    files.value = name;
+    notice();
+    await check();
+  } catch (error) {
+    notice(error.message, []);
+  }
+}
+
+async function format() {
+  const found = await ask('format').catch(() => null);
+  if (found !== null) editor.write(found);
+}
+
+talk.addEventListener('changed', (event) => notice(words.changed(event.detail), [
+  [words.reload, () => { localStorage.removeItem(draft()); open(event.detail); }],
+  [words.overwrite, async () => {
+    const found = await talk.ask('read', { name: event.detail }).catch(() => null);
+    await write(event.detail, found?.stamp ?? null);
+  }],
+  [words.keep, () => notice()]]));
+talk.addEventListener('close', () => notice(words.lost, []));
+addEventListener('beforeunload', (event) => {
+  if (editor.text !== file.saved && editor.text !== NEW) event.preventDefault();
+});
+
+function notice(text = '', choices = []) {
+  at('notice').hidden = !text;
+  show(at('notice'), text, ...choices.map(([label, run]) => button(label, run)));
+}
+
+// Ask for a yes, or for a name.
+function asked(question, name = null) {
+  const dialog = at('ask');
+  const input = name === null ? null : h('input', { value: name, id: 'ask-name' });
+  return new Promise((resolve) => {
+    show(dialog, h('form', { method: 'dialog' },
+      h('label', {}, question, ' ', input),
+      h('menu', {},
+        h('button', { value: '', formnovalidate: true }, words.no),
+        h('button', { value: 'yes', id: 'ask-yes' }, words.yes))));
+    dialog.onclose = () => resolve(dialog.returnValue && (input ? input.value.trim() : true));
+    dialog.returnValue = '';
+    dialog.showModal();
+    (input ?? at('ask-yes')).focus();
+  });
+}
+
+// What is wrong with the text.
+
+async function check() {
+  clearTimeout(pause);
+  const { text } = editor;
+  try {
+    const found = await ask('check');
+    if (text !== editor.text) return;
+    const count = (severity) => found.diagnostics.filter(
+      (item) => item.severity === severity).length;
+    editor.mark(found.diagnostics);
+    state(words.problems(count('error'), count('warning')) || words.good);
+    problems(found.diagnostics, text);
+    document.body.dataset.checked = String(Number(document.body.dataset.checked ?? 0) + 1);
+    if (found.bundle) {
+      meaning.use(found.bundle);
+      tryout.use(found.bundle);
+    }
+  } catch (error) {
+    if (error.message !== OUTDATED) state(error.message);
+  }
+}
+
+async function problems(diagnostics, text) {
+  const rows = diagnostics.map((item) => h('li', { class: item.severity },
+    h('button', { type: 'button', class: 'place', onclick: () => editor.go(item.from) },
+      item.file ?? (item.line ? `${words.write} ${item.line}` : words.write)),
+    h('span', {}, [item.title, item.label].filter(Boolean).join(': ')),
+    item.help ? h('p', { class: 'help' }, item.help) : null));
+  show(at('problems'), h('ul', {}, ...rows));
+  if (!diagnostics.length) return;
+  const found = await ask('fixes').catch(() => []);
+  if (text !== editor.text) return;
+  found.forEach((ways, number) => rows[number].append(...ways.map((way) => h(
+    'button', { type: 'button', class: 'fix', onclick: () => editor.edit(way) },
+    `${words.fix}: ${way.title}`))));
+}
+
+begin();

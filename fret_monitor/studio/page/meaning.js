@@ -1,0 +1,123 @@
+// Copyright 2026 The fret_monitor authors
+//
+// Licensed under the Apache License, Version 2.0 (the "License");
+// you may not use this file except in compliance with the License.
+// You may obtain a copy of the License at
+//
+//     http://www.apache.org/licenses/LICENSE-2.0
+//
+// Unless required by applicable law or agreed to in writing, software
+// distributed under the License is distributed on an "AS IS" BASIS,
+// WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+// See the License for the specific language governing permissions and
+// limitations under the License.
+
+// What a requirement means, with examples.
+
+import { h, show, svg } from './dom.js';
+import { words } from './words.js';
+
+const CELL = 12;
+const ROW = 18;
+
+export class Meaning {
+  #place;
+  #ask;
+  #bundle = null;
+  #id = null;
+  #go;
+  #body = h('div', { 'aria-live': 'polite' });
+  #select = h('select', { id: 'requirement' });
+
+  // `go(offset)` shows a place in the editor.
+  constructor(place, ask, go) {
+    this.#place = place;
+    this.#ask = ask;
+    this.#go = go;
+    this.#select.addEventListener('change', () => {
+      this.#id = this.#select.value;
+      const found = this.#bundle.requirements.find((item) => item.id === this.#id);
+      if (found) this.#go(found.from);
+      this.#explain();
+    });
+    show(place, h('p', { class: 'faint' }, words.noBundle));
+  }
+
+  use(bundle) {
+    this.#bundle = bundle;
+    const ids = bundle.requirements.map((item) => item.id);
+    if (!ids.includes(this.#id)) this.#id = ids[0] ?? null;
+    show(this.#select, ...ids.map((id) => h('option', { value: id }, id)));
+    this.#select.value = this.#id ?? '';
+    if (!this.#place.contains(this.#select)) {
+      show(this.#place, h('label', {}, words.requirement, ' ', this.#select), this.#body);
+    }
+    this.#explain();
+  }
+
+  // Show the requirement in which an offset of the text is.
+  follow(offset) {
+    if (!this.#bundle) return;
+    const found = this.#bundle.requirements.filter((item) => item.from <= offset).at(-1);
+    if (!found || found.id === this.#id) return;
+    this.#id = found.id;
+    this.#select.value = found.id;
+    this.#explain();
+  }
+
+  async #explain() {
+    const id = this.#id;
+    if (!id) {
+      show(this.#body);
+      return;
+    }
+    try {
+      const found = await this.#ask('explain', { id });
+      if (id === this.#id) show(this.#body, ...this.#shown(found));
+    } catch (error) {
+      if (error.message !== 'outdated') show(this.#body, h('p', {}, error.message));
+    }
+  }
+
+  #shown(found) {
+    const rows = [
+      ...Object.entries(found.meaning), [words.ifFalse, found.if_false],
+      ...found.notes.map((note) => [words.notes, note])];
+    const fields = Object.entries(found.fields).filter(([, text]) => text !== '-');
+    return [
+      found.title ? h('h3', {}, found.title) : null,
+      fields.length ? h('p', { class: 'sentence', 'aria-label': words.fields },
+        ...fields.flatMap(([name, text]) => [
+          h('span', { class: `field of-${name}` }, h('small', {}, name), ' ', text), ' ']))
+        : h('p', { class: 'sentence' }, found.text),
+      h('dl', {}, ...rows.flatMap(([name, text]) => [h('dt', {}, name), h('dd', {}, text)])),
+      h('details', {}, h('summary', {}, words.formula), h('code', {}, found.formula)),
+      ...found.examples.map(drawing)].filter(Boolean);
+  }
+}
+
+// Return the drawing of an example: a row for each proposition, and the verdict.
+function drawing(example) {
+  const rows = [...example.rows, { label: 'verdict', truth: example.verdict, isVerdict: true }];
+  const width = Math.max(example.steps.length * CELL, 60);
+  const cells = (row) => row.truth.map((truth, column) => example.steps[column] === null
+    ? svg('text', { x: (column + 0.5) * CELL, y: 14, class: 'gap' }, '~')
+    : svg('rect', {
+      class: `${row.isVerdict ? 'verdict' : 'truth'} ${truth ? 'is-true' : 'is-false'}`,
+      x: column * CELL, width: CELL - 1, y: row.isVerdict || truth ? 2 : 12,
+      height: row.isVerdict || truth ? 14 : 4 }));
+  const text = (row) => `${row.label}: ${row.truth.map((truth, column) =>
+    example.steps[column] === null ? '~' : Number(truth)).join('')}`;
+  const marks = example.steps.flatMap((step, column) => step === null || column % 5
+    ? [] : [svg('text', { x: column * CELL, y: 12, class: 'mark' },
+      example.seconds_per_step ? `${Number((step * example.seconds_per_step).toPrecision(4))} s`
+        : String(step))]);
+  return h('figure', {},
+    h('figcaption', {}, example.title),
+    h('div', { class: 'example' },
+      ...rows.flatMap((row) => [
+        h('span', { class: 'name', title: row.label }, row.label),
+        svg('svg', { width, height: ROW, role: 'img', 'aria-label': text(row) }, ...cells(row))]),
+      h('span'), svg('svg', { width: width + 20, height: ROW, 'aria-hidden': 'true' }, ...marks)),
+    ...example.values.map((line) => h('p', { class: 'faint' }, line)));
+}

@@ -1,0 +1,370 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The questions of a page and their answers, in a process of its own (`process.py`).
+
+    python -m fret_monitor.studio.questions FOLDER
+
+Offsets are in UTF-16 units, as those of JavaScript. A value over the steps of a trace is a list
+of `[first step, value]`, one for each change.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
+import csv
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+import json
+from pathlib import Path
+import resource
+import sys
+import tempfile
+from typing import Any, TypeAlias
+
+from fret_monitor.build import compile_monitor, generate_monitor, Reading
+from fret_monitor.editing import (
+    code_of, complete, EditedBundle, fixes, formatted, hover, PositionMap, read_edited,
+)
+from fret_monitor.logic.formula import Binary, BinaryOperator
+from fret_monitor.logic.scopes import one_instance
+from fret_monitor.logic.specification import Property, Signal, Specification
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Span
+from fret_monitor.model.policies import Policy
+from fret_monitor.model.values import ValueType
+from fret_monitor.native.compiled import CompiledMonitor
+from fret_monitor.native.errors import NativeError
+from fret_monitor.studio.folder import Folder
+
+Question: TypeAlias = Mapping[str, Any]
+Answer: TypeAlias = Any
+Changes: TypeAlias = Sequence[tuple[int, bool | int | float | str]]
+
+MOST_STEPS = 100_000
+_MEMORY = 3_000_000_000
+_FIXED = 5  # diagnostics for which fixes are looked for: each way is tried
+_KINDS = {'satisfying': 'satisfies', 'violating': 'violates', 'recovering': 'recovers in'}
+
+
+class Refused(Exception):
+    """A question cannot be answered; the text says why."""
+
+
+class Questions:
+    """Answers questions about the bundles of a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        """Store the folder."""
+        self._folder = Folder(folder)
+        self._last: tuple[tuple[str, str], EditedBundle] | None = None
+        self._compiled = lru_cache(maxsize=4)(self._compile)
+        self._answers: dict[str, Callable[[Question], Answer]] = {
+            'check': self._check, 'hover': self._hover, 'complete': self._complete,
+            'fixes': self._fixes, 'format': self._format, 'explain': self._explain,
+            'simulate': self._simulate, 'example': self._example}
+
+    def answer(self, question: Question) -> dict[str, Any]:
+        """Return {'answer': ...} or {'error': text}."""
+        try:
+            return {'answer': self._answers[question['do']](question)}
+        except Refused as error:
+            return {'error': str(error)}
+        except CompileError as error:
+            return {'error': '\n'.join(item.in_one_line for item in error.diagnostics[:3])}
+        except NativeError as error:
+            return {'error': str(error)}
+        except MemoryError:
+            return {'error': 'it takes more memory than this page may use'}
+        except (KeyError, TypeError, ValueError) as error:
+            return {'error': f'the question cannot be answered: {error!r}'}
+
+    def _edited(self, question: Question) -> EditedBundle:
+        key = (question['name'], question['text'])
+        if self._last is None or self._last[0] != key:
+            path = self._folder.path(key[0])
+            self._last = key, read_edited(path, key[1], read_file=self._folder.read_source)
+        return self._last[1]
+
+    def _reading(self, question: Question) -> Reading:
+        found = self._edited(question).reading
+        if found is None:
+            raise Refused('the bundle has errors')
+        return replace(found, specification=one_instance(found.specification))
+
+    # What is asked while somebody types.
+
+    def _check(self, question: Question) -> Answer:
+        edited = self._edited(question)
+        places = Utf16(edited.source.text)
+        return {
+            'diagnostics': [_diagnostic(edited, item, places) for item in edited.diagnostics],
+            'bundle': None if edited.reading is None else self._overview(edited.reading, places)}
+
+    def _overview(self, reading: Reading, places: 'Utf16') -> Answer:
+        specification = one_instance(reading.specification)
+        return {
+            'policy': specification.policy.value,
+            'isTimed': specification.policy is Policy.TIMED,
+            'period': None if specification.period is None else float(specification.period),
+            'inputs': [_input(signal) for signal in specification.signals],
+            'requirements': [_requirement(item, places) for item in specification.properties]}
+
+    def _hover(self, question: Question) -> Answer:
+        edited = self._edited(question)
+        places = Utf16(edited.source.text)
+        found = hover(edited, places.offset(question['offset']))
+        return found and {**places.range(found.place), 'markdown': found.markdown}
+
+    def _complete(self, question: Question) -> Answer:
+        edited = self._edited(question)
+        places = Utf16(edited.source.text)
+        return [{'label': item.label, 'detail': item.detail, 'kind': item.kind.value,
+                 'text': item.text, **places.range(item.place)}
+                for item in complete(edited, places.offset(question['offset']))]
+
+    def _fixes(self, question: Question) -> Answer:
+        edited = self._edited(question)
+        places = Utf16(edited.source.text)
+        return [[{'title': fix.title, 'text': fix.edit.text, **places.range(fix.edit.place)}
+                 for fix in fixes(edited, item)] for item in edited.diagnostics[:_FIXED]]
+
+    def _format(self, question: Question) -> Answer:
+        return formatted(question['text'])
+
+    # What compiles.
+
+    def _explain(self, question: Question) -> Answer:
+        from fret_monitor.explain.report import as_dict, explain
+        found, _ = explain(self._reading(question), [question['id']])
+        return as_dict(found[0])
+
+    def _compile(self, name: str, text: str) -> tuple[CompiledMonitor, Specification]:
+        reading = self._reading({'name': name, 'text': text})
+        return compile_monitor(generate_monitor(reading)), reading.specification
+
+    def _simulate(self, question: Question) -> Answer:
+        from fret_monitor.traces.csv_trace import trace_text
+        from fret_monitor.traces.simulate import simulate
+        compiled, specification = self._compiled(question['name'], question['text'])
+        steps = int(question['steps'])
+        if not 1 <= steps <= MOST_STEPS:
+            raise Refused(f'a trace has 1 to {MOST_STEPS:,} steps')
+        columns = [_column(signal, question['values'].get(signal.name, []), steps)
+                   for signal in specification.signals]
+        is_timed = specification.policy is Policy.TIMED
+        period = _nanoseconds(question) if is_timed else 0
+        rows: Iterable[tuple[Any, ...]] = zip(*columns, strict=True) if columns else (
+            () for _ in range(steps))
+        times = [_seconds(step * period) for step in range(steps)] if is_timed else None
+        with tempfile.TemporaryDirectory() as name:
+            trace, verdicts = Path(name, 'trace.csv'), Path(name, 'verdicts.csv')
+            text = trace_text(specification.signals, rows, times)
+            trace.write_text(text, encoding='utf-8')
+            simulate(compiled.monitor, trace, verdicts)
+            found = _changes(verdicts.read_text(encoding='utf-8'), is_timed=is_timed)
+        return {'verdicts': found, 'csv': text if question.get('csv') else None}
+
+    def _example(self, question: Question) -> Answer:
+        """Find a trace on which a requirement is so, or two have different verdicts."""
+        specification = self._reading(question).specification
+        wanted = _wanted(specification, question['ids'])
+        kind = question['kind'] if len(question['ids']) == 1 else 'violating'
+        return _example(specification, wanted, kind, question['ids'])
+
+
+def _example(specification: Specification, wanted: Property, kind: str,
+             ids: Sequence[str]) -> Answer:
+    from fret_monitor.traces.sampled import grid_of, sampled
+    from fret_monitor.traces.search import Budget, find_examples
+    from fret_monitor.traces.subject import subjects
+    from fret_monitor.traces.trace import rows_of
+    is_timed = specification.policy is Policy.TIMED
+    grid = grid_of(wanted) if is_timed else None
+    stepped = wanted if grid is None else sampled(wanted, grid)
+    subject, = subjects(specification, [stepped])
+    found = find_examples(subject, Budget())
+    trace = getattr(found, kind)
+    if trace is None:
+        what = f'{_KINDS[kind]} {ids[0]}' if len(ids) == 1 else \
+            f'tells {ids[0]} and {ids[1]} apart'
+        if found.is_proved and not is_timed:
+            raise Refused(f'no trace {what}: all {found.states:,} states were explored')
+        raise Refused(f'no trace that {what} was found; there may be one')
+    rows = rows_of(trace)
+    values = {signal.name: _runs(_shown(row[number], signal) for row in rows)
+              for number, signal in enumerate(subject.signals)}
+    return {'steps': len(rows), 'values': values,
+            'period': None if grid is None else grid / 1e9}
+
+
+def _wanted(specification: Specification, ids: Sequence[str]) -> Property:
+    known = {item.id: item for item in specification.properties}
+    missing = [name for name in ids if name not in known]
+    if missing or not 1 <= len(ids) <= 2:
+        raise Refused(f"the bundle has no requirement '{missing[0]}'" if missing
+                      else 'choose one requirement or two')
+    first, *others = (known[name] for name in ids)
+    if not others:
+        return first
+    second, = others
+    equal = Binary(BinaryOperator.IFF, first.formula, second.formula)
+    return replace(first, formula=equal, sentence=None, text='',
+                   feedback=tuple(dict((*first.feedback, *second.feedback)).items()))
+
+
+class Utf16:
+    """Converts offsets of a text to those of JavaScript, and back."""
+
+    def __init__(self, text: str) -> None:
+        """Store the text."""
+        self._map = PositionMap(text)
+        self._text = text
+        self._is_plain = text.isascii() or max(text) <= '\uffff'
+
+    def units(self, offset: int) -> int:
+        """Return the units of UTF-16 before an offset."""
+        return offset if self._is_plain else len(self._text[:offset].encode('utf-16-le')) // 2
+
+    def offset(self, units: int) -> int:
+        """Return the offset of a number of units."""
+        if self._is_plain:
+            return min(units, len(self._text))
+        data = self._text.encode('utf-16-le')[:2 * units]
+        return len(data.decode('utf-16-le', 'ignore'))
+
+    def range(self, place: Span) -> dict[str, int]:
+        """Return a place as `from` and `to`."""
+        return {'from': self.units(place.start), 'to': self.units(place.end)}
+
+
+def _diagnostic(edited: EditedBundle, found: Diagnostic, places: Utf16) -> Answer:
+    span = found.span
+    is_here = span is not None and span.source.name == edited.source.name
+    return {
+        'title': found.title, 'label': found.label, 'help': found.help, 'code': code_of(found),
+        'severity': 'error' if found.level is Level.ERROR else 'warning',
+        'line': span.line if span and is_here else None,
+        'file': None if span is None or is_here else f'{Path(span.source.name).name}:{span.line}',
+        **(places.range(span) if span and is_here else {'from': 0, 'to': 0})}
+
+
+def _input(signal: Signal) -> Answer:
+    return {
+        'name': signal.name, 'type': signal.type.value,
+        'isBool': signal.type is ValueType.BOOL,
+        'isFloat': signal.type.is_float,
+        'names': [name for name, _ in signal.values],
+        'topic': signal.topic or '', 'message': signal.message_type or '',
+        'initial': None if signal.initial is None else _shown(signal.initial, signal)}
+
+
+def _requirement(item: Property, places: Utf16) -> Answer:
+    place = item.id_place or item.place
+    return {'id': item.id, 'title': item.title, 'text': item.text,
+            'inputs': sorted(item.inputs),
+            **(places.range(place) if place else {'from': 0, 'to': 0})}
+
+
+def _shown(value: bool | int | float, signal: Signal) -> bool | int | float | str:
+    """Return a value as the page has it: a name where the input has names."""
+    for index, (name, number) in enumerate(signal.values):
+        if value == (index if isinstance(number, str) else number):
+            return name
+    return str(value) if isinstance(value, float) and value - value != 0 else value
+
+
+def _column(signal: Signal, changes: Changes, steps: int) -> Iterator[bool | int | float]:
+    """Yield the value of an input at each step."""
+    found = [(int(first), _value(signal, value)) for first, value in changes if first < steps]
+    if not found or found[0][0] != 0:
+        found.insert(0, (0, _start(signal)))
+    for (first, value), (after, _) in pairwise([*found, (steps, 0)]):
+        for _ in range(first, after):
+            yield value
+
+
+def _start(signal: Signal) -> bool | int | float:
+    if signal.initial is not None:
+        return signal.initial
+    return False if signal.type is ValueType.BOOL else \
+        0.0 if signal.type.is_float else 0
+
+
+def _value(signal: Signal, value: bool | int | float | str) -> bool | int | float:
+    """Return a value of the page as one of the input's type."""
+    for index, (name, number) in enumerate(signal.values):
+        if value == name:
+            return index if isinstance(number, str) else number
+    try:
+        if signal.type is ValueType.BOOL:
+            return bool(value)
+        if signal.type.is_float:
+            return float(value)
+        return int(value)
+    except ValueError:
+        raise Refused(f"{signal.name} is of type {signal.type.value}: '{value}' is no value "
+                      'of it') from None
+
+
+def _nanoseconds(question: Question) -> int:
+    found = round(float(question.get('period') or 0) * 1e9)
+    if not 1 <= found <= 10 ** 15:
+        raise Refused('the time between two rows is between a nanosecond and eleven days')
+    return found
+
+
+def _seconds(time: int) -> str:
+    return f'{time // 10**9}.{time % 10**9:09}'
+
+
+def _runs(values: Iterable[Any]) -> list[tuple[int, Any]]:
+    found: list[tuple[int, Any]] = []
+    for step, value in enumerate(values):
+        if not found or found[-1][1] != value or type(found[-1][1]) is not type(value):
+            found.append((step, value))
+    return found
+
+
+def _changes(text: str, *, is_timed: bool) -> dict[str, list[tuple[float, int]]]:
+    """Return the changes of each verdict: at which step, or at how many seconds."""
+    head, *rows = text.splitlines()
+    _, *names = next(csv.reader([head]))
+    found: dict[str, list[tuple[float, int]]] = {name: [] for name in names}
+    before = ''
+    for row in rows:
+        label, _, verdicts = row.partition(',')
+        if verdicts == before:
+            continue
+        old, before = before.split(','), verdicts
+        when = float(label) if is_timed else int(label)
+        for number, verdict in enumerate(verdicts.split(',')):
+            if number >= len(old) or old[number] != verdict:
+                found[names[number]].append((when, int(verdict)))
+    return found
+
+
+def main() -> int:
+    """Answer the questions on standard input until it ends."""
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, resource.RLIM_INFINITY))
+    questions = Questions(Path(sys.argv[1]))
+    out = sys.stdout
+    with redirect_stdout(sys.stderr):  # nothing else may get between the answers
+        for line in sys.stdin:
+            print(json.dumps(questions.answer(json.loads(line))), file=out, flush=True)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

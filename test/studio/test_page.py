@@ -1,0 +1,183 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The page in a browser, clicked through; and what takes too long is ended."""
+
+import asyncio
+from hashlib import sha256
+from itertools import pairwise
+from pathlib import Path
+import time
+
+from fret_monitor.studio import server as server_module
+from fret_monitor.studio.process import Answering, OUTDATED, Unanswered
+import pytest
+from studio.browser import browser, CHROMIUM, Page
+from studio.serving import studio
+
+
+BUNDLE = """\
+format: 1
+evaluation: {policy: every_message}
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float64}
+  hot: {topic: hot, type: std_msgs/msg/Bool}
+requirements:
+  - {id: SLOW, ptltl: "hot -> speed <= 1.5"}
+  - {id: COOL, ptltl: "!hot"}
+"""
+HOT, SPEED = '.lane[aria-label^="hot"]', '.lane[aria-label^="speed"]'
+SLOW, COOL = '.lane[aria-label^="SLOW"]', '.lane[aria-label^="COOL"]'
+PAGE = Path(server_module.__file__).parent / 'page'
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason='no Chromium is installed')
+
+
+def colours(page: Page, lane: str) -> str:
+    """Return the truth values that a lane draws, such as `10` for true, then false."""
+    return str(page.get(f"""[...document.querySelectorAll('{lane} rect:not(.chosen)')]
+        .map((each) => each.classList.contains('is-true') ? 1 : 0).join('')"""))
+
+
+def steps_of(page: Page, lane: str) -> list[float]:
+    """Return where the parts of a lane begin and end, in steps of 40."""
+    return [round(value / 25, 3) for value in page.get(
+        f"""[...document.querySelectorAll('{lane} rect:not(.chosen)')].flatMap((each) => [
+        Number(each.getAttribute('x')),
+        Number(each.getAttribute('x')) + Number(each.getAttribute('width'))])""")]
+
+
+def becomes(page: Page, lane: str, steps: list[float]) -> None:
+    """Wait until a lane, which begins true, changes at these steps."""
+    expected = [each for pair in pairwise([0.0, *steps, 40.0]) for each in pair]
+    end = time.monotonic() + 60
+    while steps_of(page, lane) != expected:
+        assert time.monotonic() < end, (lane, steps_of(page, lane), expected)
+        time.sleep(0.02)
+    assert colours(page, lane) == ('10' * len(expected))[:len(expected) // 2]
+
+
+@needs_browser
+def test_write_understand_and_try(tmp_path: Path) -> None:
+    path = tmp_path / 'b.yaml'
+    path.write_text(BUNDLE)
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.wait(f"!!document.querySelector('{COOL} rect.is-true')")
+        # Understand.
+        page.see('figure')
+        assert 'hot' in page.text('#meaning')
+        # Try: a click, a drag, a value that is typed, the keyboard.
+        page.click(HOT, 10.5 / 40)
+        becomes(page, COOL, [10, 11])
+        page.drag(HOT, (20.5 / 40, 0.5), (29.5 / 40, 0.5))
+        becomes(page, COOL, [10, 11, 20, 30])
+        page.click(SPEED, 20.5 / 40)
+        page.get(f"document.querySelector('{SPEED}').focus()")
+        for _ in range(3):
+            page.key('ArrowRight', modifiers=8)
+        page.key('Enter')
+        page.get("document.querySelector('#value').select()")
+        page.type('7.5')
+        page.key('Enter')
+        becomes(page, SLOW, [20, 24])
+        page.get(f"document.querySelector('{HOT}').focus()")
+        page.key('Home')
+        page.key(' ')
+        page.wait(f"document.querySelector('{COOL} rect:not(.chosen)').matches('.is-false')")
+        # A trace that violates.
+        page.get("[...document.querySelectorAll('#trace button')].find("
+                 "(each) => each.textContent === 'violates it').click()")
+        page.wait("document.querySelector('#steps').value !== '40'")
+        page.wait(f"!!document.querySelector('{SLOW} rect.is-false')")
+        # Write: a mistake, its message, its fix.
+        page.get("document.querySelector('.cm-content').focus()")
+        at = BUNDLE.index('!hot') + 1
+        page.get('window.getSelection().selectAllChildren(document.querySelector('
+                 '".cm-content")); 0')
+        page.type(BUNDLE[:at] + 'hott' + BUNDLE[at + 3:])
+        page.see('#problems li.error')
+        assert "'hott'" in page.text('#problems')
+        page.see('#problems .fix')
+        page.click('#problems .fix')
+        page.wait("!document.querySelector('#problems li')")
+        # Save, after asking; nothing before.
+        page.get("document.querySelector('.cm-content').focus()")
+        page.key('ArrowRight')
+        page.type('# noted\n')
+        page.wait("document.querySelector('#state').textContent.includes('not saved')")
+        assert path.read_text() == BUNDLE
+        page.click('#save')
+        page.click('#ask-yes')
+        page.wait("/· saved/.test(document.querySelector('#state').textContent)")
+        assert '# noted' in path.read_text()
+        # Somebody else writes the file.
+        path.write_text(BUNDLE + '# by hand\n')
+        page.see('#notice:not([hidden]) button')
+        page.click('#notice button')
+        page.wait("document.querySelector('.cm-content').textContent.includes('by hand')")
+        assert page.problems == []
+
+
+@needs_browser
+def test_nothing_typed_is_lost_when_the_server_is_killed(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(BUNDLE)
+    with browser(tmp_path / 'profile') as page:
+        with studio(tmp_path, 'b.yaml') as url:
+            page.open(url)
+            page.wait('!!document.body.dataset.checked')
+            page.get("document.querySelector('.cm-content').focus()")
+            page.type('# typed\n')
+            page.wait("document.querySelector('#state').textContent.includes('not saved')")
+        page.see('#notice:not([hidden])')
+        assert '# typed' in page.text('.cm-content')
+
+
+def test_a_question_that_takes_too_long_is_ended_and_the_next_is_answered(
+    tmp_path: Path,
+) -> None:
+    many = 'format: 1\ninputs: {p: {topic: p, type: std_msgs/msg/Bool}}\nrequirements:\n' + \
+        ''.join(f'  - {{id: R{number}, ptltl: "H[0,{number + 1}] p"}}\n' for number in range(900))
+
+    async def run() -> None:
+        answering = Answering(tmp_path, limit_s=0.8)
+        begin = time.monotonic()
+        with pytest.raises(Unanswered, match='no answer within'):
+            await answering.ask({'do': 'simulate', 'name': 'b.yaml', 'text': many, 'steps': 9,
+                                 'values': {}}, lambda: True)
+        assert time.monotonic() - begin < 30
+        answering = Answering(tmp_path)
+        with pytest.raises(Unanswered, match=OUTDATED):
+            await answering.ask({'do': 'check'}, lambda: False)
+        found = await answering.ask({'do': 'check', 'name': 'b.yaml', 'text': BUNDLE},
+                                    lambda: True)
+        assert found['diagnostics'] == []
+        await answering.end()
+
+    asyncio.run(run())
+
+
+def test_what_is_taken_from_others_is_named_and_unchanged() -> None:
+    vendor = PAGE / 'vendor'
+    digest, name = (vendor / 'SHA256SUMS').read_text().split()
+    assert sha256((vendor / name).read_bytes()).hexdigest() == digest
+    assert '@codemirror/view' in (vendor / 'LICENSES.txt').read_text()
+    assert sum(path.stat().st_size for path in PAGE.rglob('*.*')
+               if path.name != 'LICENSES.txt') < 600_000
+
+
+def test_the_page_names_no_other_host() -> None:
+    for path in PAGE.glob('*.*'):
+        text = '\n'.join(line for line in path.read_text(encoding='utf-8').splitlines()
+                         if 'apache.org/licenses' not in line)
+        assert 'http' not in text.replace('http://www.w3.org/2000/svg', ''), path

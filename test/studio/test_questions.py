@@ -1,0 +1,154 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Answers to a page are those of the verbs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from fret_monitor.build import read
+from fret_monitor.cli.main import main
+from fret_monitor.explain.report import as_dict, explain
+from fret_monitor.studio.questions import Questions, Utf16
+import pytest
+
+BUNDLE = """\
+format: 1
+evaluation: {policy: every_message}
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float64}
+  hot: {topic: hot, type: std_msgs/msg/Bool}
+  mode: {topic: mode, type: std_msgs/msg/Int8, values: {IDLE: 0, DRIVE: 3}}
+requirements:
+  - {id: SLOW, ptltl: "H[0,3] hot -> speed <= 1.5"}
+  - {id: 'A,B', ptltl: "mode = DRIVE -> !hot"}
+  - {id: C, fretish: whenever hot the robot shall within 3 ticks satisfy speed <= 0.5}
+"""
+TIMED = BUNDLE.replace('every_message', 'timed').replace('3 ticks', '2 seconds').replace(
+    'H[0,3]', 'H[0,0.25 s]')
+
+
+def ask(folder: Path, do: str, text: str = BUNDLE, **more: Any) -> Any:
+    found = Questions(folder).answer({'do': do, 'name': 'b.yaml', 'text': text, **more})
+    assert 'error' not in found, found
+    return found['answer']
+
+
+def refusal(folder: Path, do: str, text: str = BUNDLE, **more: Any) -> str:
+    found = Questions(folder).answer({'do': do, 'name': 'b.yaml', 'text': text, **more})
+    return str(found['error'])
+
+
+def test_problems_have_places_in_units_of_javascript_and_fixes(tmp_path: Path) -> None:
+    text = BUNDLE.replace('format: 1', 'format: 1  # 😀').replace('mode = DRIVE', 'mode = DRIV')
+    found = ask(tmp_path, 'check', text)
+    assert found['bundle'] is None
+    first = found['diagnostics'][0]
+    assert first['severity'] == 'error' and first['line'] == 9
+    wide = text.encode('utf-16-le')
+    assert wide[2 * first['from']:2 * first['to']].decode('utf-16-le') == 'DRIV'
+    way = ask(tmp_path, 'fixes', text)[0][0]
+    mended = wide[:2 * way['from']] + way['text'].encode('utf-16-le') + wide[2 * way['to']:]
+    assert ask(tmp_path, 'check', mended.decode('utf-16-le'))['bundle'] is not None
+
+
+def test_a_bundle_without_errors_has_its_inputs_and_requirements(tmp_path: Path) -> None:
+    found = ask(tmp_path, 'check')['bundle']
+    assert [(item['name'], item['type'], item['names']) for item in found['inputs']] == [
+        ('speed', 'float64', []), ('hot', 'bool', []), ('mode', 'int8', ['IDLE', 'DRIVE'])]
+    assert [item['id'] for item in found['requirements']] == ['SLOW', 'A,B', 'C']
+    assert BUNDLE[found['requirements'][2]['from']:].startswith('C,')
+
+
+def test_hover_and_completion_are_those_of_editors(tmp_path: Path) -> None:
+    place = BUNDLE.index('speed <= 1.5')
+    assert 'std_msgs/msg/Float64' in ask(tmp_path, 'hover', offset=place + 1)['markdown']
+    labels = {item['label'] for item in ask(tmp_path, 'complete', offset=place + 2)}
+    assert 'speed' in labels
+    assert ask(tmp_path, 'hover', offset=BUNDLE.index('\nevaluation')) is None
+
+
+def test_an_explanation_is_that_of_explain(tmp_path: Path) -> None:
+    path = tmp_path / 'b.yaml'
+    path.write_text(BUNDLE)
+    expected, _ = explain(read(path), ['C'])
+    found = ask(tmp_path, 'explain', id='C')
+    assert json.loads(json.dumps(found)) == json.loads(json.dumps(as_dict(expected[0])))
+
+
+TRACE = {'speed': [[0, 0.25], [4, 2.0], [9, 'nan'], [10, 1.0]],
+         'hot': [[0, False], [2, True], [8, False]], 'mode': [[0, 'IDLE'], [5, 'DRIVE']]}
+
+
+@pytest.mark.parametrize('text', [BUNDLE, TIMED], ids=['steps', 'timed'])
+def test_verdicts_are_those_of_simulate(tmp_path: Path, text: str) -> None:
+    found = ask(tmp_path, 'simulate', text, steps=40, period=0.1, values=TRACE, csv=True)
+    path = tmp_path / 'b.yaml'
+    path.write_text(text)
+    trace, verdicts = tmp_path / 'trace.csv', tmp_path / 'verdicts.csv'
+    trace.write_text(found['csv'])
+    assert main(['simulate', str(path), '--trace', str(trace), '--verdicts', str(verdicts)]) == 0
+    rows = [line.split(',') for line in verdicts.read_text().splitlines()[1:]]
+    assert len(rows) >= 40 and {'0', '1'} <= {cell for row in rows for cell in row[1:]}
+    for number, name in enumerate(('SLOW', 'A,B', 'C')):
+        changes = {float(at): value for at, value in found['verdicts'][name]}
+        now = None
+        for label, *cells in rows:
+            now = changes.get(float(label), now)
+            assert now == int(cells[number]), (name, label)
+
+
+@pytest.mark.parametrize('text', [BUNDLE, TIMED], ids=['steps', 'timed'])
+def test_examples_violate_satisfy_and_tell_apart(tmp_path: Path, text: str) -> None:
+    def last(ids: list[str], kind: str) -> list[int]:
+        found = ask(tmp_path, 'example', text, ids=ids, kind=kind)
+        judged = ask(tmp_path, 'simulate', text, steps=found['steps'], values=found['values'],
+                     period=found['period'])['verdicts']
+        return [judged[name][-1][1] for name in ids]
+
+    assert last(['C'], 'violating') == [0]
+    assert last(['C'], 'satisfying') == [1]
+    assert sorted(last(['SLOW', 'A,B'], 'violating')) == [0, 1]
+
+
+def test_what_cannot_be_answered_says_why(tmp_path: Path) -> None:
+    assert refusal(tmp_path, 'simulate', BUNDLE + '  - nonsense', steps=3, values={}) == \
+        'the bundle has errors'
+    assert '1 to 100,000 steps' in refusal(tmp_path, 'simulate', steps=100_001, values={})
+    assert "'fast' is no value" in refusal(tmp_path, 'simulate', steps=3,
+                                           values={'speed': [[0, 'fast']]})
+    assert 'no trace' in refusal(tmp_path, 'example', ids=['C', 'C'], kind='violating')
+    assert "no requirement 'X'" in refusal(tmp_path, 'example', ids=['X'], kind='violating')
+    assert 'cannot be answered' in refusal(tmp_path, 'hover')
+
+
+def test_files_of_a_bundle_outside_of_its_folder_are_not_read(tmp_path: Path) -> None:
+    inside = tmp_path / 'inside'
+    inside.mkdir()
+    (tmp_path / 'secret.yaml').write_text('inputs: {key: 1}\n')
+    for name in ('../secret.yaml', str(tmp_path / 'secret.yaml'), 'link.yaml'):
+        (inside / 'link.yaml').unlink(missing_ok=True)
+        (inside / 'link.yaml').symlink_to(tmp_path / 'secret.yaml')
+        found = ask(inside, 'check', f'signals: {name}\n{BUNDLE}')
+        assert 'outside of the folder' in str(found['diagnostics'])
+        assert 'key' not in str(found['diagnostics'])
+
+
+def test_offsets_beyond_the_first_plane_are_converted_both_ways() -> None:
+    text = 'a😀b\n😀'
+    places = Utf16(text)
+    for offset in range(len(text) + 1):
+        units = len(text[:offset].encode('utf-16-le')) // 2
+        assert places.units(offset) == units and places.offset(units) == offset
