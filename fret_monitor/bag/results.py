@@ -17,7 +17,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 import csv
 import json
-from typing import TextIO
+from typing import Any, TextIO
 from xml.etree import ElementTree
 
 from fret_monitor.bag.check import RecordingResult
@@ -202,6 +202,36 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
             output.text = _clean('\n'.join(content['errors']))
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
+
+
+HEADS = ('Verdict', 'Recording', 'Occurrences', 'First violation')
+"""The columns of `verdicts_of`."""
+
+
+def verdicts_of(lines: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """
+    Return the verdict of each requirement over all recordings, from their lines of JSON, by id.
+
+    The recording is the first one in which it was violated; without a violation, the one in which
+    it was judged, or how many these are.
+    """
+    found: dict[str, list[tuple[str, dict[str, Any]]]] = {}
+    for content in map(json.loads, lines):
+        for name, item in content['requirements'].items():
+            found.setdefault(name, []).append((content['bag'], item))
+    return {name: _verdict(items) for name, items in found.items()}
+
+
+def _verdict(items: Sequence[tuple[str, dict[str, Any]]]) -> tuple[str, ...]:
+    violated = [(bag, item) for bag, item in items if item['verdict'] is False]
+    judged = [(bag, item) for bag, item in items if item['verdict'] is not None]
+    if violated:
+        bag, first = violated[0]
+        occurrences = sum(item['occurrences'] for _, item in violated)
+        return ('violated', bag, str(occurrences), str(first['first'] or ''))
+    word = verdict_text(True if judged else None, is_open=any('open' in item for _, item in items))
+    bags = [bag for bag, _ in judged or items]
+    return (word, bags[0] if len(bags) == 1 else counted(len(bags), 'recording'), '0', '')
 
 
 def _by(keys: Sequence[str]) -> str:

@@ -25,6 +25,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from fret_monitor.cli.columns import columns
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
@@ -98,6 +99,11 @@ def _add_output(parser: ArgumentParser) -> None:
     output.add_argument('--report', metavar='FILE.html', type=Path,
                         help='write a page that shows what happened; of several recordings: a '
                         'folder for an index and a page each')
+    output.add_argument('--fill', metavar=('TABLE', 'NEW'), nargs=2, type=Path,
+                        help='write the table (CSV, XLSX) or ReqIF from which requirements were '
+                        'imported as a new file, with their verdicts')
+    output.add_argument('--columns', metavar='ROLE=HEAD', type=columns, default={},
+                        help='the columns of TABLE, as for `import`')
     output.add_argument('--dask', metavar='ADDRESS',
                         help='check recordings on a Dask cluster; local: --jobs workers here')
     output.add_argument('--results', metavar='FILE.jsonl', type=Path,
@@ -137,6 +143,11 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
         _check_outputs(options, [*_files_of_bundle(bundle),
                                  *(file for path in options.bags for file in files_of(path))])
     is_page = options.report is not None and options.report.suffix in _PAGES
+    if options.fill is not None:
+        table, new = options.fill
+        refuse_overwriting(new, [table, *_files_of_bundle(bundle)])
+        if new.suffix.lower() != table.suffix.lower():
+            refuse(f"'{new}' is not written as '{table}' is", help='give it the same ending')
     for name, path in (('--csv', options.csv), ('--mcap', options.mcap),
                        (f'--report {options.report}', options.report if is_page else None)):
         if path is not None and len(options.bags) != 1:
@@ -207,6 +218,8 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
             print(ranking, flush=True)
     if options.junit is not None:
         _write_junit(options, bundle, selection, found, texts)
+    if options.fill is not None:
+        _fill(options, bundle, found)
     if folder is not None:
         from fret_monitor.bag.index import index_page
         with open_output(folder / 'index.html') as file:
@@ -225,6 +238,16 @@ def _print_pooled(lines: Sequence[str], *, is_json: bool) -> bool:
     print(pooled_json(found, len(lines)) if is_json else
           pooled_table(found, required_of(lines), len(lines)), flush=True)
     return any(item.verdict == 'refuted' for item in found.values())
+
+
+def _fill(options: Namespace, bundle: Path, found: Sequence[str]) -> None:
+    """Write the table of the requirements with their verdicts in the recordings."""
+    from fret_monitor.bag.results import HEADS, verdicts_of
+    from fret_monitor.importing.filled import filled
+    table, new = options.fill
+    data = filled(table, HEADS, verdicts_of(found), options.columns)
+    with open_output(new, [table, bundle]) as file:
+        file.buffer.write(data)
 
 
 def _write_junit(options: Namespace, bundle: Path, selection: 'Selection', found: Sequence[str],

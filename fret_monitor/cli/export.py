@@ -28,6 +28,7 @@ from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.export.content import Content, HandlerArguments, Options, unacted
 from fret_monitor.export.folder import assemble, check_output, is_name, renamed, write_export
+from fret_monitor.export.requirements import requirements_file
 from fret_monitor.export.sizes import measured_sizes, PartSizes
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.export.written_keys import with_written_keys
@@ -35,8 +36,10 @@ from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
     counted, missing_packages, pip_install, refuse, Text,
 )
+from fret_monitor.model.output import open_output
 from fret_monitor.model.parts import NodePart, without_gates
 
+_REQUIREMENTS = 'requirements'
 _PROVER = {'z3': 'z3-solver', 'pycparser': 'pycparser'}
 
 
@@ -44,14 +47,16 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.epilog = 'targets:\n' + '\n'.join(
-        f'  {name:9} {target.summary}' for name, target in TARGETS.items())
+        f'  {name:12} {target.summary}' for name, target in TARGETS.items()) + (
+        f'\n  {_REQUIREMENTS:12} a table or ReqIF for requirement tools: FILE.csv, .xlsx, .reqif')
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+',
                         help=f'{BUNDLE_HELP}; of ros2 also several, for one node')
     add_constants(parser)
-    parser.add_argument('--to', dest='target', choices=TARGETS, required=True,
+    parser.add_argument('--to', dest='target', choices=[*TARGETS, _REQUIREMENTS], required=True,
                         help='what to write, see below')
     parser.add_argument('-o', '--output', metavar='DIR', type=_folder, required=True,
-                        help='the folder to write; an earlier export there is replaced')
+                        help='the folder to write; an earlier export there is replaced; of '
+                        'requirements: the file')
     names = parser.add_mutually_exclusive_group()
     names.add_argument('--name', metavar='NAME',
                        help='what files and symbols begin with; default: the name of the bundle; '
@@ -103,7 +108,9 @@ def _name(options: Namespace) -> str | None:
 
 
 def run(options: Namespace) -> int:
-    """Export bundles to a folder."""
+    """Export bundles to a folder, or the requirements of one to a file."""
+    if options.target == _REQUIREMENTS:
+        return _write_requirements(options)
     _refuse_arguments(options)
     monitors = [generate_monitor(item) for item in _readings(options)]
     for item in monitors:
@@ -127,6 +134,19 @@ def run(options: Namespace) -> int:
           f'{counted(sum(item.state_bytes for item in manifests), "byte")} of state')
     print(_proof_line(options, is_proved=is_proved, obstacle=obstacle))
     print('\n'.join(map(_size_line, measured_sizes(files, content.parts))))
+    return 0
+
+
+def _write_requirements(options: Namespace) -> int:
+    if len(options.bundles) > 1 or options.name or options.prefix or options.templates:
+        options.refuse('the target requirements takes one bundle and no option but --output')
+    path = existing_bundle(options.bundles[0])
+    bundle = read(path, takes_instances=True).bundle
+    assert bundle is not None, 'it is read from a file'
+    data = requirements_file(bundle, options.output)
+    with open_output(options.output, [Path(source.name) for source in bundle.sources]) as file:
+        file.buffer.write(data)
+    print(f'{options.output}: {counted(len(bundle.requirements), "requirement")}')
     return 0
 
 

@@ -14,13 +14,15 @@
 
 """`import FILE... [-o BUNDLE]`: make a bundle from files of FRET, R2U2 or Ogma."""
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 import sys
 
+from fret_monitor.cli.columns import columns
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.importing import import_bundles, Imported, write_bundles
-from fret_monitor.importing.tables import ROLES
+from fret_monitor.importing.files import ImportOptions
+from fret_monitor.importing.state_machine import DiagramOptions, Mode
 from fret_monitor.model.diagnostics import counted
 
 
@@ -28,29 +30,26 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
                         help="FRET's project, component specification or Lustre; R2U2's "
-                             "specification (C2PO); a table (CSV, XLSX); ReqIF; Ogma's "
-                             'variable database; a list of names and topics')
+                             "specification (C2PO); a table (CSV, XLSX); ReqIF; a state "
+                             "diagram (Mermaid, DOT); Ogma's variable database; a list of names "
+                             'and topics')
     parser.add_argument('-o', '--output', metavar='BUNDLE',
                         help='the bundle to write, or a folder for a bundle of each component; '
                              'default: standard output')
     parser.add_argument('--component', metavar='NAME',
                         help='which component, if there are several')
-    parser.add_argument('--columns', metavar='ROLE=HEAD', type=_columns, default={},
+    parser.add_argument('--columns', metavar='ROLE=HEAD', type=columns, default={},
                         help='the columns of a table, as in id=ID,fretish=Requirement; others are '
                         'found by their heads')
+    parser.add_argument('--mode', choices=[mode.value for mode in Mode], default='check',
+                        help='of a state diagram: check that an input follows it (default), '
+                        'calculate the state, or safeguard: which states may follow')
+    parser.add_argument('--state-var', metavar='NAME', default='state',
+                        help='the name of the state of a diagram; default: state')
+    parser.add_argument('--input-var', metavar='NAME', default='input',
+                        help='the input whose values numbers at edges are; default: input')
     parser.add_argument('--force', action='store_true', help='overwrite an existing bundle')
     parser.set_defaults(run=run)
-
-
-def _columns(text: str) -> dict[str, str]:
-    found = {}
-    for part in text.split(','):
-        role, _, head = part.partition('=')
-        if role.strip() not in ROLES or not head.strip():
-            raise ArgumentTypeError(f"'{part}' is not ROLE=HEAD: ROLE is one of "
-                                    + ', '.join(ROLES))
-        found[role.strip()] = head.strip()
-    return found
 
 
 def run(options: Namespace) -> int:
@@ -60,7 +59,7 @@ def run(options: Namespace) -> int:
     output = Path(options.output)
     is_folder = options.output.endswith('/') or output.is_dir()
     found = import_bundles(options.files, output, options.component, is_folder=is_folder,
-                           columns=options.columns)
+                           options=_options(options))
     write_bundles(found, force=options.force, read=options.files)
     for item in found:
         _print_notes(item, f'{item.path}: ')
@@ -68,10 +67,15 @@ def run(options: Namespace) -> int:
     return 0
 
 
+def _options(options: Namespace) -> ImportOptions:
+    return ImportOptions(options.columns, DiagramOptions(
+        Mode(options.mode), options.state_var, options.input_var))
+
+
 def _print(options: Namespace) -> int:
     """Print the only bundle to standard output, and everything else to standard error."""
     [item] = import_bundles(options.files, Path('bundle.yaml'), options.component,
-                            columns=options.columns)
+                            options=_options(options))
     print(item.text, end='')
     _print_notes(item, '')
     if item.traces:

@@ -18,12 +18,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fret_monitor.bundle.bundle import Bundle
 from fret_monitor.bundle.reader import parse_bundle
-from fret_monitor.importing.compare import Difference, differences
-from fret_monitor.importing.component import ImportedComponent
+from fret_monitor.importing.compare import Difference, differences, overlaps
+from fret_monitor.importing.component import Exclusion, ImportedComponent
 from fret_monitor.importing.draft import Draft, draft
 from fret_monitor.importing.emit import emit
-from fret_monitor.importing.files import choose, read_files
+from fret_monitor.importing.files import choose, ImportOptions, read_files
 from fret_monitor.importing.topics import Connection
 from fret_monitor.model.diagnostics import (
     CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
@@ -53,11 +54,9 @@ class Imported:
 
 def import_bundles(paths: Sequence[Path], output: Path, component: str | None = None,
                    *, is_folder: bool = False,
-                   columns: Mapping[str, str] | None = None) -> list[Imported]:
+                   options: ImportOptions | None = None) -> list[Imported]:
     """
     Return the bundle of the chosen component, or with `is_folder` a bundle of each component.
-
-    `columns` are those of tables, as of `read_table`.
 
     Warnings about parts of the files that are in no bundle belong to the first bundle.
 
@@ -67,7 +66,7 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
         if a file cannot be read, or no component results in a bundle.
     """
     problems = Problems()
-    files = read_files(paths, problems, columns)
+    files = read_files(paths, problems, options or ImportOptions())
     chosen = [choose(files.components, component)] if component or not is_folder else list(
         files.components)
     targets = _targets(chosen, output) if is_folder else [output]
@@ -77,7 +76,8 @@ def import_bundles(paths: Sequence[Path], output: Path, component: str | None = 
     for item, target in zip(chosen, targets, strict=True):
         own = Problems()
         try:
-            found.append(_imported(draft(item, files.connections, own), target, own))
+            found.append(_imported(draft(item, files.connections, own), target, own,
+                                   item.exclusions))
         except CompileError as error:
             failed.append((item, error))
     if not found:
@@ -153,14 +153,15 @@ def _file_name(name: str) -> str:
     return handler_name(name).removeprefix(HANDLER_PREFIX)[:_LONGEST_NAME] or 'component'
 
 
-def _imported(found: Draft, path: Path, problems: Problems) -> Imported:
+def _imported(found: Draft, path: Path, problems: Problems,
+              exclusions: Sequence[Exclusion]) -> Imported:
     different = [item for one in found.comparisons for item in differences(one)]
     traces = [_trace_file(path, item, number) for number, item in enumerate(different)]
     for item, trace in zip(different, traces, strict=True):
         _warn(item, trace, problems)
     whole = replace(found, todo=(*found.todo, *_tasks(different, traces)))
     text = emit(whole)
-    _read_back(text, whole, path)
+    problems.extend(overlaps(exclusions, _read_back(text, whole, path)))
     return Imported(path, text, whole,
                     tuple((trace, _csv(item, whole)) for item, trace
                           in zip(different, traces, strict=True)), problems.warnings)
@@ -190,8 +191,8 @@ def _csv(item: Difference, whole: Draft) -> str:
                                  for signal in signals] for step in range(item.step + 1)))
 
 
-def _read_back(text: str, whole: Draft, path: Path) -> None:
-    """Parse the bundle again and compare it with the draft."""
+def _read_back(text: str, whole: Draft, path: Path) -> Bundle:
+    """Parse the bundle again, compare it with the draft, and return it."""
     bundle = parse_bundle(Source(str(path), text), path.parent)
     written = [(item.id, item.text, item.title, item.rationale) for item in whole.requirements]
     read = [(item.id.value, item.text.value, item.title, item.rationale)
@@ -199,6 +200,7 @@ def _read_back(text: str, whole: Draft, path: Path) -> None:
     names = [item.name.strip('"') for item in whole.inputs]
     if read != written or [item.name.value for item in bundle.inputs] != names:
         raise AssertionError(f'the bundle of {whole.component} does not read as it was written')
+    return bundle
 
 
 def write_bundles(found: Sequence[Imported], *, force: bool = False,

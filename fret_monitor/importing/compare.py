@@ -21,16 +21,21 @@ equivalent; a difference proves that they are not, and is returned with its trac
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from random import Random
 
+from fret_monitor.bundle.bundle import Bundle, Language, Requirement
+from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.importing.component import Exclusion
 from fret_monitor.importing.draft import Comparison
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.logic.pointwise import Value
 from fret_monitor.logic.propositions import bounds, horizon
 from fret_monitor.logic.specification import Property
+from fret_monitor.model.diagnostics import Diagnostic, Level, Source, Text
+from fret_monitor.model.policies import Severity
 from fret_monitor.traces.boundary import boundary_values, constants
 from fret_monitor.traces.random_traces import random_traces
 from fret_monitor.traces.trace import length, rows_of
@@ -68,6 +73,28 @@ def differences(comparison: Comparison) -> list[Difference]:
     found = (_difference(comparison.id, label, first, other, item) for other, item in others
              if item.formula is not first.formula or item.feedback or first.feedback)
     return [item for item in found if item]
+
+
+def overlaps(exclusions: Sequence[Exclusion], bundle: Bundle) -> Iterator[Diagnostic]:
+    """
+    Report the pairs of conditions that hold at once on a trace, with the values of its last step.
+
+    `bundle` has the inputs and definitions that the conditions read.
+    """
+    texts = ['FALSE', *(f'{item.first} & {item.second}' for item in exclusions)]
+    asked = tuple(Requirement(_whole(str(number)), Language.PTLTL, _whole(text), '', '', None,
+                              Severity.ERROR) for number, text in enumerate(texts))
+    never, *both = specify(replace(bundle, requirements=asked))[0].properties
+    for item, found in zip(exclusions, both, strict=True):
+        for difference in differences(Comparison(found.id, (('never', never), ('both', found)))):
+            values = ', '.join(f'{name} = {column[-1]}' for name, column
+                               in difference.trace.items() if name)
+            yield Diagnostic(item.title, item.place, item.effect,
+                             f'as with {values}' if values else '', Level.WARNING)
+
+
+def _whole(text: str) -> Text:
+    return Text.whole(Source('', text))
 
 
 def _difference(id: str, label: str, first: Property, name: str,

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fret_monitor.bundle.bundle import Language
+from fret_monitor.model.diagnostics import Span
 
 
 class VariableRole(Enum):
@@ -57,12 +58,17 @@ class Wording:
 
 @dataclass(frozen=True)
 class ComponentVariable:
-    """A variable; `type` is '' if unknown; `assignments` are wordings of its definition."""
+    """
+    A variable; `type` is '' if unknown; `assignments` are wordings of its definition.
+
+    `values` are the names of its values, each with its number.
+    """
 
     name: str
     role: VariableRole
     type: str = ''
     assignments: tuple[Wording, ...] = ()
+    values: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,11 +88,23 @@ class ComponentRequirement:
 
 
 @dataclass(frozen=True)
+class Exclusion:
+    """Two conditions that should not hold at once: formulas, and the warning where they do."""
+
+    first: str
+    second: str
+    title: str
+    effect: str
+    place: Span
+
+
+@dataclass(frozen=True)
 class ImportedComponent:
     """
     A component; `project` is '' if the file does not name one.
 
-    `files` are the names, without directories, of the files that describe it.
+    `files` are the names, without directories, of the files that describe it. `keys` are further
+    keys of its bundle, with their values as YAML.
     """
 
     name: str
@@ -94,6 +112,8 @@ class ImportedComponent:
     variables: tuple[ComponentVariable, ...]
     requirements: tuple[ComponentRequirement, ...]
     files: tuple[str, ...]
+    keys: tuple[tuple[str, str], ...] = ()
+    exclusions: tuple[Exclusion, ...] = ()
 
     @property
     def full_name(self) -> str:

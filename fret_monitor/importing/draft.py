@@ -28,7 +28,7 @@ from itertools import chain, count
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import (
-    Bundle, ConstantEntry, Definition, InputEntry, Language, Requirement,
+    Bundle, ConstantEntry, Definition, InputEntry, Language, Requirement, ValueEntry,
 )
 from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.elaboration.signals import input_declaration
@@ -45,17 +45,23 @@ from fret_monitor.language.expression import Unit
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.messages.installed import find_message
 from fret_monitor.model.diagnostics import (
-    CompileError, Diagnostic, Level, Problems, refuse, Source, Text,
+    CompileError, Diagnostic, did_you_mean, Level, Problems, refuse, Source, Text,
 )
 from fret_monitor.model.graph import components, is_cyclic
 from fret_monitor.model.names import fret_name, name_fault, number_fault, quoted_name_fault, shown
 from fret_monitor.model.policies import Policy, Report, Severity
 from fret_monitor.model.values import ValueType
 
+_STRING = 'std_msgs/msg/String'
+
 
 @dataclass(frozen=True)
 class DraftInput:
-    """An input of the bundle; `topic` and `field` are None if they are omitted."""
+    """
+    An input of the bundle; `topic` and `field` are None if they are omitted.
+
+    `values` are names of its values, each with a number, or a string in quotes.
+    """
 
     name: str
     type: str
@@ -63,6 +69,7 @@ class DraftInput:
     field: str | None
     signal: Signal
     is_output: bool = False
+    values: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -101,7 +108,7 @@ class Draft:
 
     `left_out` are the omitted requirements with the reasons. `todo` are manual tasks: the first
     line is the task, the following lines are text to paste. `renamed` maps reserved names to their
-    replacements.
+    replacements. `keys` are further keys of the bundle, as of `ImportedComponent`.
     """
 
     component: str
@@ -116,6 +123,7 @@ class Draft:
     comparisons: tuple[Comparison, ...]
     renamed: tuple[tuple[str, str], ...] = ()
     times: 'Times | None' = None
+    keys: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -203,6 +211,7 @@ class _Drafter:
             todo=tuple(self._todo),
             comparisons=tuple(self._comparisons(usable)),
             times=self._times(usable, inputs),
+            keys=self._component.keys,
         )
 
     # Names
@@ -305,6 +314,7 @@ class _Drafter:
     def _add_undeclared(self) -> None:
         """Add an input for each name that is used but not declared in any file."""
         known = {*self._constants, *self._definitions, *self._inputs}
+        known.update(fret_name(name) for item in self._inputs.values() for name, _ in item.values)
         readings = [item for items in self._readings for item in items]
         readings += [item for _, item in self._definitions.values()]
         for reading in readings:
@@ -327,14 +337,30 @@ class _Drafter:
         is_output = item.role is VariableRole.OUTPUT
         if link.topic is None:
             return DraftInput(item.name, kind.value, None, None, _signal(item.name, kind),
-                              is_output)
+                              is_output, item.values)
         message = link.message_type or message_for(kind)
-        entry = _entry(item.name, message, link.field)
+        values = self._values(item, message, link.field)
+        entry = _entry(item.name, message, link.field, values)
         problems = Problems()
         signal, _ = input_declaration(entry, find_message, problems)
         self._list_message_error(item.name, link, problems.errors)
         return DraftInput(item.name, message, link.topic, link.field,
-                          signal or _signal(item.name, kind), is_output)
+                          signal or _signal(item.name, kind), is_output, values)
+
+    def _values(self, item: ComponentVariable, message: str,
+                field: str | None) -> tuple[tuple[str, str], ...]:
+        """Return the names of an input's values that its message does not have."""
+        if message == _STRING:
+            return tuple((name, f'"{name}"') for name, _ in item.values)
+        entry = _entry(item.name, message, field)
+        _, declared = input_declaration(entry, find_message, Problems())
+        vocabulary = declared.term.vocabulary
+        known = vocabulary.numbers if vocabulary else {}
+        strange = [name for name, _ in item.values if name not in known]
+        if len(strange) in (0, len(item.values)):
+            return item.values if strange else ()
+        refuse(f"'{item.name}' has no value {strange[0]} in {message}",
+               help=did_you_mean(strange[0], known) or f'its values are {vocabulary}')
 
     def _list_message_error(self, name: str, link: Connection,
                             errors: Sequence[Diagnostic]) -> None:
@@ -362,6 +388,10 @@ class _Drafter:
                      for item in missing]
             self._todo.append('\n'.join([f'no file gives the topic of {_these(missing)}; replace '
                                          'the type by:', *lines]))
+        for item in inputs:
+            if item.values and '"' not in item.values[0][1]:
+                self._todo.append(f"the numbers of the values of '{item.name}' are guessed: "
+                                  + ', '.join(f'{name} = {value}' for name, value in item.values))
         guessed = [item for item in inputs if not self._is_typed(item)]
         if guessed:
             types = ', '.join(f'{item.name} ({item.signal.type.value})' for item in guessed)
@@ -428,7 +458,7 @@ class _Drafter:
                             for name, value in self._constants.values()),
             inputs=tuple(_entry(bare(item.name), item.signal.message_type or
                                 item.signal.type.value, item.field if item.signal.message_type
-                                else None) for item in inputs.values()),
+                                else None, item.values) for item in inputs.values()),
             definitions=tuple(Definition(_text(bare(name)), reading.language, reading.text)
                               for name, reading in self._definitions.values()),
             policy=Policy.EVERY_MESSAGE,
@@ -588,8 +618,12 @@ def _text(value: str) -> Text:
     return Text.whole(Source(value, value))
 
 
-def _entry(name: str, kind: str, field: str | None) -> InputEntry:
-    return InputEntry(_text(name), type=_text(kind), field=_text(field) if field else None)
+def _entry(name: str, kind: str, field: str | None,
+           values: Iterable[tuple[str, str]] = ()) -> InputEntry:
+    return InputEntry(
+        _text(name), type=_text(kind), field=_text(field) if field else None,
+        values=tuple(ValueEntry(_text(one), _text(value.strip('"')), value[0] == '"')
+                     for one, value in values))
 
 
 def _signal(name: str, kind: ValueType) -> Signal:

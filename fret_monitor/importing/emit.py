@@ -46,6 +46,7 @@ def _lines(draft: Draft) -> Iterator[str]:
     yield 'format: 1'
     if draft.component:
         yield f'component: {scalar(draft.component)}'
+    yield from (f'{key}: {value}' for key, value in draft.keys)
     if draft.constants:
         yield 'constants:'
         yield from (f'  {scalar(name)}: {value}' for name, value in draft.constants)
@@ -84,6 +85,9 @@ def _input(item: DraftInput) -> Iterator[str]:
     yield f'    type: {scalar(item.type)}'
     if item.field is not None:
         yield f'    field: {scalar(item.field)}'
+    if item.values:
+        pairs = ', '.join(f'{scalar(name)}: {value}' for name, value in item.values)
+        yield f'    values: {{{pairs}}}'
     if item.is_output:
         yield '    role: output'
 

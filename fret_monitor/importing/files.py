@@ -23,7 +23,7 @@ added to the component of its project, if there is only one.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import Language
@@ -32,12 +32,14 @@ from fret_monitor.importing.c2po import is_c2po, read_c2po
 from fret_monitor.importing.component import (
     ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole,
 )
+from fret_monitor.importing.diagram import is_diagram, read_diagram
 from fret_monitor.importing.fret import (
     is_project, is_specification, read_project, read_specification,
 )
 from fret_monitor.importing.json_text import read_json
 from fret_monitor.importing.lustre import is_lustre, read_lustre
 from fret_monitor.importing.reqif_file import is_reqif
+from fret_monitor.importing.state_machine import component_of, DiagramOptions
 from fret_monitor.importing.tables import has_heads, read_table, SUFFIXES, WORKBOOK
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
@@ -48,8 +50,17 @@ from fret_monitor.model.names import fret_name, handler_fault, handler_name, sho
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a specification of '
           'R2U2 (C2PO), a table (CSV, XLSX) with columns of ids and requirements, ReqIF, a '
-          'variable database of Ogma (JSON), or a list of names and topics')
+          'state diagram (Mermaid, DOT), a variable database of Ogma (JSON), or a list of names '
+          'and topics')
 _LONGEST_ID = 100
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """How files are read: `columns` of tables as of `read_table`, and the mode of diagrams."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    diagram: DiagramOptions = field(default_factory=DiagramOptions)
 
 
 @dataclass(frozen=True)
@@ -61,9 +72,9 @@ class Files:
 
 
 def read_files(paths: Sequence[Path], problems: Problems,
-               columns: Mapping[str, str] | None = None) -> Files:
+               options: ImportOptions) -> Files:
     """
-    Read all files and merge their descriptions of each component; `columns` as of `read_table`.
+    Read all files and merge their descriptions of each component.
 
     Raises
     ------
@@ -73,7 +84,7 @@ def read_files(paths: Sequence[Path], problems: Problems,
     components: list[ImportedComponent] = []
     connections: dict[str, Connection] = {}
     for path in paths:
-        found, links = _read(path, problems, columns or {})
+        found, links = _read(path, problems, options)
         components += found
         for item in links:
             _connect(item, connections, path.name, problems)
@@ -84,9 +95,9 @@ def read_files(paths: Sequence[Path], problems: Problems,
     return Files(tuple(item for item in merged if item.requirements), connections)
 
 
-def _read(path: Path, problems: Problems, columns: Mapping[str, str]
+def _read(path: Path, problems: Problems, options: ImportOptions
           ) -> tuple[list[ImportedComponent], list[Connection]]:
-    kind = path.suffix.lower()
+    kind, columns = path.suffix.lower(), options.columns
     if kind == WORKBOOK or kind in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
         return read_table(path, MAX_BYTES, columns, problems), []
     source = read_source(path, MAX_BYTES)
@@ -97,6 +108,9 @@ def _read(path: Path, problems: Problems, columns: Mapping[str, str]
         return [read_c2po(source, path.name, path.stem, problems)], []
     if is_reqif(source.text):
         return read_table(path, MAX_BYTES, columns, problems, source.text), []
+    if is_diagram(source.text):
+        return [component_of(read_diagram(source, problems), options.diagram, path.stem,
+                             path.name, problems)], []
     if is_lustre(source.text):
         return read_lustre(source, path.name, problems), []
     if is_list(source.text):
@@ -167,7 +181,9 @@ def _with_owners(components: Sequence[ImportedComponent]) -> Iterator[ImportedCo
 def _joined(first: ImportedComponent, second: ImportedComponent) -> ImportedComponent:
     return replace(first, variables=first.variables + second.variables,
                    requirements=first.requirements + second.requirements,
-                   files=tuple(dict.fromkeys(first.files + second.files)))
+                   files=tuple(dict.fromkeys(first.files + second.files)),
+                   keys=tuple({**dict(first.keys), **dict(second.keys)}.items()),
+                   exclusions=first.exclusions + second.exclusions)
 
 
 def _with_unique_ids(component: ImportedComponent, problems: Problems) -> ImportedComponent:
@@ -247,7 +263,8 @@ def _variables(variables: Iterable[ComponentVariable]) -> Iterator[ComponentVari
             found[fret_name(item.name)] = replace(
                 known, type=known.type or item.type,
                 role=_role(known, item),
-                assignments=known.assignments or item.assignments)
+                assignments=known.assignments or item.assignments,
+                values=known.values or item.values)
     yield from found.values()
 
 

@@ -54,14 +54,19 @@ def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
     CompileError
         if it is no XML, or declares a document type (entities).
     """
-    if '<!DOCTYPE' in text:
-        refuse(f'{shown(str(path))} declares a document type',
-               help='no ReqIF has one: entities are not read')
+    refuse_document_types(text, path)
     try:
         yield from _rows(ElementTree.fromstring(text))
     except (ElementTree.ParseError, RecursionError) as error:
         reason = 'too deep' if isinstance(error, RecursionError) else str(error)
         refuse(f'{shown(str(path))} cannot be read as XML: {reason}')
+
+
+def refuse_document_types(text: str, path: Path) -> None:
+    """Refuse a file that declares a document type: it might have entities."""
+    if '<!DOCTYPE' in text:
+        refuse(f'{shown(str(path))} declares a document type',
+               help='no ReqIF has one: entities are not read')
 
 
 def _rows(root: Element) -> Iterator[Sequence[str]]:

@@ -58,7 +58,7 @@ ROLES = (*_HEADS, *_LANGUAGES)
 """What a column may be."""
 
 _FOUND_HEADS = {**_HEADS, **{name: (name,) for name in _LANGUAGES},
-                'section': (SECTION,), 'identifier': (IDENTIFIER,)}
+                'section': (SECTION,), 'identifier': (IDENTIFIER,), 'assumption': ('assumption',)}
 
 _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
 _QUOTED = re.compile('"[^"]*"')
@@ -86,8 +86,8 @@ class _Table:
 
 def has_heads(path: Path, max_bytes: int) -> bool:
     """Whether the first row of a file names columns of ids and texts."""
-    text = _decoded(path, max_bytes).lstrip()
-    reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(text))
+    text = decoded(path, max_bytes).lstrip()
+    reader = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter(text))
     return _is_head(next(reader, []))
 
 
@@ -129,7 +129,7 @@ def _tables(path: Path, max_bytes: int, columns: Mapping[str, str], problems: Pr
     if reqif is not None:
         return [_table(reqif_rows(reqif, path), str(path), path.name, lambda cells: cells[-1])]
     if path.suffix.lower() != WORKBOOK:
-        return [_table(_csv_rows(_decoded(path, max_bytes), path), str(path), path.name)]
+        return [_table(_csv_rows(decoded(path, max_bytes), path), str(path), path.name)]
     read = [(name, rows) for name, rows in sheets(path, max_bytes, MAX_ROWS, problems)
             if any(map(any, rows))]
     if len(read) == 1:
@@ -144,7 +144,8 @@ def _tables(path: Path, max_bytes: int, columns: Mapping[str, str], problems: Pr
     return found
 
 
-def _decoded(path: Path, max_bytes: int) -> str:
+def decoded(path: Path, max_bytes: int) -> str:
+    """Return the text of a file in UTF-8, or in UTF-16 with a byte order mark."""
     name = shown(str(path))
     try:
         with path.open('rb') as file:
@@ -153,7 +154,7 @@ def _decoded(path: Path, max_bytes: int) -> str:
         refuse(f'{name} cannot be read: {getattr(error, "strerror", None) or error}')
     if len(data) > max_bytes:
         refuse(f'{name} is larger than {max_bytes // 2 ** 20} MiB')
-    encoding = 'utf-16' if data[:2] in (b'\xff\xfe', b'\xfe\xff') else 'utf-8-sig'
+    encoding = _encoding(data[:2])
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
@@ -162,7 +163,18 @@ def _decoded(path: Path, max_bytes: int) -> str:
                help="save it as 'CSV UTF-8'")
 
 
-def _delimiter(text: str) -> str:
+def _encoding(begin: bytes) -> str:
+    return 'utf-16' if begin in (b'\xff\xfe', b'\xfe\xff') else 'utf-8-sig'
+
+
+def encoding_of(path: Path) -> str:
+    """Return the encoding of a file that `decoded` has read, with or without a mark."""
+    begin = path.read_bytes()[:3]
+    return _encoding(begin[:2]) if begin[:2] in (b'\xff\xfe', b'\xfe\xff') or (
+        begin == b'\xef\xbb\xbf') else 'utf-8'
+
+
+def delimiter(text: str) -> str:
     """Return what separates the cells of the first row: the most frequent sign beside quotes."""
     first = _FIRST_ROW.match(text)
     return max(',;\t', key=_QUOTED.sub('', first[0] if first else '').count)
@@ -173,7 +185,7 @@ def _head(cell: str) -> str:
 
 
 def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
-    reader = csv.reader(io.StringIO(text, newline=''), delimiter=_delimiter(text.lstrip()),
+    reader = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter(text.lstrip()),
                         strict=True)
     try:
         yield from reader
@@ -231,7 +243,8 @@ def _requirement(cells: Mapping[str, str], row: str, file: str,
         problems.warning(f'{file}, {row} has no id', None, '', f'its id is {shown(id_)}')
     return ComponentRequirement(
         id_, tuple(_wordings(cells, f'{file}, {row}')),
-        cells.get('title', '') or cells.get('section', ''), cells.get('rationale', ''))
+        cells.get('title', '') or cells.get('section', ''), cells.get('rationale', ''),
+        is_assumption=cells.get('assumption', '').lower() == 'true')
 
 
 def _wordings(cells: Mapping[str, str], label: str) -> Iterator[Wording]:

@@ -14,9 +14,10 @@
 
 """Reads the sheets of a workbook (XLSX), with openpyxl (the extra `xlsx`)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import date
+from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,47 @@ def sheets(path: Path, max_bytes: int, max_rows: int,
         finally:
             values.close()
             formulas.close()
+
+
+def write_cells(path: Path, max_bytes: int, heads: Sequence[str],
+                rows: Mapping[str, Sequence[str]]) -> bytes:
+    """
+    Return a workbook with the columns `heads` added behind those of each sheet with such rows.
+
+    `rows` has the cells of each row by its label: the names of file and row, and of the sheet
+    between them where several are read. Columns of these heads are written anew. Raises as
+    `sheets` does.
+    """
+    require_packages('a result in an XLSX file', NEEDED)
+    from openpyxl import load_workbook
+    with _errors_of(path):
+        _check_parts(path, max_bytes)
+        book = load_workbook(path)
+        for sheet in book.worksheets:
+            _add_columns(sheet, heads, {
+                number: cells for number in range(1, sheet.max_row + 1)
+                for label in (f'{path.name}, row {number}',
+                              f'{path.name}, {sheet.title}, row {number}')
+                if (cells := rows.get(label)) is not None and sheet.sheet_state == 'visible'})
+        file = BytesIO()
+        book.save(file)
+        return file.getvalue()
+
+
+def _add_columns(sheet: Any, heads: Sequence[str], rows: Mapping[int, Sequence[str]]) -> None:
+    """Add columns to a sheet; without rows it stays as it is."""
+    if not rows:
+        return
+    first = next(number for number in range(1, sheet.max_row + 1)
+                 if any(cell.value is not None for cell in sheet[number]))
+    names = [cell.value for cell in sheet[first]]
+    for place, head in enumerate(heads):
+        column = 1 + (names.index(head) if head in names else len(names))
+        names += [] if head in names else [head]
+        sheet.cell(first, column, head)
+        for number, cells in rows.items():
+            cell = sheet.cell(number, column, cells[place] if place < len(cells) else '')
+            cell.data_type = 's'  # no formula
 
 
 @contextmanager

@@ -21,6 +21,7 @@ import zipfile
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.importing import import_bundles
+from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.tables import MAX_ROWS
 from fret_monitor.model.diagnostics import CompileError
 import openpyxl
@@ -112,7 +113,7 @@ def test_columns_that_are_not_there_are_refused(columns: dict[str, str], message
                                                 tmp_path: Path) -> None:
     (tmp_path / 'a.csv').write_text('id,text\nR,x > 0\n')
     with pytest.raises(CompileError, match=message):
-        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml', columns=columns)
+        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml', options=ImportOptions(columns))
 
 
 def workbook(path: Path, **sheets: tuple[tuple[object, ...], ...]) -> Path:

@@ -1,0 +1,195 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Writes results back into the file that was imported: CSV, XLSX or ReqIF.
+
+The file stays as it is, with further columns (attributes, in ReqIF) at the end; columns of these
+names that it has already are written anew. Rows are found by the ids that `import` gives them.
+"""
+
+from collections.abc import Mapping, Sequence
+import csv
+import io
+from pathlib import Path
+import re
+from typing import TYPE_CHECKING
+from xml.dom import minidom
+
+from fret_monitor.importing.files import ImportOptions, MAX_BYTES, read_files
+from fret_monitor.importing.reqif_file import is_reqif, refuse_document_types
+from fret_monitor.importing.tables import decoded, delimiter, encoding_of, read_table, WORKBOOK
+from fret_monitor.importing.workbook import write_cells
+from fret_monitor.model.diagnostics import Problems, refuse
+from fret_monitor.model.names import shown
+
+if TYPE_CHECKING:
+    from xml.dom.minidom import Document, Element
+
+_MISSING = 'not monitored'
+_DECLARATION = re.compile(r'\s*<\?xml[^>]*\?>')  # its encoding was that of the bytes
+
+
+def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]],
+           columns: Mapping[str, str]) -> bytes:
+    """
+    Return the content of a table with further columns; `columns` are as of `read_table`.
+
+    `results` has the cells of each requirement by its id in the bundle; a requirement of the table
+    that has none is 'not monitored' in the first of the columns.
+
+    Raises
+    ------
+    CompileError
+        if the file is no table or ReqIF, or cannot be read.
+    """
+    rows = {label: tuple(results.get(id_, (_MISSING,)))
+            for label, id_ in _ids_of_rows(path, columns).items()}
+    if path.suffix.lower() == WORKBOOK:
+        return write_cells(path, MAX_BYTES, heads, rows)
+    text = decoded(path, MAX_BYTES)
+    if is_reqif(text):
+        return _filled_reqif(text, path, heads, rows)
+    return _filled_csv(text, path, heads, rows)
+
+
+def _ids_of_rows(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
+    """Return the id of each row's requirement, by the label of the row."""
+    options = ImportOptions(columns)
+    written = {wording.label: item.id
+               for component in read_files([path], Problems(), options).components
+               for item in component.requirements for wording in item.wordings}
+    text = decoded(path, MAX_BYTES) if path.suffix.lower() != WORKBOOK else ''
+    return {wording.label: written.get(wording.label, item.id)
+            for component in read_table(path, MAX_BYTES, columns, Problems(),
+                                        text if is_reqif(text) else None)
+            for item in component.requirements for wording in item.wordings}
+
+
+def places_of(head: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Return where columns are, or are added, in a table with the heads `head`."""
+    found = list(head)
+    for name in wanted:
+        if name not in found:
+            found.append(name)
+    return [found.index(name) for name in wanted]
+
+
+def _filled_csv(text: str, path: Path, heads: Sequence[str],
+                rows: Mapping[str, Sequence[str]]) -> bytes:
+    sign = delimiter(text.lstrip())
+    read = list(csv.reader(io.StringIO(text, newline=''), delimiter=sign, strict=True))
+    first = next(number for number, cells in enumerate(read) if any(map(str.strip, cells)))
+    places = places_of(read[first], heads)
+    for number, cells in enumerate(read, 1):
+        added = heads if number == first + 1 else rows.get(f'{path.name}, row {number}')
+        if added is not None:
+            cells += [''] * (max(places) + 1 - len(cells))
+            for place, cell in zip(places, (*added, *[''] * len(places)), strict=False):
+                cells[place] = cell
+    file = io.StringIO(newline='')
+    csv.writer(file, delimiter=sign, lineterminator='\r\n' if '\r\n' in text else '\n'
+               ).writerows(read)
+    return file.getvalue().encode(encoding_of(path))
+
+
+# ReqIF
+
+def _filled_reqif(text: str, path: Path, heads: Sequence[str],
+                  rows: Mapping[str, Sequence[str]]) -> bytes:
+    refuse_document_types(text, path)
+    document = minidom.parseString(_DECLARATION.sub('', text.lstrip('\ufeff')).encode())
+    kinds = document.getElementsByTagName('SPEC-OBJECT-TYPE')
+    identifiers = {item.getAttribute('IDENTIFIER'): {
+        head: _attribute(document, item, head) for head in heads} for item in kinds}
+    for item in document.getElementsByTagName('SPEC-OBJECT'):
+        added = rows.get(f'{path.name}, {item.getAttribute("IDENTIFIER")}')
+        kind = next((_text(part) for part in item.getElementsByTagName('SPEC-OBJECT-TYPE-REF')),
+                    '')
+        if added is not None and kind in identifiers:
+            for head, cell in zip(heads, (*added, *[''] * len(heads)), strict=False):
+                _set_value(document, item, identifiers[kind][head], cell)
+        elif added is not None:
+            refuse(f'{shown(str(path))}: the requirement {shown(item.getAttribute("IDENTIFIER"))} '
+                   'has no type, to which attributes could be added')
+    return document.toxml(encoding='UTF-8')
+
+
+def _attribute(document: 'Document', kind: 'Element', head: str) -> str:
+    """Return the identifier of a type's attribute for a column; add it if there is none."""
+    for item in kind.getElementsByTagName('ATTRIBUTE-DEFINITION-STRING'):
+        if item.getAttribute('LONG-NAME') == head:
+            return item.getAttribute('IDENTIFIER')
+    identifier = f'fret-monitor-{kind.getAttribute("IDENTIFIER")}-{"-".join(head.split())}'
+    new = _child(document, _part(document, kind, 'SPEC-ATTRIBUTES'), 'ATTRIBUTE-DEFINITION-STRING')
+    new.setAttribute('IDENTIFIER', identifier)
+    new.setAttribute('LONG-NAME', head)
+    _change(new, document)
+    reference = _child(document, _child(document, new, 'TYPE'), 'DATATYPE-DEFINITION-STRING-REF')
+    reference.appendChild(document.createTextNode(_string_type(document)))
+    return identifier
+
+
+def _string_type(document: 'Document') -> str:
+    """Return the identifier of a data type for texts; add it if there is none."""
+    for item in document.getElementsByTagName('DATATYPE-DEFINITION-STRING'):
+        return item.getAttribute('IDENTIFIER')
+    content = document.getElementsByTagName('REQ-IF-CONTENT')[0]
+    new = _child(document, _part(document, content, 'DATATYPES'), 'DATATYPE-DEFINITION-STRING')
+    for name, value in (('IDENTIFIER', 'fret-monitor-string'), ('LONG-NAME', 'String'),
+                        ('MAX-LENGTH', '32000')):
+        new.setAttribute(name, value)
+    _change(new, document)
+    return new.getAttribute('IDENTIFIER')
+
+
+def _set_value(document: 'Document', item: 'Element', identifier: str, text: str) -> None:
+    values = _part(document, item, 'VALUES')
+    for old in values.getElementsByTagName('ATTRIBUTE-VALUE-STRING'):
+        if any(_text(part) == identifier for part in
+               old.getElementsByTagName('ATTRIBUTE-DEFINITION-STRING-REF')):
+            old.setAttribute('THE-VALUE', text)
+            return
+    new = _child(document, values, 'ATTRIBUTE-VALUE-STRING')
+    new.setAttribute('THE-VALUE', text)
+    reference = _child(document, _child(document, new, 'DEFINITION'),
+                       'ATTRIBUTE-DEFINITION-STRING-REF')
+    reference.appendChild(document.createTextNode(identifier))
+
+
+def _change(element: 'Element', document: 'Document') -> None:
+    """Give an element the time of change that the standard requires: that of the file."""
+    time = next((_text(item) for item in document.getElementsByTagName('CREATION-TIME')), '')
+    element.setAttribute('LAST-CHANGE', time or '2000-01-01T00:00:00Z')
+
+
+def _part(document: 'Document', element: 'Element', name: str) -> 'Element':
+    """Return a part of an element; it comes first where it is new, as the standard has it."""
+    for child in element.childNodes:
+        if isinstance(child, minidom.Element) and child.tagName == name:
+            return child
+    new = document.createElement(name)
+    element.insertBefore(new, element.firstChild)
+    return new
+
+
+def _child(document: 'Document', element: 'Element', name: str) -> 'Element':
+    new = document.createElement(name)
+    element.appendChild(new)
+    return new
+
+
+def _text(element: 'Element') -> str:
+    return ''.join(child.data for child in element.childNodes
+                   if child.nodeType == child.TEXT_NODE).strip()
