@@ -34,7 +34,9 @@ from fret_monitor.logic.formula import Feedback, Formula, postorder, Variable
 from fret_monitor.logic.pointwise import Value
 from fret_monitor.logic.propositions import bounds, horizon
 from fret_monitor.logic.specification import Property
-from fret_monitor.model.diagnostics import Diagnostic, Level, Source, Text
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, Level, Source, Text,
+)
 from fret_monitor.model.policies import Severity
 from fret_monitor.traces.boundary import boundary_values, constants
 from fret_monitor.traces.random_traces import random_traces
@@ -81,10 +83,17 @@ def overlaps(exclusions: Sequence[Exclusion], bundle: Bundle) -> Iterator[Diagno
 
     `bundle` has the inputs and definitions that the conditions read.
     """
+    if not exclusions:
+        return
     texts = ['FALSE', *(f'{item.first} & {item.second}' for item in exclusions)]
     asked = tuple(Requirement(_whole(str(number)), Language.PTLTL, _whole(text), '', '', None,
                               Severity.ERROR) for number, text in enumerate(texts))
-    never, *both = specify(replace(bundle, requirements=asked))[0].properties
+    try:
+        never, *both = specify(replace(bundle, requirements=asked))[0].properties
+    except CompileError as error:  # a task by hand, of which there is a comment
+        yield Diagnostic('whether two conditions hold at once is not known',
+                         help=error.diagnostics[0].title, level=Level.WARNING)
+        return
     for item, found in zip(exclusions, both, strict=True):
         for difference in differences(Comparison(found.id, (('never', never), ('both', found)))):
             values = ', '.join(f'{name} = {column[-1]}' for name, column

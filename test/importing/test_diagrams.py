@@ -172,6 +172,14 @@ def test_edges_that_hold_at_once_are_reported_with_values_for_which_they_do(
     assert not imported(tmp_path, OGMA).warnings
 
 
+def test_a_topic_without_its_field_does_not_hide_the_diagram(tmp_path: Path) -> None:
+    found = imported(tmp_path, 'graph TD\n0-->|level > 1|1\n0-->|level > 2|2\n',
+                     topics='level battery sensor_msgs/msg/BatteryState')
+    assert [item.title for item in found.warnings] == [
+        'whether two conditions hold at once is not known']
+    assert 'has 16 fields' in found.warnings[0].help
+
+
 def test_states_that_cannot_be_reached_are_reported(tmp_path: Path) -> None:
     found = imported(tmp_path, 'graph TD\n 0-->|1|1\n 2-->|1|0\n 2-->|2|3\n')
     assert [item.title for item in found.warnings] == [
