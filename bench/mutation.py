@@ -76,7 +76,7 @@ _PROGRAMS: dict[str, tuple[str, ...]] = {
     'backlog': ('',), 'engine_threads': ('',), 'scopes_lives': ('',), 'locks': ('',),
     'engine_clock': ('',)}  # the last ones wait for seconds, or need as much of a processor
 _WRAPPED = re.compile(r'__wrap_(\w+)\(')
-_SANITIZED = ('test/csrc', 'test/codegen', 'test/ros/test_node_parts', 'test/ros/test_exported')
+_SANITIZED = ('test/csrc', 'test/codegen', 'test/ros')
 _OTHER_LIBRARIES = ('benchmark.c', 'trials.c')
 _BROKEN = 70  # the status of a child that could not run pytest
 _COPIED = ('bench', 'config', 'csrc', 'docs', 'examples', 'fret_monitor', 'launch', 'resource',
