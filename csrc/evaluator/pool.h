@@ -44,6 +44,7 @@ struct fm_pool
   uint64_t * violated;   // a requirement: the instances whose violation goes on
   uint64_t * unknown;    // a requirement: the instances of which it is not known (states.h)
   bool counts_unknown;   // these are counted
+  bool is_short;         // a key found no room since start or reset: nothing is known of it
   uint64_t overflows;    // of fm_monitor.overflows, of all instances but the one entered
   int64_t forget;        // ns; 0: never
   uint32_t entered;      // FM_NO_SLOT: none, the evaluator has the blank

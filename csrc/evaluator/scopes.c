@@ -171,6 +171,7 @@ static uint32_t find_or_begin(
   slot = size > 0 ? fm_keys_add(&pool->keys, key, size) : FM_NO_SLOT;
   if (slot == FM_NO_SLOT) {
     pool->counts.beyond += 1;
+    pool->is_short = pool->is_short || size > 0;
     fm_scopes_report(scopes, FM_SCOPE_BEYOND, kind, slot, scopes->message.now, 0);
   } else {
     fm_scopes_begin_instance(scopes, kind, slot, scopes->message.now);
@@ -410,5 +411,5 @@ uint64_t fm_scopes_unknown(
   const struct fm_pool * pool = &scopes->kinds[kind].pool;
   const bool is_unknown = pool->entered != FM_NO_SLOT &&
     !fm_is_known(&pool->evaluator->instance, requirement);
-  return pool->unknown[requirement] + (is_unknown ? 1u : 0u);
+  return pool->unknown[requirement] + (is_unknown ? 1u : 0u) + (pool->is_short ? 1u : 0u);
 }

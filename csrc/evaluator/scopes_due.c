@@ -93,6 +93,7 @@ void fm_scopes_reset(struct fm_scopes * scopes)
       }
     }
     pool->overflows = 0;  // of those that had ended
+    pool->is_short = false;
   }
   fm_scopes_store_aggregates(
     scopes, fm_scopes_bundle_instant(scopes, fm_evaluator_now(scopes->bundle)));

@@ -205,12 +205,15 @@ static void live(struct fm_scopes * scopes)
     give(scopes, key, (int64_t)k, now);
     CHECK(k < FORGET || fm_scopes_counts(scopes, 0).alive == FORGET / 2 + 1);
   }
-  CHECK(n_beyond == 0);
+  CHECK(n_beyond == 0 && fm_scopes_unknown(scopes, 0, 0) == 0);
   for (uint32_t k = 0; k < 10 * MOST; ++k) {
     (void)snprintf(key, sizeof key, "flood %u", k);
     give(scopes, key, 1, now + 1);
   }
   CHECK(n_beyond == 10 * MOST - (MOST - FORGET / 2));
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 1);  // a lock stays closed
+  fm_scopes_reset(scopes);
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 0);
 }
 
 static void a_million_lives_need_no_more_memory(void)

@@ -34,8 +34,9 @@ from differential.test_clean_c import every_window
 from fret_monitor.build import read_one_instance
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.logic.formula import (
-    ALWAYS, Binary, BinaryOperator, Constant, Formula, FTP, Historically, Once, postorder, Since,
-    Slope, TimeOver, Triggered, Unary, UnaryOperator, Variable, Window, Yesterday,
+    ALWAYS, Binary, BinaryOperator, Constant, FALSE, Formula, FTP, Historically, NotRefuted, Once,
+    postorder, Since, Slope, TimeOver, Trial, Triggered, Unary, UnaryOperator, Variable, Window,
+    Yesterday,
 )
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.policies import Policy
@@ -112,6 +113,16 @@ def many_of_a_group() -> Specification:
         property_of(f'M-{number}', Binary(
             BinaryOperator.XOR, shared, Once(Window(number, 2 * number), P)))
         for number in range(1, 200)], (P, Q))
+
+
+def trials() -> Specification:
+    """Return tests of probabilities, whose trials often begin, succeed and fail."""
+    return specification_of([
+        property_of(f'T-{number}', NotRefuted(
+            Trial(due, P, Q, Unary(UnaryOperator.NOT, P), P, FTP, FALSE), *allowed))
+        for number, (due, allowed) in enumerate((
+            (None, (0.02, 0.98, 1000.0)), (3, (1e-6, 1.0 - 1e-6, 1e12)),
+            (7, (0.5, 0.5, 1000.0))))], (P, Q))
 
 
 def remainders() -> Specification:
@@ -245,6 +256,10 @@ def test_a_group_of_several_functions_stays_within_the_bound(
     check(build, many_of_a_group(), SLACK)
 
 
+def test_tests_of_probabilities_stay_within_the_bound(build: Build) -> None:
+    check(build, trials())
+
+
 def test_remainders_and_powers_of_floats_stay_within_the_bound(
     build: Build,
 ) -> None:
@@ -264,7 +279,7 @@ def test_every_kind_of_equation_has_exactly_one_cost() -> None:
     deep: Formula = P
     for _ in range(9):  # more bits than are a byte each
         deep = Yesterday(deep)
-    specifications = [windows_apart(), windows_at_ticks(), remainders(),
+    specifications = [windows_apart(), windows_at_ticks(), remainders(), trials(),
                       specification_of([property_of('R-1', deep)], (P,)),
                       *map(random_specification, range(60)), many_of_a_group()]
     found = {kind for item in specifications for kind in kinds(layouts_of(item))}
