@@ -428,7 +428,7 @@ static struct fm_test_counts test_counts(
   for (uint32_t k = 0; evaluator->tests != NULL && k < evaluator->tests->n_tests; ++k) {
     const struct fm_test * test = &evaluator->tests->tests[k];
     if (test->requirement == requirement) {
-      return fm_test_counts(
+      return fm_counts_of_test(
         test, fm_test_words(evaluator, test), fm_test_parts(evaluator, test));
     }
   }

@@ -439,7 +439,7 @@ FM_EXPORT void fm_evaluator_log_trials(
   struct fm_evaluator * evaluator, struct fm_trial_log * log);
 
 /// What the words and parts of a test (fret_trials.h) hold. O(1).
-FM_EXPORT struct fm_test_counts fm_test_counts(
+FM_EXPORT struct fm_test_counts fm_counts_of_test(
   const struct fm_test * test, const int64_t * words, const double * parts);
 
 /// The margin of a requirement at its group's last step; not known (a NaN) before, without

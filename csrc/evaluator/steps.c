@@ -178,7 +178,7 @@ const double * fm_test_parts(
   return (const double *)(const void *)(state + test->parts);
 }
 
-struct fm_test_counts fm_test_counts(
+struct fm_test_counts fm_counts_of_test(
   const struct fm_test * test, const int64_t * words, const double * parts)
 {
   return (struct fm_test_counts) {

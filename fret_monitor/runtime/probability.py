@@ -85,7 +85,7 @@ class PooledTest:
 
     def figures(self, *, has_more: bool = True) -> Figures:
         """Return what was found so far; without `has_more`, which may take long, not `more`."""
-        counts = self._library.fm_test_counts(self._test, self._words, self._parts)
+        counts = self._library.fm_counts_of_test(self._test, self._words, self._parts)
         found = self._library.fm_figures_of(ffi.new('struct fm_test_counts *', counts))
         more = self._library.fm_figures_more(
             self._test, self._words, self._parts, self._asked.counts_successes,
