@@ -41,7 +41,7 @@ def run(options: Namespace) -> int:
     from fret_monitor.studio.server import listening, serve
     folder, name = Path.cwd(), None
     if options.bundle is not None:
-        bundle = existing_bundle(options.bundle).absolute()
+        bundle = existing_bundle(options.bundle).resolve()
         folder, name = bundle.parent, bundle.name
     try:
         listener, address = listening(options.port)

@@ -124,6 +124,16 @@ def test_the_page_opens_reads_and_writes_bundles_of_its_folder(url: str, folder:
     assert 'answer' in back
 
 
+def test_a_bundle_that_is_given_by_a_link_is_opened_where_it_is(
+    folder: Path, tmp_path: Path,
+) -> None:
+    (tmp_path / 'installed.yaml').symlink_to(folder / 'b.yaml')
+    with studio(tmp_path, 'installed.yaml') as address:
+        opened, = asked(address, {'do': 'open'})
+    assert opened['answer']['bundle'] == 'b.yaml'
+    assert opened['answer']['folder'] == str(folder)
+
+
 def test_a_page_hears_that_its_file_was_changed(url: str, folder: Path) -> None:
     with talk(url, f'http://{urlsplit(url).netloc}') as socket:
         socket.send(json.dumps({'number': 1, 'do': 'read', 'name': 'b.yaml'}))
