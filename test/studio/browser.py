@@ -29,8 +29,6 @@ import time
 from typing import Any
 from urllib.request import urlopen
 
-from websockets.sync.client import ClientConnection, connect
-
 CHROMIUM = next(filter(None, map(shutil.which, (
     'chromium', 'chromium-browser', 'google-chrome'))), None)
 WAIT_S = 60.0
@@ -40,7 +38,7 @@ KEYS = {'ArrowRight': 39, 'ArrowLeft': 37, ' ': 32, 'Enter': 13, 'Tab': 9, 'Esca
 class Page:
     """A page; what goes wrong in it is in `problems`."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: Any) -> None:
         self._socket = socket
         self._next = 0
         self.problems: list[str] = []
@@ -171,6 +169,7 @@ def browser(profile: Path) -> Iterator[Page]:
         with urlopen(f'http://127.0.0.1:{port}/json/list') as answer:
             address = next(item['webSocketDebuggerUrl'] for item in json.load(answer)
                            if item['type'] == 'page')
+        from websockets.sync.client import connect  # of the extra `studio`
         with connect(address, max_size=None) as socket:
             yield Page(socket)
     finally:

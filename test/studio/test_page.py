@@ -16,11 +16,12 @@
 
 import asyncio
 from hashlib import sha256
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 import time
 
-from fret_monitor.studio import server as server_module
+import fret_monitor.studio
 from fret_monitor.studio.process import Answering, OUTDATED, Unanswered
 import pytest
 from studio.browser import browser, CHROMIUM, Page
@@ -39,8 +40,9 @@ requirements:
 """
 HOT, SPEED = '.lane[aria-label^="hot"]', '.lane[aria-label^="speed"]'
 SLOW, COOL = '.lane[aria-label^="SLOW"]', '.lane[aria-label^="COOL"]'
-PAGE = Path(server_module.__file__).parent / 'page'
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason='no Chromium is installed')
+PAGE = Path(fret_monitor.studio.__file__).parent / 'page'
+needs_browser = pytest.mark.skipif(
+    CHROMIUM is None or find_spec('uvicorn') is None, reason='needs Chromium and uvicorn')
 
 
 def colours(page: Page, lane: str) -> str:
