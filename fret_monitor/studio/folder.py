@@ -15,16 +15,15 @@
 """The bundles of one folder, as a page may see them: nothing outside, links included."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 import os
 from pathlib import Path
 import stat
-import tempfile
 
 from fret_monitor.editing import looks_like_a_bundle
-from fret_monitor.model.diagnostics import refuse, Source
+from fret_monitor.model.diagnostics import CompileError, refuse, Source
+from fret_monitor.model.output import open_output
 
 MOST_BYTES = 2_000_000
 _SUFFIXES = ('.yaml', '.yml')
@@ -97,16 +96,19 @@ class Folder:
         """
         path = self.path(name)
         present = self.stamp(name)
-        if present != stamp:
+        if present != stamp or stamp is None and os.path.lexists(path):
             raise ValueError(f"'{name}' is there already" if stamp is None else
                              f"'{name}' has changed on disk since it was read")
         data = text.encode()
         if len(data) > MOST_BYTES:
             raise ValueError(f"'{name}' would have more than {MOST_BYTES:,} bytes")
         try:
-            _replace(path, data)
-        except OSError as error:
-            raise ValueError(f"cannot write '{name}': {error.strerror or error}") from None
+            with open_output(path) as file:
+                file.write(text)
+                if present is not None:
+                    os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
+        except CompileError as error:
+            raise ValueError(error.diagnostics[0].title) from None
         return _stamp(data)
 
     def stamp(self, name: str) -> str | None:
@@ -152,28 +154,3 @@ def _stored(data: bytes) -> StoredFile:
 
 def _stamp(data: bytes) -> str:
     return sha256(data).hexdigest()
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Write a file so that it is the old one or the new one at every instant."""
-    descriptor, temporary = tempfile.mkstemp(prefix=f'.{path.name}.', dir=path.parent)
-    try:
-        with open(descriptor, 'wb') as file:
-            file.write(data)
-            file.flush()
-            os.fsync(descriptor)
-            os.fchmod(descriptor, _mode(path))
-        os.replace(temporary, path)
-    finally:
-        with suppress(FileNotFoundError):  # it is the file now
-            os.unlink(temporary)
-
-
-def _mode(path: Path) -> int:
-    """Return the permissions of a file, those of a new one if there is none."""
-    try:
-        return stat.S_IMODE(path.stat().st_mode)
-    except FileNotFoundError:
-        mask = os.umask(0)
-        os.umask(mask)
-        return 0o666 & ~mask

@@ -171,8 +171,10 @@ def test_a_folder_gives_no_file_outside_and_no_link_pipe_or_large_file(
     found = Folder(inside)
     with pytest.raises(ValueError):
         found.read(name)
-    with pytest.raises(ValueError):
-        found.write(name, BUNDLE, 'a stamp')
+    for stamp in ('a stamp', None):
+        with pytest.raises(ValueError):
+            found.write(name, BUNDLE, stamp)
+    assert (inside / 'large.yaml').stat().st_size > MOST_BYTES
     assert found.names() == [] and (tmp_path / 'b.yaml').read_text() == BUNDLE
 
 

@@ -29,7 +29,6 @@ export class Tryout {
   #lanes = [];
   #active = null; // the input whose value is typed
   #parts = {};
-  #note = '';
 
   // `ask` as of the editor, with the bundle in the question.
   constructor(place, ask) {
