@@ -21,6 +21,7 @@ chomping) to find them. If the result is not the value that PyYAML read, all cha
 place of the scalar's start.
 """
 
+from array import array
 from collections.abc import Iterator, Sequence
 import re
 
@@ -35,6 +36,8 @@ _FOLD = re.compile(rf'[ \t]*{_BREAK}(?:[ \t]|{_BREAK})*')
 _CONTINUED = re.compile(rf'\\{_BREAK}(?:[ \t]|{_BREAK})*')
 _ESCAPE = re.compile(r'\\x[0-9A-Fa-f]{2}|\\u[0-9A-Fa-f]{4}|\\U[0-9A-Fa-f]{8}|\\.')
 _RUN = re.compile(r"[^ \t\r\n\x85\u2028\u2029'\\]+")
+_QUOTES = ('"', "'")
+_CHANGED = re.compile(rf"['\\\\]|{_BREAK}")  # may stand for other characters within quotes
 _BLOCK_HEADER = re.compile(rf'[|>][-+0-9]*[ \t]*(?:#[^\r\n\x85\u2028\u2029]*)?(?:{_BREAK}|$)')
 
 
@@ -44,7 +47,7 @@ class _Pairs:
     def __init__(self, text: str) -> None:
         self._text = text
         self._chunks: list[str] = []
-        self.offsets: list[int] = []
+        self.offsets = array('q')
 
     def copy(self, start: int, end: int) -> None:
         """Add the characters of the file from `start` to `end`."""
@@ -70,21 +73,24 @@ def scalar_text(source: Source, start: int, value: str, style: str) -> Text:
     `start` is where it begins in the source (at its quote or block indicator), `value` what YAML
     makes of it, `style` one of '' (plain), "'", '"', '|' and '>'.
     """
-    if not style and source.text.startswith(value, start):
-        return Text(value, source, range(start, start + len(value) + 1))
+    first = start + len(style)
+    if (not style or style in _QUOTES and _CHANGED.search(value) is None) \
+            and source.text.startswith(value, first):
+        return Text(value, source, range(first, first + len(value) + 1))
     for pairs in _attempts(source.text, start, len(value), style):
         if pairs.stands_for(value):
             return Text(value, source, _closed(pairs.offsets, len(value), start))
     return Text(value, source, [start] * (len(value) + 1))
 
 
-def _closed(offsets: list[int], length: int, start: int) -> Sequence[int]:
+def _closed(offsets: array[int], length: int, start: int) -> Sequence[int]:
     """Remove the line ends that chomping drops, and add the place after the last character."""
     kept = offsets[:length]
     if not kept or kept[-1] - kept[0] == length - 1:  # usual; needs less memory than a list
         first = kept[0] if kept else start
         return range(first, first + length + 1)
-    return [*kept, kept[-1] + 1]
+    kept.append(kept[-1] + 1)
+    return kept
 
 
 def _attempts(text: str, start: int, length: int, style: str) -> Iterator[_Pairs]:

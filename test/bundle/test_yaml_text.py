@@ -14,6 +14,8 @@
 
 """Each character of a YAML scalar has its place in the file."""
 
+import tracemalloc
+
 from fret_monitor.bundle import yaml_tree
 from fret_monitor.bundle.yaml_text import scalar_text
 from fret_monitor.bundle.yaml_tree import read_tree, YamlMapping, YamlScalar
@@ -95,6 +97,20 @@ def test_a_word_is_found_at_its_line_and_column(
     at = value.value.index(word)
     span = value.text.at(at, at + len(word))
     assert (span.line, span.column) == (line, column)
+
+
+@pytest.mark.parametrize(('style', 'piece', 'most'), [
+    ('"', 'some words ', 2), ("'", 'x', 2), ('"', 'a\\tb ', 30)])
+def test_places_take_little_memory(style: str, piece: str, most: int) -> None:
+    text = style + piece * (300_000 // len(piece)) + style
+    value = yaml.load(text, Loader=_LOADERS[-1])
+    tracemalloc.start()
+    try:
+        found = scalar_text(Source('x', text), 0, value, style)
+        assert tracemalloc.get_traced_memory()[1] < most * len(text)
+    finally:
+        tracemalloc.stop()
+    assert len(found.offsets) == len(value) + 1
 
 
 def test_both_loaders_of_pyyaml_give_the_same_tree(monkeypatch: pytest.MonkeyPatch) -> None:
