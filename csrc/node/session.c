@@ -17,6 +17,7 @@
 #include "session.h"
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
+#include <std_msgs/msg/bool.h>
 #include <std_msgs/msg/empty.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,6 +27,7 @@
 #include "in_place_types.h"
 #include "scheduling.h"
 #include "shared_names.h"
+#include "verdict_thread.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
 #define ALIGNMENT 16u
@@ -82,6 +84,33 @@ static bool refuse_merged(const struct fm_session * session)
   return is_good;
 }
 
+// Late subscriptions get the last verdict.
+static bool advertise_verdicts(struct fm_session * session)
+{
+  const struct fm_report_table * table = &session->table->report;
+  rmw_qos_profile_t profile = rmw_qos_profile_default;
+  profile.depth = 1;
+  profile.durability = RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL;
+  session->verdicts = calloc(table->n_requirements + (size_t)1, sizeof(*session->verdicts));
+  bool is_good = session->verdicts != NULL;
+  for (uint32_t k = 0; is_good && k < table->n_requirements; ++k) {
+    is_good = fm_publisher_open(
+      session->node, &session->verdicts[k], ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool),
+      table->requirements[k].verdict_topic, &profile);
+  }
+  return is_good;
+}
+
+static void withdraw_verdicts(struct fm_session * session)
+{
+  const uint32_t n = session->verdicts == NULL ? 0 : session->table->report.n_requirements;
+  for (uint32_t k = 0; k < n; ++k) {
+    fm_publisher_close(session->node, &session->verdicts[k]);
+  }
+  free(session->verdicts);
+  session->verdicts = NULL;
+}
+
 static bool advertise_all(struct fm_session * session)
 {
   const uint32_t n = session->table->report.n_requirements;
@@ -102,6 +131,7 @@ static bool advertise_all(struct fm_session * session)
     session->node, &session->details,
     ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), FM_DETAILS_TOPIC,
     session->settings.handler_depth) &&
+         (!session->settings.publishes_verdicts || advertise_verdicts(session)) &&
          fm_node_actions_begin(&session->actions, session->node, session->table);
 }
 
@@ -154,6 +184,7 @@ void fm_session_release(struct fm_session * session)
   free(session->handlers);
   session->handlers = NULL;
   session->n_handlers = 0;
+  withdraw_verdicts(session);
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
@@ -338,6 +369,20 @@ static bool start_announcer(struct fm_session * session)
   return is_started;
 }
 
+static bool start_verdicts(struct fm_session * session)
+{
+  const uint32_t n = session->verdicts == NULL ? 0 : session->table->report.n_requirements;
+  void ** publishers = calloc(n + (size_t)1, sizeof(*publishers));
+  for (uint32_t k = 0; publishers != NULL && k < n; ++k) {
+    publishers[k] = rcl_publisher_get_rmw_handle(&session->verdicts[k]);
+  }
+  const bool is_started = publishers != NULL && (session->verdicts == NULL ||
+    fm_verdict_thread_start(
+      &session->verdict_thread, session->engine, fm_node_middleware(), publishers, n));
+  free(publishers);
+  return is_started;
+}
+
 static bool start_threads(struct fm_session * session)
 {
   session->detail_thread = fm_detail_thread_start(
@@ -346,7 +391,7 @@ static bool start_threads(struct fm_session * session)
     fm_engine_follow_states(session->engine);
   }
   if (!fm_node_blackbox_start(&session->blackbox, session->engine) ||
-    session->detail_thread == NULL || !start_announcer(session) ||
+    session->detail_thread == NULL || !start_announcer(session) || !start_verdicts(session) ||
     !fm_node_actions_start(&session->actions, session->engine))
   {
     fm_log(session->node, FM_ERROR, "no thread can be started");
@@ -461,6 +506,7 @@ void fm_session_deactivate(struct fm_session * session)
   session->detail_thread = NULL;
   fm_node_actions_stop(&session->actions);
   fm_announcer_join(&session->announcer);
+  fm_verdict_thread_join(&session->verdict_thread);
   fm_node_blackbox_stop(&session->blackbox);
   if (session->engine != NULL && is_over) {
     fm_engine_destroy(session->engine);

@@ -15,7 +15,8 @@
 /// session.h: monitors the bundle: from its subscriptions through the engine to its handlers.
 ///
 /// All functions are called by the main thread. While a session runs, these threads use its
-/// engine: those of the middleware (receivers), the announcer, and that of the details.
+/// engine: those of the middleware (receivers), the announcer, that of the details, and that of
+/// the verdicts.
 
 #ifndef SESSION_H_
 #define SESSION_H_
@@ -36,6 +37,7 @@ struct fm_settings
   const struct fm_fixed_qos * fixed;  // a topic: the bundle's, or of `qos_overrides`
   struct fm_blackbox_settings blackbox;
   enum fm_taking taking;              // what callbacks do: FM_LISTEN, FM_WAKE
+  bool publishes_verdicts;
 };
 
 /// Zeroed: no session. The functions below make and end what it holds.
@@ -47,6 +49,7 @@ struct fm_session
   struct fm_settings settings;
   rcl_publisher_t * handlers;         // a requirement
   uint32_t n_handlers;
+  rcl_publisher_t * verdicts;         // a requirement; NULL: they are not published
   rcl_publisher_t details;
   struct fm_node_actions actions;
   struct fm_node_blackbox blackbox;
@@ -62,6 +65,7 @@ struct fm_session
   char ** shown_names;                // as reports name them, of the topics of inputs
   char ** node_names;                 // of the table's derived topics, in full
   struct fm_announcer * announcer;
+  struct fm_verdict_thread * verdict_thread;
   struct fm_detail_thread * detail_thread;
   struct fm_node_graph graph;
   struct fm_mapped_topic * topics;

@@ -74,6 +74,7 @@ struct fm_report_requirement
   const char * id;
   const char * text;      // title, or sentence or formula, in one line
   const char * sentence;  // of the log: title and text
+  const char * verdict_topic;  // on which its verdict is published, if that is wanted
   uint32_t kind;          // index of a fm_report_kind; FM_BUNDLE: the bundle's scope
   const uint32_t * inputs;  // of that scope
   uint32_t n_inputs;

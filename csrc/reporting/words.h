@@ -65,6 +65,8 @@
   "`configure`"
 #define FM_WORDS_LOG_VIOLATIONS \
   "whether the node logs violations and their ends; false if the logger does; read by `configure`"
+#define FM_WORDS_VERDICTS \
+  "whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`"
 #define FM_WORDS_BLACKBOX \
   "a folder to which the last messages of all topics are written at each violation; empty: none " \
   "are kept; read by `configure`"

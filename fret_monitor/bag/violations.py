@@ -15,7 +15,7 @@
 """
 Writes what was found in a recording as another one, for Foxglove, Lichtblick or PlotJuggler.
 
-It has `copilot/violations`, as the node publishes it, and `copilot/verdicts/HANDLER` for plotting.
+It has `copilot/violations`, as the node publishes it, and `copilot/verdict/ID` for plotting.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ from pathlib import Path
 from fret_monitor.bag.check import absolute
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.names import VERDICTS_TOPIC
+from fret_monitor.model.names import verdict_topic
 from fret_monitor.model.output import open_output
 from fret_monitor.model.times import seconds
 from fret_monitor.runtime.evaluator import Violation
@@ -74,7 +74,7 @@ class ViolationsMcap:
         self._state = [None] * len(manifest.numbered)
         self._violated = [set() for _ in manifest.numbered]
         self._violations = self._topic('copilot/violations', _ARRAY)
-        self._verdicts = [self._topic(f'{VERDICTS_TOPIC}{item.handler}', _BOOL)
+        self._verdicts = [self._topic(verdict_topic(item.handler), _BOOL)
                           for item in manifest.numbered]
 
     def judged(self, requirement: int, time: int) -> None:

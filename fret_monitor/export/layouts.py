@@ -15,8 +15,8 @@
 """
 Layouts of viewers for the inputs and verdicts of a bundle: Foxglove or Lichtblick, PlotJuggler.
 
-The verdicts are those that `bag --mcap` writes. What a viewer cannot compute, such as the least
-element of an array, is left out, and named.
+The verdicts are those that `monitor` publishes with `verdicts:=true`, and `bag --mcap` writes.
+What a viewer cannot compute, such as the least element of an array, is left out, and named.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ from xml.etree import ElementTree
 
 from fret_monitor.logic.specification import Signal, Specification, written_input
 from fret_monitor.model.manifest import SECONDS
-from fret_monitor.model.names import absolute, PLACEHOLDER, VERDICTS_TOPIC
+from fret_monitor.model.names import absolute, PLACEHOLDER, verdict_topic
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
@@ -134,7 +134,7 @@ def _groups(drawn: Sequence[DrawnValue]) -> Iterator[list[DrawnValue]]:
 
 def _verdicts(specification: Specification) -> Iterator[DrawnValue]:
     for item in specification.properties:
-        yield DrawnValue(item.id, absolute(f'{VERDICTS_TOPIC}{item.handler}'), ('.data',), True)
+        yield DrawnValue(item.id, absolute(verdict_topic(item.handler)), ('.data',), True)
 
 
 def _split(specification: Specification,

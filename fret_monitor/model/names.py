@@ -32,7 +32,7 @@ MAX_TOPIC = 247  # rmw: 255 less 8 that are reserved for the prefixes of DDS
 HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
 DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
-VERDICTS_TOPIC = f'{HANDLER_TOPIC}verdicts/'
+VERDICT_TOPIC = f'{HANDLER_TOPIC}verdict/'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 OWN_TOPICS = {
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
@@ -208,6 +208,18 @@ def handler_name(id: str) -> str:
     """Return `handlerprop` and the id, with `_` for characters that C or ROS does not allow."""
     letters = (c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in id)
     return HANDLER_PREFIX + ''.join(letters)
+
+
+def verdict_topic(handler: str) -> str:
+    """
+    Return the topic of the verdicts of a requirement, by its handler: `copilot/verdict/ID`.
+
+    No part of a name in ROS may begin with a digit, and one that begins with `_` is hidden. Such
+    ids get `prop` in front, and those that begin with it, so that no two topics are the same.
+    """
+    name = handler.removeprefix(HANDLER_PREFIX)
+    is_plain = name[:1].isalpha() and not name.startswith('prop')
+    return f'{VERDICT_TOPIC}{"" if is_plain else "prop"}{name}'
 
 
 def handler_fault(handler: str) -> Fault | None:

@@ -26,7 +26,7 @@ from typing import Any
 from fret_monitor.model.manifest import (
     followed, Manifest, ManifestAction, ManifestInput, ManifestKind, ManifestTopic,
 )
-from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS
+from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS, verdict_topic
 from fret_monitor.model.policies import (
     ActionKind, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
@@ -98,6 +98,7 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'inputs': _structs('fm_report_input', map(_input, manifest.inputs)),
         'requirements': _structs('fm_report_requirement', ({
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
+            'verdict_topic': verdict_topic(item.handler),
             'kind': NONE if kind is None else kind,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
             'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,

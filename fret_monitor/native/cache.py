@@ -63,9 +63,9 @@ EVALUATOR_SOURCES = (
     'subscription.c', 'gate_target.c', 'gate_lines.c', 'statuses.c', 'trial_lines.c', 'details.c',
     'violation_log.c', 'reasons.c', 'time_log.c', 'condition_log.c', 'graph_lines.c',
     'transform_lines.c', 'instance_lines.c', 'input_log.c', 'start_lines.c', 'shared_names.c',
-    'health.c', 'review.c', 'thinning.c', 'csv.c', 'keyed_rows.c', 'serialized.c', 'receiver.c',
-    'in_place.c', 'in_place_versions.c',
-    'announcer.c', 'service_call.c', 'action_call.c', 'actions.c', 'relay.c',
+    'health.c', 'review.c', 'verdicts.c', 'thinning.c', 'csv.c', 'keyed_rows.c', 'serialized.c',
+    'receiver.c', 'in_place.c', 'in_place_versions.c',
+    'announcer.c', 'verdict_thread.c', 'service_call.c', 'action_call.c', 'actions.c', 'relay.c',
     'question.c', 'graph.c', 'keyed_topics.c',
 )
 

@@ -41,7 +41,7 @@ HEADERS = (
     'transform_lines.h', 'shared_names.h', 'details.h', 'violation_log.h', 'facts.h', 'review.h',
     'thinning.h', 'csv.h', 'keyed_rows.h', 'middleware.h',
     'serialized.h', 'in_place.h', 'in_place_versions.h', 'receiver.h', 'announcer.h',
-    'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',
+    'verdict_thread.h', 'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',
     'keyed_topics.h',
 )
 

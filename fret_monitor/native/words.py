@@ -44,6 +44,7 @@ LOG_LEVEL = "the least severity that this node logs: debug, info, warn, error or
 HOT_PATH = "whether the middleware's callbacks take the messages: auto (where this is known to work), on, off (they wake a thread that does); read by `configure`"
 HANDLER_DEPTH = 'violations that a slow listener of one handler may be behind before it loses some; read by `configure`'
 LOG_VIOLATIONS = 'whether the node logs violations and their ends; false if the logger does; read by `configure`'
+VERDICTS = 'whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`'
 BLACKBOX = 'a folder to which the last messages of all topics are written at each violation; empty: none are kept; read by `configure`'
 BLACKBOX_SECONDS = 'seconds of messages before a violation that a file has; read by `configure`'
 BLACKBOX_BYTES = 'memory for the last messages, in bytes, for each bundle; read by `configure`'

@@ -65,7 +65,7 @@ def verdicts_of(path: Path) -> dict[str, list[tuple[int, bool]]]:
     """Return the verdicts in what `--mcap` has written, by topic, with their times."""
     found: dict[str, list[tuple[int, bool]]] = {}
     for topic, time, message in contents_of(path):
-        if '/copilot/verdicts/' in topic:
+        if '/copilot/verdict/' in topic:
             found.setdefault(topic, []).append((time, message.data))
     return found
 

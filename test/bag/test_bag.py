@@ -419,7 +419,7 @@ def test_violations_are_written_as_a_recording(
         ('step', '2'), ('stamp', '1700000002.000000000'), ('suppressed', '0'), ('silent', ''),
         ('level', '0.95')]
     assert [(time, message.data) for topic, time, message in found
-            if topic == '/r/copilot/verdicts/handlerpropLOW'] == [
+            if topic == '/r/copilot/verdict/LOW'] == [
         (0, True), (2 * SECOND, False), (3 * SECOND, True), (4 * SECOND, True)]
     assert not list(tmp_path.glob('.fret_monitor-*'))
     capsys.readouterr()

@@ -189,7 +189,7 @@ def test_every_output_takes_a_trace(tmp_path: Path, capsys: pytest.CaptureFixtur
 def seen(folder: Path) -> Path:
     """Return a bundle for what `--mcap` writes."""
     return write_bundle(folder, """format: 1
-inputs: {ok: {topic: /copilot/verdicts/handlerpropLOW, type: std_msgs/msg/Bool, field: data}}
+inputs: {ok: {topic: /copilot/verdict/LOW, type: std_msgs/msg/Bool, field: data}}
 requirements: [{id: SEEN, ptltl: "ok"}]
 """, 'seen.yaml')
 

@@ -113,7 +113,7 @@ def test_the_recording_of_violations_names_the_instances(
         ('speed', '1.6'), ('the instance', 'ended')]
     # True while no instance violates it.
     assert [((time - START) // 10**7, verdict)
-            for time, verdict in verdicts_of(out)['/ns/copilot/verdicts/handlerpropSPEED']] == [
+            for time, verdict in verdicts_of(out)['/ns/copilot/verdict/SPEED']] == [
         (0, True), (10, False), (20, True), (30, False), (75, True), (80, False), (80, False)]
 
 

@@ -138,7 +138,7 @@ def sanitized(request: pytest.FixtureRequest) -> Sanitized:
 
 
 @pytest.mark.parametrize('name', [
-    'engine_threads', 'receivers', 'relay', 'locks', 'actions'])
+    'engine_threads', 'receivers', 'relay', 'locks', 'verdicts', 'actions'])
 def test_threads(sanitized: Sanitized, name: str) -> None:
     program = sanitized.program(name)
     for _ in range(max(1, EXAMPLES // 50)):

@@ -65,8 +65,8 @@ def test_a_layout_of_foxglove_has_lanes_and_plots(bundle: Path,
                     if panel.startswith(kind) for item in config['paths']]
              for kind in ('StateTransitions!', 'Plot!')}
     assert drawn == {
-        'StateTransitions!': ['/copilot/verdicts/handlerpropSLOW_1.data',
-                              '/copilot/verdicts/handlerpropFAR.data', '/alarm.data',
+        'StateTransitions!': ['/copilot/verdict/SLOW_1.data',
+                              '/copilot/verdict/FAR.data', '/alarm.data',
                               '/diagnostics.status[:]{name=="imu"}.level'],
         'Plot!': ['/alpha/odom.twist.twist.linear.x', '/beta/odom.twist.twist.linear.x',
                   '/scan.ranges[3]', '/scan.header.stamp.sec']}
@@ -83,8 +83,8 @@ def test_a_layout_of_plotjuggler_has_a_tab_of_verdicts_and_one_of_inputs(
     curves = {tab.get('tab_name'): [item.get('name') for item in tab.iter('curve')]
               for tab in window.iter('Tab')}
     assert curves == {
-        'verdicts': ['/copilot/verdicts/handlerpropSLOW_1/data',
-                     '/copilot/verdicts/handlerpropFAR/data'],
+        'verdicts': ['/copilot/verdict/SLOW_1/data',
+                     '/copilot/verdict/FAR/data'],
         'inputs': ['/alpha/odom/twist/twist/linear/x', '/beta/odom/twist/twist/linear/x',
                    '/scan/ranges[3]', '/scan/header/stamp/sec', '/alarm/data']}
     for splitter in root.iter('DockSplitter'):

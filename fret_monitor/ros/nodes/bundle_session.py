@@ -64,6 +64,7 @@ from std_msgs.msg import Empty
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
     from fret_monitor.ros.acting.gate import RunningGate
+    from fret_monitor.ros.reports.verdicts import Verdicts
 
 
 class BundleSession:
@@ -76,13 +77,14 @@ class BundleSession:
 
     def __init__(self, node: Node, opened: Opened, watch: Watch, *, hot_path: str = 'auto',
                  log_violations: bool = True, name: str = '', reports_failures: bool = True,
-                 handler_depth: int = DEFAULT_HANDLER_DEPTH,
+                 handler_depth: int = DEFAULT_HANDLER_DEPTH, publishes_verdicts: bool = False,
                  blackbox: BlackBoxSettings | None = None) -> None:
         """
         Prepare to monitor; `watch` is told of threads and timers that fail.
 
         `hot_path` decides whether the middleware's callbacks take the messages (auto, on, off);
-        `log_violations` whether the node logs the violations; `name` is the bundle's name in
+        `log_violations` whether the node logs the violations; `publishes_verdicts` whether it
+        publishes each verdict; `name` is the bundle's name in
         diagnostics, empty if the node has only one bundle; `reports_failures`: its diagnostics
         have what `watch` knows; `blackbox` is where the last messages are written, if anywhere.
 
@@ -117,6 +119,7 @@ class BundleSession:
                 refuse_merged_topics(self._node, self.manifest, self._table, self.library)
                 self._read_overrides()
                 self._advertise(handler_depth)
+                self._verdicts = self._advertise_verdicts() if publishes_verdicts else None
             except InvalidTopicNameException as error:  # from the namespace or a remapping
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
             undo.pop_all()
@@ -176,6 +179,12 @@ class BundleSession:
         except MessageTypeError as error:
             raise Refusal(str(error)) from None
         self._advertised.callback(self._actions.close)
+
+    def _advertise_verdicts(self) -> 'Verdicts':
+        from fret_monitor.ros.reports.verdicts import Verdicts
+        verdicts = Verdicts(self._node, self.manifest)
+        self._advertised.callback(verdicts.close)
+        return verdicts
 
     def start(self) -> None:
         """
@@ -278,6 +287,8 @@ class BundleSession:
         self._actions.prepare(engine)
         announcer = Announcer(engine, middleware, self._handlers, self._actions.locks)
         self._running.callback(announcer.join)
+        if self._verdicts is not None:
+            self._running.callback(self._verdicts.start(engine, middleware).join)
         self._running.callback(self._stop_actions)
         self._actions.start(engine, middleware)
         self.reporter = self._new_reporter(engine)

@@ -168,7 +168,8 @@ class MonitorNode(ClockNode, LifecycleNode):
                     self, item, self._watch, hot_path=settings.hot_path, name=name,
                     reports_failures=not self._sessions,
                     handler_depth=settings.handler_depth,
-                    log_violations=settings.log_violations, blackbox=settings.blackbox))
+                    log_violations=settings.log_violations,
+                    publishes_verdicts=settings.publishes_verdicts, blackbox=settings.blackbox))
             undo.pop_all()
         self._warn(ask_system(settings.scheduling, self._sessions[0].library))
         self._warn([warning for item in opened for warning in item.warnings])

@@ -64,6 +64,7 @@ MONITOR_PARAMETERS = {
     'hot_path': Described('auto', words.HOT_PATH),
     'handler_depth': Described(DEFAULT_HANDLER_DEPTH, words.HANDLER_DEPTH),
     'log_violations': Described(True, words.LOG_VIOLATIONS),
+    'verdicts': Described(False, words.VERDICTS),
     'blackbox': Described('', words.BLACKBOX),
     'blackbox_seconds': Described(10.0, words.BLACKBOX_SECONDS),
     'blackbox_bytes': Described(64 << 20, words.BLACKBOX_BYTES),
@@ -166,6 +167,7 @@ class Settings:
     hot_path: str = 'auto'
     handler_depth: int = DEFAULT_HANDLER_DEPTH
     log_violations: bool = True
+    publishes_verdicts: bool = False
     constants: Mapping[str, Text] = field(default_factory=dict)
     blackbox: BlackBoxSettings | None = None
     gates: tuple[str, ...] = ()
@@ -207,13 +209,18 @@ def read_truth(given: Mapping[str, Any], name: str, problems: list[str]) -> bool
     return bool(value)
 
 
+def _is_true(given: Mapping[str, Any], name: str, problems: list[str]) -> bool:
+    """Return a truth value; false if it is not given."""
+    return name in given and read_truth(given, name, problems)
+
+
 def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
     """Return the settings, and add what cannot be used to `problems`."""
     return Settings(
         _origins(given, problems), _policy(given, problems), _period(given, problems),
         read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
         _whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
-        read_truth(given, 'log_violations', problems),
+        read_truth(given, 'log_violations', problems), _is_true(given, 'verdicts', problems),
         _constant_texts(given, problems), _blackbox(given, problems),
         tuple(_texts(given, 'gates', problems)), _scheduling(given, problems))
 
@@ -300,8 +307,8 @@ def _scheduling(given: Mapping[str, Any], problems: list[str]) -> Scheduling:
     if not isinstance(processors, int | str) or isinstance(processors, bool):
         problems.append(f"parameter 'processors' is {processors!r}, and has to be "
                         f'{words.SOME_PROCESSORS}')
-    locks_memory = 'lock_memory' in given and read_truth(given, 'lock_memory', problems)
-    return Scheduling(priority, str(processors), locks_memory)
+    return Scheduling(
+        priority, str(processors), _is_true(given, 'lock_memory', problems))
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:
