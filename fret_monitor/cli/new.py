@@ -13,23 +13,34 @@
 # limitations under the License.
 
 
-"""`new --bag BAG...`: write a first bundle with the topics and fields of recordings."""
+"""`new --bag BAG... | --live`: write a first bundle with what recordings, or the graph, have."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+import math
+import os
 from pathlib import Path
 import sys
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from fret_monitor.cli.bag import require_rosbags
-from fret_monitor.cli.terminal import progress
+from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.diagnostics import counted, did_you_mean, Problems, refuse
 from fret_monitor.model.names import shown
 from fret_monitor.model.output import open_output
 
+if TYPE_CHECKING:
+    from fret_monitor.bag.first_bundle import SeenTopic
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument('--bag', metavar='BAG', nargs='+', type=Path, required=True,
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument('--bag', metavar='BAG', nargs='+', type=Path,
                         help='recordings: folders of rosbag2, or files (.mcap, .db3, .bag)')
+    source.add_argument('--live', action='store_true', help='the topics of the running graph')
+    parser.add_argument('--seconds', metavar='S', type=_seconds, default=10.0,
+                        help='with --live: how long to listen; default: 10')
     parser.add_argument('--topics', metavar='TOPIC', nargs='+',
                         help='the topics to take; default: a menu on a terminal')
     parser.add_argument('--all', action='store_true', help='take all topics')
@@ -38,20 +49,62 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.set_defaults(run=run)
 
 
+def _seconds(text: str) -> float:
+    try:
+        found = float(text)
+    except ValueError:
+        found = math.nan
+    if not 0 < found < math.inf:
+        raise ArgumentTypeError(f"'{text}' is not a number of seconds")
+    return found
+
+
 def run(options: Namespace) -> int:
     """Write the bundle; return 0."""
-    require_rosbags('`new --bag`')
-    from fret_monitor.bag.first_bundle import bundle_text, recorded_topics, survey
+    require_rosbags('`new`')
     if options.output is not None and options.output.exists():
         refuse(f'{shown(str(options.output))} exists', help='give another name: -o other.yaml')
-    topics = recorded_topics(options.bag)
-    if not options.all:
-        names = [topic.name for topic in topics]
-        wanted = _known(options.topics, names) if options.topics else _menu(names)
-        topics = [topic for topic in topics if topic.name in wanted]
+    if options.live:
+        return _of_graph(options)
+    from fret_monitor.bag.first_bundle import recorded_topics, survey
+    topics = _chosen(options, recorded_topics(options.bag), 'was recorded')
     with progress('new', is_printing=options.output is None) as report:
         survey(options.bag, topics, report)
-    text = bundle_text(topics, ', '.join(path.name for path in options.bag))
+    return _write(options, topics, ', '.join(path.name for path in options.bag))
+
+
+def _of_graph(options: Namespace) -> int:
+    """Record topics of the graph for a while, and write the bundle of the recording."""
+    from fret_monitor.bag.first_bundle import survey
+    from fret_monitor.bag.live import live_graph
+    problems = Problems()
+    with live_graph() as graph, TemporaryDirectory() as folder:
+        found = graph.topics([_full(name) for name in options.topics or ()], problems)
+        print_diagnostics(problems.warnings)
+        if not found:
+            refuse('no topic with numbers is published',
+                   help='is the robot in this domain? ROS_DOMAIN_ID is '
+                   + os.environ.get('ROS_DOMAIN_ID', '0'))
+        topics = _chosen(options, found, 'is published')
+        path = Path(folder) / 'live.mcap'
+        with progress('new', is_printing=options.output is None) as report:
+            graph.record(topics, options.seconds, path, report)
+        survey([path], topics)
+    return _write(options, topics, f'{options.seconds:g} s of the running graph')
+
+
+def _chosen(options: Namespace, topics: list['SeenTopic'], what: str) -> list['SeenTopic']:
+    """Return the topics that the options or the menu choose."""
+    if options.all:
+        return topics
+    names = [topic.name for topic in topics]
+    wanted = _known(options.topics, names, what) if options.topics else _menu(names)
+    return [topic for topic in topics if topic.name in wanted]
+
+
+def _write(options: Namespace, topics: list['SeenTopic'], source: str) -> int:
+    from fret_monitor.bag.first_bundle import bundle_text
+    text = bundle_text(topics, source)
     if options.output is None:
         print(text, end='')
         return 0
@@ -62,13 +115,17 @@ def run(options: Namespace) -> int:
     return 0
 
 
-def _known(wanted: list[str], names: list[str]) -> list[str]:
-    """Return full names of topics; refuse those that were not recorded."""
+def _full(name: str) -> str:
+    return name if name.startswith('/') else f'/{name}'
+
+
+def _known(wanted: list[str], names: list[str], what: str) -> list[str]:
+    """Return full names of topics; refuse those that are not there."""
     problems = Problems()
-    full = [name if name.startswith('/') else f'/{name}' for name in wanted]
+    full = [_full(name) for name in wanted]
     for name in full:
         if name not in names:
-            problems.error(f'no topic {shown(name)} with numbers was recorded',
+            problems.error(f'no topic {shown(name)} with numbers {what}',
                            help=did_you_mean(name, names) or 'there are ' + ', '.join(names))
     problems.raise_errors()
     return full
