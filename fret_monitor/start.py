@@ -75,15 +75,16 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
 def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identity: str, *,
                   policy: Policy | None = None, period: Fraction | None = None,
                   constants: Mapping[str, Text] | None = None,
-                  part: NodePart | None = None, name: str | None = None) -> CompiledMonitor:
+                  part: NodePart | None = None, name: str | None = None,
+                  margins: bool = False) -> CompiledMonitor:
     """
     Do as `start`, with a file of the cache that `make` builds in place of the library.
 
     `identity` is a text that changes with what `make` depends on besides. `name`: what all names
-    in C begin with, unless the bundle's own.
+    in C begin with, unless the bundle's own. `margins` as of `start`.
     """
     overrides = _Overrides(policy, period, constants or {}, part, f'program {identity}',
-                           takes_instances=True, name=name)
+                           takes_instances=True, name=name, margins=margins)
     return _start(path, overrides, make)
 
 

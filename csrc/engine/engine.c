@@ -309,6 +309,15 @@ uint64_t fm_engine_states(
   return changes;
 }
 
+void fm_engine_take_margins(struct fm_engine * engine, double * out)
+{
+  fm_engine_lock(engine);
+  for (uint32_t r = 0; r < engine->n_requirements; ++r) {
+    out[r] = fm_evaluator_take_margin(engine->options.evaluator, r);
+  }
+  fm_engine_unlock(engine);
+}
+
 void fm_engine_want_details(struct fm_engine * engine, bool are_wanted, uint32_t most_per_s)
 {
   fm_engine_lock(engine);

@@ -263,6 +263,10 @@ FM_EXPORT uint64_t fm_engine_states(
   struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
   struct fm_requirement_state * out);
 
+/// Take the least margin of each requirement since the last call, as fm_evaluator_take_margin:
+/// `out` has room for all of them. Without instances. O(requirements).
+FM_EXPORT void fm_engine_take_margins(struct fm_engine * engine, double * out);
+
 /// Keep each message that is delivered from now on in a black box, and note there when a
 /// violation begins; the evaluator must report recoveries. Call it before messages are delivered.
 /// The black box must outlive the engine. O(1).

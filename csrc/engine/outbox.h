@@ -36,6 +36,7 @@ struct fm_detail
   uint64_t suppressed;  // violations of this requirement so far whose details were not queued
   uint64_t number;      // of the violation, from 1; of a recovery, that of the last violation
   struct fm_test_counts test;  // of a requirement with a probability
+  struct fm_closest beyond;    // how far the violation went beyond so far
 };
 
 /// What became of a requirement's violations, at one instant.

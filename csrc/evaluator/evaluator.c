@@ -454,12 +454,34 @@ void fm_evaluator_forget_closest(struct fm_evaluator * evaluator)
   }
 }
 
+static const struct fm_closest no_closest = {{(double)NAN, (double)NAN, 0, -1}, 0, false};
+
 struct fm_closest fm_evaluator_closest(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  const struct fm_closest none = {{(double)NAN, (double)NAN, 0, -1}, 0, false};
   return requirement < evaluator->monitor->n_requirements ?
-         evaluator->requirements[requirement].closest : none;
+         evaluator->requirements[requirement].closest : no_closest;
+}
+
+struct fm_closest fm_evaluator_beyond(
+  const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  return requirement < evaluator->monitor->n_requirements ?
+         evaluator->requirements[requirement].beyond : no_closest;
+}
+
+double fm_evaluator_take_margin(struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  if (requirement >= evaluator->monitor->n_requirements) {
+    return (double)NAN;
+  }
+  struct fm_closest * recent = &evaluator->requirements[requirement].recent;
+  const uint32_t group = evaluator->monitor->requirements[requirement].group;
+  const struct fm_margin now = evaluator->instance.groups[group].stale > 0 ?
+    no_closest.margin : fm_evaluator_margin(evaluator, requirement);
+  const double found = recent->is_known ? recent->margin.value : now.value;
+  *recent = (struct fm_closest) {now, 0, now.value == now.value};
+  return found;
 }
 
 struct fm_requirement_counts fm_evaluator_requirement_counts(

@@ -118,7 +118,7 @@ struct fm_evaluator_options
   const struct fm_margins * margins;  // of the monitor; NULL: none
 };
 
-/// The least margin of a requirement since the evaluator was made, and the step that had it.
+/// A least margin of a requirement, and the step that had it.
 struct fm_closest
 {
   struct fm_margin margin;
@@ -447,9 +447,19 @@ FM_EXPORT struct fm_test_counts fm_counts_of_test(
 FM_EXPORT struct fm_margin fm_evaluator_margin(
   const struct fm_evaluator * evaluator, uint32_t requirement);
 
-/// Its least margin. Steps while a stale input violates it do not count. O(1).
+/// Its least margin since the evaluator was made. Steps while a stale input violates it do not
+/// count, as in the functions below. O(1).
 FM_EXPORT struct fm_closest fm_evaluator_closest(
   const struct fm_evaluator * evaluator, uint32_t requirement);
+
+/// How far its last violation went beyond: the least margin, while it lasted, of what its report
+/// compares. Not known without margins, and before the first one. O(1).
+FM_EXPORT struct fm_closest fm_evaluator_beyond(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
+
+/// Take its least margin since the last call, the present one included; a NaN if that is not
+/// known. O(1).
+FM_EXPORT double fm_evaluator_take_margin(struct fm_evaluator * evaluator, uint32_t requirement);
 
 /// Forget the least margins. O(requirements).
 FM_EXPORT void fm_evaluator_forget_closest(struct fm_evaluator * evaluator);

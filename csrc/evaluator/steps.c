@@ -46,6 +46,7 @@ static void judge(
   const bool * verdicts = evaluator->instance.verdicts;
   const bool compared = verdicts[cell->report == FM_OCCURRENCE ? cell->occurrence : requirement];
   cell->violations += verdicts[requirement] ? 0u : 1u;
+  cell->beyond.is_known = cell->beyond.is_known && (compared || !*previous);
   if (!compared && (*previous || cell->report == FM_EVERY_STEP)) {
     cell->announced += 1;
     announce(report, requirement, step, false);
@@ -114,11 +115,14 @@ void fm_report_recoveries(
 
 // ---- margins -----------------------------------------------------------------------------------
 
+static const struct fm_margin * margin_at(const struct fm_evaluator * evaluator, uint64_t place)
+{
+  return (const struct fm_margin *)(const void *)((const char *)evaluator->instance.state + place);
+}
+
 const struct fm_margin * fm_margin_in(const struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  const char * state = evaluator->instance.state;
-  return evaluator->margins == NULL ? NULL : (const struct fm_margin *)(const void *)
-         (state + evaluator->margins->margins[requirement]);
+  return margin_at(evaluator, evaluator->margins->margins[requirement]);
 }
 
 // Say when the next step of a group is, for what decides its margins.
@@ -130,17 +134,27 @@ static void set_instant(struct fm_evaluator * evaluator, uint32_t g, int64_t ins
   }
 }
 
-static void note_closest(struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
+static void keep_less(
+  struct fm_closest * closest, const struct fm_margin * margin, int64_t instant)
+{
+  const bool is_less = !closest->is_known || margin->value < closest->margin.value;
+  if (is_less && margin->value == margin->value) {  // no NaN
+    *closest = (struct fm_closest) {*margin, instant, true};
+  }
+}
+
+// Note the margins of a group after a step that was judged.
+static void note_margins(struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; evaluator->margins != NULL && k < group->n_requirements; ++k) {
-    const struct fm_margin * margin = fm_margin_in(evaluator, group->requirements[k]);
-    struct fm_closest * closest = &evaluator->requirements[group->requirements[k]].closest;
-    const bool is_less = !closest->is_known || margin->value < closest->margin.value;
-    if (is_less && margin->value == margin->value) {  // no NaN
-      closest->margin = *margin;
-      closest->at = instant;
-      closest->is_known = true;
+    const uint32_t r = group->requirements[k];
+    struct fm_requirement_cell * cell = &evaluator->requirements[r];
+    keep_less(&cell->closest, fm_margin_in(evaluator, r), instant);
+    keep_less(&cell->recent, fm_margin_in(evaluator, r), instant);
+    if (!evaluator->instance.previous[r]) {
+      keep_less(
+        &cell->beyond, margin_at(evaluator, evaluator->margins->occurrences[r]), instant);
     }
   }
 }
@@ -220,10 +234,11 @@ static void account(struct fm_evaluator * evaluator, uint32_t g, struct fm_findi
   }
   if (cell->stale > 0) {
     fm_overrule(evaluator, g);
-  } else {
-    note_closest(evaluator, g, report->stamp);
   }
   fm_judge_group(evaluator, g, report);
+  if (cell->stale == 0) {
+    note_margins(evaluator, g, report->stamp);
+  }
   if (cell->steps == 0 && evaluator->policy != FM_TIMED) {
     cell->start = report->stamp;
   }

@@ -50,7 +50,7 @@ FM_INTERNAL void fm_evaluate_ready_groups(
 FM_INTERNAL void fm_evaluate_due_groups(
   struct fm_evaluator * evaluator, int64_t instant, struct fm_findings * report);
 
-/// The margin of a requirement in the state; NULL without margins. O(1).
+/// The margin of a requirement in the state. The evaluator has margins. O(1).
 FM_INTERNAL const struct fm_margin * fm_margin_in(
   const struct fm_evaluator * evaluator, uint32_t requirement);
 

@@ -62,6 +62,8 @@ struct fm_requirement_cell
   uint32_t occurrence;  // the verdict whose falls are occurrences
   enum fm_report report;
   struct fm_closest closest;
+  struct fm_closest recent;  // since it was taken
+  struct fm_closest beyond;  // of the last violation
 };
 
 struct fm_topic_cell

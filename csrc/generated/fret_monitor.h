@@ -229,8 +229,10 @@ struct fm_margin
 /// The margins of a monitor. Constant; valid while its library is loaded.
 struct fm_margins
 {
-  const uint64_t * margins;   // a requirement: where its struct fm_margin is in the state
-  const uint64_t * instants;  // a group: where the state has the instant of the next step, int64_t
+  const uint64_t * margins;      // a requirement: where its struct fm_margin is in the state
+  const uint64_t * occurrences;  // and that of what its occurrences compare, which may be another
+  const uint64_t * instants;     // a group: where the state has the instant of the next step,
+                                 // int64_t
 };
 
 #endif  // FRET_MONITOR_H_

@@ -104,7 +104,8 @@ static bool configure_all(struct fm_monitor_node * monitor)
     const struct fm_settings settings = {
       (uint32_t)fm_parameter_whole(given, "handler_depth"),
       fm_parameter_is_true(given, "log_violations"), given->fixed[k], blackbox_of(given),
-      taking_of(given), fm_parameter_is_true(given, "verdicts")};
+      taking_of(given), fm_parameter_is_true(given, "verdicts"),
+      fm_parameter_is_true(given, "margins")};
     if (!fm_session_configure(
         &monitor->sessions[k], monitor->tables->tables[k], &monitor->node, &monitor->clock,
         &settings))

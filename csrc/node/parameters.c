@@ -265,6 +265,7 @@ static const struct described described[] = {
     INT32_MAX},
   {"log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, TRUTH(true), NULL, 0, 0},
   {"verdicts", FM_WORDS_VERDICTS, FM_UNCONFIGURED, TRUTH(false), NULL, 0, 0},
+  {"margins", FM_WORDS_MARGINS, FM_UNCONFIGURED, TRUTH(false), NULL, 0, 0},
   {"autostart", FM_WORDS_AUTOSTART, FM_AT_START, TRUTH(true), NULL, 0, 0},
   {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, NO_WORD, "the path of a folder", 0, 0},
   {"blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS),

@@ -19,6 +19,7 @@
 #include <diagnostic_msgs/msg/diagnostic_array.h>
 #include <std_msgs/msg/bool.h>
 #include <std_msgs/msg/empty.h>
+#include <std_msgs/msg/float64.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,6 +29,7 @@
 #include "scheduling.h"
 #include "shared_names.h"
 #include "verdict_thread.h"
+#include "words.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
 #define ALIGNMENT 16u
@@ -84,13 +86,19 @@ static bool refuse_merged(const struct fm_session * session)
   return is_good;
 }
 
-// Late subscriptions get the last verdict.
-static bool advertise_verdicts(struct fm_session * session)
+// Late subscriptions get the last verdict, or margin.
+static rmw_qos_profile_t latched(void)
 {
-  const struct fm_report_table * table = &session->table->report;
   rmw_qos_profile_t profile = rmw_qos_profile_default;
   profile.depth = 1;
   profile.durability = RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL;
+  return profile;
+}
+
+static bool advertise_verdicts(struct fm_session * session)
+{
+  const struct fm_report_table * table = &session->table->report;
+  const rmw_qos_profile_t profile = latched();
   session->verdicts = calloc(table->n_requirements + (size_t)1, sizeof(*session->verdicts));
   bool is_good = session->verdicts != NULL;
   for (uint32_t k = 0; is_good && k < table->n_requirements; ++k) {
@@ -135,6 +143,39 @@ static bool advertise_all(struct fm_session * session)
          fm_node_actions_begin(&session->actions, session->node, session->table);
 }
 
+// Refuse margins where there are none; returns whether they may be published.
+static bool check_margins(const struct fm_session * session)
+{
+  const struct fm_node_table * table = session->table;
+  const char * reason = table->gate != NULL ? FM_WORDS_NO_MARGINS_OF_GATES :
+    table->report.n_kinds > 0 ? FM_WORDS_NO_MARGINS_OF_KEYS :
+    table->scope.margins == NULL ? FM_WORDS_NO_MARGINS : NULL;
+  if (reason != NULL) {
+    fm_log(session->node, FM_ERROR, "%s", reason);
+  }
+  return reason == NULL;
+}
+
+static bool advertise_margins(struct fm_session * session)
+{
+  const struct fm_node_table * table = session->table;
+  const rmw_qos_profile_t profile = latched();
+  session->margins = calloc(table->report.n_requirements + (size_t)1, sizeof(*session->margins));
+  if (session->margins == NULL) {
+    return false;
+  }
+  for (; session->n_margins < table->report.n_requirements; ++session->n_margins) {
+    if (!fm_publisher_open(
+        session->node, &session->margins[session->n_margins],
+        ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64),
+        FM_MARGIN_TOPIC(table, session->n_margins), &profile))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
 // Resolve the names of the gate.
 static bool name_gate(struct fm_session * session)
 {
@@ -167,7 +208,8 @@ bool fm_session_configure(
   session->shown_names = session->topic_names == NULL ? NULL : name_shown(session);
   if (session->shown_names == NULL || !fm_node_blackbox_begin(
       &session->blackbox, node, table, session->topic_names, &settings->blackbox) ||
-    !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
+    !name_gate(session) || !refuse_merged(session) || !advertise_all(session) ||
+    (settings->has_margins && !(check_margins(session) && advertise_margins(session))))
   {
     fm_session_release(session);
     return false;
@@ -185,6 +227,12 @@ void fm_session_release(struct fm_session * session)
   session->handlers = NULL;
   session->n_handlers = 0;
   withdraw_verdicts(session);
+  for (uint32_t k = 0; k < session->n_margins; ++k) {
+    fm_publisher_close(session->node, &session->margins[k]);
+  }
+  free(session->margins);
+  session->margins = NULL;
+  session->n_margins = 0;
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
@@ -209,7 +257,8 @@ static struct fm_evaluator_options options_of(
     .violates = scope->violates, .period = table->report.period, .patience = PATIENCE_NS,
     .sources = scope->sources, .reports_recoveries = true, .startups = scope->startups,
     .windows = scope->windows, .rooms = scope->rooms,
-    .tests = scope->tests == NULL ? NULL : scope->tests()};
+    .tests = scope->tests == NULL ? NULL : scope->tests(),
+    .margins = scope->margins == NULL ? NULL : scope->margins()};
 }
 
 // Zeroed memory, aligned; that which is never used is not touched. NULL if memory is short.
@@ -347,24 +396,31 @@ static bool make_engine(struct fm_session * session)
     session->gate_target);
 }
 
+// The middleware's handles of publishers; NULL if memory is short. The caller frees them.
+static void ** handles_of(const rcl_publisher_t * publishers, uint32_t n)
+{
+  void ** handles = calloc(n + (size_t)1, sizeof(*handles));
+  for (uint32_t k = 0; handles != NULL && k < n; ++k) {
+    handles[k] = rcl_publisher_get_rmw_handle(&publishers[k]);
+  }
+  return handles;
+}
+
 static bool start_announcer(struct fm_session * session)
 {
   const uint32_t n_locks = session->table->report.n_locks;
-  void ** publishers = calloc(session->n_handlers + 1u, sizeof(*publishers));
+  void ** publishers = handles_of(session->handlers, session->n_handlers);
+  void ** margins = handles_of(session->margins, session->n_margins);
   struct fm_lock * locks = calloc(n_locks + (size_t)1, sizeof(*locks));
-  if (publishers == NULL || locks == NULL) {
-    free(publishers);
-    free(locks);
-    return false;
+  bool is_started = publishers != NULL && margins != NULL && locks != NULL;
+  if (is_started) {
+    fm_node_actions_locks(&session->actions, locks);
+    is_started = fm_announcer_start(
+      &session->announcer, session->engine, fm_node_middleware(), publishers,
+      session->n_handlers, locks, n_locks, session->n_margins > 0 ? margins : NULL);
   }
-  fm_node_actions_locks(&session->actions, locks);
-  for (uint32_t k = 0; k < session->n_handlers; ++k) {
-    publishers[k] = rcl_publisher_get_rmw_handle(&session->handlers[k]);
-  }
-  const bool is_started = fm_announcer_start(
-    &session->announcer, session->engine, fm_node_middleware(), publishers, session->n_handlers,
-    locks, n_locks);
   free(publishers);
+  free(margins);
   free(locks);
   return is_started;
 }
@@ -372,10 +428,7 @@ static bool start_announcer(struct fm_session * session)
 static bool start_verdicts(struct fm_session * session)
 {
   const uint32_t n = session->verdicts == NULL ? 0 : session->table->report.n_requirements;
-  void ** publishers = calloc(n + (size_t)1, sizeof(*publishers));
-  for (uint32_t k = 0; publishers != NULL && k < n; ++k) {
-    publishers[k] = rcl_publisher_get_rmw_handle(&session->verdicts[k]);
-  }
+  void ** publishers = handles_of(session->verdicts, n);
   const bool is_started = publishers != NULL && (session->verdicts == NULL ||
     fm_verdict_thread_start(
       &session->verdict_thread, session->engine, fm_node_middleware(), publishers, n));

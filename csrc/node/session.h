@@ -38,6 +38,7 @@ struct fm_settings
   struct fm_blackbox_settings blackbox;
   enum fm_taking taking;              // what callbacks do: FM_LISTEN, FM_WAKE
   bool publishes_verdicts;
+  bool has_margins;                   // they are published
 };
 
 /// Zeroed: no session. The functions below make and end what it holds.
@@ -50,6 +51,8 @@ struct fm_session
   rcl_publisher_t * handlers;         // a requirement
   uint32_t n_handlers;
   rcl_publisher_t * verdicts;         // a requirement; NULL: they are not published
+  rcl_publisher_t * margins;          // a requirement; NULL: they are not published
+  uint32_t n_margins;
   rcl_publisher_t details;
   struct fm_node_actions actions;
   struct fm_node_blackbox blackbox;

@@ -17,6 +17,7 @@
 #include "details.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -35,6 +36,10 @@ static const char ABOUT_TIME[] = "about time";
 static const char WITHHELD_BY[] = "withheld by";
 static const char INSTANCE[] = "the instance";
 static const char ENDED[] = "ended";
+// Of the margin: how far the violation went beyond so far.
+enum { MARGIN, DISTANCE, COMPARISON, DECIDED_AT, N_OF_MARGIN };
+static const char * const OF_MARGIN[N_OF_MARGIN] = {
+  "least margin", "deciding distance", "deciding comparison", "decided at"};
 // Before the name of an input or a constant that has the name of such a key.
 static const char INPUT[] = "input ";
 static const char CONSTANT[] = "constant ";
@@ -240,6 +245,27 @@ static void add_values(struct fm_status * status, const struct described * item)
   fm_text_free(&text);
 }
 
+static void add_margin(struct fm_status * status, const struct described * item)
+{
+  const struct fm_margin * margin = &item->detail->beyond.margin;
+  struct fm_text text = {NULL, 0, 0};
+  if (!item->detail->beyond.is_known || !isfinite(margin->value)) {
+    return;
+  }
+  fm_text_add_float64(&text, margin->value);
+  fm_status_value(status, OF_MARGIN[MARGIN], "%s", fm_text_get(&text));
+  fm_text_clear(&text);
+  fm_text_add_float64(&text, margin->distance);
+  fm_status_value(status, OF_MARGIN[DISTANCE], "%s", fm_text_get(&text));
+  fm_text_clear(&text);
+  fm_status_value(
+    status, OF_MARGIN[COMPARISON], "%s",
+    item->reporter->table->comparisons[margin->comparison].text);
+  fm_text_add_seconds(&text, margin->instant);
+  fm_status_value(status, OF_MARGIN[DECIDED_AT], "%s", fm_text_get(&text));
+  fm_text_free(&text);
+}
+
 void fm_add_detail(
   struct fm_statuses * list, const struct fm_reporter * reporter, const struct fm_detail * detail)
 {
@@ -253,6 +279,7 @@ void fm_add_detail(
   add_values(status, &item);
   add_about(status, &item);
   fm_add_trials(status, &detail->test);
+  add_margin(status, &item);
   if (detail->violation.is_withheld && table->gate != NULL) {
     fm_status_value(status, WITHHELD_BY, "%s", table->gate->name);
   }
@@ -351,6 +378,14 @@ static const struct fm_key_value * find_trials(const struct fm_status * detail)
          found : NULL;
 }
 
+// The values of the margin, all of which are there; NULL: there are none.
+static const struct fm_key_value * find_margin(const struct fm_status * detail)
+{
+  const struct fm_key_value * found = find(detail, OF_MARGIN[MARGIN]);
+  return found != NULL && found - detail->values + N_OF_MARGIN <= detail->n_values ?
+         found : NULL;
+}
+
 // Add the values that fm_add_trials has added.
 static void show_trials(struct fm_text * text, const struct fm_key_value * values)
 {
@@ -367,12 +402,14 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   const char * time = find_value(detail, ABOUT_TIME);
   const char * end = find_value(detail, INSTANCE);
   const struct fm_key_value * trials = find_trials(detail);
+  const struct fm_key_value * margin = find_margin(detail);
   uint32_t n = detail->n_values;
   if (n < FM_OF_ALL_DETAILS) {
     return;
   }
   n -= (uint32_t)((gate != NULL) + (step != NULL) + (time != NULL) + (end != NULL));
   n -= trials != NULL ? FM_TRIAL_VALUES : 0u;
+  n -= margin != NULL ? (uint32_t)N_OF_MARGIN : 0u;
   fm_text_add(text, " [%s%s%s", is_of_times(detail) ? "" : "step ", values[PLACE].value,
     is_of_times(detail) ? " s after its start" : "");
   if (step != NULL) {
@@ -385,6 +422,10 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   }
   if (trials != NULL) {
     show_trials(text, trials);
+  }
+  if (margin != NULL) {
+    fm_text_add(text, ", margin %s by %s (%s)", margin[MARGIN].value, margin[COMPARISON].value,
+      margin[DISTANCE].value);
   }
   if (values[SILENT].value[0] != '\0') {
     fm_text_add(text, ", no message for %s", values[SILENT].value);

@@ -52,7 +52,7 @@ struct fm_report_input
 enum fm_topic_kind
 {
   FM_TOPIC = 0,      // of ROS, to which the node subscribes
-  FM_ANNOUNCED = 1,  // the node publishes violations on it
+  FM_ANNOUNCED = 1,  // the node publishes violations or margins on it
   FM_OWN = 2,        // the node uses it otherwise
   FM_TRANSFORM = 3,  // the engine makes its messages, as of all later kinds: of links of frames
   FM_IN_GRAPH = 4,   // of the graph of ROS, as of all later kinds, too
@@ -95,6 +95,12 @@ struct fm_report_kind
                                   // key
   uint32_t n_inputs;
   uint32_t most;                  // instances at one time
+};
+
+/// A comparison that decides margins, as written; a struct fm_margin has its index.
+struct fm_report_comparison
+{
+  const char * text;
 };
 
 /// A constant of the bundle, with the value that was compiled in, as written.
@@ -142,12 +148,14 @@ struct fm_report_table
   const struct fm_report_requirement * requirements;  // as an engine numbers them
   const struct fm_report_kind * kinds;
   const struct fm_constant * constants;
+  const struct fm_report_comparison * comparisons;
   uint32_t n_inputs;
   uint32_t n_topics;         // of inputs
   uint32_t n_used;           // all of `topics`
   uint32_t n_requirements;
   uint32_t n_kinds;
   uint32_t n_constants;
+  uint32_t n_comparisons;
   uint32_t n_locks;
   uint32_t n_actions;
   bool is_one_of_several;    // the node has other bundles: names of topics need the bundle's

@@ -18,6 +18,7 @@
 
 #include "announcer.h"
 
+#include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,6 +39,15 @@ struct lock
   bool is_locked;  // as published last
 };
 
+// The margins of all requirements; publishers is NULL if they are not published.
+struct margins
+{
+  void ** publishers;
+  double * found;
+  double * published;  // a NaN: none is known
+  int64_t due;
+};
+
 struct fm_announcer
 {
   struct fm_engine * engine;
@@ -47,6 +57,7 @@ struct fm_announcer
   struct lock * locks;
   uint32_t n_locks;
   struct fm_requirement_state * states;  // if there are locks
+  struct margins margins;
   pthread_t thread;
   uint64_t turns;  // atomic
 };
@@ -121,15 +132,47 @@ static void publish_locks(struct fm_announcer * announcer)
   }
 }
 
-// Milliseconds until the next message of a lock is due, at most WAIT_MS.
+// ---- margins -----------------------------------------------------------------------------------
+
+static bool is_other(double one, double other)
+{
+  return one < other || one > other || isnan(one) != isnan(other);
+}
+
+static void publish_margins(struct fm_announcer * announcer)
+{
+  struct margins * margins = &announcer->margins;
+  const int64_t now = fm_steady_time();
+  if (margins->publishers == NULL || now < margins->due) {
+    return;
+  }
+  margins->due = now + (int64_t)FM_MARGIN_PERIOD_MS * MILLISECOND_NS;
+  fm_engine_take_margins(announcer->engine, margins->found);
+  for (uint32_t r = 0; r < announcer->n_publishers; ++r) {
+    if (is_other(margins->found[r], margins->published[r])) {
+      publish(announcer, margins->publishers[r], &margins->found[r]);  // as std_msgs/msg/Float64
+      margins->published[r] = margins->found[r];
+    }
+  }
+}
+
+// ---- the thread --------------------------------------------------------------------------------
+
+static int64_t milliseconds_until(int64_t due, int64_t now)
+{
+  return due <= now ? 0 : (due - now + MILLISECOND_NS - 1) / MILLISECOND_NS;
+}
+
+// Milliseconds until the next message of a lock, or of margins, is due, at most WAIT_MS.
 static uint32_t time_left(const struct fm_announcer * announcer)
 {
-  int64_t left = WAIT_MS;
   const int64_t now = fm_steady_time();
+  int64_t left = WAIT_MS;
+  if (announcer->margins.publishers != NULL) {
+    left = milliseconds_until(announcer->margins.due, now);
+  }
   for (uint32_t k = 0; k < announcer->n_locks; ++k) {
-    const int64_t until = announcer->locks[k].due <= now ? 0 : announcer->locks[k].due - now;
-    const int64_t milliseconds =
-      (until + MILLISECOND_NS - 1) / MILLISECOND_NS;
+    const int64_t milliseconds = milliseconds_until(announcer->locks[k].due, now);
     left = milliseconds < left ? milliseconds : left;
   }
   return (uint32_t)left;
@@ -148,6 +191,7 @@ static void * run(void * argument)
       announce(announcer, &batch[k]);
     }
     publish_locks(announcer);
+    publish_margins(announcer);
     __atomic_fetch_add(&announcer->turns, 1u, __ATOMIC_RELAXED);
   } while (n > 0 || !is_closed);
   return NULL;
@@ -158,7 +202,30 @@ static void free_announcer(struct fm_announcer * announcer)
   free(announcer->publishers);
   free(announcer->locks);
   free(announcer->states);
+  free(announcer->margins.publishers);
+  free(announcer->margins.found);
+  free(announcer->margins.published);
   free(announcer);
+}
+
+static bool begin_margins(struct fm_announcer * announcer, void * const * publishers)
+{
+  struct margins * margins = &announcer->margins;
+  const size_t n = announcer->n_publishers;
+  if (publishers == NULL || n == 0) {
+    return true;
+  }
+  margins->publishers = malloc(n * sizeof(*publishers));
+  margins->found = malloc(n * sizeof(*margins->found));
+  margins->published = malloc(n * sizeof(*margins->published));
+  if (margins->publishers == NULL || margins->found == NULL || margins->published == NULL) {
+    return false;
+  }
+  memcpy(margins->publishers, publishers, n * sizeof(*publishers));
+  for (size_t r = 0; r < n; ++r) {
+    margins->published[r] = (double)NAN;
+  }
+  return true;
 }
 
 static bool copy_settings(
@@ -181,7 +248,7 @@ static bool copy_settings(
 bool fm_announcer_start(
   struct fm_announcer ** started, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers,
-  const struct fm_lock * locks, uint32_t n_locks)
+  const struct fm_lock * locks, uint32_t n_locks, void * const * margins)
 {
   struct fm_announcer * announcer = calloc(1, sizeof(*announcer));
   if (announcer == NULL) {
@@ -194,7 +261,7 @@ bool fm_announcer_start(
   if (n_locks > 0) {
     fm_engine_follow_states(engine);
   }
-  if (!copy_settings(announcer, publishers, locks) ||
+  if (!copy_settings(announcer, publishers, locks) || !begin_margins(announcer, margins) ||
     !fm_start_thread(&announcer->thread, run, announcer))
   {
     free_announcer(announcer);

@@ -12,13 +12,16 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// announcer.h: a thread that publishes the violations of an engine, and its locks. Publishing
-/// inside the middleware's callback hung when a process ended.
+/// announcer.h: a thread that publishes the violations of an engine, its locks, and margins.
+/// Publishing inside the middleware's callback hung when a process ended.
 ///
 /// A lock is a std_msgs/msg/Bool that is published all the time, by the same thread that takes
 /// what is due: if the thread, or the engine that it asks, hangs, nothing is published, and
 /// silence means locked. The same if the thread hangs that moves the clock that is followed
 /// (fm_engine_hangs): no `false` is published meanwhile.
+///
+/// The margin of a requirement is a std_msgs/msg/Float64, published when it has changed, at most
+/// every FM_MARGIN_PERIOD_MS: the least one since the message before.
 
 #ifndef ANNOUNCER_H_
 #define ANNOUNCER_H_
@@ -29,6 +32,8 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+#define FM_MARGIN_PERIOD_MS 50
 
 struct fm_announcer;
 
@@ -44,8 +49,9 @@ struct fm_lock
 /// Start a thread that publishes a std_msgs/msg/Empty for each violation of the engine, in order.
 /// No other thread may take violations from the engine. `publishers`: rmw_publisher_t, one for
 /// each requirement in the manifest's order; `locks`: `n_locks` of them, for which the engine
-/// follows the states; both arrays are copied. If a publisher fails, the
-/// violation or state is counted (snapshot.h). The engine, the middleware and the
+/// follows the states; `margins`: rmw_publisher_t, one for each requirement, or NULL: margins are
+/// not published. All arrays are copied. If a publisher fails, the
+/// violation, state or margin is counted (snapshot.h). The engine, the middleware and the
 /// publishers outlive the announcer. False if no thread can be made, or memory is short.
 /// O(n_publishers + n_locks); from any thread, before messages are delivered.
 ///
@@ -54,7 +60,7 @@ struct fm_lock
 FM_EXPORT bool fm_announcer_start(
   struct fm_announcer ** announcer, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * const * publishers, uint32_t n_publishers,
-  const struct fm_lock * locks, uint32_t n_locks);
+  const struct fm_lock * locks, uint32_t n_locks, void * const * margins);
 
 /// Return how often the thread has looked for violations and deadlines: at least twice a second,
 /// unless it hangs. From any thread, before fm_announcer_join. O(1).

@@ -157,7 +157,10 @@ class MarginWriter:
                   if (room := room_of(item.operation)) is not None and room.may_overflow]
         if queues:
             yield f'  const bool is_lost = ({" | ".join(queues)}) != 0;'
-        for number, operand in zip(self._group.properties, self._margins.roots, strict=True):
-            yield f'  s->margin_{number}[0] = {self._operand(operand)};'
+        roots = zip(self._group.properties, self._margins.roots, strict=True)
+        for name, operand in (*((f'margin_{number}', item) for number, item in roots),
+                              *((f'margin_now_{number}', item)
+                                for number, item in self._margins.occurrences)):
+            yield f'  s->{name}[0] = {self._operand(operand)};'
             if queues:
-                yield f'  fm_margin_unless_lost(s->margin_{number}, is_lost);'
+                yield f'  fm_margin_unless_lost(s->{name}, is_lost);'

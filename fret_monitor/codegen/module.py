@@ -537,14 +537,19 @@ class _ModuleWriter:
                     for number in layout.group.properties}
         state = self._names.state_struct
         yield from ('', f'const struct fm_margins * {self._names.margins}(void)', '{')
-        yield '  static const uint64_t margins[] = {'
-        yield from (f'    offsetof({state}, group_{group}.margin_{number}),'
-                    for number, group in sorted(group_of.items()))
-        yield from ('  };', '  static const uint64_t instants[] = {')
+        now = {number for layout in self._layouts if layout.group.margins
+               for number, _ in layout.group.margins.occurrences}
+        for name, others in (('margins', set[int]()), ('occurrences', now)):
+            yield f'  static const uint64_t {name}[] = {{'
+            yield from (f'    offsetof({state}, group_{group}.'
+                        f'margin_{"now_" if number in others else ""}{number}),'
+                        for number, group in sorted(group_of.items()))
+            yield '  };'
+        yield '  static const uint64_t instants[] = {'
         yield from (f'    offsetof({state}, group_{group}.instant_0),'
                     for group, _ in enumerate(self._layouts))
         yield '  };'
-        yield '  static const struct fm_margins all = {margins, instants};'
+        yield '  static const struct fm_margins all = {margins, occurrences, instants};'
         yield from ('  return &all;', '}')
 
     def _outputs(self) -> Iterator[str]:

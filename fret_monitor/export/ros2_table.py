@@ -142,7 +142,7 @@ def _scope(manifest: Manifest, n_reported: int, prefix: str = '') -> Iterator[st
 
 def _scope_value(manifest: Manifest, topics: str, prefix: str = '') -> str:
     return ', '.join((f'{{{manifest.symbol}', topics, *(f'{prefix}{name}' for name in _ARRAYS),
-                      manifest.tests or 'NULL')) + '}'
+                      manifest.tests or 'NULL', manifest.margins or 'NULL')) + '}'
 
 
 def _kinds(manifest: Manifest) -> Iterator[str]:

@@ -31,7 +31,7 @@ from typing import NoReturn, TypeVar
 
 from fret_monitor.model.frozen import frozen
 from fret_monitor.model.made import Made, MadeKind
-from fret_monitor.model.names import HANDLER_TOPIC
+from fret_monitor.model.names import HANDLER_TOPIC, margin_topic
 from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
@@ -369,6 +369,12 @@ class Manifest:
     tests: str = ''
     margins: str = ''
     comparisons: tuple[ManifestComparison, ...] = ()
+
+    @property
+    def margin_topics(self) -> tuple[str, ...]:
+        """The topic of the margins of each requirement; () without margins."""
+        return tuple(margin_topic(item.handler) for item in self.requirements) \
+            if self.margins else ()
 
     @property
     def numbered(self) -> tuple[ManifestRequirement, ...]:

@@ -33,6 +33,7 @@ HANDLER_TOPIC = 'copilot/'
 HANDLER_PREFIX = 'handlerprop'
 DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
 VERDICT_TOPIC = f'{HANDLER_TOPIC}verdict/'
+MARGIN_TOPIC = f'{HANDLER_TOPIC}margin/'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 OWN_TOPICS = {
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',
@@ -211,15 +212,25 @@ def handler_name(id: str) -> str:
 
 
 def verdict_topic(handler: str) -> str:
+    """Return the topic of the verdicts of a requirement, by its handler: `copilot/verdict/ID`."""
+    return VERDICT_TOPIC + _last_part(handler)
+
+
+def margin_topic(handler: str) -> str:
+    """Return the topic of the margins of a requirement, by its handler: `copilot/margin/ID`."""
+    return MARGIN_TOPIC + _last_part(handler)
+
+
+def _last_part(handler: str) -> str:
     """
-    Return the topic of the verdicts of a requirement, by its handler: `copilot/verdict/ID`.
+    Return the id in a handler as a part of a topic.
 
     No part of a name in ROS may begin with a digit, and one that begins with `_` is hidden. Such
     ids get `prop` in front, and those that begin with it, so that no two topics are the same.
     """
     name = handler.removeprefix(HANDLER_PREFIX)
     is_plain = name[:1].isalpha() and not name.startswith('prop')
-    return f'{VERDICT_TOPIC}{"" if is_plain else "prop"}{name}'
+    return f'{"" if is_plain else "prop"}{name}'
 
 
 def handler_fault(handler: str) -> Fault | None:

@@ -107,6 +107,8 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'kinds': _structs('fm_report_kind', (_kind(manifest, kind) for kind in manifest.kinds)),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),
+        'comparisons': _structs('fm_report_comparison', (
+            {'text': item.text} for item in manifest.comparisons)),
     }
     return Members({
         'bundle': bundle or manifest.name, 'component': manifest.component,
@@ -170,6 +172,8 @@ def used_topics(manifest: Manifest) -> Iterator[tuple[str, str, str]]:
     yield DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', 'FM_ANNOUNCED'
     for name, message_type in OWN_TOPICS.items():
         yield name, message_type, 'FM_OWN'
+    for name in manifest.margin_topics:
+        yield name, 'std_msgs/msg/Float64', 'FM_ANNOUNCED'
 
 
 def _structs(name: str, items: Iterable[Mapping[str, Value]]) -> Elements:

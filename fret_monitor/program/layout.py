@@ -84,12 +84,14 @@ class FieldKind(Enum):
     LEAF = 'leaf'
     INSTANT = 'instant'
     MARGIN = 'margin'
+    MARGIN_NOW = 'margin_now'
     MARGINS = 'margins'
     MARGIN_QUEUE = 'margin_queue'
     MARGIN_FEEDBACK = 'margin_feedback'
 
 
-_OF_MARGINS = (FieldKind.MARGIN, FieldKind.MARGINS, FieldKind.MARGIN_FEEDBACK)
+_OF_MARGINS = (FieldKind.MARGIN, FieldKind.MARGIN_NOW, FieldKind.MARGINS,
+               FieldKind.MARGIN_FEEDBACK)
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,9 @@ class StateField:
     A field of a group's state struct.
 
     `number` is the number of the word (BITS), the length of the rings (POSITION), the index of the
-    feedback equation (FEEDBACK, MARGIN_FEEDBACK), of the property (OUTPUT, MARGIN), of the
-    equation of a margin (MARGINS, MARGIN_QUEUE), 0 (INSTANT), else of the equation. `length` is 0
+    feedback equation (FEEDBACK, MARGIN_FEEDBACK), of the property (OUTPUT, MARGIN, MARGIN_NOW: of
+    its occurrences), of the equation of a margin (MARGINS, MARGIN_QUEUE), 0 (INSTANT), else of the
+    equation. `length` is 0
     for a scalar, else the length of the array. `initial` is the initial value, of each element. A
     margin is an array of MARGIN_WORDS words.
     """
@@ -514,6 +517,7 @@ def _margins(group: StepGroup, margins: Margins) -> Iterator[StateField]:
 
     yield StateField(FieldKind.INSTANT, 0, ValueType.INT64)
     yield from (some(FieldKind.MARGIN, number) for number in group.properties)
+    yield from (some(FieldKind.MARGIN_NOW, number) for number, _ in margins.occurrences)
     yield from (some(FieldKind.MARGIN_FEEDBACK, number)
                 for number, _ in enumerate(margins.feedback))
     for value in sorted({item.value for item in margins.leaves}):

@@ -128,8 +128,11 @@ def _lower_group(signals: tuple[int, ...], numbers: list[int], specification: Sp
     margins = MarginBuilder(
         lambda node: builder.value_of(node, without_queues([node])[node]),
         specification.signals, feedback, builder.rates,
-    ).build((number, item.formula) for number, item in zip(numbers, properties, strict=True)) \
-        if specification.has_margins else None
+    ).build(
+        zip(numbers, (item.formula for item in properties), strict=True),
+        [(numbers[place], formula.argument) for place, _ in occurrences
+         if isinstance(formula := properties[place].formula, Historically)],
+    ) if specification.has_margins else None
     tests = [(number, builder.operand[root]) for number, item, root in zip(
         numbers, properties, roots) if item.probability and isinstance(root, NotRefuted)]
     if is_timed:

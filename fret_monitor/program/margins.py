@@ -75,18 +75,22 @@ class MarginBuilder:
         self._fed: dict[Feedback, int] = {}
         self._owner = 0
 
-    def build(self, roots: Iterable[tuple[int, Formula]]) -> Margins:
+    def build(self, roots: Iterable[tuple[int, Formula]],
+              occurrences: Iterable[tuple[int, Formula]]) -> Margins:
         """Return the margins of requirements (their numbers) with these formulas."""
         found = [self._define(formula, owner) for owner, formula in roots]
+        found_occurrences = [(owner, self._define(formula, owner))
+                             for owner, formula in occurrences]
         fed: list[Operand] = []
         while len(fed) < len(self._fed):  # an equation may read the next one
             node = list(self._fed)[len(fed)]
             fed.append(self._define(self._feedback[node], self._owner))
-        return self._pruned(found, fed)
+        return self._pruned(found, found_occurrences, fed)
 
-    def _pruned(self, roots: Sequence[Operand], fed: Sequence[Operand]) -> Margins:
+    def _pruned(self, roots: Sequence[Operand], occurrences: Sequence[tuple[int, Operand]],
+                fed: Sequence[Operand]) -> Margins:
         """Return the margins without equations that nothing depends on."""
-        live = sorted(self._live([*roots, *fed]))
+        live = sorted(self._live([*roots, *(item for _, item in occurrences), *fed]))
         number = {old: new for new, old in enumerate(live)}
         equations = [self._equations[old] for old in live]
         leaves = [operand for leaf, operand in enumerate(self._leaves)
@@ -113,7 +117,9 @@ class MarginBuilder:
         return Margins(
             tuple(leaves),
             tuple(replace(item, operation=changed(item.operation)) for item in equations),
-            tuple(map(renumbered, roots)), tuple(map(renumbered, fed)))
+            tuple(map(renumbered, roots)),
+            tuple((owner, renumbered(item)) for owner, item in occurrences),
+            tuple(map(renumbered, fed)))
 
     def _live(self, roots: Iterable[Operand]) -> set[int]:
         seen: set[int] = set()

@@ -501,13 +501,14 @@ class Margins:
     What a group computes beside its verdicts: how far each is from being otherwise.
 
     Operands are indices of `equations`, those of `leaves` of the group's equations: the values
-    that are compared. `roots` are in the order of the group's properties. `feedback` are the
-    margins that are kept for the next step.
+    that are compared. `roots` are in the order of the group's properties, `occurrences` as the
+    group's. `feedback` are the margins that are kept for the next step.
     """
 
     leaves: tuple[Operand, ...]
     equations: tuple[MarginEquation, ...]
     roots: tuple[Operand, ...]
+    occurrences: tuple[tuple[int, Operand], ...]
     feedback: tuple[Operand, ...]
 
 

@@ -65,7 +65,7 @@ def _become(arguments: Sequence[str], given: Mapping[str, Any], node: str) -> st
         if reason := _missing(settings):
             return reason
         parts = _parts(settings, node)
-        if not parts:
+        if not parts or (settings.margins and node == GATE):
             return ''  # the node in Python reports that there is none
         program = _program(settings, parts, node)
     except (Refusal, CompileError):
@@ -118,7 +118,7 @@ def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']], nod
 
     return start_program(
         spec, make, identity(), policy=settings.policy, period=settings.period,
-        constants=settings.constants, part=part).library
+        constants=settings.constants, part=part, margins=settings.margins).library
 
 
 def _tell(node: str, spec: Path) -> None:
@@ -161,4 +161,4 @@ def _one_of_several(settings: 'Settings', spec: Path, part: 'NodePart', number: 
     return start_program(
         spec, make, f'{identity()} {number} {shown}', policy=settings.policy,
         period=settings.period, constants=constants_of(settings, spec), part=part,
-        name=f'b{number}_{spec.stem}')
+        name=f'b{number}_{spec.stem}', margins=settings.margins)

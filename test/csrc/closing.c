@@ -108,7 +108,7 @@ int main(int argc, char ** argv)
   void * publishers[] = {&publisher};
   struct fm_announcer * announcer = NULL;
   const bool is_started =
-    fm_announcer_start(&announcer, engine, &middleware, publishers, 1, NULL, 0);
+    fm_announcer_start(&announcer, engine, &middleware, publishers, 1, NULL, 0, NULL);
   fm_announcer_join(&announcer);
   fm_announcer_join(&announcer);  // does nothing
   const uint64_t unpublished = unpublished_of(engine);

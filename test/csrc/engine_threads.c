@@ -401,7 +401,7 @@ int main(void)
   CHECK(box != NULL);
   fm_engine_keep_messages(engine, box);
   struct fm_announcer * announcer = NULL;
-  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 2, NULL, 0));
+  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 2, NULL, 0, NULL));
   struct fm_receiver * receivers[N_TOPICS] = {NULL};
   for (uint32_t t = 0; t < N_TOPICS; ++t) {
     pthread_mutex_init(&topics[t].mutex, NULL);

@@ -152,7 +152,7 @@ int main(void)
   const struct fm_lock locks[] = {
     {&lock_publisher, first, 1, HEARTBEAT_NS}, {&slow_publisher, first, 1, SECOND_NS}};
   struct fm_announcer * announcer = NULL;
-  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 1, locks, 2));
+  CHECK(fm_announcer_start(&announcer, engine, &middleware, publishers, 1, locks, 2, NULL));
   fm_engine_begin(engine);
   CHECK(comes(true, 0));  // not known
   CHECK(comes(true, 2));  // a heartbeat

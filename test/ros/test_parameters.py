@@ -35,9 +35,9 @@ requirements:
   - {id: R-1, ptltl: "x < 0.5"}
 """
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
-         'log_violations', 'verdicts', 'blackbox', 'blackbox_seconds', 'blackbox_bytes',
-         'blackbox_files', 'blackbox_disk_bytes', 'priority', 'processors', 'lock_memory',
-         'native', 'autostart', 'log_level']
+         'log_violations', 'verdicts', 'margins', 'blackbox', 'blackbox_seconds',
+         'blackbox_bytes', 'blackbox_files', 'blackbox_disk_bytes', 'priority', 'processors',
+         'lock_memory', 'native', 'autostart', 'log_level']
 
 
 @pytest.fixture

@@ -300,15 +300,18 @@ class Lock:
 
 class Announcer:
     """
-    Publishes the violations and the locks of an engine, in a thread of C.
+    Publishes the violations, the locks and the margins of an engine, in a thread of C.
 
     The thread also waits for the engine's deadlines.
     """
 
     def __init__(self, engine: Engine, middleware: Middleware,
-                 publishers: Sequence[RclPublisher], locks: Sequence[Lock] = ()) -> None:
+                 publishers: Sequence[RclPublisher], locks: Sequence[Lock] = (),
+                 margins: Sequence[RclPublisher] = ()) -> None:
         """
         Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
+
+        `margins` are as many of std_msgs/msg/Float64, or none.
 
         It is started before messages are delivered.
 
@@ -326,6 +329,7 @@ class Announcer:
         with ExitStack() as undo:
             undo.callback(self.join)  # also if a signal interrupts what follows
             for handle in (*(item.handle for item in publishers),
+                           *(item.handle for item in margins),
                            *(lock.publisher.handle for lock in locks)):
                 self._held.enter_context(handle)
             found = [middleware.publisher(item) for item in publishers]
@@ -336,7 +340,9 @@ class Announcer:
             native_lifetimes.keep(self)
             if not self._library.fm_announcer_start(
                     self._place, engine.pointer, middleware.functions,
-                    ffi.new('void *[]', [*found, ffi.NULL]), len(found), settings, len(locks)):
+                    ffi.new('void *[]', [*found, ffi.NULL]), len(found), settings, len(locks),
+                    ffi.new('void *[]', [*map(middleware.publisher, margins)])
+                    if margins else ffi.NULL):
                 raise Unavailable('no thread can be started')
             undo.pop_all()
 

@@ -46,7 +46,7 @@ from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import (
     BlackBoxSettings, DEFAULT_HANDLER_DEPTH, Refusal,
 )
-from fret_monitor.ros.settings.qos import violation_profile
+from fret_monitor.ros.settings.qos import MARGINS, violation_profile
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.watch import Watch
@@ -59,7 +59,7 @@ from fret_monitor.runtime.scopes import Scopes
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, Float64
 
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
@@ -78,7 +78,8 @@ class BundleSession:
     def __init__(self, node: Node, opened: Opened, watch: Watch, *, hot_path: str = 'auto',
                  log_violations: bool = True, name: str = '', reports_failures: bool = True,
                  handler_depth: int = DEFAULT_HANDLER_DEPTH, publishes_verdicts: bool = False,
-                 blackbox: BlackBoxSettings | None = None) -> None:
+                 blackbox: BlackBoxSettings | None = None,
+                 publishes_margins: bool = False) -> None:
         """
         Prepare to monitor; `watch` is told of threads and timers that fail.
 
@@ -86,7 +87,8 @@ class BundleSession:
         `log_violations` whether the node logs the violations; `publishes_verdicts` whether it
         publishes each verdict; `name` is the bundle's name in
         diagnostics, empty if the node has only one bundle; `reports_failures`: its diagnostics
-        have what `watch` knows; `blackbox` is where the last messages are written, if anywhere.
+        have what `watch` knows; `blackbox` is where the last messages are written, if anywhere;
+        `publishes_margins`: of a bundle that is compiled with them.
 
         Raises
         ------
@@ -118,7 +120,7 @@ class BundleSession:
             try:
                 refuse_merged_topics(self._node, self.manifest, self._table, self.library)
                 self._read_overrides()
-                self._advertise(handler_depth)
+                self._advertise(handler_depth, publishes_margins=publishes_margins)
                 self._verdicts = self._advertise_verdicts() if publishes_verdicts else None
             except InvalidTopicNameException as error:  # from the namespace or a remapping
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
@@ -167,10 +169,13 @@ class BundleSession:
             raise Refusal(str(error)) from None
         return scopes, scopes.evaluator()
 
-    def _advertise(self, depth: int) -> None:
+    def _advertise(self, depth: int, *, publishes_margins: bool) -> None:
         self._handlers = handlers_of(self._node, self.manifest, depth)
-        for handler in self._handlers:
-            self._advertised.callback(handler.close)
+        self._margins = [RclPublisher(self._node, Float64, topic, MARGINS)
+                         for topic in (self.manifest.margin_topics
+                                       if publishes_margins else ())]
+        for publisher in (*self._handlers, *self._margins):
+            self._advertised.callback(publisher.close)
         self._details = Details(self._node, depth)
         self._advertised.callback(self._details.close)
         try:
@@ -285,7 +290,8 @@ class BundleSession:
             self._running.callback(self._stop_blackbox, self._blackbox)
             self._blackbox.start(engine)
         self._actions.prepare(engine)
-        announcer = Announcer(engine, middleware, self._handlers, self._actions.locks)
+        announcer = Announcer(
+            engine, middleware, self._handlers, self._actions.locks, self._margins)
         self._running.callback(announcer.join)
         if self._verdicts is not None:
             self._running.callback(self._verdicts.start(engine, middleware).join)
@@ -420,7 +426,8 @@ class BundleSession:
         self._overrides = Overrides.of(self._node)
         self._overrides.refuse_publishers([
             self._node.resolve_topic_name(name) for name in (
-                DETAILS_TOPIC, *(item.topic for item in self.manifest.numbered))])
+                DETAILS_TOPIC, *self.manifest.margin_topics,
+                *(item.topic for item in self.manifest.numbered))])
 
 
 @dataclass(frozen=True)

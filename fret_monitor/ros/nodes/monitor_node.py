@@ -169,7 +169,8 @@ class MonitorNode(ClockNode, LifecycleNode):
                     reports_failures=not self._sessions,
                     handler_depth=settings.handler_depth,
                     log_violations=settings.log_violations,
-                    publishes_verdicts=settings.publishes_verdicts, blackbox=settings.blackbox))
+                    publishes_verdicts=settings.publishes_verdicts, blackbox=settings.blackbox,
+                    publishes_margins=settings.margins))
             undo.pop_all()
         self._warn(ask_system(settings.scheduling, self._sessions[0].library))
         self._warn([warning for item in opened for warning in item.warnings])

@@ -35,7 +35,9 @@ from fret_monitor.model.parts import (
     FOLDER_OF_EACH, judged_by_gates, NodePart, UNGATED, without_gates,
 )
 from fret_monitor.model.policies import Policy
-from fret_monitor.native import evaluator_library, load, load_evaluator, Monitor, NativeError
+from fret_monitor.native import (
+    evaluator_library, load, load_evaluator, Monitor, NativeError, words,
+)
 from fret_monitor.native.folder import MANIFEST_FILE, open_folder
 from fret_monitor.ros.settings.parameters import Origin, Refusal, Settings
 
@@ -69,6 +71,8 @@ def open_monitors(settings: Settings) -> list[Opened]:
     """
     opened = _all(lambda origin: _open(settings, origin, UNGATED), settings)
     manifests = [item.monitor.manifest for item in opened]
+    if settings.margins:
+        _refuse_without_margins(manifests)
     refuse_combinations(settings, manifests)
     return opened
 
@@ -84,6 +88,8 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
     Refusal
         as `open_monitors`, or if there is no such gate, or a bundle has none of them.
     """
+    if settings.margins:
+        raise Refusal(words.NO_MARGINS_OF_GATES)
     found = _all(lambda origin: _open_gates(settings, origin, names), settings)
     opened = [item for several in found for item in several]
     manifests = [item.monitor.manifest for item in opened]
@@ -100,6 +106,14 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
         raise Refusal(*(without_gates(origin, names) for origin in useless))
     refuse_combinations(settings, manifests)
     return opened
+
+
+def _refuse_without_margins(manifests: Sequence[Manifest]) -> None:
+    for manifest in manifests:
+        if manifest.variables:
+            raise Refusal(words.NO_MARGINS_OF_KEYS)
+        if not manifest.margins:
+            raise Refusal(words.NO_MARGINS)
 
 
 def _open_gates(settings: Settings, origin: Origin, names: Sequence[str]) -> list[Opened]:
@@ -273,7 +287,8 @@ def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
     from fret_monitor.start import start
     began, clock = time(), monotonic()
     compiled = start(spec, policy=settings.policy, period=settings.period,
-                     constants=constants_of(settings, spec), part=part, takes_instances=True)
+                     constants=constants_of(settings, spec), part=part, takes_instances=True,
+                     margins=settings.margins)
     is_new = compiled.library.stat().st_mtime >= began
     how = f'compiled in {monotonic() - clock:.1f} s' if is_new else 'found compiled'
     manifest = compiled.manifest

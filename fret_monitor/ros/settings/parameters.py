@@ -65,6 +65,7 @@ MONITOR_PARAMETERS = {
     'handler_depth': Described(DEFAULT_HANDLER_DEPTH, words.HANDLER_DEPTH),
     'log_violations': Described(True, words.LOG_VIOLATIONS),
     'verdicts': Described(False, words.VERDICTS),
+    'margins': Described(False, words.MARGINS),
     'blackbox': Described('', words.BLACKBOX),
     'blackbox_seconds': Described(10.0, words.BLACKBOX_SECONDS),
     'blackbox_bytes': Described(64 << 20, words.BLACKBOX_BYTES),
@@ -172,6 +173,7 @@ class Settings:
     blackbox: BlackBoxSettings | None = None
     gates: tuple[str, ...] = ()
     scheduling: Scheduling = Scheduling()
+    margins: bool = False
 
 
 def read_settings(given: Mapping[str, Any]) -> Settings:
@@ -222,7 +224,8 @@ def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
         _whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
         read_truth(given, 'log_violations', problems), _is_true(given, 'verdicts', problems),
         _constant_texts(given, problems), _blackbox(given, problems),
-        tuple(_texts(given, 'gates', problems)), _scheduling(given, problems))
+        tuple(_texts(given, 'gates', problems)), _scheduling(given, problems),
+        _is_true(given, 'margins', problems))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:

@@ -31,6 +31,11 @@ def violation_profile(depth: int) -> QoSProfile:
                       durability=DurabilityPolicy.VOLATILE)
 
 
+MARGINS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""What publishers of margins offer: a late listener receives the last one."""
+
+
 def violation_request(depth: int) -> dict[str, str | int]:
     """Return what the logger requests for violations, as `fixed` of `Feed.subscribe`."""
     return {'reliability': 'reliable', 'durability': 'volatile', 'depth': depth}

@@ -75,7 +75,8 @@ def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
 
     An action may publish on `/diagnostics` too.
     """
-    handlers = [item.topic for manifest in manifests for item in manifest.numbered]
+    handlers = [topic for manifest in manifests for topic in (
+        *(item.topic for item in manifest.numbered), *manifest.margin_topics)]
     for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
         yield Use('', '', '', 'publish on', node.resolve_topic_name(topic),
                   topic != DIAGNOSTICS_TOPIC)

@@ -1,0 +1,205 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Margins that the nodes publish, and show with violations, are those of `simulate`."""
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from bundles import write_bundle
+from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor.cli.main import main
+from fret_monitor.model.parts import NodePart
+from fret_monitor.native import words
+from fret_monitor.ros import MonitorNode, Refusal
+from fret_monitor.ros.nodes.gate_node import GateNode
+import pytest
+from rclpy.parameter import Parameter
+from ros.exported import exported_bundle, ExportedNode
+from ros.harness import LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
+from ros.test_native_start import program_of
+from std_msgs.msg import Float64
+
+BUNDLE = """
+format: 1
+inputs:
+  current: {topic: /current, type: std_msgs/msg/Float64, scale: 5}
+requirements:
+  - {id: SOFAR, ptltl: "H (current < 20)", report: occurrence}
+  - {id: LATELY, ptltl: "O[0,1] (current < 12)"}
+  - {id: NOW, ptltl: "current < 20 & current > 1"}
+"""
+IDS = ('SOFAR', 'LATELY', 'NOW')
+CURRENTS = (10.0, 18.5, 16.0, 21.0, 22.5, 20.5, 13.0, 11.0, 24.0, 25.5, 4.0)
+ENDED = [
+    # The margin of SOFAR stays that of the first violation; the second went beyond by more.
+    ('SOFAR', 6, '-0.5', '-2.5', 'current < 20.0'), ('NOW', 6, '-0.5', '-2.5', 'current < 20.0'),
+    ('LATELY', 7, '-1.8', '-9.0', 'current < 12.0'),
+    ('SOFAR', 10, '-1.1', '-5.5', 'current < 20.0'),
+    ('LATELY', 10, '-2.4', '-12.0', 'current < 12.0'),
+    ('NOW', 10, '-1.1', '-5.5', 'current < 20.0')]
+
+
+@dataclass
+class Face:
+    """What one node publishes and logs."""
+
+    name: str
+    process: NodeProcess
+    margins: defaultdict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    ended: list[tuple[str, int, str, str, str]] = field(default_factory=list)
+
+    def listen(self, partner: Partner) -> Callable[[], bool]:
+        """Subscribe; return whether all is advertised."""
+        make, prefix = partner.node.create_subscription, f'/{self.name}/copilot'
+        made = [make(DiagnosticArray, f'{prefix}/violations', self._take_detail, RELIABLE), *(
+            make(Float64, f'{prefix}/margin/{name}', partial(self._take, name), LATCHED)
+            for name in IDS)]
+        return lambda: all(item.get_publisher_count() == 1 for item in made)
+
+    def _take(self, name: str, message: Float64) -> None:
+        self.margins[name].append(message.data)
+
+    def _take_detail(self, array: DiagnosticArray) -> None:
+        for status in array.status:
+            values = {item.key: item.value for item in status.values}
+            if status.level == status.OK:
+                self.ended.append((
+                    status.name, int(values['step']), values['least margin'],
+                    values['deciding distance'], values['deciding comparison']))
+
+    def shows(self, margins: Sequence[float]) -> bool:
+        """Whether the last message of each requirement has its margin."""
+        return all(self.margins[name][-1:] == [found] for name, found in zip(IDS, margins))
+
+
+def simulated(bundle: Path) -> list[list[float]]:
+    """Return the margins of each step, of the requirements in order."""
+    trace, found = bundle.with_name('trace.csv'), bundle.with_name('margins.csv')
+    trace.write_text('\n'.join(['current', *map(str, CURRENTS)]) + '\n')
+    assert main(['simulate', str(bundle), '--trace', str(trace), '--margins', str(found)]) == 0
+    rows = [line.split(',') for line in found.read_text().splitlines()[1:]]
+    values = [float(row[2]) for row in rows]
+    assert [row[1] for row in rows[:3]] == list(IDS)
+    return [values[k:k + 3] for k in range(0, len(values), 3)]
+
+
+def changes(values: Sequence[float]) -> list[float]:
+    """Return the values without repetitions."""
+    return [value for k, value in enumerate(values) if k == 0 or value != values[k - 1]]
+
+
+def test_both_nodes_publish_the_margins_of_simulate_and_say_how_far_violations_went(
+    partner: Partner, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    bundle = write_bundle(tmp_path, BUNDLE)
+    expected = simulated(bundle)
+    capsys.readouterr()
+    native = ExportedNode(Path(program_of(bundle, '-p', 'margins:=true')),
+                          '-r', '__ns:=/native', '-p', 'margins:=true')
+    try:
+        with started('monitor', '-p', f'spec:={bundle}', '-p', 'margins:=true',
+                     '-r', '__ns:=/python') as node:
+            faces = [Face('python', node), Face('native', native)]
+            are_advertised = [face.listen(partner) for face in faces]
+            wait_until(lambda: all(is_ready() for is_ready in are_advertised), 'publishers')
+            publisher = partner.publisher(Float64, '/current')
+            partner.wait_for_subscriptions(2, publisher)
+            for current, margins in zip(CURRENTS, expected):
+                publisher.publish(Float64(data=current))
+                for face in faces:
+                    wait_until(lambda: face.shows(margins),  # noqa: B023
+                               f'{face.name}: {margins}')
+            for face in faces:
+                assert dict(face.margins) == {name: changes([row[place] for row in expected])
+                                              for place, name in enumerate(IDS)}
+                wait_until(lambda: len(face.ended) == len(ENDED), 'ends')  # noqa: B023
+                assert face.ended == ENDED
+                line = '[step 10, margin -1.1 by current < 20.0 (-5.5): current = 4.0]'
+                wait_until(lambda: line in face.process.output, line)  # noqa: B023
+    finally:
+        native.kill()
+
+
+def test_peaks_between_two_messages_are_not_lost(partner: Partner, tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, BUNDLE)
+    with started('monitor', '-p', f'spec:={bundle}', '-p', 'margins:=true',
+                 '-r', '__ns:=/python') as node:
+        face = Face('python', node)
+        is_advertised = face.listen(partner)
+        wait_until(is_advertised, 'publishers')
+        publisher = partner.publisher(Float64, '/current')
+        partner.wait_for_subscriptions(1, publisher)
+        for number in range(1, 6):
+            for current in (15.0, 19.5, 15.0):
+                publisher.publish(Float64(data=current))
+            wait_until(lambda: face.margins['NOW'].count(0.1) == number  # noqa: B023
+                       and face.margins['NOW'][-1] == 1.0, 'the peak, and the present margin')
+        partner.reset('/python/fret_monitor/reset')
+        wait_until(lambda: str(face.margins['NOW'][-1]) == 'nan', 'not known')
+
+
+def refusal(partner: Partner, node: type[MonitorNode] = MonitorNode, **given: object) -> str:
+    """Return why a node with margins does not start."""
+    overrides = [Parameter(name, value=value)
+                 for name, value in {'margins': True, **given}.items()]
+    with pytest.raises(Refusal) as found:
+        node(context=partner.context, parameter_overrides=overrides, cli_args=['--ros-args'])
+    return str(found.value)
+
+
+def error_in_c(program: Path) -> str:
+    """Return what a node in C with margins logs before it ends with an error."""
+    process = ExportedNode(program, '-p', 'margins:=true')
+    try:
+        assert process.status() == 1
+        return process.output
+    finally:
+        process.kill()
+
+
+FOR_EACH = """
+format: 1
+for_each: {robot: [alpha, beta]}
+inputs:
+  current: {topic: "/{robot}/current", type: std_msgs/msg/Float64}
+requirements: [{id: NOW, ptltl: "current < 20"}]
+"""
+GATED = """
+format: 1
+inputs:
+  current: {topic: current, type: std_msgs/msg/Float64}
+gates: {safe: {from: current, to: safe, type: std_msgs/msg/Float64, keep: [NOW]}}
+requirements: [{id: NOW, ptltl: "current < 20"}]
+"""
+
+
+def test_margins_are_refused_where_there_are_none(
+    partner: Partner, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    bundle = write_bundle(tmp_path, BUNDLE)
+    assert main(['compile', str(bundle), '--output', str(tmp_path / 'out')]) == 0
+    assert words.NO_MARGINS in refusal(partner, library=str(tmp_path / 'out'))
+    assert words.NO_MARGINS in error_in_c(exported_bundle(bundle))
+    keyed = write_bundle(tmp_path, FOR_EACH, 'keyed.yaml')
+    assert words.NO_MARGINS_OF_KEYS in refusal(partner, spec=str(keyed))
+    assert words.NO_MARGINS_OF_KEYS in error_in_c(exported_bundle(keyed))
+    gated = write_bundle(tmp_path, GATED, 'gated.yaml')
+    assert words.NO_MARGINS_OF_GATES in refusal(partner, GateNode, spec=str(gated))
+    assert words.NO_MARGINS_OF_GATES in error_in_c(exported_bundle(gated, NodePart('safe')))
+    assert "'margins' is 3, and has to be true or false" in refusal(
+        partner, spec=str(bundle), margins=3)
