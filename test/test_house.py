@@ -15,6 +15,7 @@
 """The files around the package agree with it, and contain no path or host of one machine."""
 
 import ast
+from collections import deque
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -89,8 +90,15 @@ def manifest() -> Any:
 @cache
 def nodes(path: Path) -> list[ast.AST]:
     """Return the imports and classes of a module."""
-    return [node for node in ast.walk(ast.parse(path.read_bytes()))
-            if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef)]
+    found: list[ast.AST] = []
+    waiting = deque[ast.AST]([ast.parse(path.read_bytes())])
+    while waiting:
+        node = waiting.popleft()
+        if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef):
+            found.append(node)
+        waiting.extend(child for child in ast.iter_child_nodes(node)
+                       if not isinstance(child, ast.expr))
+    return found
 
 
 def imported(folder: str) -> Iterator[str]:

@@ -105,13 +105,14 @@ def modules() -> dict[str, Path]:
 
 
 def nodes(tree: ast.AST, on_load: bool = True) -> Iterator[tuple[ast.AST, bool]]:
-    """Yield each node below a tree and whether it runs when the module is loaded."""
+    """Yield each statement below a tree and whether it runs when the module is loaded."""
     stack = [(tree, on_load)]
     while stack:
         node, runs = stack.pop()
         yield node, runs
-        inner = runs and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-        stack.extend((child, inner) for child in ast.iter_child_nodes(node))
+        inner = runs and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        stack.extend((child, inner) for child in ast.iter_child_nodes(node)
+                     if not isinstance(child, ast.expr))
 
 
 def named(node: ast.AST, module: str, is_package: bool) -> Iterator[str]:

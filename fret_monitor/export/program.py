@@ -15,11 +15,12 @@
 """
 The node of `export --to ros2` as a program in the cache, for `monitor` with `native:=true`.
 
-What is the same for every bundle is compiled once, to one object file; of several bundles of a
-node, each to one of its own.
+What is the same for every bundle is compiled once, to two object files, one of which is that of
+the evaluator's library; of several bundles of a node, each to one of its own.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fret_monitor.build import GeneratedMonitor
@@ -31,8 +32,8 @@ from fret_monitor.export.ros2_table import (
     node_table, node_tables, OneOfSeveral, packages_of,
 )
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.native.cache import build_library
-from fret_monitor.native.compiler import LIBRARIES, Linking
+from fret_monitor.native.cache import build_library, evaluator_object, EVALUATOR_SOURCES
+from fret_monitor.native.compiler import LIBRARIES, Linking, OBJECT
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.ros_files import (
     has_headers, identity, linked, NODE_LIBRARIES, rmw_library, searched,
@@ -66,7 +67,7 @@ def node_program(generated: GeneratedMonitor, origin: str) -> Path:
         raise NativeError('the headers of rcl are not installed here')
     return _linked({**generated.c_sources, 'node_table.c': node_table(generated, origin),
                     'node_tables.c': node_tables()}, [generated.manifest],
-                   [_same_for_all()], generated.c_headers)
+                   _same_for_all(), generated.c_headers)
 
 
 def table_object(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) -> Path:
@@ -87,7 +88,7 @@ def table_object(generated: GeneratedMonitor, origin: str, place: OneOfSeveral) 
 def program_of_several(objects: Sequence[Path], manifests: Sequence[Manifest]) -> Path:
     """Link the objects of `table_object` to a program, or return it; raises `NativeError`."""
     return _linked({'node_tables.c': node_tables(len(objects))}, manifests,
-                   [_same_for_all(), *objects], {})
+                   [*_same_for_all(), *objects], {})
 
 
 def _linked(sources: Mapping[str, str], manifests: Sequence[Manifest], objects: Sequence[Path],
@@ -106,14 +107,12 @@ def _headers() -> dict[str, str]:
 
 
 def _object() -> Linking:
-    return Linking('{}.rel', tuple(searched()), ('-r', '-nostdlib'), ())
+    return replace(OBJECT, searched=tuple(searched()))
 
 
-def _same_for_all() -> Path:
-    files = csrc_files(*hand_written_sources())
-    return build_library(
-        {**{name: text for name, text in files.items() if name.endswith('.c')},
-         'no_python.c': _NO_PYTHON},
-        headers={name: text for name, text in files.items() if name.endswith('.h')},
-        name='node', identity=identity(),
-        linking=_object())
+def _same_for_all() -> list[Path]:
+    files = csrc_files(*(name for name in hand_written_sources()
+                         if name.endswith('.c') and name not in EVALUATOR_SOURCES))
+    node = build_library({**files, 'no_python.c': _NO_PYTHON}, headers=_headers(), name='node',
+                         identity=identity(), linking=_object())
+    return [node, evaluator_object()]

@@ -30,9 +30,9 @@ using it after its removal.
 """
 
 import atexit
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from hashlib import sha256
 import json
@@ -45,7 +45,7 @@ import sys
 import time
 
 from fret_monitor.native.compiler import (
-    COMPILE_FLAGS, compile_library, Compiler, find_compiler, Linking, SHARED, TIMEOUT,
+    COMPILE_FLAGS, compile_library, Compiler, find_compiler, Linking, OBJECT, SHARED, TIMEOUT,
 )
 from fret_monitor.native.elf import is_cut_short
 from fret_monitor.native.errors import CacheError, CompilerError, LibraryError, NativeError
@@ -84,17 +84,18 @@ def build_library(
     sources: Mapping[str, str], *, name: str, headers: Mapping[str, str] | None = None,
     compiler: Compiler | None = None, timeout: float = TIMEOUT,
     linking: Linking = SHARED, identity: str = '',
+    objects: Callable[[], Sequence[Path]] = lambda: (),
 ) -> Path:
     """
     Compile C files to one shared library, or return it from the cache.
 
     With another `linking` than `SHARED` they become another file, which depends on `identity`,
-    too, and is made in the cache only.
+    too, and is made in the cache only; `OBJECT` also elsewhere.
 
     Parameters
     ----------
     sources
-        file name (no folders) to text of each C file; at least one.
+        file name (no folders) to text of each C file; at least one, or there are `objects`.
     name
         the library's file is `libNAME.so`; letters, digits and `_`.
     headers
@@ -107,6 +108,9 @@ def build_library(
         what the objects are linked to.
     identity
         a text that changes with what the result depends on besides.
+    objects
+        makes object files to link besides, where the library is not there yet. They follow from
+        `headers`, `sources` and `identity`.
 
     Returns
     -------
@@ -119,14 +123,15 @@ def build_library(
         if there is no compiler, or it fails.
     CacheError
         if other users can write to the cache, or it is a link; or it cannot be written, and
-        `linking` is not `SHARED`.
+        `linking` is neither `SHARED` nor `OBJECT`.
     """
     compiler = compiler or find_compiler()
     texts = {**(runtime_headers() if headers is None else headers), **sources}
     files = {file: text.encode() for file, text in texts.items()}
-    build = _Build(files, tuple(sources), linking, name, compiler, timeout)
+    build = _Build(files, tuple(sources), linking, name, compiler, timeout, objects)
     entry = _Entry(build.key(identity), build.library, build.fill, _warn_once)
-    return entry.kept() or (entry.make() if linking is SHARED else entry.make_to_keep())
+    return entry.kept() or (
+        entry.make() if linking in (SHARED, OBJECT) else entry.make_to_keep())
 
 
 def private_copy(library: Path) -> Path:
@@ -285,10 +290,16 @@ def evaluator_files() -> dict[str, str]:
 
 def evaluator_library() -> Path:
     """Return the library of the evaluator and the engine; errors as `build_library`."""
+    return build_library({}, headers=evaluator_files(), name='fm_evaluator',
+                         objects=lambda: (evaluator_object(),))
+
+
+def evaluator_object() -> Path:
+    """Return that library as an object file, which the node in C has too; errors likewise."""
     files = evaluator_files()
     headers = {name: text for name, text in files.items() if name.endswith('.h')}
     return build_library({name: text for name, text in files.items() if name not in headers},
-                         headers=headers, name='fm_evaluator')
+                         headers=headers, name='fm_evaluator', linking=OBJECT)
 
 
 @cache
@@ -332,7 +343,7 @@ class _Build:
 
     def __init__(
         self, files: Mapping[str, bytes], sources: tuple[str, ...], linking: Linking,
-        name: str, compiler: Compiler, timeout: float,
+        name: str, compiler: Compiler, timeout: float, objects: Callable[[], Sequence[Path]],
     ) -> None:
         self.library = linking.file.format(name)
         self._linking = linking
@@ -340,6 +351,7 @@ class _Build:
         self._sources = sources
         self._compiler = compiler
         self._timeout = timeout
+        self._objects = objects
 
     def key(self, identity: str) -> str:
         """Return the hash of everything that determines the library."""
@@ -353,9 +365,11 @@ class _Build:
         """Write the sources to a folder and compile them there."""
         for file, text in self._files.items():
             (folder / file).write_bytes(text)
+        linking = replace(self._linking, libraries=(
+            *map(str, self._objects()), *self._linking.libraries))
         compile_library(
             self._compiler, self._sources, self.library, folder=folder, timeout=self._timeout,
-            linking=self._linking)
+            linking=linking)
         for made in folder.glob('*.o'):
             made.unlink()
         _refuse_garbage(folder / self.library, self._compiler)

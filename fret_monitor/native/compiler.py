@@ -22,6 +22,7 @@ Find, identify and run the C compiler.
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 import os
 from pathlib import Path
 from selectors import DefaultSelector, EVENT_READ
@@ -32,6 +33,7 @@ import subprocess
 from threading import Lock, Thread
 import time
 
+from fret_monitor.native.elf import is_machine_code
 from fret_monitor.native.errors import CompilerError
 
 # No -march=native, because a library may be copied to another machine. No -ffast-math and no
@@ -65,6 +67,9 @@ class Linking:
 
 SHARED = Linking('lib{}.so')
 """A shared library."""
+
+OBJECT = Linking('{}.rel', (), ('-r', '-nostdlib'), ())
+"""One object file."""
 
 TIMEOUT = 600.0  # seconds for all commands of one library
 
@@ -126,9 +131,18 @@ def _wanted(wanted: str, environment: Mapping[str, str]) -> Compiler:
 def _identified(command: tuple[str, ...], environment: Mapping[str, str]) -> Compiler:
     file = os.path.realpath(command[0])
     status = os.stat(file)
+    content = (file, str(status.st_size), str(status.st_mtime_ns))
+    # A script may start one compiler or another.
+    version = (_version_of_program(command, content) if is_machine_code(file) else
+               _version(command))
     return Compiler(command, '\n'.join((
-        *command, file, str(status.st_size), str(status.st_mtime_ns),
-        *(f'{name}={environment.get(name)!r}' for name in _SEARCHED), _version(command))))
+        *command, *content, *(f'{name}={environment.get(name)!r}' for name in _SEARCHED),
+        version)))
+
+
+@cache
+def _version_of_program(command: tuple[str, ...], content: tuple[str, ...]) -> str:
+    return _version(command)
 
 
 def _version(command: Sequence[str]) -> str:
@@ -172,7 +186,7 @@ def compile_library(
     compiler
         the result of `find_compiler`.
     sources
-        file names in `folder`, at least one.
+        file names in `folder`; none if `linking` has what is linked.
     library
         the file name of the library in `folder`.
     folder

@@ -19,6 +19,15 @@ from pathlib import Path
 import struct
 
 
+def is_machine_code(path: str) -> bool:
+    """Return whether a file is one of this format; False if it cannot be read."""
+    try:
+        with open(path, 'rb') as file:
+            return file.read(4) == b'\x7fELF'
+    except OSError:
+        return False
+
+
 def is_cut_short(path: Path) -> bool:
     """
     Return whether an ELF file ends before its section headers, which come last.

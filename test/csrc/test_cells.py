@@ -33,6 +33,7 @@ from fret_monitor.program.monitor_program import (
     AlwaysWithin, Equation, OnceWithin, Operand, Read, StepGroup,
 )
 import pytest
+from strategies import some, thorough
 
 HERE = Path(__file__).resolve().parent
 
@@ -92,7 +93,8 @@ def test_every_check_of_the_program_is_run(program: Path) -> None:
 
 
 @pytest.mark.parametrize(('name', 'standard', 'level'), [
-    ('gcc', 'c99', '-O0'), ('gcc', 'c11', '-O3'), ('clang', 'c99', '-O2')])
+    ('gcc', 'c99', '-O0'), pytest.param('gcc', 'c11', '-O3', marks=thorough),
+    ('clang', 'c99', '-O2')])
 def test_every_check_holds_without_a_warning(
     tmp_path: Path, name: str, standard: str, level: str,
 ) -> None:
@@ -128,7 +130,7 @@ def test_a_wrong_first_value_of_a_counter_is_detected(program: Path) -> None:
 
 
 @pytest.mark.parametrize(('name', 'flags'), [
-    ('gcc', SANITIZERS), ('gcc', ('-O3',)), ('clang', ('-O2',))])
+    ('gcc', SANITIZERS), pytest.param('gcc', ('-O3',), marks=thorough), ('clang', ('-O2',))])
 def test_cells_at_ticks_equal_the_operators_at_every_tick(
     tmp_path: Path, name: str, flags: tuple[str, ...],
 ) -> None:
@@ -156,7 +158,7 @@ SLIPS_AT_TICKS = {
 }
 
 
-@pytest.mark.parametrize('slip', SLIPS_AT_TICKS)
+@pytest.mark.parametrize('slip', some([*SLIPS_AT_TICKS], 4))
 def test_a_mistake_in_a_cell_at_ticks_is_detected(tmp_path: Path, slip: str) -> None:
     assert run(with_slip(tmp_path, 'cells_at', '-O1', *SLIPS_AT_TICKS[slip])).returncode == 1
 
@@ -181,7 +183,7 @@ SLIPS = {
 }
 
 
-@pytest.mark.parametrize('slip', SLIPS)
+@pytest.mark.parametrize('slip', some([*SLIPS], 3))
 def test_a_mistake_in_the_header_is_detected(tmp_path: Path, slip: str) -> None:
     check, right, wrong = SLIPS[slip]
     done = run(with_slip(tmp_path, 'cells', '-O0', right, wrong), check)

@@ -29,8 +29,9 @@ from bench import instances
 from differential import compiled
 from differential.compiled import WARNINGS
 from fret_monitor.native import csrc_file, csrc_includes
+import objects
 import pytest
-from strategies import EXAMPLES, some
+from strategies import EXAMPLES, some, thorough
 
 HERE = Path(__file__).resolve().parent
 SCENARIOS = [(program, name) for program in ('evaluator_scenarios', 'timed_scenarios')
@@ -76,8 +77,8 @@ def build(folder: Path, *flags: str) -> 'subprocess.CompletedProcess[str]':
     done = compile_all(folder, gcc(), sources() + programs_in_c(), '-std=c99', *flags)
     for program in (*PROGRAMS, EDGES):
         if done.returncode == 0:
-            objects = [folder / f'{name}.o' for name in (*SOURCES, program)]
-            done = run(*gcc(), *flags, *objects, '-o', folder / program)
+            made = [folder / f'{name}.o' for name in (*SOURCES, program)]
+            done = run(*gcc(), *flags, *made, '-o', folder / program)
     return done
 
 
@@ -127,6 +128,7 @@ def test_counters_and_times_hold_at_their_limits(programs: Path) -> None:
     assert (done.returncode, done.stdout) == (0, '')
 
 
+@thorough
 def test_the_benchmark_of_instances_compiles(tmp_path: Path) -> None:
     gcc()
     assert instances.compiled(tmp_path).is_file()
@@ -156,13 +158,13 @@ def test_a_header_compiles_before_others_in_c_and_cpp(
     assert (done.returncode, done.stdout) == (0, '')
 
 
-def test_only_declared_symbols_are_defined(tmp_path: Path) -> None:
+def test_only_declared_symbols_are_defined() -> None:
     nm = shutil.which('nm')
     if nm is None:
         pytest.skip('no nm')
-    assert compile_all(tmp_path, gcc(), sources(), '-std=c99').returncode == 0
-    objects = [tmp_path / f'{name}.o' for name in SOURCES]
-    lines = run(nm, '--defined-only', '--extern-only', *objects).stdout.splitlines()
+    made = objects.engine(compiled.SANITIZERS)  # which other tests use, too
+    lines = run(nm, '--defined-only', '--extern-only', *(
+        made[source] for source in sources())).stdout.splitlines()
     headers = [csrc_file(f'{name}.h').read_text(encoding='utf-8')
                for name in (*SOURCES, 'scopes_parts')
                if name not in ('deadlines', 'scopes_steps', 'scopes_due', 'scopes_making')]

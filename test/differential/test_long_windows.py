@@ -29,7 +29,7 @@ from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.formula import Historically, Once, Since, Triggered, Variable, Window
 from fret_monitor.model.values import ValueType
 import pytest
-from strategies import property_of, specification_of, Trace
+from strategies import property_of, some, specification_of, Trace
 
 P, Q = Variable('p', ValueType.BOOL), Variable('q', ValueType.BOOL)
 Bounded: TypeAlias = Once | Historically | Since | Triggered
@@ -114,7 +114,7 @@ def test_long_windows_are_exact_to_the_step(steps: int, longest: int,
     items = formulas([Window(low, high) for low, high in ends])
     properties = [property_of(f'R-{number}', item) for number, item in enumerate(items)]
     compiled = Compiled(specification_of(properties, (P, Q)))
-    for seed in (1, 2):
+    for seed in some((1, 2)):
         rng = Random(seed)
         trace = {'p': runs(rng, steps, longest), 'q': runs(rng, steps, longest // 9)}
         for item, found in zip(items, compiled.run(trace), strict=True):

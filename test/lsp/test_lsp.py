@@ -25,6 +25,7 @@ from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.language.fretish_words import WORDS
 from lsp.client import at, Client, editor, place_of, Refused, started, WAIT_S
 import pytest
+from strategies import thorough
 
 pytest.importorskip('pygls')
 
@@ -98,7 +99,8 @@ def test_a_warning_is_one(client: Client) -> None:
 
 
 @pytest.mark.parametrize(('encodings', 'encoding', 'size'), [
-    (None, 'utf-16-le', 2), (['utf-8', 'utf-16'], 'utf-8', 1), (['utf-32'], 'utf-32-le', 4)])
+    (None, 'utf-16-le', 2), (['utf-8', 'utf-16'], 'utf-8', 1),
+    pytest.param(['utf-32'], 'utf-32-le', 4, marks=thorough)])
 def test_places_count_in_the_units_that_the_editor_has_chosen(
         encodings: list[str] | None, encoding: str, size: int) -> None:
     text = f'{BUNDLE}  - {{id: A, title: "\U0001d11e \u00e4", ptltl: sped > 1}}\n'

@@ -14,6 +14,7 @@
 
 """Libraries are built once, found again, and never loaded from a folder others can write."""
 
+import ctypes
 import json
 import logging
 import os
@@ -28,6 +29,7 @@ from fret_monitor.native import (
     build_library, cache, cache_directory, CacheError, Compiler, CompilerError, csrc_directory,
     find_compiler, NativeError, runtime_headers,
 )
+from fret_monitor.native.compiler import OBJECT
 import pytest
 
 SOURCE = 'int fm_answer(void);\nint fm_answer(void)\n{\n  return 42;\n}\n'
@@ -100,6 +102,25 @@ def test_sources_and_headers_are_kept_beside_the_library_and_objects_are_not() -
     library = build_library({'toy.c': SOURCE, 'more.c': more}, name='toy', headers={'a.h': ''})
     assert sorted(file.name for file in library.parent.iterdir()) == [
         'a.h', 'libtoy.so', 'more.c', 'seal.json', 'toy.c']
+
+
+def test_objects_are_linked_and_made_only_where_the_library_is_not_there_yet(
+    tmp_path: Path, counting: Compiler,
+) -> None:
+    shown = f'__attribute__((visibility("default"))) {SOURCE}'
+
+    def made() -> list[Path]:
+        return [build_library({'toy.c': shown}, name='toy', headers={}, compiler=counting,
+                              linking=OBJECT)]
+
+    first = build_library({}, name='toy', headers={'toy.c': SOURCE}, compiler=counting,
+                          objects=made)
+    assert ctypes.CDLL(str(first)).fm_answer() == 42
+    number = runs(tmp_path)
+    made()[0].unlink()
+    assert build_library({}, name='toy', headers={'toy.c': SOURCE}, compiler=counting,
+                         objects=made) == first
+    assert runs(tmp_path) == number
 
 
 def test_the_headers_of_csrc_are_on_the_include_path() -> None:

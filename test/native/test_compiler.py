@@ -17,12 +17,13 @@
 from collections.abc import Iterator
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import time
 from typing import Any
 
-from fret_monitor.native import Compiler, CompilerError, find_compiler
+from fret_monitor.native import Compiler, compiler, CompilerError, find_compiler
 from fret_monitor.native.compiler import compile_library
 import pytest
 
@@ -112,6 +113,22 @@ def test_the_identity_changes_with_the_version_the_file_and_the_arguments(tools:
     (tools / 'version').write_text('3', encoding='utf-8')
     fifth = find_compiler({'PATH': str(tools)})
     assert len({found.identity for found in (first, second, third, fourth, fifth)}) == 5
+
+
+def test_a_compiler_whose_file_stays_is_asked_for_its_version_once(
+        tools: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def version(command: tuple[str, ...]) -> str:
+        asked.append(command)
+        return '1'
+
+    monkeypatch.setattr(compiler, '_version', version)
+    shutil.copy2('/bin/true', tools / 'cc')
+    first = [find_compiler({'PATH': str(tools)}) for _ in range(3)]
+    os.utime(tools / 'cc', (1, 1))
+    assert find_compiler({'PATH': str(tools)}) not in first
+    assert len(asked) == 2 and len(set(first)) == 1
 
 
 @pytest.mark.parametrize('wanted', [{}, {'CC': 'cc'}])

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from fret_monitor.native import evaluator_library
 import pytest
-from strategies import IS_THOROUGH
+from strategies import HOT_PATHS, IS_THOROUGH
 
 if TYPE_CHECKING:
     from ros.harness import Partner
@@ -36,6 +36,7 @@ except ImportError:
 
 
 # Its monitors take messages in callbacks, and then in a thread: both must pass the same tests.
+# In `make test`, test_hot_path, test_recordings, test_timed and others see the thread, too.
 BOTH_WAYS = {'test_monitor_node'}
 
 
@@ -43,7 +44,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run the tests of `BOTH_WAYS` twice."""
     if metafunc.module.__name__.rpartition('.')[2] in BOTH_WAYS:
         metafunc.fixturenames.append('hot_path')
-        metafunc.parametrize('hot_path', ['on', 'off'], indirect=True)
+        metafunc.parametrize('hot_path', HOT_PATHS, indirect=True)
 
 
 @pytest.fixture(scope='session', autouse=True)

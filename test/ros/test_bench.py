@@ -105,6 +105,7 @@ def test_a_start_ends_with_the_first_step_after_the_first_subscription(short: be
         assert 0.0 < start.first <= start.every <= start.step
 
 
+@thorough
 @pytest.mark.usefixtures('forking')
 def test_nodes_at_rest_are_compared_with_bare_ones_also_while_others_come(
     short: bench.Bench,

@@ -22,6 +22,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros.harness import BEST_EFFORT, LATCHED, Partner, RELIABLE, started, wait_until
 from std_msgs.msg import Int32
+from strategies import HOT_PATHS
 
 LATCHED_BEST_EFFORT = QoSProfile(
     depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT,
@@ -30,7 +31,7 @@ KINDS = {'reliable': RELIABLE, 'best effort': BEST_EFFORT, 'latched': LATCHED,
          'latched best effort': LATCHED_BEST_EFFORT}
 
 
-@pytest.mark.parametrize('hot_path', ['on', 'off'])
+@pytest.mark.parametrize('hot_path', HOT_PATHS)
 @pytest.mark.parametrize('first', KINDS)
 def test_late_publishers_of_every_qos_are_received_beside_one_that_never_stops(
     partner: Partner, tmp_path: Path, first: str, hot_path: str,
