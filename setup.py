@@ -85,6 +85,7 @@ XLSX = [
 
 # What `fret-monitor studio` needs.
 STUDIO = [
+    *BAG,
     'starlette>=0.40,<2',
     'uvicorn>=0.35,<1',
     'websockets>=14',

@@ -77,11 +77,12 @@ def _processor_s(client: Client) -> float:
     return (int(fields[13]) + int(fields[14])) / os.sysconf('SC_CLK_TCK')
 
 
-def _shown(name: str, times: Sequence[float]) -> str:
+def shown(name: str, times: Sequence[float], what: str = 'keystrokes') -> str:
+    """Return the median and the 99th percentile of times (s) as a line."""
     ordered = sorted(times)
     last = ordered[min(len(ordered) - 1, len(ordered) * 99 // 100)]
     return (f'{name:<28} median {1000 * median(ordered):6.0f} ms   '
-            f'99 % {1000 * last:6.0f} ms   {len(ordered)} keystrokes')
+            f'99 % {1000 * last:6.0f} ms   {len(ordered)} {what}')
 
 
 def main() -> None:
@@ -99,9 +100,9 @@ def main() -> None:
         taken = (_processor_s(client) - before) / len(checks)
         completions = _typed(client, text, options.rounds, completes=True)
     print(f'{options.requirements} requirements, {len(text) // 1024} KiB')
-    print(_shown('keystroke to diagnostics', checks))
+    print(shown('keystroke to diagnostics', checks))
     print(f'{"  processor time":<28} mean   {1000 * taken:6.0f} ms')
-    print(_shown('keystroke to completions', completions))
+    print(shown('keystroke to completions', completions))
 
 
 if __name__ == '__main__':

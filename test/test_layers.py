@@ -60,18 +60,18 @@ LEVELS = {
     'fret_monitor.ros': 19,
     'fret_monitor.bag': 19,
     'fret_monitor.lsp': 19,
-    'fret_monitor.studio': 19,
-    'fret_monitor.cli': 20,  # its verbs `bag`, `lsp` and `studio` call those faces
-    'fret_monitor.testing': 21,  # for tests of robots: starts the monitor as a process
-    'fret_monitor.__main__': 21,
+    'fret_monitor.studio': 20,  # shows the reports of `bag`
+    'fret_monitor.cli': 21,  # its verbs `bag`, `lsp` and `studio` call those faces
+    'fret_monitor.testing': 22,  # for tests of robots: starts the monitor as a process
+    'fret_monitor.__main__': 22,
 }
 # The rooms of `ros`, between its own modules: what all use, and the entries.
 ROOMS_OF_ROS = (
     'signals', 'watch', 'log_lines', 'settings', 'intake', 'acting', 'reports', 'nodes', '')
-FACES = {name for name, level in LEVELS.items() if level in (19, 20)}
+FACES = {name for name, level in LEVELS.items() if level in (19, 20, 21)}
 BETWEEN_FACES = {
     ('fret_monitor.cli', 'fret_monitor.bag'), ('fret_monitor.cli', 'fret_monitor.lsp'),
-    ('fret_monitor.cli', 'fret_monitor.studio')}
+    ('fret_monitor.cli', 'fret_monitor.studio'), ('fret_monitor.studio', 'fret_monitor.bag')}
 LEAN = {'fret_monitor.native', 'fret_monitor.runtime'}
 LEAN_LEVELS = {0, 1, 9, 10}
 # Packages of ROS that are not named `*_msgs`.

@@ -57,6 +57,7 @@ from fret_monitor.start import manifest_of, start
 
 if TYPE_CHECKING:  # a bundle in the cache needs no parser
     from fret_monitor.build import Reading
+    from fret_monitor.bundle.source_file import ReadFile
     from fret_monitor.elaboration.signals import FindMessage
 
 _ALL = 2**32 - 1  # details a second
@@ -205,11 +206,13 @@ def _compiled(bundle: Path, selection: Selection, find: 'FindMessage') -> Compil
     return compiled(read_bundle(bundle, selection, find))
 
 
-def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage') -> 'Reading':
+def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage',
+                read_file: 'ReadFile | None' = None) -> 'Reading':
     """Read a bundle for a recording; all requirements report occurrences."""
     from fret_monitor.build import read
+    from fret_monitor.bundle.source_file import read_source
     reading = read(bundle, stamp=selection.stamp, constants=selection.constants,
-                   find_message=find, takes_instances=True)
+                   find_message=find, takes_instances=True, read_file=read_file or read_source)
     properties = tuple(replace(item, report=Report.OCCURRENCE)
                        for item in reading.specification.properties)
     return replace(reading, specification=replace(

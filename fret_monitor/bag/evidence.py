@@ -163,7 +163,11 @@ def _shown(item: Property, findings: Findings, starts: Sequence[Start], result: 
               and signal.source is not InputSource.INSTANCES]
     plots = [index for index in inputs if signals[index].type is not ValueType.BOOL][:_MOST_PLOTS]
     lead = _lead(item, result, specification)
-    for start, (begin, end) in zip(starts, findings.spans):
+    later = iter(findings.spans)
+    for start in starts:
+        begin, end = next((span for span in later if span[0] == start.time), (None, None))
+        if begin is None:
+            break
         lasts = result.end - begin if end is None else end - begin
         window = (max(result.begin, begin - lead),
                   min(result.end, begin + max(lead // 3, min(lasts + lasts // 4, lead))))

@@ -39,6 +39,19 @@ _MOST_KEYS = 100  # violated instances of a requirement that have a lane
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """A part of the judged time that is shown: nanoseconds since its begin, inclusive."""
+
+    first: int
+    last: int
+
+    def within(self, begin: int, end: int) -> tuple[int, int]:
+        """Return its times in what is judged from a time to another."""
+        first = min(begin + max(0, self.first), end)
+        return first, max(first, min(begin + self.last, end))
+
+
+@dataclass(frozen=True)
 class Start:
     """
     The begin of an occurrence: time (ns), step, values of inputs and constants, if known.
@@ -81,9 +94,11 @@ class _Painted:
 class Overview:
     """Collects verdicts, the first occurrences, and values of inputs during a run."""
 
-    def __init__(self, monitor: Monitor, until: int = 0) -> None:
-        """Collect those of a monitor, at least until a time (ns)."""
+    def __init__(self, monitor: Monitor, until: int = 0,
+                 stretch: Stretch | None = None) -> None:
+        """Collect those of a monitor, at least until a time (ns); only what a stretch has."""
         self.until = until
+        self._stretch = stretch
         self._monitor = monitor
         self._manifest = monitor.manifest
         self._taken = 0
@@ -101,6 +116,9 @@ class Overview:
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin a run."""
         self.until = end = max(end, self.until)
+        if self._stretch is not None:
+            begin, end = self._stretch.within(begin, end)
+        self.window = (begin, end)
         count = len(manifest.inputs)
         parts = max(_FEWEST_PARTS, min(_MOST_PARTS, _PARTS // max(1, count)))
         self.parts = parts
@@ -126,8 +144,16 @@ class Overview:
         self._taken += 1
         self._lanes[index].change(violation)
         self._change_of_key(self._keyed[index], violation)
-        if not violation.is_recovery and len(self.starts[index]) < MOST_SHOWN:
-            self.starts[index].append(_start(violation, detail))
+        self._note_start(self.starts[index], violation, detail)
+
+    def _note_start(self, starts: list[Start], violation: Violation,
+                    detail: StatusRecord | None) -> None:
+        """Keep the first occurrences in the window, and what lasts from before into it."""
+        if violation.is_recovery:
+            if violation.stamp <= self._begin:
+                starts[:] = [item for item in starts if item.key != violation.key]
+        elif violation.stamp <= self._end and len(starts) < MOST_SHOWN:
+            starts.append(_start(violation, detail))
 
     def _change_of_key(self, lanes: dict[bytes, _Painted], violation: Violation) -> None:
         key = violation.key

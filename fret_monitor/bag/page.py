@@ -40,7 +40,7 @@ def document(title: str, body: Iterable[str], data: Mapping[str, Any] | None = N
              is_broad: bool = False) -> str:
     """Return a page, as broad as the window if wanted; with `data` it has the script for them."""
     style = _file('page.css')
-    script = '' if data is None else _file('page.js')
+    script = '' if data is None else _file('rows.js') + _file('page.js')
     policy = (f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; "
               f"script-src {repr(_hash(script)) if script else repr('none')}")
     parts = [

@@ -18,23 +18,26 @@ The report of a recording: one page of HTML with all that it needs (docs/recordi
 The recording is read once for the verdicts, and once more for what is drawn around occurrences.
 """
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 import math
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from fret_monitor.bag.check import (
-    Changes, compiled, opened, read_bundle, RecordingResult, run, Selection,
+    AnyRecording, Changes, compiled, opened, read_bundle, RecordingResult, run, Selection,
 )
 from fret_monitor.bag.curve import probability_section
 from fret_monitor.bag.evidence import Occurrence, Plot
 from fret_monitor.bag.evidence_by_key import evidence_by_key
 from fret_monitor.bag.findings import Findings
-from fret_monitor.bag.overview import Overview
+from fret_monitor.bag.overview import Overview, Stretch
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import verdict_of
 from fret_monitor.build import Reading
+from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain.report import Meaning, meanings
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest, ManifestInput
@@ -61,25 +64,39 @@ def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path,
     """
     with opened(path) as (recording, find):
         reading = read_bundle(bundle, selection, find)
-        monitor = compiled(reading).monitor
-        overview = Overview(monitor)
-        result = run(monitor, recording, selection, changes=[*changes, overview],
-                     watch=overview.watch, progress=progress)
-        if result.end > overview.until:  # the recording is longer than its metadata says
-            overview = Overview(monitor, result.end)
-            result = run(monitor, recording, selection, changes=[overview],
-                         watch=overview.watch, progress=progress)
-        found = meanings(reading, find)
-        occurrences, drawn = evidence_by_key(
-            reading, found, recording, selection, result, overview.starts)
-    page = _Report(bundle, reading, found, result, overview, occurrences, drawn).page()
+        report = examine(bundle, reading, recording, find, selection, changes=changes,
+                         progress=progress)
     with open_output(file, [bundle, *reading.paths, *files_of(path)]) as output:
-        output.write(page)
-    return result
+        output.write(report.page())
+    return report.result
 
 
-class _Report:
-    """The page of one recording."""
+def examine(
+    bundle: Path, reading: Reading, recording: AnyRecording, find: FindMessage,
+    selection: Selection, *, stretch: Stretch | None = None, changes: Sequence[Changes] = (),
+    progress: Progress = no_progress,
+) -> 'RecordingReport':
+    """
+    Run a bundle over a recording and return its report; `reading` is as of `read_bundle`.
+
+    With a `stretch` it shows that part of the judged time. `bundle` is only named.
+    """
+    monitor = compiled(reading).monitor
+    overview = Overview(monitor, stretch=stretch)
+    result = run(monitor, recording, selection, changes=[*changes, overview],
+                 watch=overview.watch, progress=progress)
+    if result.end > overview.until:  # the recording is longer than its metadata says
+        overview = Overview(monitor, result.end, stretch)
+        result = run(monitor, recording, selection, changes=[overview],
+                     watch=overview.watch, progress=progress)
+    found = meanings(reading, find)
+    occurrences, drawn = evidence_by_key(
+        reading, found, recording, selection, result, overview.starts)
+    return RecordingReport(bundle, reading, found, result, overview, occurrences, drawn)
+
+
+class RecordingReport:
+    """The report of one recording, or of a stretch of it."""
 
     def __init__(self, bundle: Path, reading: Reading, found: dict[str, Meaning],
                  result: RecordingResult, overview: Overview,
@@ -88,20 +105,23 @@ class _Report:
         self._bundle = bundle
         self._reading = reading
         self._meanings = found
-        self._result = result
+        self.result = result
         self._overview = overview
-        self._occurrences = occurrences
+        self.occurrences = occurrences
         self._manifest: Manifest = result.manifest
         self._drawn = drawn  # the inputs of the plots
         self._keyed = [overview.of_instances(index) for index, _ in enumerate(result.findings)]
         self._length = result.end - result.begin
 
     def page(self) -> str:
-        name = self._result.path.resolve().name
-        return document(f'{name}: {self._manifest.name}', self._body(name), self._data())
+        """Return it as a page that needs nothing else."""
+        name = self.result.path.resolve().name
+        return document(f'{name}: {self._manifest.name}', self.body(), self.data())
 
-    def _body(self, name: str) -> Iterator[str]:
-        result = self._result
+    def body(self) -> Iterator[str]:
+        """Yield it in HTML; `rows.js` draws what is in `data` in it."""
+        result = self.result
+        name = result.path.resolve().name
         yield f'<header><h1>{escaped(name)}</h1>'
         yield f'<p>{self._summary()}</p>'
         yield '<dl>'
@@ -123,14 +143,14 @@ class _Report:
         yield from self._inputs()
 
     def _summary(self) -> str:
-        words = [verdict_of(item) for item in self._result.findings]
+        words = [verdict_of(item) for item in self.result.findings]
         parts = [f'{words.count(word)} {word.lower()}' for word in (
             'VIOLATED', 'satisfied', 'open', 'not judged') if word in words]
         return f'{counted(len(words), "requirement")}: {", ".join(parts)}.'
 
     def _verdicts(self) -> Iterator[str]:
         yield '<section id="overview"><h2>Verdicts</h2><div class="card"><div class="rows">'
-        for index, item in enumerate(self._result.findings):
+        for index, item in enumerate(self.result.findings):
             yield (f'<a href="#r{index}">{escaped(item.id)}</a>{badge(verdict_of(item))}'
                    f'{_lane(index)}')
             yield from self._instances(index)
@@ -139,7 +159,7 @@ class _Report:
 
     def _instances(self, index: int) -> Iterator[str]:
         """Yield a row for each instance that violated a requirement, folded."""
-        item = self._result.findings[index]
+        item = self.result.findings[index]
         if not item.instances:
             return
         yield (f'<details><summary>{counted(len(item.instances), "instance")} violated it'
@@ -161,7 +181,7 @@ class _Report:
         yield '<section id="requirements"><h2>Requirements</h2>'
         place = 0
         by_id = {item.id: item for item in self._manifest.numbered}
-        for index, item in enumerate(self._result.findings):
+        for index, item in enumerate(self.result.findings):
             requirement, meaning = by_id[item.id], self._meanings[item.id]
             yield (f'<article class="card" id="r{index}"><h3>{escaped(item.id)} '
                    f'{badge(verdict_of(item))}</h3>')
@@ -173,7 +193,8 @@ class _Report:
                 yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
             yield f'</dl>{self._count(index)}'
             yield from probability_section(item)
-            for number, occurrence in enumerate(self._occurrences[index], 1):
+            for number, occurrence in enumerate(
+                    self.occurrences[index], 1 + self._count_before(index)):
                 key = occurrence.start.key
                 of = '' if key is None else f' of {item.instances[key].id}'
                 yield from self._figure(
@@ -183,8 +204,15 @@ class _Report:
             yield '</article>'
         yield '</section>'
 
+    def _count_before(self, index: int) -> int:
+        """Return how many occurrences began before the first one that is drawn."""
+        item, shown = self.result.findings[index], self.occurrences[index]
+        if item.variable or not shown:
+            return 0
+        return bisect_left(item.spans, shown[0].start.time, key=itemgetter(0))
+
     def _count(self, index: int) -> str:
-        item = self._result.findings[index]
+        item = self.result.findings[index]
         if not item.occurrences:
             return ''
         steps = '' if item.violations is None else \
@@ -208,7 +236,7 @@ class _Report:
 
     def _open(self, item: Occurrence) -> Iterator[str]:
         due = item.start.time
-        later = short_seconds(due - self._result.end)
+        later = short_seconds(due - self.result.end)
         yield (f'<strong>Open at the end</strong>: violated if nothing comes until '
                f'{self._since(due)}, {later} s after the end of the recording.')
         if item.trigger is not None:
@@ -225,7 +253,7 @@ class _Report:
         yield (f'<strong>{escaped(title)}</strong> at '
                f'{self._since(time)}, {lasts}<br><span class="time"><code>{moment}</code> '
                '<button class="copy">copy</button></span>')
-        if not self._result.is_trace:
+        if not self.result.is_trace:
             yield (' <a class="jump" target="_blank" rel="noopener noreferrer" '
                    f'href="{_FOXGLOVE}{moment}">Foxglove</a>')
         if item.is_deadline and item.trigger is not None:
@@ -240,23 +268,23 @@ class _Report:
             yield f'<br>Values: <code>{escaped(values)}</code>'
 
     def _others(self, index: int) -> Iterator[str]:
-        item = self._result.findings[index]
+        item = self.result.findings[index]
         if item.variable:
             return  # the rows of the instances have the first of each
-        drawn = sum(not occurrence.is_open for occurrence in self._occurrences[index])
-        others = [begin for begin, _ in item.spans[drawn:drawn + _MOST_LISTED]]
+        drawn = {each.start.time for each in self.occurrences[index] if not each.is_open}
+        others = [begin for begin, _ in item.spans if begin not in drawn][:_MOST_LISTED]
         if others:
             times = ', '.join(map(self._since, others))
-            left = item.occurrences - drawn - len(others)
+            left = item.occurrences - len(drawn) - len(others)
             more = f', and {left:,} more' if left else ''
             yield f'<p class="faint">Further occurrences at {times}{more}.</p>'
 
     def _since(self, time: int) -> str:
-        return f'{short_seconds(time - self._result.start)} s'
+        return f'{short_seconds(time - self.result.start)} s'
 
     def _moment(self, time: int) -> str:
         """Return a time as other programs show it: a date, or the seconds of a trace."""
-        return short_seconds(time) if self._result.is_trace else iso_time(time)
+        return short_seconds(time) if self.result.is_trace else iso_time(time)
 
     def _inputs(self) -> Iterator[str]:
         yield '<section id="inputs"><h2>Inputs</h2><div class="card">'
@@ -268,12 +296,14 @@ class _Report:
                    'aria-label="values over time"></svg></figure>')
         yield '</div></section>'
 
-    def _data(self) -> dict[str, Any]:
-        result, overview = self._result, self._overview
+    def data(self) -> dict[str, Any]:
+        """Return what `rows.js` draws, as JSON."""
+        result, overview = self.result, self._overview
         inputs = self._manifest.inputs
+        begin, end = overview.window
         return {
-            'begin': self._result.begin - self._result.start,
-            'length': self._length,
+            'begin': begin - result.start,
+            'length': end - begin,
             'lanes': [*overview.verdicts(result.findings),
                       *(lane for lanes in self._keyed for lane in lanes.values())],
             'inputs': [{
@@ -286,13 +316,13 @@ class _Report:
                 'names': item.stored_values, 'n': 1, 'b': None, 'v': [],
             } for item in self._drawn[len(inputs):]],
             'occurrences': [self._occurrence(item)
-                            for items in self._occurrences for item in items],
+                            for items in self.occurrences for item in items],
         }
 
     def _occurrence(self, item: Occurrence) -> dict[str, Any]:
         time = item.start.time
         if item.is_open:  # what is drawn ends before the deadline
-            time = self._result.end if item.trigger is None else item.trigger
+            time = self.result.end if item.trigger is None else item.trigger
         return {
             'w': [item.window[0] - time, item.window[1] - time],
             'e': None if item.end is None else item.end - time,

@@ -25,12 +25,13 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from fret_monitor.bag.required import require_rosbags
 from fret_monitor.cli.columns import columns
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
-    CompileError, counted, pip_install, Problems, refuse, require_packages, Text,
+    CompileError, counted, Problems, refuse, require_packages, Text,
 )
 from fret_monitor.model.output import open_output, refuse_overwriting
 from fret_monitor.model.policies import Stamp
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from fret_monitor.bag.fleet import Outcome
     from fret_monitor.bag.results_file import ResultsFile
 
-_ROSBAGS = 'rosbags>=0.11.7,<0.12'  # as in setup.py
 _OUTPUTS = ('junit', 'csv', 'mcap', 'report', 'results')
 _PAGES = ('.html', '.htm')
 _MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
@@ -121,15 +121,6 @@ def run(options: Namespace) -> int:
             if options.json and recording_key(path) not in lines:
                 print(failed_line(path, problem_texts(error)), flush=True)
         raise
-
-
-def require_rosbags(what: str) -> None:
-    """Refuse to run `what` without a release of rosbags that it can use."""
-    require_packages(what, {'rosbags': _ROSBAGS})
-    try:
-        import fret_monitor.bag.recording  # noqa: F401
-    except ImportError as error:  # earlier releases lack something that is needed
-        refuse(f'{what} needs another release of rosbags: {error}', help=pip_install(_ROSBAGS))
 
 
 def _run(options: Namespace, lines: dict[str, str]) -> int:

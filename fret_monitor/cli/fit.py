@@ -18,7 +18,8 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fret_monitor.cli.bag import add_reading, require_rosbags, selection_of
+from fret_monitor.bag.required import require_rosbags
+from fret_monitor.cli.bag import add_reading, selection_of
 from fret_monitor.cli.constants import constant
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import progress

@@ -23,7 +23,7 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from fret_monitor.cli.bag import require_rosbags
+from fret_monitor.bag.required import require_rosbags
 from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.diagnostics import counted, did_you_mean, Problems, refuse
 from fret_monitor.model.names import shown

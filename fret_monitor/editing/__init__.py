@@ -32,6 +32,10 @@ typed: what can be read of it is used, and the rest has a diagnostic.
 | `complete(edited, offset, topics)` | `Proposal`s: label, detail, place and text |
 | `definition(edited, offset)`, `references(edited, offset)` | places, in all files of the bundle |
 | `rename(edited, offset, name)` | `TextEdit`s, or a `CompileError` with the reason |
+| `picture(edited)` | a `Picture`: nodes (topics, inputs, definitions, requirements, actions, \
+gates), and links from what is read to what reads it |
+| `sentence_form(edited, id)` | the fields of a FRETish sentence; `with_sentence(edited, id, \
+fields)`: a `TextEdit` that writes them |
 | `folds(text)`, `formatted(text)` | lines that can be folded; the text in the usual indentation |
 
 `read_file` is as `read_source`: it has the texts of other open files, such as of `signals`.
@@ -50,11 +54,16 @@ from fret_monitor.editing.fixes import fixes, QuickFix
 from fret_monitor.editing.folding import FoldedLines, folds
 from fret_monitor.editing.formatting import formatted
 from fret_monitor.editing.hover import hover, HoverText
+from fret_monitor.editing.picture import Picture, picture, PictureKind, PictureNode
 from fret_monitor.editing.positions import EditorPosition, PositionMap
 from fret_monitor.editing.references import definition, references, rename
+from fret_monitor.editing.sentence_form import (
+    sentence_form, sentence_of, SentenceField, with_sentence,
+)
 
 __all__ = [
     'code_of', 'complete', 'definition', 'EditedBundle', 'EditorPosition', 'fixes', 'FoldedLines',
-    'folds', 'formatted', 'hover', 'HoverText', 'looks_like_a_bundle', 'PositionMap', 'Proposal',
-    'ProposalKind', 'QuickFix', 'read_edited', 'references', 'rename', 'RunningTopics',
-    'TextEdit', 'unchecked', 'with_edits']
+    'folds', 'formatted', 'hover', 'HoverText', 'looks_like_a_bundle', 'picture', 'Picture',
+    'PictureKind', 'PictureNode', 'PositionMap', 'Proposal', 'ProposalKind', 'QuickFix',
+    'read_edited', 'references', 'rename', 'RunningTopics', 'sentence_form', 'sentence_of',
+    'SentenceField', 'TextEdit', 'unchecked', 'with_edits', 'with_sentence']

@@ -26,7 +26,10 @@ from fret_monitor.model.diagnostics import CompileError, refuse, Source
 from fret_monitor.model.output import open_output
 
 MOST_BYTES = 2_000_000
+MOST_RECORDING_BYTES = 2_000_000_000
 _SUFFIXES = ('.yaml', '.yml')
+_RECORDINGS = ('.mcap', '.db3', '.bag')
+_METADATA = 'metadata.yaml'
 _MOST_FILES = 500
 
 
@@ -68,13 +71,40 @@ class Folder:
         ValueError
             if the name leads out of the folder, or is not that of a bundle.
         """
-        if '/' in name or '\0' in name or name in ('', '.', '..'):
-            raise ValueError(f"'{name}' is not the name of a file of this folder")
+        _check_name(name)
         if not name.endswith(_SUFFIXES):
             raise ValueError(f"'{name}' does not end with .yaml")
         path = self.root / name
         if path.resolve() != path:
             raise ValueError(f"'{name}' is a link")
+        return path
+
+    def recordings(self) -> list[str]:
+        """Return the names of the recordings: files, and folders of rosbag2."""
+        found = (entry.name for entry in os.scandir(self.root)
+                 if not entry.is_symlink() and (
+                     entry.name.endswith(_RECORDINGS) if entry.is_file()
+                     else entry.is_dir() and Path(entry, _METADATA).is_file()))
+        return sorted(found)[:_MOST_FILES]
+
+    def recording(self, name: str) -> Path:
+        """
+        Return the path of a recording of this folder; nothing of it is a link.
+
+        Raises
+        ------
+        ValueError
+            if the name leads out of the folder, or the recording cannot be read in a page.
+        """
+        _check_name(name)
+        path = self.root / name
+        try:
+            size = sum(map(_recorded_bytes, [path, *path.iterdir()] if path.is_dir() else [path]))
+        except OSError as error:
+            raise ValueError(f"cannot read '{name}': {error.strerror or error}") from None
+        if size > MOST_RECORDING_BYTES:
+            raise ValueError(f"'{name}' has more than {MOST_RECORDING_BYTES:,} bytes: use "
+                             '`fret-monitor bag --report`')
         return path
 
     def read(self, name: str) -> StoredFile:
@@ -129,6 +159,20 @@ class Folder:
         except (OSError, ValueError) as error:
             reason = getattr(error, 'strerror', None) or error
             refuse(f"cannot read '{path}': {reason}")
+
+
+def _check_name(name: str) -> None:
+    """Refuse what is not the name of something in a folder."""
+    if '/' in name or '\0' in name or name in ('', '.', '..'):
+        raise ValueError(f"'{name}' is not the name of a file of this folder")
+
+
+def _recorded_bytes(path: Path) -> int:
+    """Return the size of a file of a recording, or of the folder itself."""
+    state = path.lstat()
+    if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode)):
+        raise ValueError(f"'{path.name}' is a link, or is not a file")
+    return state.st_size
 
 
 def _bytes_of(path: Path) -> bytes:

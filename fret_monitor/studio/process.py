@@ -26,8 +26,10 @@ from contextlib import suppress
 import json
 import os
 from pathlib import Path
+import shutil
 import signal
 import sys
+import tempfile
 from typing import Any
 
 LIMIT_S = 20.0
@@ -47,6 +49,7 @@ class Answering:
         self._folder = folder
         self._limit_s = limit_s
         self._process: asyncio.subprocess.Process | None = None
+        self._scratch: Path | None = None
         self._turn = asyncio.Lock()
 
     async def ask(self, question: dict[str, Any], is_wanted: Callable[[], bool]) -> Any:
@@ -69,8 +72,8 @@ class Answering:
             except TimeoutError:
                 await self.end()
                 raise Unanswered(
-                    f'no answer within {self._limit_s:g} s: the bundle is too large for this '
-                    'page; use the command line') from None
+                    f'no answer within {self._limit_s:g} s: this is too large for this page; '
+                    'use the command line') from None
             except (OSError, ValueError):
                 line = b''
             except asyncio.CancelledError:
@@ -86,6 +89,7 @@ class Answering:
 
     async def _exchange(self, question: dict[str, Any]) -> bytes:
         if self._process is None or self._process.returncode is not None:
+            await self.end()
             self._process = await self._started()
         assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.write(json.dumps(question).encode() + b'\n')
@@ -93,16 +97,20 @@ class Answering:
         return await self._process.stdout.readline()
 
     async def _started(self) -> asyncio.subprocess.Process:
+        self._scratch = Path(tempfile.mkdtemp(prefix='fret_monitor-'))
         return await asyncio.create_subprocess_exec(
             sys.executable, '-m', 'fret_monitor.studio.questions', str(self._folder),
-            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, limit=_MOST_LINE,
+            env={**os.environ, 'TMPDIR': str(self._scratch)}, limit=_MOST_LINE,
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             start_new_session=True)
 
     async def end(self) -> None:
-        """End the process and all it has started."""
+        """End the process and all it has started, and remove its temporary files."""
         process, self._process = self._process, None
-        if process is None:
-            return
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        await process.wait()
+        scratch, self._scratch = self._scratch, None
+        if process is not None:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            await process.wait()
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)

@@ -22,44 +22,44 @@ of `[first step, value]`, one for each change.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 import csv
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice
 import json
+import math
 from pathlib import Path
 import resource
 import sys
 import tempfile
 from typing import Any, TypeAlias
 
+from fret_monitor.bag.required import require_rosbags
 from fret_monitor.build import compile_monitor, generate_monitor, Reading
+from fret_monitor.bundle.source_file import ReadFile
 from fret_monitor.editing import (
-    code_of, complete, EditedBundle, fixes, formatted, hover, PositionMap, read_edited,
+    code_of, complete, EditedBundle, fixes, formatted, hover, picture, PositionMap, read_edited,
+    sentence_form, with_sentence,
 )
 from fret_monitor.logic.formula import Binary, BinaryOperator
 from fret_monitor.logic.scopes import one_instance
 from fret_monitor.logic.specification import Property, Signal, Specification
-from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Span
+from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.errors import NativeError
 from fret_monitor.studio.folder import Folder
+from fret_monitor.studio.values import column, nanoseconds, Refused, runs, seconds, shown
 
 Question: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Any
-Changes: TypeAlias = Sequence[tuple[int, bool | int | float | str]]
 
 MOST_STEPS = 100_000
 _MEMORY = 3_000_000_000
 _FIXED = 5  # diagnostics for which fixes are looked for: each way is tried
 _KINDS = {'satisfying': 'satisfies', 'violating': 'violates', 'recovering': 'recovers in'}
-
-
-class Refused(Exception):
-    """A question cannot be answered; the text says why."""
 
 
 class Questions:
@@ -72,8 +72,10 @@ class Questions:
         self._compiled = lru_cache(maxsize=4)(self._compile)
         self._answers: dict[str, Callable[[Question], Answer]] = {
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
-            'fixes': self._fixes, 'format': self._format, 'explain': self._explain,
-            'simulate': self._simulate, 'example': self._example}
+            'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
+            'form': self._form, 'reword': self._reword, 'explain': self._explain,
+            'simulate': self._simulate, 'example': self._example, 'why': self._why,
+            'recording': self._recording, 'taken': self._taken}
 
     def answer(self, question: Question) -> dict[str, Any]:
         """Return {'answer': ...} or {'error': text}."""
@@ -143,6 +145,26 @@ class Questions:
     def _format(self, question: Question) -> Answer:
         return formatted(question['text'])
 
+    def _picture(self, question: Question) -> Answer:
+        edited = self._edited(question)
+        places = Utf16(edited.source.text)
+        found = picture(edited)
+        return {'links': found.links, 'nodes': [
+            {'kind': item.kind.value, 'name': item.name, 'detail': item.detail,
+             'level': item.level.value if item.level else None,
+             'from': places.units(item.places[0].start)
+             if item.places and item.places[0].source.name == edited.source.name else None}
+            for item in found.nodes]}
+
+    def _form(self, question: Question) -> Answer:
+        return [item._asdict() for item in sentence_form(self._edited(question), question['id'])]
+
+    def _reword(self, question: Question) -> Answer:
+        """Return the edit that writes the fields of a form into the text."""
+        edited = self._edited(question)
+        edit = with_sentence(edited, question['id'], question['fields'])
+        return {'text': edit.text, **Utf16(edited.source.text).range(edit.place)}
+
     # What compiles.
 
     def _explain(self, question: Question) -> Answer:
@@ -150,31 +172,77 @@ class Questions:
         found, _ = explain(self._reading(question), [question['id']])
         return as_dict(found[0])
 
-    def _compile(self, name: str, text: str) -> tuple[CompiledMonitor, Specification]:
+    def _compile(self, name: str, text: str,
+                 has_margins: bool) -> tuple[CompiledMonitor, Specification]:
         reading = self._reading({'name': name, 'text': text})
+        reading = replace(reading, specification=replace(
+            reading.specification, has_margins=has_margins))
         return compile_monitor(generate_monitor(reading)), reading.specification
 
     def _simulate(self, question: Question) -> Answer:
-        from fret_monitor.traces.csv_trace import trace_text
         from fret_monitor.traces.simulate import simulate
-        compiled, specification = self._compiled(question['name'], question['text'])
+        has_margins = bool(question.get('margins'))
+        compiled, specification = self._compiled(
+            question['name'], question['text'], has_margins)
+        with self._trace(question, specification) as trace:
+            verdicts, margins = trace.with_name('verdicts.csv'), trace.with_name('margins.csv')
+            simulate(compiled.monitor, trace, verdicts, margins=margins if has_margins else None)
+            found = _changes(verdicts.read_text(encoding='utf-8'),
+                             is_timed=specification.policy is Policy.TIMED)
+            text = trace.read_text(encoding='utf-8') if question.get('csv') else None
+            return {'verdicts': found, 'csv': text,
+                    'margins': _margins(margins) if has_margins else None}
+
+    @contextmanager
+    def _trace(self, question: Question, specification: Specification) -> Iterator[Path]:
+        """Yield a file with the trace of a question, in a folder of its own."""
+        from fret_monitor.traces.csv_trace import trace_text
         steps = int(question['steps'])
         if not 1 <= steps <= MOST_STEPS:
             raise Refused(f'a trace has 1 to {MOST_STEPS:,} steps')
-        columns = [_column(signal, question['values'].get(signal.name, []), steps)
+        columns = [column(signal, question['values'].get(signal.name, []), steps)
                    for signal in specification.signals]
-        is_timed = specification.policy is Policy.TIMED
-        period = _nanoseconds(question) if is_timed else 0
         rows: Iterable[tuple[Any, ...]] = zip(*columns, strict=True) if columns else (
             () for _ in range(steps))
-        times = [_seconds(step * period) for step in range(steps)] if is_timed else None
+        period = nanoseconds(question.get('period')) \
+            if specification.policy is Policy.TIMED else 0
+        times = [seconds(step * period) for step in range(steps)] if period else None
         with tempfile.TemporaryDirectory() as name:
-            trace, verdicts = Path(name, 'trace.csv'), Path(name, 'verdicts.csv')
-            text = trace_text(specification.signals, rows, times)
-            trace.write_text(text, encoding='utf-8')
-            simulate(compiled.monitor, trace, verdicts)
-            found = _changes(verdicts.read_text(encoding='utf-8'), is_timed=is_timed)
-        return {'verdicts': found, 'csv': text if question.get('csv') else None}
+            path = Path(name, 'trace.csv')
+            path.write_text(trace_text(specification.signals, rows, times), encoding='utf-8')
+            yield path
+
+    def _why(self, question: Question) -> Answer:
+        """Say what has led to the violation of a requirement at a step."""
+        _require_bags()
+        from fret_monitor.studio.recordings import why
+        reading = self._reading(question)
+        specification = reading.specification
+        _wanted(specification, [question['id']])
+        step = nanoseconds(question.get('period')) if specification.policy is Policy.TIMED \
+            else round((specification.period or 1) * 10**9)
+        with self._trace(question, specification) as trace:
+            return why(reading, trace, question['id'], int(question['step'] * step), step)
+
+    # What reads a recording.
+
+    def _recording(self, question: Question) -> Answer:
+        _require_bags()
+        from fret_monitor.studio.recordings import report, stretch_of
+        stretch = None if question.get('from') is None else stretch_of(
+            question['from'], question['to'])
+        return report(*self._files(question), stretch)
+
+    def _taken(self, question: Question) -> Answer:
+        _require_bags()
+        from fret_monitor.studio.recordings import stretch_of, taken
+        return taken(*self._files(question), stretch_of(question['from'], question['to']))
+
+    def _files(self, question: Question) -> tuple[Path, Path, ReadFile]:
+        """Return the bundle, the recording, and a function that reads the bundle's files."""
+        bundle, text = self._folder.path(question['name']), question['text']
+        return bundle, self._folder.recording(question['recording']), lambda path: (
+            Source(str(path), text) if path == bundle else self._folder.read_source(path))
 
     def _example(self, question: Question) -> Answer:
         """Find a trace on which a requirement is so, or two have different verdicts."""
@@ -182,6 +250,10 @@ class Questions:
         wanted = _wanted(specification, question['ids'])
         kind = question['kind'] if len(question['ids']) == 1 else 'violating'
         return _example(specification, wanted, kind, question['ids'])
+
+
+def _require_bags() -> None:
+    require_rosbags('this part of the page')
 
 
 def _example(specification: Specification, wanted: Property, kind: str,
@@ -203,7 +275,7 @@ def _example(specification: Specification, wanted: Property, kind: str,
             raise Refused(f'no trace {what}: all {found.states:,} states were explored')
         raise Refused(f'no trace that {what} was found; there may be one')
     rows = rows_of(trace)
-    values = {signal.name: _runs(_shown(row[number], signal) for row in rows)
+    values = {signal.name: runs(shown(row[number], signal) for row in rows)
               for number, signal in enumerate(subject.signals)}
     return {'steps': len(rows), 'values': values,
             'period': None if grid is None else grid / 1e9}
@@ -266,8 +338,10 @@ def _input(signal: Signal) -> Answer:
         'isBool': signal.type is ValueType.BOOL,
         'isFloat': signal.type.is_float,
         'names': [name for name, _ in signal.values],
+        'numbers': [index if isinstance(number, str) else number
+                    for index, (_, number) in enumerate(signal.values)],
         'topic': signal.topic or '', 'message': signal.message_type or '',
-        'initial': None if signal.initial is None else _shown(signal.initial, signal)}
+        'initial': None if signal.initial is None else shown(signal.initial, signal)}
 
 
 def _requirement(item: Property, places: Utf16) -> Answer:
@@ -275,66 +349,6 @@ def _requirement(item: Property, places: Utf16) -> Answer:
     return {'id': item.id, 'title': item.title, 'text': item.text,
             'inputs': sorted(item.inputs),
             **(places.range(place) if place else {'from': 0, 'to': 0})}
-
-
-def _shown(value: bool | int | float, signal: Signal) -> bool | int | float | str:
-    """Return a value as the page has it: a name where the input has names."""
-    for index, (name, number) in enumerate(signal.values):
-        if value == (index if isinstance(number, str) else number):
-            return name
-    return str(value) if isinstance(value, float) and value - value != 0 else value
-
-
-def _column(signal: Signal, changes: Changes, steps: int) -> Iterator[bool | int | float]:
-    """Yield the value of an input at each step."""
-    found = [(int(first), _value(signal, value)) for first, value in changes if first < steps]
-    if not found or found[0][0] != 0:
-        found.insert(0, (0, _start(signal)))
-    for (first, value), (after, _) in pairwise([*found, (steps, 0)]):
-        for _ in range(first, after):
-            yield value
-
-
-def _start(signal: Signal) -> bool | int | float:
-    if signal.initial is not None:
-        return signal.initial
-    return False if signal.type is ValueType.BOOL else \
-        0.0 if signal.type.is_float else 0
-
-
-def _value(signal: Signal, value: bool | int | float | str) -> bool | int | float:
-    """Return a value of the page as one of the input's type."""
-    for index, (name, number) in enumerate(signal.values):
-        if value == name:
-            return index if isinstance(number, str) else number
-    try:
-        if signal.type is ValueType.BOOL:
-            return bool(value)
-        if signal.type.is_float:
-            return float(value)
-        return int(value)
-    except ValueError:
-        raise Refused(f"{signal.name} is of type {signal.type.value}: '{value}' is no value "
-                      'of it') from None
-
-
-def _nanoseconds(question: Question) -> int:
-    found = round(float(question.get('period') or 0) * 1e9)
-    if not 1 <= found <= 10 ** 15:
-        raise Refused('the time between two rows is between a nanosecond and eleven days')
-    return found
-
-
-def _seconds(time: int) -> str:
-    return f'{time // 10**9}.{time % 10**9:09}'
-
-
-def _runs(values: Iterable[Any]) -> list[tuple[int, Any]]:
-    found: list[tuple[int, Any]] = []
-    for step, value in enumerate(values):
-        if not found or found[-1][1] != value or type(found[-1][1]) is not type(value):
-            found.append((step, value))
-    return found
 
 
 def _changes(text: str, *, is_timed: bool) -> dict[str, list[tuple[float, int]]]:
@@ -352,6 +366,19 @@ def _changes(text: str, *, is_timed: bool) -> dict[str, list[tuple[float, int]]]
         for number, verdict in enumerate(verdicts.split(',')):
             if number >= len(old) or old[number] != verdict:
                 found[names[number]].append((when, int(verdict)))
+    return found
+
+
+def _margins(path: Path) -> dict[str, list[tuple[float, float | str, str]]]:
+    """Return the changes of each margin, with the comparison that decides."""
+    found: dict[str, list[tuple[float, float | str, str]]] = {}
+    with path.open(encoding='utf-8', newline='') as file:
+        for when, name, margin, _, comparison, *_ in islice(csv.reader(file), 1, None):
+            changes = found.setdefault(name, [])
+            value = float(margin) if margin else math.nan
+            shown_value = value if math.isfinite(value) else margin or 'nan'
+            if not changes or changes[-1][1:] != (shown_value, comparison):
+                changes.append((float(when), shown_value, comparison))
     return found
 
 

@@ -43,12 +43,16 @@ import uvicorn
 
 HOST = '127.0.0.1'
 _PAGE = Path(__file__).parent / 'page'
+_REPORTS = _PAGE.parents[1] / 'bag'
+_OF_REPORTS = {'rows.js': 'rows.js', 'report.css': 'page.css'}  # of the reports of `bag`
 _TYPES = {'.css': 'text/css', '.html': 'text/html', '.js': 'text/javascript',
           '.svg': 'image/svg+xml'}
 _NONCE = '@NONCE@'
 _LOOK_S = 1.0
 _MOST_WAITING = 64  # questions of one page
-_SLOW = frozenset({'explain', 'simulate', 'example'})
+_SLOW = frozenset({'explain', 'simulate', 'example', 'why'})
+_OF_RECORDINGS = frozenset({'recording', 'taken'})
+_RECORDING_S = 120.0
 
 
 @dataclass(frozen=True)
@@ -121,8 +125,9 @@ def application(folder: Folder, bundle: str | None, address: Address) -> Starlet
 
 
 def _file(name: str, address: Address) -> Response:
-    path = (_PAGE / name).resolve()
-    if not path.is_relative_to(_PAGE) or not path.is_file() or path.suffix not in _TYPES:
+    folder = _REPORTS if name in _OF_REPORTS else _PAGE
+    path = (folder / _OF_REPORTS.get(name, name)).resolve()
+    if not path.is_relative_to(folder) or not path.is_file() or path.suffix not in _TYPES:
         return PlainTextResponse('there is no such file', 404)
     nonce = secrets.token_urlsafe(16)
     text = path.read_text(encoding='utf-8').replace(_NONCE, nonce) \
@@ -157,6 +162,7 @@ class Talk:
         self._connection = connection
         self._quick = Answering(folder.root)
         self._slow = Answering(folder.root)
+        self._recordings = Answering(folder.root, _RECORDING_S)
         self._watched: dict[str, str | None] = {}
         self._newest: dict[str, int] = {}
         self._sending = asyncio.Lock()
@@ -180,7 +186,7 @@ class Talk:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await asyncio.gather(self._quick.end(), self._slow.end())
+            await asyncio.gather(self._quick.end(), self._slow.end(), self._recordings.end())
             with suppress(RuntimeError, WebSocketDisconnect):
                 await self._connection.close()
 
@@ -199,6 +205,7 @@ class Talk:
         match do:
             case 'open':
                 return {'names': self._folder.names(), 'bundle': self._bundle,
+                        'recordings': self._folder.recordings(),
                         'folder': str(self._folder.root)}
             case 'read':
                 stored = self._folder.read(question['name'])
@@ -209,7 +216,8 @@ class Talk:
                                            question['stamp'])
                 self._watched = {question['name']: stamp}
                 return {'stamp': stamp}
-        process = self._slow if do in _SLOW else self._quick
+        process = self._slow if do in _SLOW else \
+            self._recordings if do in _OF_RECORDINGS else self._quick
         return await process.ask(question, lambda: self._newest[do] == question['number'])
 
     async def _watch(self) -> None:

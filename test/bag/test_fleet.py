@@ -29,9 +29,9 @@ from bag.recordings import FLOAT, START, TYPES, write
 from bundles import write_bundle
 from fret_monitor.bag import fleet
 from fret_monitor.bag.check import check_recording, Selection
+from fret_monitor.bag.required import _ROSBAGS
 from fret_monitor.bag.results_file import finished_lines, ResultsFile
 from fret_monitor.bag.workers import workers
-from fret_monitor.cli.bag import _ROSBAGS
 from fret_monitor.cli.main import main
 import pytest
 from rosbags.rosbag2 import Reader, Writer

@@ -21,11 +21,13 @@ from itertools import pairwise
 from pathlib import Path
 import time
 
+from bag.recordings import write
 import fret_monitor.studio
 from fret_monitor.studio.process import Answering, OUTDATED, Unanswered
 import pytest
 from studio.browser import browser, CHROMIUM, Page
 from studio.serving import studio
+from studio.test_recordings import BUNDLE as RECORDED, messages
 
 
 BUNDLE = """\
@@ -39,6 +41,7 @@ requirements:
   - {id: COOL, ptltl: "!hot"}
 """
 HOT, SPEED = '.lane[aria-label^="hot"]', '.lane[aria-label^="speed"]'
+ANSWER = '.lane[aria-label^="ANSWER"]'
 SLOW, COOL = '.lane[aria-label^="SLOW"]', '.lane[aria-label^="COOL"]'
 PAGE = Path(fret_monitor.studio.__file__).parent / 'page'
 needs_browser = pytest.mark.skipif(
@@ -129,6 +132,103 @@ def test_write_understand_and_try(tmp_path: Path) -> None:
         page.click('#notice button')
         page.wait("document.querySelector('.cm-content').textContent.includes('by hand')")
         assert page.problems == []
+
+
+@needs_browser
+def test_a_recording_its_reasons_the_picture_and_the_form(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(RECORDED)
+    write(tmp_path / 'run', messages())
+    drawn = "document.querySelector('#report .report')?.shadowRoot"
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.see(f'{ANSWER} rect.is-true')
+        # A recording: occurrence by occurrence, and a stretch of it.
+        page.click('#open-recording')
+        page.wait(f"{drawn}?.querySelectorAll('svg[data-lane] rect').length > 3")
+        for number, at in ((1, 5), (2, 14)):
+            page.click('#next')
+            page.wait(f"document.querySelector('#recording-note').textContent.startsWith("
+                      f"'occurrence {number} of 2: ANSWER at {at} s')")
+            assert page.get(f'{drawn}.activeElement.tagName') == 'FIGURE'
+        page.get("""for (const [id, value] of [['from', 11], ['to', 15]]) {
+            document.querySelector(`#stretch-${id}`).value = value; } 0""")
+        page.click('#zoom')
+        page.wait(f"[...{drawn}.querySelectorAll('svg[data-times] text')].some((each) => "
+                  "each.textContent === '13 s')")
+        # The stretch as a trace, and why it violates.
+        page.click('#take-over')
+        page.wait("document.querySelector('#trace-note').textContent.startsWith('Taken over')")
+        page.see(f'{ANSWER} rect.is-false')
+        page.get(f"document.querySelector('{ANSWER}').focus()")
+        page.key('End')
+        page.click('button.now.is-false')
+        page.see('#why p')
+        assert 'trigger came at 1.01 s; the deadline passed 2 s later' in page.text('#why')
+        page.wait("!!document.querySelector('#why .report').shadowRoot.querySelector('.fired')")
+        assert page.get(f"document.querySelectorAll('{ANSWER} line.trigger').length") == 1
+        page.drag(ANSWER.replace('ANSWER', 'flow'), (0.01, 0.2), (0.05, 0.2))
+        page.wait("!document.querySelector('#why p') && !document.querySelector('.lane line')")
+        # Margins.
+        page.click('#margins')
+        page.wait("document.querySelector('.lane[aria-label^=\"margin of LOW\"] path')"
+                  "?.getAttribute('d').length > 10")
+        page.see(f'{ANSWER} rect')
+        # The picture, by keyboard.
+        node = '.picture .node[aria-label^="input flow"]'
+        page.see(node)
+        page.get(f"document.querySelector('{node}').focus()")
+        page.key('ArrowRight')
+        assert page.get("document.activeElement.getAttribute('aria-label')").startswith(
+            'requirement ANSWER; ')
+        page.key('Enter')
+        page.wait("document.activeElement.classList.contains('cm-content')")
+        # The form.
+        page.get("document.querySelector('#field-timing').select()")
+        page.type('within 1 second')
+        page.wait("document.querySelector('.cm-content').textContent.includes("
+                  "'shall within 1 second satisfy level > 1')")
+        page.wait("document.querySelector('#state').textContent.startsWith('no problems')")
+        assert page.get('document.activeElement.id') == 'field-timing'
+        assert page.problems == []
+
+
+@needs_browser
+def test_traces_are_written_and_read_as_those_of_fret(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(BUNDLE)
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        text, notes, steps, same, broken = page.get("""import('./trace.js').then((found) => {
+            const kind = (name, more) => (
+              { name, names: [], numbers: [], initial: null, ...more });
+            const inputs = [kind('hot', { isBool: true }), kind('speed', { isFloat: true }),
+              kind('mode', { names: ['IDLE', 'DRIVE'], numbers: [0, 3] })];
+            const words = new Proxy({}, { get: (_, name) => (...more) => [name, ...more] });
+            const [one, other] = [new found.Trace(), new found.Trace()];
+            [one, other].forEach((trace) => trace.fit(inputs));
+            one.resize(3);
+            one.set('hot', 1, 1, true);
+            one.set('speed', 2, 2, 0.5);
+            one.set('mode', 1, 2, 'DRIVE');
+            const text = found.writeFret(one, inputs, 'T', ['R']);
+            const more = JSON.parse(text);
+            more.push({});
+            more[0].theTrace.keys.push('LAST');
+            more[0].theTrace.values = [0, 0, 0, 0, 1, 0, 3, 0, 0, 0.5, 3, 1];
+            const notes = found.readFret(other, inputs, JSON.stringify(more), words);
+            one.set('speed', 0, 0, 'nan');
+            return [JSON.parse(text), notes.flat(), other.steps,
+              JSON.stringify(other.values) === JSON.stringify(
+                { hot: [[0, false], [1, true], [2, false]], speed: [[0, 0], [2, 0.5]],
+                  mode: [[0, 'IDLE'], [1, 'DRIVE']] }),
+              [found.writeFret(one, inputs, 'T', []), found.readFret(other, inputs, '[{}]',
+                words).flat().length]]; })""")
+        assert page.problems == []
+    trace = text[0]['theTrace']
+    assert trace['keys'] == ['hot', 'speed', 'mode'] and trace['traceLength'] == 3
+    assert trace['values'] == [0, 0, 0, 1, 0, 3, 0, 0.5, 3]
+    assert trace['type'] == ['category', 'number', 'number'] and text[0]['traceID'] == 'T'
+    assert notes == ['firstOf', 2, 'T'] and steps == 3 and same
+    assert broken == [None, 1]
 
 
 @needs_browser

@@ -14,6 +14,7 @@
 
 """Answers to a page are those of the verbs."""
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,8 @@ requirements:
 """
 TIMED = BUNDLE.replace('every_message', 'timed').replace('3 ticks', '2 seconds').replace(
     'H[0,3]', 'H[0,0.25 s]')
+RATED = TIMED.replace('Float64}', 'Float64, max_rate: 100}').replace(
+    'Bool}', 'Bool, max_rate: 100}').replace('Int8,', 'Int8, max_rate: 100,')
 
 
 def ask(folder: Path, do: str, text: str = BUNDLE, **more: Any) -> Any:
@@ -121,6 +124,42 @@ def test_examples_violate_satisfy_and_tell_apart(tmp_path: Path, text: str) -> N
     assert last(['C'], 'violating') == [0]
     assert last(['C'], 'satisfying') == [1]
     assert sorted(last(['SLOW', 'A,B'], 'violating')) == [0, 1]
+
+
+@pytest.mark.parametrize('text', [BUNDLE, RATED], ids=['steps', 'timed'])
+def test_margins_are_those_of_simulate(tmp_path: Path, text: str) -> None:
+    found = ask(tmp_path, 'simulate', text, steps=40, period=0.1, values=TRACE, csv=True,
+                margins=True)
+    path, trace, margins = (tmp_path / name for name in ('b.yaml', 'trace.csv', 'margins.csv'))
+    path.write_text(text)
+    trace.write_text(found['csv'])
+    assert main(['simulate', str(path), '--trace', str(trace), '--verdicts',
+                 str(tmp_path / 'verdicts.csv'), '--margins', str(margins)]) == 0
+    now: dict[str, list[Any]] = {}
+    with margins.open(newline='') as file:
+        for row in csv.DictReader(file):
+            name, at = row['requirement'], float(row.get('time') or row['step'])
+            changes = {when: value for when, *value in found['margins'][name]}
+            now[name] = changes.get(at) or now[name]
+            shown = now[name][0] if isinstance(now[name][0], str) else repr(now[name][0])
+            assert (shown, now[name][1]) == (row['margin'] or 'nan', row['comparison'])
+    assert set(now) == {'SLOW', 'A,B', 'C'}
+    assert any(isinstance(value, float) for _, value, _ in found['margins']['SLOW'])
+
+
+def test_the_picture_and_the_form_have_offsets_of_javascript(tmp_path: Path) -> None:
+    text = BUNDLE.replace('format: 1', 'format: 1  # 😀')
+    wide = text.encode('utf-16-le')
+    found = ask(tmp_path, 'picture', text)
+    node = next(item for item in found['nodes'] if item['name'] == 'SLOW')
+    assert wide[2 * node['from']:].decode('utf-16-le').startswith('SLOW')
+    fields = {item['name']: item['text'] for item in ask(tmp_path, 'form', text, id='C')}
+    assert fields['timing'] == 'within 3 ticks'
+    edit = ask(tmp_path, 'reword', text, id='C', fields={**fields, 'timing': 'immediately'})
+    new = (wide[:2 * edit['from']] + edit['text'].encode('utf-16-le')
+           + wide[2 * edit['to']:]).decode('utf-16-le')
+    assert 'the robot shall immediately satisfy speed <= 0.5"' in new
+    assert ask(tmp_path, 'check', new)['bundle'] is not None
 
 
 def test_what_cannot_be_answered_says_why(tmp_path: Path) -> None:

@@ -83,8 +83,11 @@ def test_only_the_page_with_its_token_is_answered(url: str) -> None:
     for headers_ in ({'Host': 'evil.example'}, {'Host': f'evil.example:{place.port}'},
                      {'Origin': 'http://evil.example'}, {'Origin': 'null'}):
         assert get(url, place.path, **headers_)[0] == 403, headers_
-    for name in ('../server.py', '..%2fserver.py', 'vendor/../../server.py', 'vendor', 'none.js',
-                 'vendor/SHA256SUMS', '/etc/passwd'):
+    for name, what in (('rows.js', 'function drawReport('), ('report.css', ':host')):
+        assert what in get(url, place.path + name)[2]
+    for name in ('../server.py', '../../bag/page.js', 'page.js', '..%2fserver.py',
+                 'vendor/../../server.py', 'vendor', 'none.js', 'vendor/SHA256SUMS',
+                 '/etc/passwd'):
         assert get(url, place.path + name)[0] in (403, 404), name
 
 
@@ -112,6 +115,7 @@ def test_a_socket_of_another_origin_or_without_the_token_is_refused(url: str) ->
 
 def test_the_page_opens_reads_and_writes_bundles_of_its_folder(url: str, folder: Path) -> None:
     opened, stored = asked(url, {'do': 'open'}, {'do': 'read', 'name': 'b.yaml'})
+    assert opened['answer']['recordings'] == []
     assert opened['answer']['names'] == ['b.yaml'] and opened['answer']['bundle'] == 'b.yaml'
     assert stored['answer']['text'] == BUNDLE
     stamp = stored['answer']['stamp']
@@ -147,6 +151,7 @@ def test_a_page_hears_that_its_file_was_changed(url: str, folder: Path) -> None:
 def test_nonsense_is_answered_with_an_error_or_ends_that_page_alone(url: str) -> None:
     found = asked(url, {'do': 'nothing'}, {'do': 'read'}, {'do': 'read', 'name': 3},
                   {'do': 'check', 'name': 'b.yaml'},
+                  {'do': 'recording', 'name': 'b.yaml', 'text': BUNDLE, 'recording': '../run'},
                   {'do': 'check', 'name': '../b.yaml', 'text': BUNDLE})
     assert all('error' in item for item in found)
     for text in ('[]', '{', '{"do": "open"}', '3'):

@@ -88,9 +88,9 @@ export class Editor {
     this.#isSilent = false;
   }
 
-  edit({ from, to, text }) {
+  edit({ from, to, text }, { focus = true } = {}) {
     this.#view.dispatch({ changes: { from, to, insert: text } });
-    this.#view.focus();
+    if (focus) this.#view.focus();
   }
 
   go(offset) {

@@ -26,6 +26,7 @@ export class View extends EventTarget {
   count = 40;
   anchor = 0;
   cursor = 0;
+  marks = []; // [kind, step]: lines through all lanes
 
   get low() { return Math.min(this.anchor, this.cursor); }
   get high() { return Math.max(this.anchor, this.cursor); }
@@ -123,7 +124,9 @@ export class Lane {
       class: 'chosen', x: at, width: view.x(view.high + 1) - at, y: 0, height: this.height });
     const parts = input && !input.isBool ? numbers(changes, view, this.end(), this.#scale())
       : truths(changes, view, this.end(), input ? 'truth' : 'verdict');
-    this.picture.replaceChildren(chosen, ...parts);
+    const marks = view.marks.map(([kind, step]) => svg('line', {
+      class: kind, x1: view.x(step), x2: view.x(step), y1: 0, y2: this.height }));
+    this.picture.replaceChildren(chosen, ...parts, ...marks);
     const [from, to] = [this.picture, view.cursor];
     from.setAttribute('aria-valuemax', this.steps() - 1);
     from.setAttribute('aria-valuenow', to);
@@ -134,7 +137,9 @@ export class Lane {
     const found = this.changes().filter(([each]) => each <= step).at(-1);
     if (!found) return words.notJudged;
     if (!this.input) return found[1] ? words.satisfied : words.violated;
-    return this.input.isBool ? words.truth(found[1]) : String(found[1]);
+    const [, value, comparison] = found; // of a margin: which comparison decides
+    return this.input.isBool ? words.truth(value) : [value, comparison].filter(
+      (each) => each !== undefined && each !== '').join(' ');
   }
 
   #scale() {

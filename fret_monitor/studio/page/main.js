@@ -17,6 +17,8 @@
 import { h, show } from './dom.js';
 import { Editor } from './editor.js';
 import { Meaning } from './meaning.js';
+import { Picture } from './picture.js';
+import { Recordings } from './recordings.js';
 import { OUTDATED, Talk } from './talk.js';
 import { Tryout } from './tryout.js';
 import { words } from './words.js';
@@ -35,15 +37,21 @@ const talk = new Talk();
 const file = { name: null, stamp: null, saved: '' };
 let pause = 0;
 
-for (const name of ['write', 'read', 'try']) at(`${name}-title`).textContent = words[name];
+for (const name of ['write', 'read', 'try', 'recordings', 'picture']) at(`${name}-title`).textContent = words[name];
 at('problems').setAttribute('aria-label', words.problems(1, 0));
 
 const ask = (what, question = {}) => talk.ask(what, {
   ...question, name: file.name ?? 'new.yaml', text: editor.text });
 const editor = new Editor(at('editor'), {
   ask, changed, moved: (offset) => meaning.follow(offset), save });
-const meaning = new Meaning(at('meaning'), ask, (offset) => editor.go(offset));
+const meaning = new Meaning(at('meaning'), ask, (offset) => editor.go(offset),
+  (way) => editor.edit(way, { focus: false }));
+const picture = new Picture(at('drawn'), ask, (offset) => editor.go(offset));
 const tryout = new Tryout(at('trace'), ask);
+const recordings = new Recordings(at('recorded'), ask, (trace, note) => {
+  tryout.take(trace, note);
+  at('try').scrollIntoView();
+});
 show(at('trace'), h('p', { class: 'faint' }, words.noTrace));
 
 const files = h('select', { id: 'file', onchange: () => open(files.value || null) });
@@ -73,6 +81,7 @@ async function begin() {
   const found = await talk.ask('open');
   file.folder = found.folder;
   list(found.names);
+  recordings.list(found.recordings);
   await open(found.bundle ?? found.names[0] ?? null);
 }
 
@@ -175,6 +184,7 @@ async function check() {
     state(words.problems(count('error'), count('warning')) || words.good);
     problems(found.diagnostics, text);
     document.body.dataset.checked = String(Number(document.body.dataset.checked ?? 0) + 1);
+    picture.use();
     if (found.bundle) {
       meaning.use(found.bundle);
       tryout.use(found.bundle);

@@ -15,6 +15,7 @@
 // What a requirement means, with examples.
 
 import { h, show, svg } from './dom.js';
+import { Form } from './form.js';
 import { words } from './words.js';
 
 const CELL = 12;
@@ -26,11 +27,14 @@ export class Meaning {
   #bundle = null;
   #id = null;
   #go;
+  #form;
+  #isSentence = false;
   #body = h('div', { 'aria-live': 'polite' });
   #select = h('select', { id: 'requirement' });
 
-  // `go(offset)` shows a place in the editor.
-  constructor(place, ask, go) {
+  // `go(offset)` shows a place in the editor, `edit` is as of the form.
+  constructor(place, ask, go, edit) {
+    this.#form = new Form(ask, edit);
     this.#place = place;
     this.#ask = ask;
     this.#go = go;
@@ -50,7 +54,8 @@ export class Meaning {
     show(this.#select, ...ids.map((id) => h('option', { value: id }, id)));
     this.#select.value = this.#id ?? '';
     if (!this.#place.contains(this.#select)) {
-      show(this.#place, h('label', {}, words.requirement, ' ', this.#select), this.#body);
+      show(this.#place, h('label', {}, words.requirement, ' ', this.#select),
+        this.#form.element, this.#body);
     }
     this.#explain();
   }
@@ -71,6 +76,7 @@ export class Meaning {
       show(this.#body);
       return;
     }
+    this.#isSentence = await this.#form.use(id);
     try {
       const found = await this.#ask('explain', { id });
       if (id === this.#id) show(this.#body, ...this.#shown(found));
@@ -83,13 +89,9 @@ export class Meaning {
     const rows = [
       ...Object.entries(found.meaning), [words.ifFalse, found.if_false],
       ...found.notes.map((note) => [words.notes, note])];
-    const fields = Object.entries(found.fields).filter(([, text]) => text !== '-');
     return [
       found.title ? h('h3', {}, found.title) : null,
-      fields.length ? h('p', { class: 'sentence', 'aria-label': words.fields },
-        ...fields.flatMap(([name, text]) => [
-          h('span', { class: `field of-${name}` }, h('small', {}, name), ' ', text), ' ']))
-        : h('p', { class: 'sentence' }, found.text),
+      this.#isSentence ? null : h('p', { class: 'sentence' }, found.text),
       h('dl', {}, ...rows.flatMap(([name, text]) => [h('dt', {}, name), h('dd', {}, text)])),
       h('details', {}, h('summary', {}, words.formula), h('code', {}, found.formula)),
       ...found.examples.map(drawing)].filter(Boolean);

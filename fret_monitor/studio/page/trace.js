@@ -128,3 +128,65 @@ export function readCsv(trace, inputs, text, words) {
   Object.assign(trace.values, found);
   return notes;
 }
+
+// Return a trace as the simulator of FRET saves it; null if it has values that JSON has not.
+export function writeFret(trace, inputs, name, requirements) {
+  const values = [];
+  for (let step = 0; step < trace.steps; step += 1) {
+    for (const input of inputs) {
+      const value = trace.at(input.name, step);
+      const number = input.numbers?.[input.names.indexOf(value)] ?? Number(value);
+      if (!Number.isFinite(number)) return null;
+      values.push(number);
+    }
+  }
+  const of = (run) => inputs.map(run);
+  const all = (input) => trace.values[input.name].map(
+    ([, value]) => input.numbers?.[input.names.indexOf(value)] ?? Number(value));
+  return JSON.stringify([{
+    traceID: name, traceDescription: '', traceLinkedRequirementIDs: requirements,
+    linkedProject: name, updatedFlag: '', saveToReqID: '*', saveToComponent: '*',
+    saveToProject: '*',
+    theTrace: {
+      traceLength: trace.steps, keys: of((input) => input.name),
+      type: of((input) => input.isBool ? 'category' : 'number'), canChange: of(() => true),
+      minval: of((input) => Math.min(0, ...all(input))),
+      maxval: of((input) => Math.max(1, ...all(input))), values },
+  }], null, 1);
+}
+
+// Read the first trace of a file of FRET's simulator; return what is wrong or left out.
+export function readFret(trace, inputs, text, words) {
+  let traces;
+  try {
+    traces = JSON.parse(text);
+  } catch (error) {
+    return [words.noFret];
+  }
+  const found = (Array.isArray(traces) ? traces : [])[0]?.theTrace;
+  const { keys, values } = found ?? {};
+  const steps = Array.isArray(keys) && Array.isArray(values) ? values.length / keys.length : 0;
+  if (!Number.isInteger(steps) || steps < 1 || steps > MOST) return [words.noFret];
+  const notes = traces.length > 1 ? [words.firstOf(traces.length, traces[0].traceID)] : [];
+  const read = {};
+  for (const input of inputs) {
+    const place = keys.indexOf(input.name);
+    if (place < 0) {
+      notes.push(words.unknown(input.name));
+      continue;
+    }
+    const changes = [];
+    for (let step = 0; step < steps; step += 1) {
+      const given = values[step * keys.length + place];
+      const value = input.isBool ? parsed(input, String(given))
+        : input.names[input.numbers?.indexOf(Number(given))] ?? parsed(input, String(given));
+      if (value === undefined) return [words.badValue(step, input.name, given)];
+      if (!changes.length || changes.at(-1)[1] !== value) changes.push([step, value]);
+    }
+    read[input.name] = changes;
+  }
+  if (!Object.keys(read).length) return [words.noFret];
+  trace.resize(steps);
+  Object.assign(trace.values, read);
+  return notes;
+}

@@ -16,8 +16,12 @@
 
 import { h, show } from './dom.js';
 import { Lane, scale, View } from './lanes.js';
-import { MOST, parsed, readCsv, Trace } from './trace.js';
+import { report } from './report.js';
+import { MOST, parsed, readCsv, readFret, Trace, writeFret } from './trace.js';
 import { words } from './words.js';
+
+// What a lane needs to know of a margin; it cannot be drawn.
+const MARGIN = { isBool: false, isFloat: true, names: [] };
 
 export class Tryout {
   #place;
@@ -26,6 +30,8 @@ export class Tryout {
   #trace = new Trace();
   #view = new View();
   #verdicts = {};
+  #margins = {};
+  #hasMargins = false;
   #lanes = [];
   #active = null; // the input whose value is typed
   #parts = {};
@@ -62,8 +68,12 @@ export class Tryout {
       enter: () => this.#parts.value.focus() });
     const verdict = (item) => new Lane(item.id, this.#view, {
       steps, end: steps, changes: () => this.#asSteps(this.#verdicts[item.id] ?? []) });
+    const margin = (item) => new Lane(words.marginOf(item.id), this.#view, {
+      input: MARGIN, steps, end: steps,
+      changes: () => this.#asSteps(this.#margins[item.id] ?? []) });
     const above = inputs.map(lane);
-    const below = requirements.map(verdict);
+    const below = requirements.flatMap((item) => this.#hasMargins
+      ? [verdict(item), margin(item)] : [verdict(item)]);
     this.#lanes = [...above, ...below];
     above.forEach((each, number) => each.picture.addEventListener('focus', () => {
       this.#active = inputs[number];
@@ -76,12 +86,13 @@ export class Tryout {
       h('div', { class: 'rows' },
         ...above.flatMap((each) => this.#row(each)), h('span'), this.#parts.scale, h('span'),
         ...below.flatMap((each) => this.#row(each))),
-      this.#parts.typed, this.#parts.examples, this.#parts.note);
+      this.#parts.why, this.#parts.typed, this.#parts.examples, this.#parts.note);
     this.#draw();
   }
 
   #row(lane) {
-    lane.shown = h('output', { class: lane.input ? 'now' : 'now verdict' });
+    lane.shown = lane.input ? h('output', { class: 'now' }) : h('button', {
+      type: 'button', class: 'now', disabled: true, onclick: () => this.#why(lane.name) });
     return [h('span', { class: 'name', title: lane.name }, lane.name), lane.picture, lane.shown];
   }
 
@@ -106,8 +117,14 @@ export class Tryout {
       onkeydown: (event) => { if (event.key === 'Enter') this.#type(value.value); } });
     const names = h('datalist', { id: 'names' });
     const file = h('input', {
-      type: 'file', accept: '.csv,text/csv', hidden: true, id: 'csv-file',
+      type: 'file', accept: '.csv,.json,text/csv,application/json', hidden: true, id: 'csv-file',
       onchange: () => this.#import(file) });
+    const margins = h('input', {
+      type: 'checkbox', id: 'margins', checked: this.#hasMargins, onchange: () => {
+        this.#hasMargins = margins.checked;
+        this.#build();
+        this.#judge();
+      } });
     const options = (others) => others.map((item) => h('option', { value: item.id }, item.id));
     const chosen = h('select', { id: 'example-of', 'aria-label': words.requirement },
       ...options(requirements));
@@ -120,6 +137,7 @@ export class Tryout {
       selection: h('span', { class: 'faint', id: 'chosen' }),
       valueLabel: h('label', { for: 'value' }),
       scale: h('div'),
+      why: h('div', { id: 'why', role: 'status' }),
       note: h('p', { role: 'status', id: 'trace-note' }),
       tools: h('div', { class: 'tools' },
         h('label', {}, words.steps, ' ', steps),
@@ -127,7 +145,9 @@ export class Tryout {
         button(words.zoomIn, zoom(0.5)), button(words.zoomOut, zoom(2)),
         button(words.earlier, pan(-0.5)), button(words.later, pan(0.5)),
         button(words.exportCsv, () => this.#export()),
-        button(words.importCsv, () => file.click()), file),
+        button(words.exportFret, () => this.#exportFret()),
+        button(words.importTrace, () => file.click()), file,
+        h('label', {}, margins, ' ', words.margins)),
       typed: h('div', { class: 'tools' }),
       examples: requirements.length ? h('div', { class: 'tools' },
         h('label', {}, words.requirement, ' ', chosen), h('span', {}, words.example),
@@ -145,8 +165,11 @@ export class Tryout {
       lane.draw();
       lane.shown.textContent = lane.text(cursor);
       if (!lane.input) {
+        const isViolated = lane.text(cursor) === words.violated;
         lane.shown.className = `now verdict ${{ [words.satisfied]: 'is-true',
           [words.violated]: 'is-false' }[lane.text(cursor)] ?? ''}`;
+        lane.shown.disabled = !isViolated;
+        if (isViolated) lane.shown.textContent = `${words.violated}: ${words.why}`;
       }
     }
     const parts = this.#parts;
@@ -171,7 +194,7 @@ export class Tryout {
   // Changes of verdicts are at times under `timed`: the step in which they fall.
   #asSteps(changes) {
     if (!this.#bundle.isTimed) return changes;
-    return changes.map(([time, value]) => [time / this.#trace.period, value]);
+    return changes.map(([time, ...value]) => [time / this.#trace.period, ...value]);
   }
 
   #type(text) {
@@ -188,6 +211,60 @@ export class Tryout {
     this.#judge();
   }
 
+  // Show a trace from elsewhere: its steps, period and values.
+  take(found, note) {
+    if (!this.#bundle) return;
+    if (found.period) this.#trace.period = found.period;
+    this.#parts.period.value = this.#trace.period;
+    Object.assign(this.#trace.values, found.values);
+    this.#resize(found.steps);
+    this.#tell(note);
+  }
+
+  // Say what has led to a violation at the chosen step, and mark it.
+  async #why(id) {
+    const { steps, period, values } = this.#trace;
+    try {
+      const found = await this.#ask('why', {
+        steps, period, values, id, step: this.#view.cursor });
+      if (!found) {
+        this.#tell(words.notViolated);
+        return;
+      }
+      this.#view.marks = [['violated', found.begin], ['trigger', found.trigger],
+        ['over', found.end]].filter(([, step]) => step !== null);
+      const drawing = report(
+        `<figure><svg data-occurrence="${Number(found.place)}" role="img"></svg></figure>`,
+        { ...found.data, unit: this.#seconds ? 's' : 'steps' });
+      show(this.#parts.why, ...this.#reasons(id, found).map((text) => h('p', {}, text)), drawing);
+      this.#draw();
+    } catch (error) {
+      if (error.message !== 'outdated') this.#tell(error.message);
+    }
+  }
+
+  #reasons(id, found) {
+    const long = (steps) => this.#seconds
+      ? `${Number((steps * this.#seconds).toPrecision(9))} s` : words.stepsLong(steps);
+    const at = (step) => this.#seconds ? long(step) : words.atStep(step);
+    const reasons = [words.whyText(id, found.begin, found.end, at)];
+    if (found.trigger !== null) {
+      reasons.push(found.isDeadline
+        ? words.deadlinePassed(at(found.trigger), long(found.begin - found.trigger))
+        : words.lastTrigger(at(found.trigger)));
+    }
+    if (found.values.length) {
+      reasons.push(words.valuesThen(found.values.map((pair) => pair.join(' = ')).join(', ')));
+    }
+    return reasons;
+  }
+
+  // What was said of a trace is not true of another one.
+  #forget() {
+    this.#view.marks = [];
+    show(this.#parts.why);
+  }
+
   #resize(steps) {
     this.#trace.resize(steps);
     this.#parts.steps.value = this.#trace.steps;
@@ -198,15 +275,24 @@ export class Tryout {
   }
 
   async #judge(more = {}) {
+    if (!more.csv) this.#forget();
     const { steps, period, values } = this.#trace;
     try {
-      const found = await this.#ask('simulate', { steps, period, values, ...more });
+      const found = await this.#ask('simulate', {
+        steps, period, values, margins: this.#hasMargins, ...more });
       this.#verdicts = found.verdicts;
+      this.#margins = found.margins ?? {};
       this.#place.dataset.judged = String(Number(this.#place.dataset.judged ?? 0) + 1);
       this.#draw();
       return found;
     } catch (error) {
-      if (error.message !== 'outdated') this.#tell(error.message);
+      if (error.message === 'outdated') return null;
+      if (this.#hasMargins) { // verdicts may be known without them
+        this.#hasMargins = false;
+        this.#build();
+        await this.#judge(more);
+      }
+      this.#tell(error.message);
       return null;
     }
   }
@@ -215,11 +301,7 @@ export class Tryout {
     this.#tell(words.reading);
     try {
       const found = await this.#ask('example', { ids, kind });
-      if (found.period) this.#trace.period = found.period;
-      this.#parts.period.value = this.#trace.period;
-      Object.assign(this.#trace.values, found.values);
-      this.#resize(found.steps);
-      this.#tell('');
+      this.take(found, '');
     } catch (error) {
       this.#tell(error.message);
     }
@@ -227,18 +309,21 @@ export class Tryout {
 
   async #export() {
     const found = await this.#judge({ csv: true });
-    if (!found) return;
-    const link = h('a', {
-      href: URL.createObjectURL(new Blob([found.csv], { type: 'text/csv' })),
-      download: 'trace.csv' });
-    link.click();
-    URL.revokeObjectURL(link.href);
+    if (found) save(found.csv, 'text/csv', 'trace.csv');
+  }
+
+  #exportFret() {
+    const { inputs, requirements } = this.#bundle;
+    const found = writeFret(this.#trace, inputs, 'trace', requirements.map((item) => item.id));
+    if (found === null) this.#tell(words.noNumbers);
+    else save(found, 'application/json', 'trace.json');
   }
 
   async #import(file) {
     const text = await file.files[0].text();
     file.value = '';
-    const notes = readCsv(this.#trace, this.#bundle.inputs, text, words);
+    const read = /^\s*\[/.test(text) ? readFret : readCsv;
+    const notes = read(this.#trace, this.#bundle.inputs, text, words);
     this.#parts.period.value = this.#trace.period;
     this.#resize(this.#trace.steps);
     this.#tell(notes.join('; '));
@@ -247,4 +332,10 @@ export class Tryout {
   #tell(text) {
     if (this.#parts.note) this.#parts.note.textContent = text;
   }
+}
+
+function save(text, type, name) {
+  const link = h('a', { href: URL.createObjectURL(new Blob([text], { type })), download: name });
+  link.click();
+  URL.revokeObjectURL(link.href);
 }
