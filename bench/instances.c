@@ -202,7 +202,7 @@ static int measure(bool is_timed, uint32_t n_keys)
   }
   qsort(keyed_rates, ROUNDS, sizeof keyed_rates[0], compare);
   qsort(plain_rates, ROUNDS, sizeof plain_rates[0], compare);
-  const struct fm_keys * table = &scopes->kinds[0].pool.keys;
+  const struct fm_keys * table = scopes->kinds[0].pool.keys;
   const uint64_t bytes = fm_instance_bytes(&monitor, 0) + sizeof(struct fm_key_chunk) +
     (table->mask + UINT64_C(1)) * sizeof(struct fm_key_entry) / n_keys + fm_heap_bytes(n_keys) /
     n_keys + sizeof(int64_t) + sizeof(uint8_t);

@@ -137,6 +137,8 @@ def step_table(specification: Specification, rows: Sequence[Row]) -> list[list[s
     by_variable = {item.name: lives(specification, rows, place)
                    for place, item in enumerate(specification.instance_variables)}
     values = bundle_values(specification, rows, by_variable)
+    for life in (life for all_ in by_variable.values() for life in all_):
+        life.values = with_aggregates(specification, life, values)
     columns = [list(_column(specification, item, rows, by_variable, values))
                for item in specification.properties]
     return [list(cells) for cells in zip(*columns, strict=True)]
@@ -168,22 +170,31 @@ def owner_of(specification: Specification, names: Sequence[str]) -> str | None:
     return found.pop() if found else None
 
 
+def with_aggregates(specification: Specification, life: Life,
+                    values: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the inputs of an instance in its rows, with the aggregates in these rows."""
+    names = {item.signal.name for item in specification.aggregates}
+    return [{**own, **{name: value for name, value in values[number].items() if name in names}}
+            for number, own in zip(life.rows, life.values, strict=True)]
+
+
 def bundle_values(specification: Specification, rows: Sequence[Row],
                   by_variable: Mapping[str, list[Life]]) -> list[dict[str, Any]]:
     """Return the inputs of the bundle's scope at each row, with its aggregates."""
-    operands = [(item, [(life, stepwise(item.operand, item.feedback, life.rows, life.values))
-                        for life in by_variable[item.variable]])
-                for item in specification.aggregates]
-    found, present = [], dict[str, Any]()
+    found, present = list[dict[str, Any]](), dict[str, Any]()
     shared = {signal.name for signal in specification.signals if not signal.variables}
-    for number, row in enumerate(rows):
+    for row in rows:
         present |= {name: value for name, value in row.values.items() if name in shared}
-        for item, each in operands:
+        found.append(dict(present))
+    for item in specification.aggregates:  # those that others read come first
+        each = [(life, stepwise(item.operand, item.feedback, life.rows,
+                                with_aggregates(specification, life, found)))
+                for life in by_variable[item.variable]]
+        for number, values in enumerate(found):
             there = [known[max(before)] for life, known in each
                      if (life.end == NEVER or number <= life.after)
                      and (before := [step for step in known if step <= number])]
-            present[item.signal.name] = of_instances(item, there)
-        found.append(dict(present))
+            values[item.signal.name] = of_instances(item, there)
     return found
 
 
@@ -195,8 +206,12 @@ VARIABLES = {'robot': OWN, 'joint': OTHER}
 
 
 def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
-                  reach: int = 20, loops: int = 1) -> Specification:
-    """Return requirements of each variable and of the bundle, some of them over aggregates."""
+                  reach: int = 20, loops: int = 1, levels: int = 1) -> Specification:
+    """
+    Return requirements of each variable and of the bundle, some of them over aggregates.
+
+    With more levels, aggregates and requirements of a variable read aggregates of the level below.
+    """
     inputs = [*INPUTS, *OWN, *OTHER]
     plain = specification_of([], inputs)
     of = {item.name: name for name, items in VARIABLES.items() for item in items}
@@ -209,6 +224,16 @@ def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
     properties = [_random(rng, f'R-{number}', [*VARIABLES[name], *INPUTS], VARIABLES[name],
                           reach, loops)
                   for number, name in enumerate(rng.choices(names, k=8))]
+    below = values
+    for level in range(1, levels):
+        properties += [_random(rng, f'L-{level}-{number}', [*VARIABLES[name], *below],
+                               VARIABLES[name], reach, loops, below)
+                       for number, name in enumerate(rng.choices(names, k=4))]
+        more = [_random_aggregate(rng, f'{level}-{number}', rng.choice(names), reach, below)
+                for number in range(4)]
+        aggregates += more
+        below = [Variable(item.signal.name, item.signal.type) for item in more]
+        values = [*values, *below]
     properties += [_random(rng, f'B-{number}', [*values, *INPUTS], values, reach, loops)
                    for number in range(6)]
     rng.shuffle(properties)
@@ -219,26 +244,32 @@ def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
 
 
 def _random(rng: Random, name: str, inputs: Sequence[Variable], needed: Sequence[Variable],
-            reach: int, loops: int) -> Property:
-    """Return a requirement that reads one of the needed inputs, and few others."""
-    names = {item.name for item in needed}
+            reach: int, loops: int, below: Sequence[Variable] = ()) -> Property:
+    """Return a requirement that reads one of the needed inputs, of those below, and others."""
+    names, aggregated = {item.name for item in needed}, {item.name for item in below}
     while True:
-        taken = [rng.choice(needed), *rng.sample(list(inputs), 3)]
+        taken = [rng.choice(needed), *rng.sample(list(inputs), 3),
+                 *([rng.choice(below)] if below else [])]
         found = random_property(rng, name, taken, reach=reach, loops=rng.randint(0, loops))
-        if names.intersection(found.inputs):
+        if names.intersection(found.inputs) and (
+                not below or aggregated.intersection(found.inputs)):
             return found
 
 
-def _random_aggregate(rng: Random, number: int, variable: str, reach: int) -> InstanceAggregate:
+def _random_aggregate(rng: Random, number: int | str, variable: str, reach: int,
+                      below: Sequence[Variable] = ()) -> InstanceAggregate:
     function = rng.choice([*OverInstances])
     own = {item.name for item in VARIABLES[variable]}
+    aggregated = {item.name for item in below}
     while True:
-        maker = FormulaMaker(rng.randrange, [rng.choice(VARIABLES[variable]),
-                                             *rng.sample(INPUTS, 2)], reach=reach)
+        maker = FormulaMaker(rng.randrange, [
+            rng.choice(VARIABLES[variable]),
+            *(rng.sample(list(below), 2) if below else rng.sample(INPUTS, 2))], reach=reach)
         kinds = [ValueType.INT64, ValueType.UINT64, ValueType.FLOAT64] + [
             ValueType.FLOAT32] * (function is not OverInstances.SUM)
         operand = maker.formula(6) if function.takes_truth else maker.term(rng.choice(kinds), 6)
-        if any(item.name in own for item in variables(operand)):
+        read = {item.name for item in variables(operand)}
+        if own.intersection(read) and (not below or aggregated.intersection(read)):
             break
     kind = {OverInstances.COUNT: ValueType.INT64, OverInstances.ANY: ValueType.BOOL,
             OverInstances.ALL: ValueType.BOOL}.get(function, operand.type)
@@ -313,13 +344,21 @@ def known(formula: Formula, times: Sequence[int], values: Sequence[Mapping[str, 
 
 def timed_aggregates(specification: Specification, rows: Sequence[Row], until: int,
                      by_variable: Mapping[str, list[Life]]) -> tuple[
-                         list[int], list[dict[str, Any]]]:
-    """Return the times at which an input of the bundle's scope may change, and the inputs then."""
-    each = {item.signal.name: [found for life in by_variable[item.variable] if (
-        found := known(item.operand, [rows[place].time for place in life.rows], life.values,
-                       min(life.end, until + 1)))] for item in specification.aggregates}
-    times = sorted({row.time for row in rows}.union(
-        *({*one.changes, one.end} for all_ in each.values() for one in all_)))
+                         list[int], list[dict[str, Any]], 'dict[str, _Over]']:
+    """
+    Return the times at which an input of the bundle's scope may change, and the inputs then.
+
+    The aggregates come last.
+    """
+    over: dict[str, _Over] = {}
+    for item in specification.aggregates:  # those that others read come first
+        own = list[Known]()
+        for life in by_variable[item.variable]:
+            times, values = timed_life(life, rows, over)
+            if found := known(item.operand, times, values, min(life.end, until + 1)):
+                own.append(found)
+        over[item.signal.name] = _Over(item, own)
+    times = sorted({row.time for row in rows}.union(*(one.changes for one in over.values())))
     shared = {signal.name for signal in specification.signals if not signal.variables}
     table: list[dict[str, Any]] = []
     present, place = dict[str, Any](), 0
@@ -328,9 +367,39 @@ def timed_aggregates(specification: Specification, rows: Sequence[Row], until: i
             present |= {name: value for name, value in rows[place].values.items()
                         if name in shared}
             place += 1
-        present |= {item.signal.name: of_instances(item, [
-            value for one in each[item.signal.name] if (value := one.at(time)) is not None])
-            for item in specification.aggregates}
-        table.append(dict(present))
+        table.append({**present, **{name: one.at(time) for name, one in over.items()}})
     kept = [place for place, time in enumerate(times) if time <= until]
-    return [times[place] for place in kept], [table[place] for place in kept]
+    return [times[place] for place in kept], [table[place] for place in kept], over
+
+
+@dataclass(frozen=True)
+class _Over:
+    """The values of an aggregate over time, from those of its operand in each life."""
+
+    item: InstanceAggregate
+    each: Sequence[Known]
+
+    def at(self, time: int) -> Value | None:
+        """Return the value at a time; None if there is none."""
+        return of_instances(self.item, [
+            value for one in self.each if (value := one.at(time)) is not None])
+
+    @property
+    def changes(self) -> set[int]:
+        """The times at which it may change."""
+        return {time for one in self.each for time in (*one.changes, one.end)}
+
+
+def timed_life(life: Life, rows: Sequence[Row],
+               over: Mapping[str, _Over]) -> tuple[list[int], list[dict[str, Any]]]:
+    """Return the times at which an input of an instance may change, and its inputs then."""
+    of_rows = {rows[number].time: values
+               for number, values in zip(life.rows, life.values, strict=True)}
+    first = min(of_rows, default=NEVER)
+    changes = {time for one in over.values() for time in one.changes if time >= first}
+    times, present = sorted({*of_rows, *changes}), dict[str, Any]()
+    values = []
+    for time in times:
+        present = of_rows.get(time, present)
+        values.append({**present, **{name: one.at(time) for name, one in over.items()}})
+    return times, values

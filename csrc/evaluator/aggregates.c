@@ -162,6 +162,7 @@ void fm_total_remove(struct fm_total * total, uint32_t slot)
 {
   leave(total, slot, false);
   total->is_touched = true;
+  total->is_known = false;
 }
 
 void fm_total_update(
@@ -170,6 +171,7 @@ void fm_total_update(
   const struct fm_instance_group * group = &instance->groups[total->group];
   const bool counts = group->steps > 0;
   total->is_touched = true;
+  total->is_known = false;
   leave(total, slot, counts);
   if (!counts) {
     return;
@@ -204,7 +206,7 @@ static int64_t sum_of(const struct fm_total * total)
          fm_word_f64(fm_exact_quotient(total->exact, 1));
 }
 
-bool fm_total_value(const struct fm_total * total, union fm_value * value)
+static bool value_of(const struct fm_total * total, union fm_value * value)
 {
   int64_t number = 0;
   bool has_value = true;
@@ -228,4 +230,25 @@ bool fm_total_value(const struct fm_total * total, union fm_value * value)
   }
   memcpy(value, &number, sizeof number);
   return has_value;
+}
+
+bool fm_total_value(struct fm_total * total, union fm_value * value)
+{
+  if (!total->is_known) {
+    total->has_value = value_of(total, &total->value);
+    total->is_known = true;
+  }
+  *value = total->value;
+  return total->has_value;
+}
+
+bool fm_total_has_changed(struct fm_total * total)
+{
+  union fm_value value;
+  if (!total->is_touched) {
+    return false;
+  }
+  const bool has_value = fm_total_value(total, &value);
+  return has_value != total->has_last ||
+         (has_value && memcmp(&value, &total->last, sizeof value) != 0);
 }

@@ -44,7 +44,10 @@ struct fm_total
   uint8_t * flags;      // an instance: whether it counts, and a verdict
   int64_t * words;      // an instance: its number; NULL: none
   struct fm_heap heap;  // of FM_MIN_OF and FM_MAX_OF
-  union fm_value last;  // the value that was stored last
+  union fm_value value;  // if `is_known`
+  union fm_value last;   // the value that was stored in the bundle's scope last
+  bool has_value;
+  bool is_known;
   bool has_last;
   bool is_touched;      // the group of an instance has stepped, or an instance ended, since then
 };
@@ -67,7 +70,10 @@ FM_INTERNAL void fm_total_update(
 FM_INTERNAL void fm_total_remove(struct fm_total * total, uint32_t slot);
 
 /// The value. Returns false if there is none: `min` and `max` over no instance. O(1), and for a
-/// sum of floats O(words of an exact sum).
-FM_INTERNAL bool fm_total_value(const struct fm_total * total, union fm_value * value);
+/// sum of floats O(words of an exact sum) after each change.
+FM_INTERNAL bool fm_total_value(struct fm_total * total, union fm_value * value);
+
+/// Whether the value is another one than the bundle's scope has. As fm_total_value.
+FM_INTERNAL bool fm_total_has_changed(struct fm_total * total);
 
 #endif  // AGGREGATES_H_

@@ -34,7 +34,9 @@ enum fm_concern
 {
   FM_CONCERNS_NONE = 0,
   FM_CONCERNS_ALL = 1,  // for all: the topic feeds an input without a variable
-  FM_CONCERNS_KEY = 2   // for the instance of its key; may be added to FM_CONCERNS_ALL
+  FM_CONCERNS_KEY = 2,  // for the instance of its key; may be added to the others
+  FM_CONCERNS_VALUE = 4  // an operand of an aggregate that they read reads an input of the topic:
+                         // for all under FM_RELEVANT_MESSAGE and FM_ALL_INPUTS
 };
 
 struct fm_key
@@ -43,7 +45,10 @@ struct fm_key
   uint32_t size;
 };
 
-/// A kind of instances. All that it points to outlives the scopes and stays the caller's.
+/// A kind of instances. All that it points to outlives the scopes and stays the caller's. A kind
+/// that reads aggregates comes after those of their operands. One whose keys are those of a kind
+/// before it, its base, has no keys of its own: its instances begin and end with those of the
+/// base, and have the values that are stored in them.
 struct fm_kind
 {
   const struct fm_evaluator_options * options;  // of its monitor; policy and topics as the bundle
@@ -51,6 +56,8 @@ struct fm_kind
   const uint8_t * concerns;                     // a topic: enum fm_concern
   const struct fm_topic * keyed;  // a topic: the inputs with a key that it feeds
   const uint32_t * shared;  // an input: the same in the bundle's scope; UINT32_MAX: it has a key
+  const uint32_t * of_base;  // an input with a key: the same in the base; NULL: there is no base
+  uint32_t base;
   const struct fm_key * listed;  // instances from the start
   uint32_t n_listed;
   uint32_t most;                 // instances at one time

@@ -36,7 +36,8 @@ struct layout
   struct fm_block block;
 };
 
-static struct layout lay_out(const struct fm_evaluator_options * options, uint64_t most)
+static struct layout lay_out(
+  const struct fm_evaluator_options * options, uint64_t most, bool has_keys)
 {
   const uint64_t evaluator = fm_evaluator_bytes(options);
   struct layout layout = {0};
@@ -46,7 +47,7 @@ static struct layout lay_out(const struct fm_evaluator_options * options, uint64
     fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
   layout.unknown =
     fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
-  layout.keys = fm_block_append(&layout.block, fm_keys_bytes(most), 1);
+  layout.keys = fm_block_append(&layout.block, has_keys ? fm_keys_bytes(most) : 0, 1);
   layout.due = fm_block_append(&layout.block, fm_heap_bytes(most), 1);
   layout.lasts = fm_block_append(&layout.block, most, sizeof(int64_t));
   layout.turns = fm_block_append(&layout.block, most, sizeof(uint16_t));
@@ -56,36 +57,40 @@ static struct layout lay_out(const struct fm_evaluator_options * options, uint64
   return layout;
 }
 
-uint64_t fm_pool_bytes(const struct fm_evaluator_options * options, uint64_t most)
+uint64_t fm_pool_bytes(
+  const struct fm_evaluator_options * options, uint64_t most, bool has_keys)
 {
   if (options->monitor == NULL || options->monitor->abi != FM_ABI) {
     return 0;
   }
-  const struct layout layout = lay_out(options, most);
+  const struct layout layout = lay_out(options, most, has_keys);
   return layout.block.fits ? layout.block.bytes : 0;
 }
 
 bool fm_pool_make(
-  struct fm_pool * pool, void * memory, const struct fm_evaluator_options * options,
-  uint32_t most, int64_t forget, const uint64_t seed[2])
+  struct fm_pool * pool, void * memory, const struct fm_pool_options * made)
 {
-  const struct layout layout = lay_out(options, most);
+  const struct fm_evaluator_options * options = made->options;
+  const struct layout layout = lay_out(options, made->most, made->keys == NULL);
   char * const bytes = memory;
   pool->evaluator = fm_evaluator_init(bytes + layout.evaluator, options);
-  if (pool->evaluator == NULL || forget < 0) {
+  if (pool->evaluator == NULL || made->forget < 0) {
     return false;
   }
+  if (made->keys == NULL) {
+    pool->own_keys = fm_keys_make(bytes + layout.keys, made->most, made->seed);
+  }
+  pool->keys = made->keys == NULL ? &pool->own_keys : made->keys;
   pool->blank = pool->evaluator->instance;
   pool->blocks = bytes + layout.blocks;
   pool->block_bytes = fm_instance_bytes(options->monitor, fm_measure_words(options));
-  pool->keys = fm_keys_make(bytes + layout.keys, most, seed);
-  pool->due = fm_heap_make(bytes + layout.due, most);
+  pool->due = fm_heap_make(bytes + layout.due, made->most);
   pool->lasts = (int64_t *)(void *)(bytes + layout.lasts);
   pool->turns = (uint16_t *)(void *)(bytes + layout.turns);
   pool->turn = 1;
   pool->violated = (uint64_t *)(void *)(bytes + layout.violated);
   pool->unknown = (uint64_t *)(void *)(bytes + layout.unknown);
-  pool->forget = forget;
+  pool->forget = made->forget;
   pool->entered = FM_NO_SLOT;
   return true;
 }
@@ -227,7 +232,7 @@ void fm_pool_begin_turn(struct fm_pool * pool)
 {
   pool->turn = (uint16_t)(pool->turn + 1u);
   if (pool->turn == 0) {
-    memset(pool->turns, 0, pool->keys.end * sizeof(*pool->turns));
+    memset(pool->turns, 0, pool->keys->end * sizeof(*pool->turns));
     pool->turn = 1;
   }
 }
@@ -251,8 +256,8 @@ void fm_pool_count_unknown(struct fm_pool * pool)
 {
   fm_pool_leave(pool);
   pool->counts_unknown = true;
-  for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-    if (fm_keys_has(&pool->keys, slot)) {
+  for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+    if (fm_keys_has(pool->keys, slot)) {
       const struct fm_instance instance = instance_at(pool, slot);
       count_unknown(pool, &instance, 1);
     }
@@ -279,7 +284,7 @@ static bool has_deadline(const struct fm_pool * pool, uint32_t slot)
 }
 
 // What the instance has counted stays; its violations are over.
-void fm_pool_end(struct fm_pool * pool, uint32_t slot)
+bool fm_pool_end(struct fm_pool * pool, uint32_t slot)
 {
   const struct fm_instance instance = instance_at(pool, slot);
   fm_pool_leave(pool);
@@ -287,10 +292,9 @@ void fm_pool_end(struct fm_pool * pool, uint32_t slot)
     pool->violated[r] -= instance.previous[r] ? 0u : 1u;
   }
   count_unknown(pool, &instance, UINT64_MAX);
-  pool->counts.open += has_deadline(pool, slot) ? 1u : 0u;
   pool->counts.ended += 1;
   pool->counts.alive -= 1;
   pool->turns[slot] = 0;
   fm_heap_remove(&pool->due, slot);
-  fm_keys_remove(&pool->keys, slot);
+  return has_deadline(pool, slot);
 }

@@ -36,7 +36,8 @@ struct fm_pool
   struct fm_instance blank;
   char * blocks;
   uint64_t block_bytes;
-  struct fm_keys keys;
+  struct fm_keys own_keys;
+  struct fm_keys * keys;  // its own, or those of another pool, which adds and removes them
   struct fm_heap due;    // not after the deadline of the instance
   int64_t * lasts;       // an instance: the time of the last message of its key
   uint16_t * turns;      // an instance: the turn in which it took a message last
@@ -51,14 +52,24 @@ struct fm_pool
   struct fm_pool_counts counts;
 };
 
-/// The bytes of a pool; 0 if they do not fit in the address space. O(groups).
-FM_INTERNAL uint64_t fm_pool_bytes(const struct fm_evaluator_options * options, uint64_t most);
+/// What a pool is made of.
+struct fm_pool_options
+{
+  const struct fm_evaluator_options * options;
+  struct fm_keys * keys;  // of another pool with the same `most`; NULL: its own
+  const uint64_t * seed;  // two words
+  uint32_t most;
+  int64_t forget;
+};
 
-/// Make a pool without instances in fm_pool_bytes bytes, aligned to FM_ALIGNMENT. Returns false as
-/// fm_evaluator_init. O(bytes).
+/// The bytes of a pool; 0 if they do not fit in the address space. O(groups).
+FM_INTERNAL uint64_t fm_pool_bytes(
+  const struct fm_evaluator_options * options, uint64_t most, bool has_keys);
+
+/// Make a pool without instances in fm_pool_bytes bytes, aligned to FM_ALIGNMENT. It must stay
+/// where it is. Returns false as fm_evaluator_init. O(bytes).
 FM_INTERNAL bool fm_pool_make(
-  struct fm_pool * pool, void * memory, const struct fm_evaluator_options * options,
-  uint32_t most, int64_t forget, const uint64_t seed[2]);
+  struct fm_pool * pool, void * memory, const struct fm_pool_options * made);
 
 /// Count from now on the instances of which a requirement is not known; before the first message.
 /// O(instances + requirements).
@@ -78,8 +89,8 @@ FM_INTERNAL void fm_pool_leave(struct fm_pool * pool);
 /// Begin an instance, whose key has the slot. O(block).
 FM_INTERNAL void fm_pool_begin(struct fm_pool * pool, uint32_t slot);
 
-/// End an instance; its key is free. O(log n).
-FM_INTERNAL void fm_pool_end(struct fm_pool * pool, uint32_t slot);
+/// End an instance, whose key the caller removes. Returns whether it had a deadline. O(log n).
+FM_INTERNAL bool fm_pool_end(struct fm_pool * pool, uint32_t slot);
 
 /// When something is due in an instance that is entered, or it is to end. O(inputs + groups).
 FM_INTERNAL int64_t fm_pool_deadline(struct fm_pool * pool);

@@ -29,6 +29,7 @@ static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
   struct fm_scopes_message * message = &scopes->message;
   message->now = now;
   message->instant = fm_evaluator_arrival(scopes->bundle, now);
+  message->reached = now;
   message->topic = topic;
   message->n_staged = 0;
   message->kind = FM_BUNDLE;
@@ -101,11 +102,14 @@ static bool is_for_all(const struct fm_scopes * scopes, uint32_t kind)
   if (message->is_row) {
     return message->is_for_all;
   }
-  return message->topic < scopes->options.n_topics &&
-         (cell->options.concerns[message->topic] & FM_CONCERNS_ALL) != 0u &&
-         (scopes->options.policy == FM_EVERY_MESSAGE ||
+  const enum fm_policy policy = scopes->options.policy;
+  const uint8_t concerns =
+    message->topic < scopes->options.n_topics ? cell->options.concerns[message->topic] : 0u;
+  return ((concerns & FM_CONCERNS_VALUE) != 0u &&
+         (policy == FM_RELEVANT_MESSAGE || policy == FM_ALL_INPUTS)) ||
+         ((concerns & FM_CONCERNS_ALL) != 0u && (policy == FM_EVERY_MESSAGE ||
          cell->options.options->topics[message->topic].n_inputs > 0 ||
-         cell->pool.evaluator->topics[message->topic].n_groups > 0);
+         cell->pool.evaluator->topics[message->topic].n_groups > 0));
 }
 
 // What is due in an instance before the message takes effect in it is taken first.
@@ -131,44 +135,101 @@ static void store_copies(struct fm_scopes * scopes, uint32_t kind, int64_t at)
   }
 }
 
-static void enter(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+static void store_parts(struct fm_scopes * scopes, uint32_t kind, int64_t at)
+{
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  for (uint32_t n = 0; n < scopes->message.n_parts; ++n) {
+    const struct fm_staged * part = &scopes->parts[n];
+    if (cell->parts[part->input] != UINT32_MAX) {
+      fm_evaluator_store(cell->pool.evaluator, cell->parts[part->input], part->value, at);
+    }
+  }
+}
+
+// Enter an instance, and let it know the shared inputs. Returns when the message takes effect.
+static int64_t enter(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  (void)fm_scopes_enter_slot(scopes, kind, slot);
+  const int64_t at = arrive(scopes, kind);
+  store_copies(scopes, kind, at);
+  return at;
+}
+
+// What reads aggregates takes the message no earlier than the instances that they are of.
+static int64_t instant_in(struct fm_scopes * scopes, uint32_t kind, int64_t at)
+{
+  const int64_t reached = scopes->message.reached;
+  if (scopes->kinds[kind].waiting == NULL || reached <= at ||
+    scopes->options.policy != FM_TIMED)
+  {
+    return at;
+  }
+  fm_scopes_take_due_of(scopes, kind, fm_later(reached, -1));
+  return reached;
+}
+
+// The instance that is entered takes the message.
+static void step(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t arrival)
 {
   struct fm_scopes_message * message = &scopes->message;
-  (void)fm_scopes_enter_slot(scopes, kind, slot);
-  message->entered_at = arrive(scopes, kind);
-  message->kind = kind;
-  message->slot = slot;
-  store_copies(scopes, kind, message->entered_at);
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  const int64_t at = instant_in(scopes, kind, arrival);
+  fm_scopes_give_aggregates(scopes, kind, at);
+  fm_scopes_before_step(scopes, kind);
+  const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
+    fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
+  fm_scopes_after_step(scopes, kind);
+  fm_pool_leave(pool);
+  message->reached = at > message->reached ? at : message->reached;
+  message->instant = at > message->instant ? at : message->instant;
+  fm_scopes_report(scopes, FM_SCOPE_STEPPED, kind, slot, at, n);
+}
+
+// The instance that is entered steps when all instances of the kinds before have.
+static void put_off(struct fm_scope_kind * cell, uint32_t slot)
+{
+  fm_pool_leave(&cell->pool);
+  cell->pool.turns[slot] = cell->pool.turn;
+  cell->waiting[cell->n_waiting] = slot;
+  cell->n_waiting += 1;
+}
+
+// The message is one for the other kinds with the key, too, which read aggregates.
+static void pass_on(struct fm_scopes * scopes, uint32_t base, uint32_t slot)
+{
+  for (uint32_t k = base + 1u; scopes->kinds[base].is_base && k < scopes->n_kinds; ++k) {
+    if (scopes->kinds[k].pool.keys == scopes->kinds[base].pool.keys) {
+      store_parts(scopes, k, enter(scopes, k, slot));
+      put_off(&scopes->kinds[k], slot);
+    }
+  }
 }
 
 static void step_entered(struct fm_scopes * scopes)
 {
   struct fm_scopes_message * message = &scopes->message;
   const uint32_t kind = message->kind;
-  const int64_t at = message->entered_at;
   if (kind == FM_BUNDLE) {
     return;
   }
-  struct fm_pool * pool = &scopes->kinds[kind].pool;
-  fm_scopes_before_step(scopes, kind);
-  const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
-    fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
-  fm_scopes_after_step(scopes, kind);
-  fm_pool_leave(pool);
   message->kind = FM_BUNDLE;
-  message->instant = at > message->instant ? at : message->instant;
-  fm_scopes_report(scopes, FM_SCOPE_STEPPED, kind, message->slot, at, n);
+  if (scopes->kinds[kind].waiting != NULL) {
+    put_off(&scopes->kinds[kind], message->slot);
+  } else {
+    step(scopes, kind, message->slot, message->entered_at);
+  }
+  pass_on(scopes, kind, message->slot);
 }
 
 static uint32_t find_or_begin(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
-  uint32_t slot = fm_keys_find(&pool->keys, key, size);
+  uint32_t slot = fm_keys_find(pool->keys, key, size);
   if (slot != FM_NO_SLOT || scopes->kinds[kind].options.n_listed > 0) {
     return slot;
   }
-  slot = size > 0 ? fm_keys_add(&pool->keys, key, size) : FM_NO_SLOT;
+  slot = size > 0 ? fm_keys_add(pool->keys, key, size) : FM_NO_SLOT;
   if (slot == FM_NO_SLOT) {
     pool->counts.beyond += 1;
     pool->is_short = pool->is_short || size > 0;
@@ -182,9 +243,10 @@ static uint32_t find_or_begin(
 uint32_t fm_scopes_enter(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
 {
-  if (kind >= scopes->n_kinds) {
+  if (kind >= scopes->n_kinds || scopes->kinds[kind].parts != NULL) {
     return FM_NO_SLOT;
   }
+  struct fm_scopes_message * message = &scopes->message;
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   step_entered(scopes);
   const uint32_t slot = find_or_begin(scopes, kind, key, size);
@@ -192,11 +254,27 @@ uint32_t fm_scopes_enter(
     return FM_NO_SLOT;
   }
   if (pool->forget > 0) {
-    pool->lasts[slot] = scopes->message.now;
+    pool->lasts[slot] = message->now;
   }
   pool->turns[slot] = pool->turn;
-  enter(scopes, kind, slot);
+  message->entered_at = enter(scopes, kind, slot);
+  message->kind = kind;
+  message->slot = slot;
+  message->n_parts = 0;
   return slot;
+}
+
+// Keep a value for the other kinds with the key.
+static void keep_part(struct fm_scopes * scopes, uint32_t input, union fm_value value)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  const struct fm_scope_kind * cell = &scopes->kinds[message->kind];
+  const uint32_t n_inputs = cell->pool.evaluator->monitor->n_inputs;
+  if (cell->is_base && input < n_inputs && message->n_parts < n_inputs) {
+    const struct fm_staged part = {value, input, true};
+    scopes->parts[message->n_parts] = part;
+    message->n_parts += 1;
+  }
 }
 
 void fm_scopes_store_keyed(struct fm_scopes * scopes, uint32_t input, union fm_value value)
@@ -205,15 +283,17 @@ void fm_scopes_store_keyed(struct fm_scopes * scopes, uint32_t input, union fm_v
   if (message->kind != FM_BUNDLE) {
     fm_evaluator_store(
       scopes->kinds[message->kind].pool.evaluator, input, value, message->entered_at);
+    keep_part(scopes, input, value);
   }
 }
 
 void fm_scopes_store_keyed_from(struct fm_scopes * scopes, uint32_t input, const void * value)
 {
   const struct fm_scopes_message * message = &scopes->message;
-  if (message->kind != FM_BUNDLE) {
-    fm_evaluator_store_from(
-      scopes->kinds[message->kind].pool.evaluator, input, value, message->entered_at);
+  const struct fm_monitor * monitor = message->kind == FM_BUNDLE ? NULL :
+    scopes->kinds[message->kind].pool.evaluator->monitor;
+  if (monitor != NULL && input < monitor->n_inputs) {
+    fm_scopes_store_keyed(scopes, input, value_from(monitor, input, value));
   }
 }
 
@@ -224,13 +304,22 @@ void fm_scopes_unusable_keyed(struct fm_scopes * scopes, uint32_t input)
   }
 }
 
+static void step_waiting(struct fm_scopes * scopes, uint32_t kind)
+{
+  struct fm_scope_kind * cell = &scopes->kinds[kind];
+  for (uint32_t n = 0; n < cell->n_waiting; ++n) {
+    (void)fm_scopes_enter_slot(scopes, kind, cell->waiting[n]);
+    step(scopes, kind, cell->waiting[n], arrive(scopes, kind));
+  }
+  cell->n_waiting = 0;
+}
+
 static void step_others(struct fm_scopes * scopes, uint32_t kind)
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
-  for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-    if (fm_keys_has(&pool->keys, slot) && pool->turns[slot] != pool->turn) {
-      enter(scopes, kind, slot);
-      step_entered(scopes);
+  for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+    if (fm_keys_has(pool->keys, slot) && pool->turns[slot] != pool->turn) {
+      step(scopes, kind, slot, enter(scopes, kind, slot));
     }
   }
 }
@@ -261,39 +350,35 @@ static void step_bundle(struct fm_scopes * scopes)
   fm_scopes_report(scopes, FM_SCOPE_STEPPED, FM_BUNDLE, 0, at, n);
 }
 
+static void take_in_others(struct fm_scopes * scopes, uint32_t kind)
+{
+  const bool is_message = !scopes->message.is_row;
+  if (is_for_all(scopes, kind)) {
+    step_others(scopes, kind);
+  } else if (!fm_scopes_has_news(scopes, kind)) {
+    return;
+  } else if (is_message && scopes->options.policy == FM_TIMED) {
+    step_others(scopes, kind);  // the groups that read inputs of the topic are evaluated now
+  } else {
+    fm_scopes_spread_news(scopes, kind, scopes->message.reached);
+  }
+}
+
 int64_t fm_scopes_end(struct fm_scopes * scopes)
 {
   step_entered(scopes);
   for (uint32_t kind = 0; kind < scopes->n_kinds; ++kind) {
-    if (is_for_all(scopes, kind)) {
-      step_others(scopes, kind);
+    step_waiting(scopes, kind);
+    take_in_others(scopes, kind);
+    if (scopes->message.is_row && scopes->options.policy == FM_TIMED) {
+      fm_scopes_take_kind(scopes, kind, scopes->message.now);
     }
-  }
-  if (scopes->message.is_row && scopes->options.policy == FM_TIMED) {
-    fm_scopes_take_pools(scopes, scopes->message.now);
   }
   step_bundle(scopes);
   return scopes->message.instant;
 }
 
 // ---- answers -----------------------------------------------------------------------------------
-
-void fm_scopes_initial(
-  struct fm_scopes * scopes, uint32_t kind, uint32_t input, union fm_value value)
-{
-  if (kind >= scopes->n_kinds) {
-    return;
-  }
-  struct fm_pool * pool = &scopes->kinds[kind].pool;
-  fm_pool_leave(pool);
-  fm_evaluator_initial(pool->evaluator, input, value);
-  for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-    if (fm_keys_has(&pool->keys, slot)) {
-      fm_evaluator_initial(fm_scopes_enter_slot(scopes, kind, slot), input, value);
-      fm_pool_leave(pool);
-    }
-  }
-}
 
 void fm_scopes_initial_from(
   struct fm_scopes * scopes, uint32_t kind, uint32_t input, const void * value)
@@ -325,7 +410,7 @@ const struct fm_evaluator * fm_scopes_look(
     fm_pool_leave(&scopes->kinds[kind].pool);
     return scopes->kinds[kind].pool.evaluator;
   }
-  if (kind >= scopes->n_kinds || !fm_keys_has(&scopes->kinds[kind].pool.keys, slot)) {
+  if (kind >= scopes->n_kinds || !fm_keys_has(scopes->kinds[kind].pool.keys, slot)) {
     return NULL;
   }
   return fm_scopes_enter_slot(scopes, kind, slot);
@@ -357,12 +442,12 @@ size_t fm_scopes_key(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t slot, uint8_t * out)
 {
   return fm_scopes_next(scopes, kind, slot) != slot || slot == FM_NO_SLOT ? 0 :
-         fm_keys_copy(&scopes->kinds[kind].pool.keys, slot, out);
+         fm_keys_copy(scopes->kinds[kind].pool.keys, slot, out);
 }
 
 uint32_t fm_scopes_next(const struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
 {
-  const struct fm_keys * keys = kind < scopes->n_kinds ? &scopes->kinds[kind].pool.keys : NULL;
+  const struct fm_keys * keys = kind < scopes->n_kinds ? scopes->kinds[kind].pool.keys : NULL;
   while (keys != NULL && slot < keys->end) {
     if (fm_keys_has(keys, slot)) {
       return slot;
@@ -372,10 +457,17 @@ uint32_t fm_scopes_next(const struct fm_scopes * scopes, uint32_t kind, uint32_t
   return FM_NO_SLOT;
 }
 
+// The pool that has the keys of a kind.
+static const struct fm_pool * base_of(const struct fm_scopes * scopes, uint32_t kind)
+{
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  return cell->parts == NULL ? &cell->pool : &scopes->kinds[cell->options.base].pool;
+}
+
 struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes, uint32_t kind)
 {
   const struct fm_pool_counts none = {0, 0, 0, 0, 0};
-  return kind < scopes->n_kinds ? scopes->kinds[kind].pool.counts : none;
+  return kind < scopes->n_kinds ? base_of(scopes, kind)->counts : none;
 }
 
 struct fm_time_counts fm_scopes_time_counts(const struct fm_scopes * scopes)
@@ -411,5 +503,6 @@ uint64_t fm_scopes_unknown(
   const struct fm_pool * pool = &scopes->kinds[kind].pool;
   const bool is_unknown = pool->entered != FM_NO_SLOT &&
     !fm_is_known(&pool->evaluator->instance, requirement);
-  return pool->unknown[requirement] + (is_unknown ? 1u : 0u) + (pool->is_short ? 1u : 0u);
+  const bool is_short = base_of(scopes, kind)->is_short;
+  return pool->unknown[requirement] + (is_unknown ? 1u : 0u) + (is_short ? 1u : 0u);
 }

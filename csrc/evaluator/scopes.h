@@ -24,14 +24,20 @@
 /// those that its requirements read, and the inputs with a key.
 ///
 /// A message takes effect in this order: its instances step, in the order in which their keys are
-/// in it; if it is a message for all instances of a kind, the others step, kind by kind, by slot;
-/// then the aggregates have their new values, and the bundle's scope takes the message. What is
-/// due at one instant is taken in the same order: instances, then those that end, then the bundle.
-/// A message at the instant at which an instance would end comes before the end.
+/// in it; if it is a message for all instances of a kind, the others step, kind by kind, by slot.
+/// Kinds that read aggregates do so after the kinds before them, with the values that the
+/// aggregates have then. At last the bundle's scope takes the message. What is due at one instant
+/// is taken in the same order: kind by kind the instances, then those of them that end; then the
+/// bundle. A message at the instant at which an instance would end comes before the end.
+///
+/// Of a value of an aggregate that is another one, all instances that read it know at once under
+/// FM_TIMED and FM_ALL_INPUTS, and under FM_RELEVANT_MESSAGE by the messages that change it; under
+/// the others, when they step.
 ///
 /// Time is that of evaluator.h. Under FM_TIMED each scope has an instant of its own at which a
-/// message takes effect: `now`, or 1 ns after its last evaluation. The bundle's is never before
-/// that of an instance that takes the same message.
+/// message takes effect: `now`, or 1 ns after its last evaluation. That of the bundle, and of an
+/// instance that reads aggregates, is never before that of an instance before it that takes the
+/// same message.
 ///
 /// The caller owns all memory. Not thread-safe. No function allocates, blocks, or fails except by
 /// the stated return value.
@@ -125,7 +131,7 @@ FM_EXPORT void fm_scopes_unusable(struct fm_scopes * scopes, uint32_t input);
 /// The message has a part for the instance of a key; the values of that part follow. The instance
 /// that was entered before steps now. An instance begins if there is none with the key. Returns
 /// its slot, or FM_NO_SLOT, and the part is left out: there is no room for the key, it is none of
-/// the listed keys, or the message had a part for it before. O(1) expected,
+/// the listed keys, the message had a part for it before, or the kind has a base. O(1) expected,
 /// O(log n) if a deadline comes forward, and the operations of a step.
 FM_EXPORT uint32_t fm_scopes_enter(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size);
@@ -140,7 +146,8 @@ FM_EXPORT void fm_scopes_unusable_keyed(struct fm_scopes * scopes, uint32_t inpu
 
 /// All values are stored: the last instance that was entered steps, then the others that the
 /// message is for, then the bundle's scope. Returns the instant at which it took effect in the
-/// bundle's scope. O(operations of what steps), and O(slots in use) if it is for all instances.
+/// bundle's scope. O(operations of what steps), and O(slots in use) if it is for all instances, or
+/// all have to know of the value of an aggregate.
 FM_EXPORT int64_t fm_scopes_end(struct fm_scopes * scopes);
 
 // ---- time --------------------------------------------------------------------------------------

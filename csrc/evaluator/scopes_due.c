@@ -23,8 +23,8 @@ static void begin_instances(struct fm_scopes * scopes, int64_t now)
 {
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     struct fm_pool * pool = &scopes->kinds[k].pool;
-    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-      if (fm_keys_has(&pool->keys, slot)) {
+    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+      if (fm_keys_has(pool->keys, slot)) {
         pool->lasts[slot] = now;
         (void)fm_reach(fm_scopes_enter_slot(scopes, k, slot), now);
         fm_pool_leave(pool);
@@ -38,10 +38,11 @@ static void set_instances_back(struct fm_scopes * scopes, int64_t now)
   const int64_t by = -fm_since(now, scopes->bundle->instance.time->now);
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     struct fm_pool * pool = &scopes->kinds[k].pool;
-    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-      if (fm_keys_has(&pool->keys, slot)) {
+    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+      if (fm_keys_has(pool->keys, slot)) {
         pool->lasts[slot] = fm_later(pool->lasts[slot], by);
         (void)fm_reach(fm_scopes_enter_slot(scopes, k, slot), now);
+        fm_scopes_give_aggregates(scopes, k, now);
         fm_pool_leave(pool);
         if (scopes->options.policy == FM_TIMED) {
           fm_scopes_uncount(scopes, k, slot);
@@ -70,8 +71,8 @@ void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
 {
   for (uint32_t k = 0; k < scopes->n_kinds && fm_evaluator_has_begun(scopes->bundle); ++k) {
     struct fm_pool * pool = &scopes->kinds[k].pool;
-    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-      if (fm_keys_has(&pool->keys, slot)) {
+    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+      if (fm_keys_has(pool->keys, slot)) {
         pool->lasts[slot] = fm_later(pool->lasts[slot], by);
         fm_evaluator_shift(fm_scopes_enter_slot(scopes, k, slot), by);
         fm_pool_leave(pool);
@@ -85,9 +86,11 @@ void fm_scopes_reset(struct fm_scopes * scopes)
 {
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     struct fm_pool * pool = &scopes->kinds[k].pool;
-    for (uint32_t slot = 0; slot < pool->keys.end; ++slot) {
-      if (fm_keys_has(&pool->keys, slot)) {
-        fm_evaluator_reset(fm_scopes_enter_slot(scopes, k, slot));
+    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+      if (fm_keys_has(pool->keys, slot)) {
+        struct fm_evaluator * evaluator = fm_scopes_enter_slot(scopes, k, slot);
+        fm_scopes_give_aggregates(scopes, k, fm_evaluator_now(evaluator));
+        fm_evaluator_reset(evaluator);
         fm_pool_leave(pool);
         fm_scopes_uncount(scopes, k, slot);
       }
@@ -139,27 +142,64 @@ static int64_t first_due(struct fm_scopes * scopes, int64_t last, bool misses)
   return first <= last ? first : FM_NEVER;
 }
 
-static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
+static bool have_same_keys(const struct fm_scopes * scopes, uint32_t a, uint32_t b)
 {
-  struct fm_pool * pool = &scopes->kinds[kind].pool;
-  fm_scopes_report(scopes, FM_SCOPE_ENDED, kind, slot, instant, 0);
-  fm_pool_leave(pool);
-  fm_scopes_uncount(scopes, kind, slot);
-  fm_pool_end(pool, slot);
+  return scopes->kinds[a].pool.keys == scopes->kinds[b].pool.keys;
 }
 
-void fm_scopes_take_pools(struct fm_scopes * scopes, int64_t instant)
+static void take_due_in(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
 {
-  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    struct fm_pool * pool = &scopes->kinds[k].pool;
-    while (first_due_of(scopes, k, instant, false) != FM_NEVER) {
-      const uint32_t slot = fm_heap_first(&pool->due);
-      (void)fm_scopes_enter_slot(scopes, k, slot);
-      fm_scopes_take_due_of(scopes, k, instant);
+  (void)fm_scopes_enter_slot(scopes, kind, slot);
+  fm_scopes_take_due_of(scopes, kind, instant);
+  fm_pool_leave(&scopes->kinds[kind].pool);
+}
+
+// In all kinds with the key, of which `kind` has taken what is due.
+static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
+{
+  struct fm_pool * own = &scopes->kinds[kind].pool;
+  bool is_open = false;
+  for (uint32_t k = kind + 1u; k < scopes->n_kinds; ++k) {
+    if (have_same_keys(scopes, k, kind)) {
+      take_due_in(scopes, k, slot, instant);
+    }
+  }
+  for (uint32_t k = kind; k < scopes->n_kinds; ++k) {
+    if (have_same_keys(scopes, k, kind)) {
+      fm_scopes_report(scopes, FM_SCOPE_ENDED, k, slot, instant, 0);
+      fm_pool_leave(&scopes->kinds[k].pool);
+      fm_scopes_uncount(scopes, k, slot);
+      is_open = fm_pool_end(&scopes->kinds[k].pool, slot) || is_open;
+    }
+  }
+  own->counts.open += is_open ? 1u : 0u;
+  fm_keys_remove(own->keys, slot);
+}
+
+void fm_scopes_spread_news(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+    if (fm_keys_has(pool->keys, slot)) {
+      (void)fm_scopes_enter_slot(scopes, kind, slot);
+      fm_scopes_give_aggregates(scopes, kind, instant);
       fm_pool_leave(pool);
-      if (fm_pool_end_of(pool, slot) <= instant) {
-        end_instance(scopes, k, slot, instant);
-      }
+    }
+  }
+}
+
+void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
+{
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  if (fm_scopes_has_news(scopes, kind)) {
+    fm_scopes_spread_news(scopes, kind, instant);
+  }
+  while (first_due_of(scopes, kind, instant, false) != FM_NEVER) {
+    const uint32_t slot = fm_heap_first(&pool->due);
+    take_due_in(scopes, kind, slot, instant);
+    if (fm_pool_end_of(pool, slot) <= instant) {
+      end_instance(scopes, kind, slot, instant);
     }
   }
 }
@@ -171,7 +211,9 @@ static int64_t take_first(struct fm_scopes * scopes, int64_t now, int64_t last)
   if (due == FM_NEVER) {
     return FM_NEVER;
   }
-  fm_scopes_take_pools(scopes, due);
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    fm_scopes_take_kind(scopes, k, due);
+  }
   fm_scopes_store_aggregates(scopes, fm_scopes_bundle_instant(scopes, due));
   fm_scopes_take_bundle(scopes, due);
   return due;

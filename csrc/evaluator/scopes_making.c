@@ -29,9 +29,12 @@ struct layout
   uint64_t topics;
   uint64_t topic_inputs;
   uint64_t staged;
+  uint64_t parts;
   uint64_t found;
   uint64_t stepped;
   uint64_t copies;
+  uint64_t maps;     // of the parts of each kind with a base
+  uint64_t waiting;  // of each kind that reads aggregates
   uint64_t bundle;
   uint64_t pools;    // then the aggregates
   struct fm_block block;
@@ -102,6 +105,38 @@ static uint64_t most_requirements(const struct fm_scopes_options * options)
   return most;
 }
 
+static bool reads_aggregates(const struct fm_kind * kind)
+{
+  const uint8_t * sources = kind->options->sources;
+  for (uint32_t i = 0; sources != NULL && i < kind->options->monitor->n_inputs; ++i) {
+    if (sources[i] == FM_AGGREGATE) {
+      return true;
+    }
+  }
+  return false;
+}
+
+static uint32_t inputs_of_base(
+  const struct fm_scopes_options * options, const struct fm_kind * kind)
+{
+  return kind->of_base == NULL ? 0 : options->kinds[kind->base].options->monitor->n_inputs;
+}
+
+static uint64_t waiting_of(const struct fm_kind * kind)
+{
+  return reads_aggregates(kind) ? kind->most : 0;
+}
+
+static uint64_t most_inputs(const struct fm_scopes_options * options)
+{
+  uint64_t most = 0;
+  for (uint32_t k = 0; k < options->n_kinds; ++k) {
+    const uint32_t n = options->kinds[k].options->monitor->n_inputs;
+    most = n > most ? n : most;
+  }
+  return most;
+}
+
 // Each aggregate may put each group on the list of each topic.
 static uint64_t bundle_bytes(const struct fm_scopes_options * options)
 {
@@ -114,14 +149,23 @@ static uint64_t bundle_bytes(const struct fm_scopes_options * options)
   return block.fits ? block.bytes : 0;
 }
 
+static uint64_t pool_bytes(const struct fm_kind * kind)
+{
+  return fm_pool_bytes(kind->options, kind->most, kind->of_base == NULL);
+}
+
 static struct layout lay_out(const struct fm_scopes_options * options)
 {
   const struct fm_monitor * monitor = options->bundle->monitor;
   struct layout layout = {0};
   struct fm_block * block = &layout.block;
-  uint64_t topic_inputs = 0;
+  uint64_t topic_inputs = 0, maps = 0, waiting = 0;
   for (uint32_t t = 0; t < options->bundle->n_topics; ++t) {
     topic_inputs += count_topic_inputs(options, t);
+  }
+  for (uint32_t k = 0; k < options->n_kinds; ++k) {
+    maps += inputs_of_base(options, &options->kinds[k]);
+    waiting += waiting_of(&options->kinds[k]);
   }
   block->fits = bundle_bytes(options) > 0;
   (void)fm_block_append(block, 1, sizeof(struct fm_scopes));
@@ -131,15 +175,18 @@ static struct layout lay_out(const struct fm_scopes_options * options)
   layout.topics = fm_block_append(block, options->bundle->n_topics, sizeof(struct fm_topic));
   layout.topic_inputs = fm_block_append(block, topic_inputs, sizeof(uint32_t));
   layout.staged = fm_block_append(block, monitor->n_inputs, sizeof(struct fm_staged));
+  layout.parts = fm_block_append(block, most_inputs(options), sizeof(struct fm_staged));
   layout.found =
     fm_block_append(block, most_requirements(options), sizeof(struct fm_violation));
   layout.stepped = fm_block_append(block, options->most_stepped, sizeof(struct fm_stepped));
   layout.copies = fm_block_append(
     block, (uint64_t)options->n_kinds * monitor->n_inputs, sizeof(uint32_t));
+  layout.maps = fm_block_append(block, maps, sizeof(uint32_t));
+  layout.waiting = fm_block_append(block, waiting, sizeof(uint32_t));
   layout.bundle = fm_block_append(block, bundle_bytes(options), 1);
   layout.pools = block->bytes;
   for (uint32_t k = 0; k < options->n_kinds; ++k) {
-    const uint64_t bytes = fm_pool_bytes(options->kinds[k].options, options->kinds[k].most);
+    const uint64_t bytes = pool_bytes(&options->kinds[k]);
     block->fits = block->fits && bytes > 0;
     (void)fm_block_append(block, bytes, 1);
   }
@@ -150,6 +197,42 @@ static struct layout lay_out(const struct fm_scopes_options * options)
 }
 
 // ---- checks ------------------------------------------------------------------------------------
+
+// A base comes before the kind, and has the same keys and the inputs with a key.
+static bool base_is_sound(const struct fm_scopes_options * options, uint32_t k)
+{
+  const struct fm_kind * kind = &options->kinds[k];
+  if (kind->of_base == NULL) {
+    return true;
+  }
+  const struct fm_kind * base = kind->base < k ? &options->kinds[kind->base] : NULL;
+  if (base == NULL || base->of_base != NULL || base->most != kind->most || kind->n_listed > 0) {
+    return false;
+  }
+  for (uint32_t i = 0; i < kind->options->monitor->n_inputs; ++i) {
+    const uint32_t b = kind->of_base[i];
+    if (kind->shared[i] == UINT32_MAX && (b >= base->options->monitor->n_inputs ||
+      base->options->monitor->inputs[b].type != kind->options->monitor->inputs[i].type))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+// The operands of the aggregates that a kind reads are in kinds before it.
+static bool order_is_sound(const struct fm_scopes_options * options, uint32_t k)
+{
+  const struct fm_kind * kind = &options->kinds[k];
+  for (uint32_t i = 0; i < kind->options->monitor->n_inputs; ++i) {
+    for (uint32_t a = 0; a < options->n_aggregates; ++a) {
+      if (kind->shared[i] == options->aggregates[a].input && options->aggregates[a].kind >= k) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
 
 static bool kind_is_sound(const struct fm_scopes_options * options, const struct fm_kind * kind)
 {
@@ -209,7 +292,8 @@ static bool options_are_sound(const struct fm_scopes_options * options)
   const struct fm_monitor * monitor = options->bundle->monitor;
   bool are_sound = monitor != NULL && monitor->abi == FM_ABI;
   for (uint32_t k = 0; k < options->n_kinds; ++k) {
-    are_sound = are_sound && kind_is_sound(options, &options->kinds[k]);
+    are_sound = are_sound && kind_is_sound(options, &options->kinds[k]) &&
+      order_is_sound(options, k) && base_is_sound(options, k);
   }
   for (uint32_t a = 0; a < options->n_aggregates; ++a) {
     are_sound = are_sound && aggregate_is_sound(options, &options->aggregates[a]);
@@ -262,16 +346,39 @@ static void map_copies(struct fm_scope_kind * kind, uint32_t * copies, uint32_t 
   }
 }
 
+// The inputs of the base that are of this kind, too.
+static void map_parts(struct fm_scope_kind * kind, uint32_t * parts, uint32_t n_inputs)
+{
+  kind->parts = parts;
+  for (uint32_t b = 0; b < n_inputs; ++b) {
+    parts[b] = UINT32_MAX;
+  }
+  for (uint32_t i = 0; i < kind->pool.evaluator->monitor->n_inputs; ++i) {
+    if (kind->options.shared[i] == UINT32_MAX) {
+      parts[kind->options.of_base[i]] = i;
+    }
+  }
+}
+
+static void begin_as_base(struct fm_pool * pool)
+{
+  for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+    if (fm_keys_has(pool->keys, slot)) {
+      fm_pool_begin(pool, slot);
+    }
+  }
+}
+
 static bool begin_listed(struct fm_scope_kind * kind)
 {
   for (uint32_t n = 0; n < kind->options.n_listed; ++n) {
     const struct fm_key * key = &kind->options.listed[n];
     if (key->size == 0 ||
-      fm_keys_find(&kind->pool.keys, key->bytes, key->size) != FM_NO_SLOT)
+      fm_keys_find(kind->pool.keys, key->bytes, key->size) != FM_NO_SLOT)
     {
       return false;
     }
-    const uint32_t slot = fm_keys_add(&kind->pool.keys, key->bytes, key->size);
+    const uint32_t slot = fm_keys_add(kind->pool.keys, key->bytes, key->size);
     if (slot == FM_NO_SLOT) {
       return false;
     }
@@ -280,26 +387,46 @@ static bool begin_listed(struct fm_scope_kind * kind)
   return true;
 }
 
-static bool make_kinds(
-  struct fm_scopes * scopes, const struct fm_scopes_options * options, char * bytes,
-  uint32_t * copies)
+static bool make_pool(
+  struct fm_scopes * scopes, const struct fm_scopes_options * options, struct fm_scope_kind * kind,
+  char * bytes)
 {
   static const uint64_t NO_SEED[2] = {0, 0};
+  const bool has_base = kind->options.of_base != NULL;
+  const struct fm_pool_options made = {
+    kind->options.options, has_base ? scopes->kinds[kind->options.base].pool.keys : NULL,
+    options->seed == NULL ? NO_SEED : options->seed, kind->options.most,
+    has_base ? 0 : kind->options.forget};
+  return fm_pool_make(&kind->pool, bytes, &made);
+}
+
+static bool make_kinds(
+  struct fm_scopes * scopes, const struct fm_scopes_options * options, char * bytes,
+  const struct layout * layout)
+{
+  char * const all = (char *)(void *)scopes;
+  uint32_t * maps = (uint32_t *)(void *)(all + layout->maps);
+  uint32_t * waiting = (uint32_t *)(void *)(all + layout->waiting);
   const uint32_t n_inputs = options->bundle->monitor->n_inputs;
   for (uint32_t k = 0; k < options->n_kinds; ++k) {
     struct fm_scope_kind * kind = &scopes->kinds[k];
     kind->options = options->kinds[k];
-    if (!fm_pool_make(
-        &kind->pool, bytes, kind->options.options, kind->options.most, kind->options.forget,
-        options->seed == NULL ? NO_SEED : options->seed))
-    {
+    if (!make_pool(scopes, options, kind, bytes)) {
       return false;
     }
-    map_copies(kind, copies + (uint64_t)k * n_inputs, n_inputs);
-    if (!begin_listed(kind)) {
+    map_copies(
+      kind, (uint32_t *)(void *)(all + layout->copies) + (uint64_t)k * n_inputs, n_inputs);
+    kind->waiting = reads_aggregates(&kind->options) ? waiting : NULL;
+    waiting += waiting_of(&kind->options);
+    if (kind->options.of_base != NULL) {
+      scopes->kinds[kind->options.base].is_base = true;
+      map_parts(kind, maps, inputs_of_base(options, &kind->options));
+      maps += inputs_of_base(options, &kind->options);
+      begin_as_base(&kind->pool);
+    } else if (!begin_listed(kind)) {
       return false;
     }
-    bytes += fm_pool_bytes(kind->options.options, kind->options.most);
+    bytes += pool_bytes(&kind->options);
   }
   for (uint32_t a = 0; a < options->n_aggregates; ++a) {
     const struct fm_aggregate * aggregate = &options->aggregates[a];
@@ -320,6 +447,7 @@ static void place_parts(
   scopes->steps = (uint64_t *)(void *)(bytes + layout->steps);
   scopes->topics = (struct fm_topic *)(void *)(bytes + layout->topics);
   scopes->staged = (struct fm_staged *)(void *)(bytes + layout->staged);
+  scopes->parts = (struct fm_staged *)(void *)(bytes + layout->parts);
   scopes->found = (struct fm_violation *)(void *)(bytes + layout->found);
   scopes->stepped = (struct fm_stepped *)(void *)(bytes + layout->stepped);
   scopes->sink = options->sink;
@@ -330,13 +458,35 @@ static void place_parts(
   scopes->message.kind = FM_BUNDLE;
 }
 
+void fm_scopes_initial(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t input, union fm_value value)
+{
+  if (kind >= scopes->n_kinds) {
+    return;
+  }
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
+  fm_pool_leave(pool);
+  fm_evaluator_initial(pool->evaluator, input, value);
+  for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+    if (fm_keys_has(pool->keys, slot)) {
+      fm_evaluator_initial(fm_scopes_enter_slot(scopes, kind, slot), input, value);
+      fm_pool_leave(pool);
+    }
+  }
+}
+
 static void store_initial_aggregates(struct fm_scopes * scopes)
 {
   for (uint32_t a = 0; a < scopes->n_totals; ++a) {
     struct fm_total * total = &scopes->totals[a];
     total->has_last = fm_total_value(total, &total->last);
-    if (total->has_last) {
-      fm_evaluator_initial(scopes->bundle, total->options.input, total->last);
+    if (!total->has_last) {
+      continue;
+    }
+    fm_evaluator_initial(scopes->bundle, total->options.input, total->last);
+    for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+      fm_scopes_initial(
+        scopes, k, scopes->kinds[k].copies[total->options.input], total->last);
     }
   }
 }
@@ -356,8 +506,7 @@ struct fm_scopes * fm_scopes_init(void * memory, const struct fm_scopes_options 
   scopes->options.topics = scopes->topics;
   scopes->bundle = fm_evaluator_init(bytes + layout.bundle, &scopes->options);
   if (scopes->bundle == NULL ||
-    !make_kinds(
-      scopes, options, bytes + layout.pools, (uint32_t *)(void *)(bytes + layout.copies)))
+    !make_kinds(scopes, options, bytes + layout.pools, &layout))
   {
     return NULL;
   }

@@ -27,6 +27,10 @@ struct fm_scope_kind
   struct fm_pool pool;
   struct fm_kind options;
   uint32_t * copies;  // an input of the bundle's scope: the same of this kind; UINT32_MAX: none
+  uint32_t * parts;   // an input of the base: the same of this kind; UINT32_MAX: none
+  uint32_t * waiting; // slots that have a message, and step after other kinds; NULL: none wait
+  uint32_t n_waiting;
+  bool is_base;       // of another kind
 };
 
 // A value of a message for more than one scope.
@@ -43,8 +47,10 @@ struct fm_scopes_message
   int64_t now;
   int64_t instant;        // at which it takes effect in the bundle's scope
   int64_t entered_at;     // at which it takes effect in the instance that is entered
+  int64_t reached;        // the latest at which it has taken effect in an instance
   uint32_t topic;
   uint32_t n_staged;
+  uint32_t n_parts;       // of the instance that is entered
   uint32_t kind;          // of the instance that is entered; FM_BUNDLE: none is
   uint32_t slot;
   bool is_row;
@@ -59,6 +65,7 @@ struct fm_scopes
   uint64_t * steps;            // an aggregate: those of its group before the step that is taken
   struct fm_topic * topics;    // of the bundle's scope, with the aggregates that they feed
   struct fm_staged * staged;
+  struct fm_staged * parts;    // values of the instance that is entered, for kinds with its key
   struct fm_violation * found;
   struct fm_stepped * stepped;
   fm_scopes_sink sink;
@@ -87,13 +94,22 @@ struct fm_evaluator * fm_scopes_enter_slot(
 void fm_scopes_before_step(struct fm_scopes * scopes, uint32_t kind);
 void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind);
 
+/// Store the aggregates that a kind reads in its instance that is entered, where they are others,
+/// at an instant; under FM_TIMED at least 1 ns after its last evaluation. O(aggregates).
+void fm_scopes_give_aggregates(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
+
+/// Under FM_TIMED and FM_ALL_INPUTS: whether the instances of a kind have to know of the values of
+/// aggregates at once. O(aggregates).
+bool fm_scopes_has_news(struct fm_scopes * scopes, uint32_t kind);
+
 /// Take what is due by `last` in the instance that is entered. O(operations) for each.
 void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t last);
 
 /// An instance no longer counts in the aggregates.
 void fm_scopes_uncount(struct fm_scopes * scopes, uint32_t kind, uint32_t slot);
 
-/// Begin an instance, whose key has the slot, and let it know the shared inputs.
+/// Begin an instance, whose key has the slot, in all kinds with that key, and let it know the
+/// shared inputs.
 void fm_scopes_begin_instance(
   struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now);
 
@@ -112,7 +128,10 @@ void fm_scopes_take_bundle(struct fm_scopes * scopes, int64_t last);
 /// Move the time of all scopes to `now`; it may begin then, or go back.
 void fm_scopes_reach(struct fm_scopes * scopes, int64_t now);
 
-/// Take what is due in the instances at an instant, before which nothing is due.
-void fm_scopes_take_pools(struct fm_scopes * scopes, int64_t instant);
+/// Let all instances of a kind know the values of the aggregates that they read. O(instances).
+void fm_scopes_spread_news(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
+
+/// Take what is due in the instances of a kind at an instant, before which nothing is due.
+void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
 
 #endif  // SCOPES_PARTS_H_

@@ -12,8 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// scopes_steps.c: what is done in one scope: an instance begins and is evaluated; the bundle's
-/// scope has new values of the aggregates.
+/// scopes_steps.c: what is done in one scope: an instance begins and is evaluated; a scope has new
+/// values of the aggregates.
 
 #include <string.h>
 
@@ -75,6 +75,94 @@ void fm_scopes_uncount(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
   }
 }
 
+// ---- values of aggregates ----------------------------------------------------------------------
+
+static void evaluate_readers(struct fm_evaluator * evaluator, uint32_t input, int64_t instant)
+{
+  const struct fm_input_cell * cell = &evaluator->inputs[input];
+  const bool is_timed = evaluator->policy == FM_TIMED && evaluator->instance.time->has_begun;
+  for (uint32_t k = 0; is_timed && k < cell->n_readers; ++k) {
+    if (evaluator->instance.groups[cell->readers[k]].unset == 0) {
+      fm_set_group_due(evaluator, cell->readers[k], instant);
+    }
+  }
+}
+
+static bool has_other(
+  const struct fm_evaluator * evaluator, uint32_t input, union fm_value value)
+{
+  const struct fm_instance * instance = &evaluator->instance;
+  const struct fm_input * about = &instance->monitor->inputs[input];
+  const union fm_value own = fm_instance_value(
+    (enum fm_type)about->type, (const char *)instance->values + about->offset);
+  return !instance->inputs[input].has_value || memcmp(&own, &value, sizeof value) != 0;
+}
+
+static void give(
+  struct fm_evaluator * evaluator, uint32_t input, struct fm_total * total, int64_t instant)
+{
+  union fm_value value;
+  if (!fm_total_value(total, &value)) {
+    fm_evaluator_withdraw(evaluator, input, instant);
+  } else if (evaluator->policy == FM_ALL_INPUTS && total->is_touched) {
+    fm_evaluator_store(evaluator, input, value, instant);
+  } else if (has_other(evaluator, input, value)) {
+    fm_evaluator_put(evaluator, input, value, instant);
+    evaluate_readers(evaluator, input, instant);
+  }
+}
+
+static int64_t after_last(const struct fm_evaluator * evaluator, int64_t instant)
+{
+  const int64_t taken = evaluator->instance.time->taken;
+  return evaluator->policy != FM_TIMED || instant > taken ? instant : fm_later(taken, 1);
+}
+
+static bool reads(const struct fm_scopes * scopes, uint32_t kind, uint32_t a)
+{
+  return scopes->kinds[kind].copies[scopes->totals[a].options.input] != UINT32_MAX;
+}
+
+void fm_scopes_give_aggregates(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
+{
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  if (cell->waiting == NULL) {
+    return;
+  }
+  const int64_t at = after_last(cell->pool.evaluator, instant);
+  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
+    if (reads(scopes, kind, a)) {
+      struct fm_total * total = &scopes->totals[a];
+      give(cell->pool.evaluator, cell->copies[total->options.input], total, at);
+    }
+  }
+}
+
+bool fm_scopes_has_news(struct fm_scopes * scopes, uint32_t kind)
+{
+  const enum fm_policy policy = scopes->options.policy;
+  bool has_news = false;
+  for (uint32_t a = 0; scopes->kinds[kind].waiting != NULL && a < scopes->n_totals; ++a) {
+    struct fm_total * total = &scopes->totals[a];
+    has_news = has_news || (reads(scopes, kind, a) &&
+      ((policy == FM_ALL_INPUTS && total->is_touched) ||
+      (policy == FM_TIMED && fm_total_has_changed(total))));
+  }
+  return has_news;
+}
+
+void fm_scopes_store_aggregates(struct fm_scopes * scopes, int64_t instant)
+{
+  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
+    struct fm_total * total = &scopes->totals[a];
+    if (total->is_touched) {
+      give(scopes->bundle, total->options.input, total, instant);
+      total->is_touched = false;
+      total->has_last = fm_total_value(total, &total->last);
+    }
+  }
+}
+
 // ---- an instance -------------------------------------------------------------------------------
 
 // Of an input of the bundle's scope, an instance that begins knows the value, and whether it is
@@ -107,8 +195,7 @@ static void inherit(
   }
 }
 
-void fm_scopes_begin_instance(
-  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now)
+static void begin_in(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now)
 {
   struct fm_scope_kind * cell = &scopes->kinds[kind];
   const struct fm_instance_time * time = scopes->bundle->instance.time;
@@ -126,6 +213,16 @@ void fm_scopes_begin_instance(
   fm_scopes_report(scopes, FM_SCOPE_BEGAN, kind, slot, now, 0);
 }
 
+void fm_scopes_begin_instance(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now)
+{
+  for (uint32_t k = kind; k < scopes->n_kinds; ++k) {
+    if (scopes->kinds[k].pool.keys == scopes->kinds[kind].pool.keys) {
+      begin_in(scopes, k, slot, now);
+    }
+  }
+}
+
 void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t last)
 {
   const struct fm_pool * pool = &scopes->kinds[kind].pool;
@@ -135,6 +232,9 @@ void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t las
     const int64_t due = fm_evaluator_deadline(evaluator);
     if (due > last || due == FM_NEVER) {
       return;
+    }
+    if (scopes->options.policy != FM_ALL_INPUTS) {  // nothing steps then
+      fm_scopes_give_aggregates(scopes, kind, due);
     }
     fm_scopes_before_step(scopes, kind);
     const uint32_t n = fm_take_first_due(evaluator, last, scopes->found);
@@ -146,54 +246,9 @@ void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t las
 
 // ---- the bundle's scope ------------------------------------------------------------------------
 
-static void evaluate_readers(struct fm_evaluator * bundle, uint32_t input, int64_t instant)
-{
-  const struct fm_input_cell * cell = &bundle->inputs[input];
-  const bool is_timed = bundle->policy == FM_TIMED && bundle->instance.time->has_begun;
-  for (uint32_t k = 0; is_timed && k < cell->n_readers; ++k) {
-    if (bundle->instance.groups[cell->readers[k]].unset == 0) {
-      fm_set_group_due(bundle, cell->readers[k], instant);
-    }
-  }
-}
-
-static void store_value(
-  struct fm_scopes * scopes, struct fm_total * total, union fm_value value, int64_t instant)
-{
-  const bool is_same = total->has_last && memcmp(&value, &total->last, sizeof value) == 0;
-  const uint32_t input = total->options.input;
-  if (scopes->options.policy == FM_ALL_INPUTS) {
-    fm_evaluator_store(scopes->bundle, input, value, instant);
-  } else if (!is_same) {
-    fm_evaluator_put(scopes->bundle, input, value, instant);
-    evaluate_readers(scopes->bundle, input, instant);
-  }
-  total->last = value;
-}
-
-void fm_scopes_store_aggregates(struct fm_scopes * scopes, int64_t instant)
-{
-  for (uint32_t a = 0; a < scopes->n_totals; ++a) {
-    struct fm_total * total = &scopes->totals[a];
-    union fm_value value;
-    if (!total->is_touched) {
-      continue;
-    }
-    total->is_touched = false;
-    const bool has_value = fm_total_value(total, &value);
-    if (has_value) {
-      store_value(scopes, total, value, instant);
-    } else {
-      fm_evaluator_withdraw(scopes->bundle, total->options.input, instant);
-    }
-    total->has_last = has_value;
-  }
-}
-
 int64_t fm_scopes_bundle_instant(const struct fm_scopes * scopes, int64_t instant)
 {
-  const int64_t taken = scopes->bundle->instance.time->taken;
-  return scopes->options.policy != FM_TIMED || instant > taken ? instant : fm_later(taken, 1);
+  return after_last(scopes->bundle, instant);
 }
 
 void fm_scopes_take_bundle(struct fm_scopes * scopes, int64_t last)

@@ -105,6 +105,8 @@ struct fm_node_kind
   const struct fm_outputs * (* outputs)(void);  // NULL: none
   struct fm_node_scope scope;
   const uint8_t * concerns;
+  const uint32_t * of_base;
+  uint32_t base;
   const struct fm_key * listed;
   uint32_t n_listed;
   int64_t forget;

@@ -150,7 +150,9 @@ static void log_silences(
 void fm_review_instances(struct fm_review * review, struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < review->reporter->table->n_kinds; ++k) {
-    log_beyond(review, k, lines);
+    if (!review->reporter->table->kinds[k].has_base) {
+      log_beyond(review, k, lines);
+    }
     for (uint32_t t = 0; t < review->reporter->table->n_topics; ++t) {
       log_silences(review, k, t, lines);
     }

@@ -95,6 +95,7 @@ struct fm_report_kind
                                   // key
   uint32_t n_inputs;
   uint32_t most;                  // instances at one time
+  bool has_base;                  // its instances are those of a kind before it
 };
 
 /// A comparison that decides margins, as written; a struct fm_margin has its index.

@@ -98,8 +98,10 @@ static void add_terms(struct fm_text * text, const struct fm_watched * watched)
   }
   add_state(text, watched, 1);
   for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
-    fm_text_add(text, ", for each %s, at most %" PRIu32, table->kinds[kind].variable,
-      table->kinds[kind].most);
+    if (!table->kinds[kind].has_base) {
+      fm_text_add(text, ", for each %s, at most %" PRIu32, table->kinds[kind].variable,
+        table->kinds[kind].most);
+    }
   }
   if (watched->origin[0] != '\0') {
     fm_text_add(text, " (%s)", watched->origin);

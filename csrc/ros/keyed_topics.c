@@ -27,6 +27,7 @@
 
 #define SHARE 20            // of time: a look in so many times what the last one took
 #define MOST_BYTES 1024u    // of a name
+#define MOST_GONE 1000u     // names that are gone, but are not logged again
 
 // A name in the graph that fits a pattern.
 struct known
@@ -164,6 +165,18 @@ static bool is_published(const struct fm_keyed_topics * watch, const char * name
   return n > 0;
 }
 
+// Inputs of one topic with different `where` have patterns that differ in nothing else.
+static bool is_logged_by_another(const struct fm_keyed_topics * watch, uint32_t pattern)
+{
+  const struct fm_keyed_pattern * const own = &watch->patterns[pattern];
+  bool is_logged = false;
+  for (uint32_t k = 0; k < pattern; ++k) {
+    is_logged = is_logged || (strcmp(watch->patterns[k].name, own->name) == 0 &&
+      strcmp(watch->patterns[k].type, own->type) == 0);
+  }
+  return is_logged;
+}
+
 static void note_name(
   struct fm_keyed_topics * watch, uint32_t k, const char * name, const struct fm_strings * types,
   struct fm_lines * lines)
@@ -179,12 +192,12 @@ static void note_name(
     if (item != NULL) {
       item->is_other_type = !is_ours;
     }
-    if (item != NULL && !is_ours && types->size > 0) {
+    if (item != NULL && !is_ours && types->size > 0 && !is_logged_by_another(watch, k)) {
       fm_add_other_type(lines, name, types->data[0], pattern->name, pattern->type);
     }
   } else {
     item->is_seen = true;
-    item->is_other_type = item->is_other_type && !is_ours;
+    item->is_other_type = item->is_other_type && !(is_ours && is_published(watch, name));
   }
 }
 
@@ -196,11 +209,16 @@ static void remove_at(struct fm_keyed_topics * watch, uint32_t k)
   watch->n_known -= 1u;
 }
 
-// Forget the names that are gone, unless the node has them.
+// Forget the names that are gone, unless the node has them, or they would be logged again.
 static void settle(struct fm_keyed_topics * watch)
 {
+  uint32_t n_kept = 0;
   for (uint32_t k = watch->n_known; k > 0; --k) {
-    if (!watch->known[k - 1u].is_seen && !watch->known[k - 1u].is_taken) {
+    const struct known * const item = &watch->known[k - 1u];
+    const bool is_kept = item->is_seen || item->is_taken;
+    if (!is_kept && item->is_other_type && n_kept < MOST_GONE) {
+      n_kept += 1;
+    } else if (!is_kept) {
       remove_at(watch, k - 1u);
     }
   }

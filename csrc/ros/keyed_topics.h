@@ -17,8 +17,8 @@
 ///
 /// The node subscribes to each that is found, as to any topic, with the key bound to its receiver;
 /// while it has no publisher for long (fm_subscription_is_abandoned), the node ends it, and says
-/// so here. A topic of another type is logged once, while it is there. A topic that has no
-/// publisher is none: the subscription of another monitor would keep it alive.
+/// so here. A topic of another type is logged once, also if it goes and returns. A topic that has
+/// no publisher is none: the subscription of another monitor would keep it alive.
 ///
 /// After a look there is none for FM_KEYED_PERIOD_NS, or longer if it took long: a graph that
 /// keeps changing takes at most a twentieth of a processor.

@@ -145,9 +145,31 @@ static bool show(struct fm_keyed_rows * rows, const struct fm_stepped * place)
   return has_changed;
 }
 
+// As `show`, of all kinds with the instance of a key.
+static bool show_all(struct fm_keyed_rows * rows, const struct fm_stepped * place)
+{
+  const uint32_t base = scope_of(rows, place->kind)->base;
+  bool has_changed = false;
+  for (uint32_t k = 0; place->kind != FM_BUNDLE && k < rows->n_kinds; ++k) {
+    if (rows->kinds[k].base == base) {
+      struct fm_stepped own = *place;
+      own.kind = k;
+      has_changed = show(rows, &own) || has_changed;
+    }
+  }
+  return place->kind == FM_BUNDLE ? show(rows, place) : has_changed;
+}
+
 static void clear_cells(struct fm_keyed_rows * rows)
 {
   memset(rows->cells, FM_NO_VERDICT, rows->n_cells);
+}
+
+static void count_all(struct fm_keyed_rows * rows, int64_t label)
+{
+  for (uint32_t c = 0; c < rows->n_cells; ++c) {
+    count(rows, c, (uint8_t)rows->cells[c], label);
+  }
 }
 
 static void count_cells(
@@ -160,15 +182,15 @@ static void count_cells(
 
 // ---- what has stepped --------------------------------------------------------------------------
 
-// By kind, the bundle last, and slot; then as it happened.
+// By the base of the kind, the bundle last, slot, and kind; then as it happened.
 static int compare(const void * a, const void * b)
 {
   const struct fm_stepped * x = a, * y = b;
+  if (x->instant != y->instant) {
+    return x->instant < y->instant ? -1 : 1;
+  }
   if (x->kind != y->kind) {
     return x->kind < y->kind ? -1 : 1;
-  }
-  if (x->slot != y->slot) {
-    return x->slot < y->slot ? -1 : 1;
   }
   return x->n_violations < y->n_violations ? -1 : x->n_violations > y->n_violations ? 1 : 0;
 }
@@ -190,7 +212,15 @@ static uint32_t thin_out(struct fm_keyed_rows * rows, uint32_t n)
   return kept;
 }
 
-// Returns how many scopes have stepped since the last call: the first of `events`.
+// A number for the instance of a key, the same in all kinds that have it.
+static int64_t place_of(const struct fm_keyed_rows * rows, const struct fm_stepped * event)
+{
+  return event->kind == FM_BUNDLE ? INT64_MAX :
+         (int64_t)scope_of(rows, event->kind)->base * ((int64_t)1 << 32) + (int64_t)event->slot;
+}
+
+// Returns how many scopes have stepped since the last call: the first of `events`, with their
+// places for `instant`.
 static uint32_t take_events(struct fm_keyed_rows * rows)
 {
   uint32_t n = 0, taken = 0;
@@ -198,6 +228,7 @@ static uint32_t take_events(struct fm_keyed_rows * rows)
   for (uint32_t k = 0; k < n; ++k) {
     if (events[k].event != FM_SCOPE_BEYOND) {
       rows->events[taken] = events[k];
+      rows->events[taken].instant = place_of(rows, &events[k]);
       rows->events[taken].n_violations = k;  // the order
       taken += 1;
     }
@@ -209,17 +240,17 @@ static uint32_t take_events(struct fm_keyed_rows * rows)
 
 // ---- rows --------------------------------------------------------------------------------------
 
-// A row of its own for a scope, if its verdicts have changed.
+// A row of its own for an instance, or the bundle, if its verdicts have changed.
 static void write_other(
   struct fm_keyed_rows * rows, const struct fm_stepped * place, int64_t time)
 {
   uint8_t bytes[FM_MOST_KEY_BYTES];
   const struct fm_keyed_scope * scope = scope_of(rows, place->kind);
   clear_cells(rows);
-  if (!show(rows, place)) {
+  if (!show_all(rows, place)) {
     return;
   }
-  count_cells(rows, scope, time);
+  count_all(rows, time);
   memset(rows->shown, 0, rows->n_variables * sizeof(*rows->shown));
   if (place->kind != FM_BUNDLE) {
     rows->shown[scope->variable].bytes = bytes;
@@ -229,11 +260,17 @@ static void write_other(
   write_row(rows, time);
 }
 
+// Of the events of an instance, which may have stepped in several kinds.
+static bool is_first(const struct fm_keyed_rows * rows, uint32_t k)
+{
+  return k == 0 || rows->events[k].instant != rows->events[k - 1u].instant;
+}
+
 static void write_others(struct fm_keyed_rows * rows, int64_t time)
 {
   const uint32_t n = take_events(rows);
   for (uint32_t k = 0; k < n; ++k) {
-    if (rows->is_timed) {
+    if (rows->is_timed && is_first(rows, k)) {
       write_other(rows, &rows->events[k], time);
     }
   }
@@ -272,7 +309,7 @@ static void write_stepped(struct fm_keyed_rows * rows, uint64_t k)
   }
   write_own(rows, k, label, n);
   for (uint32_t e = 0; e < n && rows->is_timed; ++e) {
-    if (!is_own(rows, &rows->events[e])) {
+    if (!is_own(rows, &rows->events[e]) && is_first(rows, e)) {
       write_other(rows, &rows->events[e], label);
     }
   }
@@ -316,6 +353,10 @@ static void store_shared(struct fm_keyed_rows * rows, uint64_t k, bool is_of_all
 
 static void store_keyed(struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
 {
+  if (rows->kinds[kind].base != kind) {
+    rows->own[kind] = rows->own[rows->kinds[kind].base];
+    return;
+  }
   const struct fm_key * key = &rows->keys[rows->kinds[kind].variable * rows->n + k];
   rows->own[kind] = key->size == 0 ? FM_NO_SLOT :
     fm_scopes_enter(rows->scopes, kind, key->bytes, key->size);

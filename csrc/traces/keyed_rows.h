@@ -47,6 +47,7 @@ struct fm_keyed_column
 struct fm_keyed_scope
 {
   uint32_t variable;        // whose keys it has
+  uint32_t base;            // the first kind with these instances, which may be this one
   uint32_t n_slots;
   uint32_t n;               // requirements that are shown
   const uint32_t * places;  // of each: its cell in a row
@@ -56,7 +57,7 @@ struct fm_keyed_scope
 struct fm_keyed_rows
 {
   struct fm_scopes * scopes;
-  struct fm_keyed_scope * kinds;    // and behind them the bundle
+  struct fm_keyed_scope * kinds;    // and behind them the bundle, its own base
   uint32_t n_kinds;
   uint32_t n_variables;
   uint32_t n_cells;

@@ -354,7 +354,7 @@ class _Run:
         return tuple(by_id[name] for name in self._manifest.ids or by_id)
 
     def _kind_counts(self) -> Iterator[tuple[str, KindCounts]]:
-        for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):
+        for place, kind in self._manifest.bases if self._scopes else ():
             assert self._scopes is not None
             yield (self._manifest.variables[kind.variables[0]].name, self._scopes.counts(place))
 
@@ -695,7 +695,7 @@ class _Run:
                                 'not counted')
 
     def _complain_of_instances(self) -> None:
-        for place, kind in enumerate(self._manifest.kinds if self._scopes else ()):
+        for place, kind in self._manifest.bases if self._scopes else ():
             assert self._scopes is not None
             variable = self._manifest.variables[kind.variables[0]]
             if beyond := self._scopes.counts(place).beyond:

@@ -56,8 +56,9 @@ def evidence_by_key(
     for place, occurrences in zip(own, found, strict=True):
         shown[place] = occurrences
     for scope in instance_scopes(specification):
-        items = [_Instance(place, key) for place, item in enumerate(result.findings)
-                 if item.variable in scope.variables
+        ids = {item.id for item in scope.specification.properties[:scope.n_reported]}
+        items = [_Instance(place, key) for place, item in enumerate(specification.properties)
+                 if item.id in ids
                  for key in dict.fromkeys(start.key for start in starts[place])
                  if key is not None and _is_text(key)]
         written, means = _written(items, scope, specification, meanings)

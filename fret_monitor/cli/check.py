@@ -140,9 +140,8 @@ def _as_dict(item: _Checked) -> dict[str, object]:
         'topics': _topics(item.generated),
         'inputs': [{'name': signal.name, 'type': signal.type.value, 'topic': signal.topic,
                     'for_each': signal.variables} for signal in _inputs(item.generated)],
-        'instances': [{'for_each': kind.scope.variables, 'most': _most(item.generated, kind),
-                       'bytes': instance_bytes(kind.program, kind.layouts)}
-                      for kind in item.generated.kinds],
+        'instances': [{'for_each': found.variables, 'most': found.most, 'bytes': found.bytes}
+                      for found in _instances(item.generated)],
         'requirements': list(map(_requirement_as_dict, _requirements(item.generated))),
         'windows': [{'window': found.text, 'state_bytes': found.bytes, 'room': found.room,
                      'filled_by': found.filled_by, 'requirements': found.ids}
@@ -167,17 +166,30 @@ def _topics(generated: GeneratedMonitor) -> list[str]:
     return [*dict.fromkeys(topic.name for manifest in manifests for topic in manifest.received)]
 
 
-def _most(generated: GeneratedMonitor, kind: GeneratedKind) -> int:
-    return math.prod(item.most for item in generated.manifest.variables
-                     if item.name in kind.scope.variables)
+class _Instances(NamedTuple):
+    """What `check` says about the instances of some variables; bytes and operations of each."""
+
+    variables: tuple[str, ...]
+    most: int
+    bytes: int
+    operations: int
 
 
-def _instances(generated: GeneratedMonitor) -> Iterator[str]:
-    """Yield a line for each kind of instances: how many there are, and their bytes."""
+def _instances(generated: GeneratedMonitor) -> Iterator[_Instances]:
+    """Yield how many instances there are, and what one needs in all kinds with its key."""
+    by_variables: dict[tuple[str, ...], list[GeneratedKind]] = {}
     for kind in generated.kinds:
-        most, size = _most(generated, kind), instance_bytes(kind.program, kind.layouts)
-        operations = sum(layout.operations for layout in kind.layouts)
-        yield (f'for each {", ".join(kind.scope.variables)}: at most '
+        by_variables.setdefault(kind.scope.variables, []).append(kind)
+    for names, kinds in by_variables.items():
+        most = math.prod(item.most for item in generated.manifest.variables if item.name in names)
+        yield _Instances(
+            names, most, sum(instance_bytes(kind.program, kind.layouts) for kind in kinds),
+            sum(layout.operations for kind in kinds for layout in kind.layouts))
+
+
+def _instance_lines(generated: GeneratedMonitor) -> Iterator[str]:
+    for names, most, size, operations in _instances(generated):
+        yield (f'for each {", ".join(names)}: at most '
                f'{counted(most, "instance")}, {counted(size, "byte")} and '
                f'{counted(operations, "operation")} each, {counted(most * size, "byte")} in all')
 
@@ -241,7 +253,7 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     step = _STEPS[manifest.policy][0].format(period=manifest.period)
     yield f'policy {manifest.policy.value}: {step}{_time_options(generated.specification)}'
     if generated.kinds:
-        yield from ['', *_instances(generated)]
+        yield from ['', *_instance_lines(generated)]
     yield ''
     of = ('of each',) if generated.kinds else ()
     yield from _table([('id', *of, 'inputs', 'state', 'bounds', 'formula'), *_rows(generated)])

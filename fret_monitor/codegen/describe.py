@@ -14,7 +14,7 @@
 
 """The manifest of a monitor program."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -110,19 +110,39 @@ def with_kinds(manifest: Manifest, kinds: list[tuple[InstanceScope, Manifest]],
     """Return the manifest of a bundle with those of its kinds; `specification` is of them all."""
     place_of = {item.name: place for place, item in enumerate(specification.instance_variables)}
     input_of = {item.name: place for place, item in enumerate(manifest.inputs)}
+    aggregates = tuple(
+        ManifestAggregate(item.function, kind, operand, input_of[item.signal.name])
+        for kind, (scope, _) in enumerate(kinds) for operand, item in scope.aggregates)
+    found: list[ManifestKind] = []
+    for scope, described in kinds:
+        shared = tuple(None if item.variables else input_of[item.name]
+                       for item in scope.specification.signals)
+        found.append(ManifestKind(
+            tuple(place_of[name] for name in scope.variables),
+            _with_aggregates(described, shared, aggregates, found), shared, scope.n_reported))
     return replace(
-        manifest,
-        variables=specification.instance_variables,
-        kinds=tuple(ManifestKind(
-            tuple(place_of[name] for name in scope.variables), described,
-            tuple(None if item.variables else input_of[item.name]
-                  for item in scope.specification.signals), scope.n_reported)
-            for scope, described in kinds),
-        aggregates=tuple(
-            ManifestAggregate(item.function, kind, operand, input_of[item.signal.name])
-            for kind, (scope, _) in enumerate(kinds) for operand, item in scope.aggregates),
-        ids=tuple(item.id for item in specification.properties),
-    )
+        manifest, variables=specification.instance_variables, kinds=tuple(found),
+        aggregates=aggregates, ids=tuple(item.id for item in specification.properties))
+
+
+def _with_aggregates(manifest: Manifest, shared: Sequence[int | None],
+                     aggregates: Sequence[ManifestAggregate],
+                     kinds: Sequence[ManifestKind]) -> Manifest:
+    """Return the manifest of a kind, whose topics feed aggregates, too; `kinds` are before it."""
+    def fed(topic: int) -> Iterator[int]:
+        for item in aggregates:
+            if item.input in shared and _feeds(topic, kinds[item.kind].manifest, item.operand):
+                yield shared.index(item.input)
+
+    return replace(manifest, topics=tuple(
+        replace(topic, inputs=(*topic.inputs, *fed(place)))
+        for place, topic in enumerate(manifest.topics)))
+
+
+def _feeds(topic: int, manifest: Manifest, operand: int) -> bool:
+    """Whether the group of an operand reads an input of a topic, or no input at all."""
+    read = manifest.groups[manifest.requirements[operand].group].inputs
+    return not read or not {*manifest.topics[topic].inputs}.isdisjoint(read)
 
 
 def _gate(gate: Gate, topics: tuple[ManifestTopic, ...]) -> ManifestGate:

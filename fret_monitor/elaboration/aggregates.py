@@ -76,10 +76,6 @@ class Aggregates:
         """Refuse an operand that is not one for each key of the variable alone."""
         written = f"'{call.function}({variable.text}: ...)'"
         read = [item.name for item in variables(operand)]
-        if inner := next((item for item in self.all if item.signal.name in read), None):
-            refuse(f'{written} contains an aggregate', term.span,
-                   f"it reads '{inner.signal.name}'",
-                   'an aggregate is of the values that each instance has by itself')
         mentioned = {name: place for place in read
                      for name in self._inputs.signal(place).variables}
         if variable.text not in mentioned:

@@ -25,7 +25,6 @@ from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.paths import LookUp, path_text
-from fret_monitor.model.policies import InputSource
 
 
 def described_variable(item: InstanceVariable) -> ManifestVariable:
@@ -112,8 +111,6 @@ def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> Non
     keyed = {name: inputs[name].variables for name in item.inputs if inputs[name].variables}
     mentioned = variables_of(keyed, inputs)
     shown = ', '.join(f"'{name}' is of {' and '.join(names)}" for name, names in keyed.items())
-    aggregate = next((name for name in item.inputs
-                      if inputs[name].source is InputSource.INSTANCES), None)
     if mentioned and item.probability:
         problems.error(f'{item.id} is about a probability, and one for each '
                        f"'{min(mentioned)}'", item.place, shown, 'tests of instances are not '
@@ -122,8 +119,3 @@ def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> Non
         problems.error(f'{item.id} reads inputs of {len(mentioned)} instance variables',
                        item.place, shown, 'a requirement is of one variable: pairs of keys are '
                        'not supported yet')
-    elif mentioned and aggregate:
-        problems.error(f"{item.id} is one for each '{min(mentioned)}', and reads an aggregate",
-                       item.place, f"'{aggregate}' is of all instances",
-                       'an instance cannot read an aggregate yet: compare the two in a '
-                       f'requirement of the bundle, as in all({min(mentioned)}: ...)')

@@ -31,7 +31,8 @@ from fret_monitor.model.names import OWN_SERVICE_TYPES
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.policies import ActionKind, fixed_qos, InputSource, Stale
 from fret_monitor.model.report_table import (
-    concerns, Elements, Enumerator, fed_inputs, Members, OPERATIONS, report_table, Stored, Value,
+    concerns, Elements, Enumerator, fed_inputs, Members, NONE, OPERATIONS, report_table, Stored,
+    Value,
 )
 from fret_monitor.model.transforms import TOPICS
 
@@ -154,13 +155,19 @@ def _kinds(manifest: Manifest) -> Iterator[str]:
         topics, arrays = initializer(fed_inputs(kind.manifest), f'{prefix}topics')
         yield from arrays
         yield from _array('uint8_t', f'{prefix}concerns', (
-            f'{concern}u' for concern in concerns(manifest, kind)))
+            f'{concern}u' for concern in concerns(manifest, place)))
+        of_base = manifest.of_base(place)
+        if of_base is not None:
+            yield from _array('uint32_t', f'{prefix}of_base', (
+                f'{NONE if item is None else item}u' for item in of_base))
+        keys = variable.keys if of_base is None else ()
         yield from _array('struct fm_key', f'{prefix}listed', (
-            f'{{(const uint8_t *){_text(key)}, {len(key.encode())}u}}' for key in variable.keys))
+            f'{{(const uint8_t *){_text(key)}, {len(key.encode())}u}}' for key in keys))
         scope = _scope_value(kind.manifest, topics, prefix)
         items.append(', '.join((
-            f'{{{kind.manifest.outputs or "NULL"}', scope, f'{prefix}concerns', f'{prefix}listed',
-            f'{len(variable.keys)}u', f'INT64_C({variable.forget})}}')))
+            f'{{{kind.manifest.outputs or "NULL"}', scope, f'{prefix}concerns',
+            f'{prefix}of_base' if of_base else 'NULL', f'{manifest.base_of(place)}u',
+            f'{prefix}listed', f'{len(keys)}u', f'INT64_C({variable.forget})}}')))
     # Of none: {0} would lack the braces of the scope.
     yield from _array('struct fm_node_kind', 'kinds', items or ['{.forget = 0}'])
     yield from _array('struct fm_aggregate', 'aggregates', (

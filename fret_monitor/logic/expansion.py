@@ -182,7 +182,16 @@ class Expansion:
         if item.function is OverInstances.COUNT:
             one, none = (Constant(number, ValueType.INT64) for number in (1, 0))
             found = [Choice(operand, one, none) for operand in found]
-        return reduce(lambda left, right: Binary(_JOINED[item.function], left, right), found)
+        return reduce(lambda left, right: _joined(item.function, left, right), found)
+
+
+def _joined(function: OverInstances, left: Formula, right: Formula) -> Formula:
+    found: Formula = Binary(_JOINED[function], left, right)
+    is_extreme = function in (OverInstances.LEAST, OverInstances.GREATEST)
+    # Those of two numbers ignore a NaN; of all instances it is NaN if one is.
+    for number in (right, left) if is_extreme and found.type.is_float else ():
+        found = Choice(Binary(BinaryOperator.NE, number, number), number, found)
+    return found
 
 
 def _with_keys(item: Signal, written: Written, name_of: NameOf) -> Signal:

@@ -18,13 +18,17 @@ The scopes of a specification: what is one for the bundle, and what is one for e
 A requirement belongs to the scope of the variables that its inputs mention. Each scope is a
 specification by itself, so that an instance is evaluated exactly as a bundle in which its key is
 written in place of the variable. Values of aggregates are inputs of the bundle's scope; their
-operands are evaluated in the scopes of instances, as properties that are not reported.
+operands are evaluated in the scopes of instances, as properties that are not reported. What reads
+aggregates is evaluated after their operands: its level is greater, and it has a scope of its own.
 """
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
-from fret_monitor.logic.formula import Conversion, Formula, TRUE, variables
+from fret_monitor.logic.formula import (
+    Conversion, Formula, postorder, TRUE, Variable, variables,
+)
 from fret_monitor.logic.specification import (
     InstanceAggregate, Property, Signal, Specification,
 )
@@ -36,7 +40,7 @@ from fret_monitor.model.values import ValueType
 @dataclass(frozen=True)
 class InstanceScope:
     """
-    What there is one of for each key of some variables.
+    What there is one of for each key of some variables, at one level.
 
     The first `n_reported` properties are requirements. Each of the others is the operand of an
     aggregate, given in `aggregates` by the index of its property.
@@ -46,6 +50,26 @@ class InstanceScope:
     specification: Specification
     n_reported: int
     aggregates: tuple[tuple[int, InstanceAggregate], ...]
+
+
+_Place: TypeAlias = tuple[int, tuple[str, ...]]
+
+
+class _Levels:
+    """How many aggregates of aggregates a formula reads."""
+
+    def __init__(self, aggregates: Iterable[InstanceAggregate]) -> None:
+        self._aggregates = {item.signal.name: item for item in aggregates}
+
+    def of(self, names: Iterable[str]) -> int:
+        """Return the level of what reads some inputs; 0 if none of them is an aggregate."""
+        return max((1 + self.of_operand(self._aggregates[name]) for name in names
+                    if name in self._aggregates), default=0)
+
+    def of_operand(self, item: InstanceAggregate) -> int:
+        """Return the level of an aggregate's operand."""
+        roots = item.operand, *(equation for _, equation in item.feedback)
+        return self.of({node.name for node in postorder(roots) if isinstance(node, Variable)})
 
 
 def variables_of(names: Iterable[str], signals: Mapping[str, Signal]) -> frozenset[str]:
@@ -79,22 +103,39 @@ def one_instance(specification: Specification) -> Specification:
 
 
 def instance_scopes(specification: Specification) -> tuple[InstanceScope, ...]:
-    """Return the scopes of instances, those of one variable first, in the bundle's order."""
+    """
+    Return the scopes of instances.
+
+    They are in the order of their levels; then those of one variable come first, in the bundle's
+    order.
+    """
     signals = {item.name: item for item in specification.signals}
     order = [item.name for item in specification.instance_variables]
-    owners = {item.id: variables_of(item.inputs, signals) for item in specification.properties}
-    found = {*owners.values(), *(frozenset([item.variable]) for item in specification.aggregates)}
-    kinds = sorted((tuple(name for name in order if name in mentioned)
-                    for mentioned in found - {frozenset()}),
-                   key=lambda names: (len(names), [order.index(name) for name in names]))
-    return tuple(_scope(specification, names, [
-        item for item in specification.properties if owners[item.id] == frozenset(names)])
-        for names in kinds)
+    levels = _Levels(specification.aggregates)
+    properties: dict[_Place, list[Property]] = {}
+    for item in specification.properties:
+        if names := _in_order(variables_of(item.inputs, signals), order):
+            properties.setdefault((levels.of(item.inputs), names), []).append(item)
+    aggregates: dict[_Place, list[InstanceAggregate]] = {}
+    for one in specification.aggregates:
+        aggregates.setdefault((levels.of_operand(one), (one.variable,)), []).append(one)
+    places = sorted({*properties, *aggregates}, key=lambda place: (
+        place[0], len(place[1]), [order.index(name) for name in place[1]]))
+    found: list[InstanceScope] = []
+    for place in places:
+        name = _free('_'.join((specification.name, *place[1])),
+                     [item.specification.name for item in found])
+        found.append(_scope(specification, place[1], name, properties.get(place, []),
+                            aggregates.get(place, [])))
+    return tuple(found)
 
 
-def _scope(specification: Specification, names: tuple[str, ...],
-           properties: list[Property]) -> InstanceScope:
-    aggregates = [item for item in specification.aggregates if (item.variable,) == names]
+def _in_order(names: Collection[str], order: Iterable[str]) -> tuple[str, ...]:
+    return tuple(name for name in order if name in names)
+
+
+def _scope(specification: Specification, names: tuple[str, ...], name: str,
+           properties: list[Property], aggregates: list[InstanceAggregate]) -> InstanceScope:
     taken_names = {item.handler.removeprefix(HANDLER_PREFIX) for item in properties}
     operands = [_operand(item, _free(f'operand_{place}', taken_names))
                 for place, item in enumerate(aggregates)]
@@ -104,7 +145,7 @@ def _scope(specification: Specification, names: tuple[str, ...],
                if item.variables and set(item.variables) <= set(names)
                or not item.variables and item.name in read]
     return InstanceScope(
-        names, _part(specification, '_'.join((specification.name, *names)), signals, taken),
+        names, _part(specification, name, signals, taken),
         len(properties), tuple(enumerate(aggregates, len(properties))))
 
 

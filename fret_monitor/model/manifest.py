@@ -395,6 +395,33 @@ class Manifest:
                      else self.variables[self.kinds[place].variables[0]].name
                      for place in self.kind_of)
 
+    def base_of(self, kind: int) -> int:
+        """Return the first kind whose instances a kind has: they begin and end together."""
+        return next(place for place, item in enumerate(self.kinds)
+                    if item.variables == self.kinds[kind].variables)
+
+    @property
+    def bases(self) -> list[tuple[int, 'ManifestKind']]:
+        """The kinds that are their own base, each with its index."""
+        return [(place, item) for place, item in enumerate(self.kinds)
+                if self.base_of(place) == place]
+
+    def keyed(self, kind: int, topic: int) -> tuple[int, ...]:
+        """Return the inputs with a value for each key that a topic feeds; none with a base."""
+        item = self.kinds[kind]
+        return () if self.base_of(kind) != kind else tuple(
+            index for index in item.manifest.topics[topic].inputs if item.shared[index] is None)
+
+    def of_base(self, kind: int) -> tuple[int | None, ...] | None:
+        """Return, of each input with a value for each key, the same of the base; None: no base."""
+        base = self.base_of(kind)
+        if base == kind:
+            return None
+        names = [item.name for item in self.kinds[base].manifest.inputs]
+        own = self.kinds[kind]
+        return tuple(names.index(item.name) if own.shared[place] is None else None
+                     for place, item in enumerate(own.manifest.inputs))
+
     def key_of(self, topic: ManifestTopic) -> ManifestVariable | None:
         """Return the instance variable in a topic's name: it is then many topics of ROS."""
         return next((item for item in self.variables if f'{{{item.name}}}' in topic.name), None)
@@ -495,18 +522,15 @@ class ManifestKind:
 
     `shared` has the index of each input in the bundle's scope; None for one that has a value for
     each key. The first `n_reported` requirements are those of the bundle; the others are operands
-    of aggregates.
+    of aggregates. The topics of `manifest` feed aggregates, too: those with an operand that reads
+    an input of them. A kind that reads aggregates comes after those of their operands; there may
+    be one before it with the same variables, its base.
     """
 
     variables: tuple[int, ...]
     manifest: Manifest
     shared: tuple[int | None, ...]
     n_reported: int
-
-    def keyed(self, topic: int) -> tuple[int, ...]:
-        """Return the inputs with a value for each key that a topic feeds."""
-        return tuple(index for index in self.manifest.topics[topic].inputs
-                     if self.shared[index] is None)
 
 
 def shared_handlers(

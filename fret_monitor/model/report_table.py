@@ -24,11 +24,11 @@ from itertools import chain, repeat
 from typing import Any
 
 from fret_monitor.model.manifest import (
-    followed, Manifest, ManifestAction, ManifestInput, ManifestKind, ManifestTopic,
+    followed, Manifest, ManifestAction, ManifestInput, ManifestTopic,
 )
 from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS, verdict_topic
 from fret_monitor.model.policies import (
-    ActionKind, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
+    ActionKind, InputSource, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
 from fret_monitor.model.values import ValueType
 
@@ -104,7 +104,8 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
             'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,
             'shows_verdict': item.report is Report.OCCURRENCE and kind is None}
             for item, kind in zip(manifest.numbered, manifest.kind_of, strict=True))),
-        'kinds': _structs('fm_report_kind', (_kind(manifest, kind) for kind in manifest.kinds)),
+        'kinds': _structs('fm_report_kind', (
+            _kind(manifest, place) for place, _ in enumerate(manifest.kinds))),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),
         'comparisons': _structs('fm_report_comparison', (
@@ -134,16 +135,19 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
     })
 
 
-def _kind(manifest: Manifest, kind: ManifestKind) -> dict[str, Value]:
+def _kind(manifest: Manifest, place: int) -> dict[str, Value]:
+    kind = manifest.kinds[place]
     variable = manifest.variables[kind.variables[0]]
     return {
         'variable': variable.name, 'most': variable.most,
         'inputs': _structs('fm_report_input', map(_input, kind.manifest.inputs)),
         'n_inputs': len(kind.manifest.inputs),
         'keyed': _structs('fm_topic', (
-            _listed('inputs', kind.keyed(place)) for place in range(len(manifest.topics)))),
+            _listed('inputs', manifest.keyed(place, topic))
+            for topic in range(len(manifest.topics)))),
+        'has_base': manifest.base_of(place) != place,
         'shared': Elements('uint32_t', tuple(
-            NONE if place is None else place for place in kind.shared))}
+            NONE if item is None else item for item in kind.shared))}
 
 
 def _variable(manifest: Manifest, topic: ManifestTopic) -> str:
@@ -156,9 +160,11 @@ def fed_inputs(manifest: Manifest) -> Elements:
     return _structs('fm_topic', (_listed('inputs', item.inputs) for item in manifest.topics))
 
 
-def concerns(manifest: Manifest, kind: ManifestKind) -> list[int]:
+def concerns(manifest: Manifest, kind: int) -> list[int]:
     """Return, of each topic, for which instances its messages are (`enum fm_concern`)."""
-    return [bool(topic.inputs) + 2 * bool(kind.keyed(place))
+    own = manifest.kinds[kind].manifest
+    return [bool(topic.inputs) + 2 * bool(manifest.keyed(kind, place)) + 4 * any(
+        own.inputs[index].source is InputSource.INSTANCES for index in own.topics[place].inputs)
             for place, topic in enumerate(manifest.topics)]
 
 

@@ -66,8 +66,8 @@ class KeyedRows:
         `cells` has, for each kind and last for the bundle, the place of each requirement in a row.
         `receptions` are inputs of the bundle that are true in each row for all.
         """
-        variables = scopes.monitor.manifest.variables
-        kinds = scopes.monitor.manifest.kinds
+        manifest = scopes.monitor.manifest
+        variables, kinds = manifest.variables, manifest.kinds
         slots = [*(most_instances(item, variables) for item in kinds), 1]
         native = ffi.new('struct fm_keyed_scope[]', len(cells))
         self._library: Any = scopes.library
@@ -79,6 +79,7 @@ class KeyedRows:
             parts = ffi.new('uint32_t[]', [*own, 0]), ffi.new('uint8_t[]', before)
             native[place] = {
                 'variable': kinds[place].variables[0] if place < len(kinds) else 0,
+                'base': manifest.base_of(place) if place < len(kinds) else place,
                 'n_slots': most, 'n': len(own), 'places': parts[0], 'before': parts[1]}
             self._kept.append(parts)
         self._rows: Any = ffi.new('struct fm_keyed_rows *', {

@@ -251,8 +251,8 @@ class _Options:
         self._kept: list[Any] = [EvaluatorOptions(monitor, *self._settings)]
         kinds = ffi.new('struct fm_kind[]', max(1, len(monitor.kinds)))
         slots = 0
-        for place, (described, kind) in enumerate(zip(manifest.kinds, monitor.kinds, strict=True)):
-            kinds[place] = self._kind(monitor, described, kind)
+        for place, kind in enumerate(monitor.kinds):
+            kinds[place] = self._kind(monitor, place, kind)
             slots += kinds[place].most
         aggregates = ffi.new('struct fm_aggregate[]', [
             {'kind': item.kind, 'operation': ffi.integer_const(OPERATIONS[item.function]),
@@ -268,26 +268,30 @@ class _Options:
             'most_stepped': 0 if is_of_engine else 2 * slots + 4,
         })
 
-    def _kind(self, monitor: Monitor, described: ManifestKind,
-              kind: MonitorKind) -> dict[str, Any]:
-        manifest = monitor.manifest
+    def _kind(self, monitor: Monitor, number: int, kind: MonitorKind) -> dict[str, Any]:
+        manifest, described = monitor.manifest, monitor.manifest.kinds[number]
         variables = [manifest.variables[place] for place in described.variables]
         options = EvaluatorOptions(kind.monitor, *self._settings, described.n_reported)
         topics = range(len(manifest.topics))
-        fed = [ffi.new('uint32_t[]', [*described.keyed(place), 0]) for place in topics]
+        fed = [ffi.new('uint32_t[]', [*manifest.keyed(number, place), 0]) for place in topics]
         keyed = ffi.new('struct fm_topic[]', [
             {'inputs': inputs, 'n_inputs': len(inputs) - 1} for inputs in fed] or 1)
-        concerned = ffi.new('uint8_t[]', [*concerns(manifest, described), 0])
+        concerned = ffi.new('uint8_t[]', [*concerns(manifest, number), 0])
         shared = ffi.new('uint32_t[]', [
             *(_KEYED if place is None else place for place in described.shared), 0])
-        texts = [ffi.new('uint8_t[]', word.encode() or b'\0') for word in variables[0].keys]
+        base, of_base = manifest.base_of(number), manifest.of_base(number)
+        same = ffi.NULL if of_base is None else ffi.new('uint32_t[]', [
+            _KEYED if place is None else place for place in of_base])
+        keys = variables[0].keys if of_base is None else ()
+        texts = [ffi.new('uint8_t[]', word.encode() or b'\0') for word in keys]
         listed = ffi.new('struct fm_key[]', [
             {'bytes': text, 'size': len(word.encode())}
-            for text, word in zip(texts, variables[0].keys, strict=True)])
-        self._kept += [options, shared, texts, listed, fed, keyed, concerned]
+            for text, word in zip(texts, keys, strict=True)])
+        self._kept += [options, shared, same, texts, listed, fed, keyed, concerned]
         return {
             'options': options.pointer, 'outputs': kind.outputs, 'concerns': concerned,
-            'keyed': keyed, 'shared': shared, 'listed': listed, 'n_listed': len(texts),
+            'keyed': keyed, 'shared': shared, 'of_base': same, 'base': base, 'listed': listed,
+            'n_listed': len(texts),
             'most': most_instances(described, manifest.variables),
             'forget': variables[0].forget,
         }

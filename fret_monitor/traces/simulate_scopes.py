@@ -93,7 +93,7 @@ class ScopedRun:
     def _beyond(self) -> list[Beyond]:
         """Return the variables whose keys were more than `most`."""
         found = [(kind.variables[0], self._scopes.counts(place).beyond)
-                 for place, kind in enumerate(self._manifest.kinds)]
+                 for place, kind in self._manifest.bases]
         return [Beyond(self._manifest.variables[variable].name,
                        self._manifest.variables[variable].most, rows)
                 for variable, rows in found if rows]
@@ -111,7 +111,7 @@ def _columns(manifest: Manifest) -> list[KeyedColumn]:
     shared = [KeyedColumn(item, BUNDLE, index) for index, item in enumerate(manifest.inputs)
               if item.source is not InputSource.INSTANCES]
     return [*shared, *(KeyedColumn(item, place, index)
-                       for place, kind in enumerate(manifest.kinds)
+                       for place, kind in manifest.bases
                        for index, item in enumerate(kind.manifest.inputs)
                        if kind.shared[index] is None)]
 

@@ -290,6 +290,64 @@ def test_an_instance_of_a_found_key_begins_with_its_first_message(
     assert sum(item.occurrences for item in plain.findings) > 5
 
 
+READERS = (  # NEAR: how many are near; MANY: in how many of them
+    'on -> x <= 1.2 | NEAR <= 1', 'O[0, SPAN] (NEAR < 2 & x < 1.5)',
+    'H[0, SPAN] (NEAR < 2 | x > 1.0)', 'x <= 1.4 | MANY > 0', 'Y (MANY < 1) | x < 0.8')
+
+
+def reading_aggregates(policy: Policy, key: str = '') -> str:
+    """Return a bundle of instances that read aggregates; with a key, what it is of it."""
+    def near(one: str) -> str:
+        return f'{one} > 0.9'
+
+    if key:
+        count = ' + '.join(f'(if {near(f"x_{one}")} then 1 else 0)' for one in KEYS[:2])
+        many = ' + '.join(f'(if x_{one} < 1.7 and {count} > 1 then 1 else 0)' for one in KEYS[:2])
+    else:
+        count = f'count(robot: {near("x")})'
+        many = 'count(robot: x < 1.7 and near > 1)'
+    inputs = [f'  x_{one}: {{topic: "/{one}/speed", type: {FLOAT}, initial: 0.0}}'
+              for one in KEYS[:2]] if key else [
+        f'  x: {{topic: "/{{robot}}/speed", type: {FLOAT}, initial: 0.0}}']
+    span = '0.3 s' if policy in (Policy.TIMED, Policy.PERIODIC) else '4'
+    formulas = [item.replace('SPAN', span).replace('NEAR', 'near').replace('MANY', 'many')
+                for item in READERS]
+    if key:
+        formulas = [item.replace('x ', f'x_{key} ') for item in formulas]
+    return '\n'.join([
+        'format: 1', f'evaluation: {{policy: {policy.value}'
+        + (', period: 0.1' if policy is Policy.PERIODIC else '') + '}',
+        *([] if key else [f'for_each: {{robot: [{", ".join(KEYS[:2])}]}}']), 'inputs:', *inputs,
+        f'  on: {{topic: enable, type: {BOOL}}}', 'definitions:',
+        f'  near: {{cocospec: "{count}"}}', f'  many: {{cocospec: "{many}"}}', 'requirements:',
+        *(f'  - {{id: R_{place}, ptltl: "{item}"}}' for place, item in enumerate(formulas)), ''])
+
+
+@pytest.mark.parametrize('policy', [
+    Policy.RELEVANT_MESSAGE, Policy.TIMED, Policy.PERIODIC])
+def test_an_instance_reads_what_all_have_at_this_message(policy: Policy, tmp_path: Path) -> None:
+    # Both are there from the start: the values over them are formulas over two plain inputs.
+    rng, types = Random(f'{policy} aggregates'), TYPES.types
+    found = [(0, '/enable', BOOL, types[BOOL](True), frozenset[str]())]
+    for number in range(160):
+        topic = rng.choice(['/enable', '/a/speed', '/a/speed', '/b/speed', '/b/speed'])
+        content = types[BOOL](rng.random() < 0.7) if topic == '/enable' else types[FLOAT](
+            round(rng.uniform(0.2, 1.8), 2) if number > 6 else 0.5)
+        found.append((found[-1][0] + rng.choice((1, 10**7, 10**8, 25 * 10**7)), topic,
+                      BOOL if topic == '/enable' else FLOAT, content, frozenset[str]()))
+    whole = judged(tmp_path, 'all', reading_aggregates(policy), found)
+    assert not whole.errors
+    counts = []
+    for key in KEYS[:2]:
+        plain = judged(tmp_path, f'plain_{key}', reading_aggregates(policy, key), found)
+        for item, other in zip(whole.findings, plain.findings, strict=True):
+            instance = item.instances.get(key.encode(), Findings(item.id))
+            assert outline(instance) == outline(other), (key, item.id)
+            counts.append(other.occurrences)
+    assert sum(count > 2 for count in counts) > 5
+    assert whole.kinds['robot'].begun == 2
+
+
 def test_a_message_that_where_does_not_select_is_none(tmp_path: Path) -> None:
     text = bundle(Policy.RELEVANT_MESSAGE, ['track'], '', 'a')
     two = text.replace('requirements:\n', (

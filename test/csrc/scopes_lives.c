@@ -225,14 +225,14 @@ static void a_million_lives_need_no_more_memory(void)
     &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
     NULL, NULL, NULL, NULL};
   const struct fm_kind kind = {
-    &instances, &ALL_OUTPUTS, CONCERNS, NULL, NOT_SHARED, NULL, 0, MOST, FORGET};
+    &instances, &ALL_OUTPUTS, CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, 0, MOST, FORGET};
   const struct fm_scopes_options options = {
     &bundle, &kind, 1, 1, SUM, NULL, count_events, NULL, 0};
   void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
   struct fm_scopes * scopes = fm_scopes_init(memory, &options);
   CHECK(scopes != NULL);
   live(scopes);
-  const struct fm_keys * keys = &scopes->kinds[0].pool.keys;
+  const struct fm_keys * keys = scopes->kinds[0].pool.keys;
   CHECK(keys->end <= MOST && keys->n == MOST);
   CHECK(keys->chunk_end <= 2 * MOST);  // no key needed more than one further chunk
   CHECK(fm_scopes_counts(scopes, 0).begun == n_began && n_began > N_LIVES);
@@ -282,7 +282,7 @@ static void a_group_does_not_step_without_the_least_of_all_instances(void)
     &INSTANCES, ON_FIRST, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
     NULL, NULL};
   const struct fm_kind kind = {
-    &instances, &ALL_OUTPUTS, TWO_CONCERNS, NULL, NOT_SHARED, NULL, 0, MOST, 10};
+    &instances, &ALL_OUTPUTS, TWO_CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, 0, MOST, 10};
   const struct fm_scopes_options options = {&bundle, &kind, 1, 1, MIN, NULL, NULL, NULL, 0};
   void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
   struct fm_scopes * scopes = fm_scopes_init(memory, &options);

@@ -739,7 +739,7 @@ static void compare_all(void)
 {
   uint64_t alive = 0;
   for (uint32_t k = 0; k < N_KEYS; ++k) {
-    const uint32_t slot = fm_keys_find(&scopes->kinds[0].pool.keys, KEYS[k], SIZES[k]);
+    const uint32_t slot = fm_keys_find(scopes->kinds[0].pool.keys, KEYS[k], SIZES[k]);
     EXPECT((slot != FM_NO_SLOT) == plains[k].is_alive);
     if (plains[k].is_alive) {
       compare_instance(&plains[k], slot);

@@ -234,6 +234,9 @@ requirements:
     on_violation: [say]
   - {id: FLEET, ptltl: "count(robot: fast) <= 1", report: onset}
 """
+LAST = """\
+  - {id: LAST, ptltl: "speed <= 1.2 | count(robot: speed < 1.0) <= 1", report: onset}
+"""
 
 
 def drives(publisher: Any, face: Face, robots: int) -> bool:
@@ -244,7 +247,7 @@ def drives(publisher: Any, face: Face, robots: int) -> bool:
 
 def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
         partner: Partner, tmp_path: Path) -> None:
-    bundle = write_bundle(tmp_path, FLEET)
+    bundle = write_bundle(tmp_path, FLEET + LAST)
     enable = partner.publisher(Bool, '/enable', LATCHED)
     enable.publish(Bool(data=True))
     partner.publisher(Bool, '/crane/speed')
@@ -257,10 +260,11 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
             assert face.details == []
         partner.publisher(Float32, '/gamma/speed', LATCHED).publish(Float32(data=1.5))
         for face in faces:
-            wait_until(partial(face.has_details, 1), f'a detail of {face.name}')
+            wait_until(partial(face.has_details, 2), f'details of {face.name}')
             report = face.next_report()
-            assert report['SPEED'].message == 'violated: gamma'
-            assert values_of(report['SPEED'])['instances'] == '3'
+            for name in ('SPEED', 'LAST'):
+                assert report[name].message == 'violated: gamma'
+                assert values_of(report[name])['instances'] == '3'
             assert report['FLEET'].message == 'satisfied'
             assert values_of(report['action say'])['started'] == '1'
             assert values_of(report['topic /{robot}/speed'])['publishers'] == '3'
@@ -269,10 +273,11 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
                                   'says std_msgs/msg/Float32 of /{robot}/speed')
             assert face.process.output.count('/crane/speed is of type') == 1
     assert faces[0].details == faces[1].details
-    (name, level, _, values), = faces[0].details
-    assert (name, level) == ('SPEED[robot=gamma]', 2)
+    (name, level, _, values), (last, _, _, read) = faces[0].details
+    assert (name, level, last) == ('SPEED[robot=gamma]', 2, 'LAST[robot=gamma]')
     assert ('speed', '1.5') in values
     assert ('enabled', 'true') in values
+    assert ('count(robot: speed < 1.0)', '2') in read
     for number, face in enumerate(faces):
         box, = (tmp_path / 'box').glob(f'blackbox_*_{face.name}_fret_monitor_SPEED.mcap')
         assert judged_by_bag(tmp_path / f'out_{number}.mcap', bundle, box) == face.details

@@ -12,152 +12,103 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Topics with an instance variable in their names, found in a graph that is made up."""
+"""Topics with an instance variable in their names, in a graph that changes."""
 
-from collections.abc import Iterator
 from typing import Any
 
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.reporting import Lines
-from fret_monitor.runtime.subscription import LOOK_AGAIN_S, Offer, SubscriptionState
-import pytest
 
-SPEED, OTHER = 'std_msgs/msg/Float32', 'std_msgs/msg/Bool'
-PERIOD = 2 * 10**9  # ns: longer than a look may rest
+FLOAT, BOOL = 'std_msgs/msg/Float32', 'std_msgs/msg/Bool'
+PATTERN = '/{robot}/speed'
+LATER = 10 ** 15  # a look may be due late after one that took long
 
 
 class Graph:
-    """A graph of ROS: the types of topics, and how many publishers they have."""
+    """Publishers by topic, as the middleware shows them; `topics` are names with their types."""
 
-    def __init__(self) -> None:
-        self.topics: dict[str, tuple[str, ...]] = {}
-        self.unpublished: set[str] = set()
+    def __init__(self, *patterns: str) -> None:
+        self.topics: dict[str, list[str]] = {}
         self._kept: list[Any] = []
-        self.functions: Any = ffi.new('struct fm_graph_functions *')
-        for name, act in (('topic_names', self._names), ('free_topics', self._free),
-                          ('count_publishers', self._count)):
-            self._kept.append(ffi.callback(ffi.typeof(getattr(self.functions, name)), act))
-            setattr(self.functions, name, self._kept[-1])
+        self._library = load_evaluator(evaluator_library())
+        self._lines = Lines(self._library)
+        self._now = 0
+        functions = ffi.new('struct fm_graph_functions *', {
+            'topic_names': self._keep(ffi.callback(
+                'int(void const *, struct fm_allocator *, bool, struct fm_names_and_types *)',
+                self._show)),
+            'count_publishers': self._keep(ffi.callback(
+                'int(void const *, char const *, size_t *)', self._count)),
+            'free_topics': self._keep(ffi.callback(
+                'int(struct fm_names_and_types *)', lambda _: 0)),
+            'forget_error': self._keep(ffi.callback('void(void)', lambda: None))})
+        texts = [tuple(self._keep(ffi.new('char[]', text.encode())) for text in (PATTERN, kind))
+                 for kind in patterns]
+        self._keep(functions)
+        self._watch = self._library.fm_keyed_topics_create(
+            functions, ffi.NULL, ffi.new('struct fm_keyed_pattern[]', [
+                (number, *pair) for number, pair in enumerate(texts)]), len(texts))
 
-    def _names(self, _: Any, __: Any, ___: Any, found: Any) -> int:
-        found.names = self._strings(list(self.topics))
-        types = ffi.new('struct fm_strings[]', [
-            self._strings(list(names)) for names in self.topics.values()] or 1)
-        self._kept.append(types)
-        found.types = types
+    def _keep(self, made: Any) -> Any:
+        self._kept.append(made)
+        return made
+
+    def _show(self, _: Any, __: Any, ___: Any, found: Any) -> int:
+        found.names.size = len(self.topics)
+        found.names.data = self._strings(self.topics)
+        found.types = self._keep(ffi.new('struct fm_strings[]', len(self.topics) + 1))
+        for place, types in enumerate(self.topics.values()):
+            found.types[place].size = len(types)
+            found.types[place].data = self._strings(types)
         return 0
 
-    def _strings(self, texts: list[str]) -> dict[str, Any]:
-        kept = [ffi.new('char[]', text.encode()) for text in texts]
-        data = ffi.new('char *[]', [*kept, ffi.NULL])
-        self._kept += [kept, data]
-        return {'size': len(texts), 'data': data}
+    def _strings(self, texts: Any) -> Any:
+        return self._keep(ffi.new('char *[]', [
+            self._keep(ffi.new('char[]', text.encode())) for text in texts] or 1))
 
     def _count(self, _: Any, name: Any, count: Any) -> int:
-        text: Any = ffi.string(name)
-        count[0] = text.decode() not in self.unpublished
+        count[0] = _text(name) in self.topics
         return 0
 
-    def _free(self, _: Any) -> int:
-        return 0
-
-
-class Watch:
-    """A watch of `/{robot}/speed`, as topic 3."""
-
-    def __init__(self, graph: Graph, library: Any) -> None:
-        self._graph, self._library, self._now = graph, library, 0
-        self._texts = [ffi.new('char[]', text.encode()) for text in ('/{robot}/speed', SPEED)]
-        self._lines = Lines(library)
-        self._pointer: Any = ffi.gc(library.fm_keyed_topics_create(
-            graph.functions, ffi.NULL,
-            ffi.new('struct fm_keyed_pattern[]', [(3, *self._texts)]), 1),
-            library.fm_keyed_topics_destroy)
-
-    def look(self) -> tuple[list[tuple[str, str]], list[str]]:
-        """Return what is found anew, names with keys, and the lines of the log."""
-        self._now += PERIOD
-        self._library.fm_keyed_topics_review(
-            self._pointer, self._now, True, self._lines.pointer)
-        return [*self._found()], [line.text for line in self._lines.take()]
-
-    def _found(self) -> Iterator[tuple[str, str]]:
+    def look(self) -> tuple[list[str], list[str]]:
+        """Return the lines of a look at the graph, and the topics that it found."""
+        self._now += LATER
+        self._library.fm_keyed_topics_review(self._watch, self._now, True, self._lines.pointer)
         found: Any = ffi.new('struct fm_keyed_topic *')
-        while self._library.fm_keyed_topics_take(self._pointer, found):
-            assert found.topic == 3
-            name: Any = ffi.string(found.name)
-            yield name.decode(), bytes(ffi.buffer(found.key.bytes, found.key.size)).decode()
-
-    def give_up(self, name: str) -> None:
-        self._library.fm_keyed_topics_give_up(self._pointer, 3, name.encode())
+        names = []
+        while self._library.fm_keyed_topics_take(self._watch, found):
+            names.append(_text(found.name))
+        return [line.text for line in self._lines.take()], names
 
 
-@pytest.fixture
-def library() -> Any:
-    return load_evaluator(evaluator_library())
+def _text(characters: Any) -> str:
+    found: Any = ffi.string(characters)
+    return str(found.decode())
 
 
-def test_a_topic_that_fits_is_found_once_until_it_is_given_up(library: Any) -> None:
-    graph = Graph()
-    watch = Watch(graph, library)
-    assert watch.look() == ([], [])
-    graph.topics = {f'/{key}/speed': (SPEED,) for key in ('b', 'a', 'long_key')}
-    graph.topics |= {'/speed': (SPEED,), '/a/b/speed': (SPEED,), '/a/speed/x': (SPEED,),
-                     '//speed': (SPEED,), '/a/speeds': (SPEED,)}
-    found, lines = watch.look()
-    assert sorted(found) == [(f'/{key}/speed', key) for key in ('a', 'b', 'long_key')]
-    assert lines == []
-    del graph.topics['/a/speed']  # the node has it, until it gives it up
-    assert watch.look() == ([], [])
-    watch.give_up('/a/speed')
-    assert watch.look() == ([], [])
-    graph.topics['/a/speed'] = (SPEED,)
-    graph.topics['/c/speed'] = (SPEED, OTHER)
-    assert watch.look() == ([('/a/speed', 'a'), ('/c/speed', 'c')], [])
+def test_a_topic_of_another_type_is_logged_once_also_if_it_returns() -> None:
+    graph = Graph(FLOAT, FLOAT, BOOL)
+    graph.topics = {'/crane/speed': ['std_msgs/msg/Int8']}
+    lines, names = graph.look()
+    assert lines == [
+        f'/crane/speed is of type std_msgs/msg/Int8, where the bundle says {kind} of {PATTERN}: '
+        'it is not received' for kind in (FLOAT, BOOL)]
+    for topics in ({}, graph.topics, {}, graph.topics):
+        graph.topics = topics
+        assert graph.look() == ([], [])
+    graph.topics = {'/crane/speed': [FLOAT], '/rover/speed': [BOOL]}
+    lines, names = graph.look()
+    assert names == ['/crane/speed', '/crane/speed', '/rover/speed']
+    assert [line.split(':')[0] for line in lines] == [
+        f'/rover/speed is of type {BOOL}, where the bundle says {FLOAT} of {PATTERN}']
 
 
-def test_a_topic_of_another_type_is_logged_once_while_it_is_there(library: Any) -> None:
-    graph = Graph()
-    watch = Watch(graph, library)
-    graph.topics = {'/crane/speed': (OTHER,), '/crane/load': (OTHER,)}
-    line = f'/crane/speed is of type {OTHER}, where the bundle says {SPEED} of /{{robot}}/speed: '
-    assert watch.look() == ([], [f'{line}it is not received'])
-    assert watch.look() == ([], [])
-    del graph.topics['/crane/speed']
-    assert watch.look() == ([], [])
-    graph.topics['/crane/speed'] = (OTHER,)
-    assert len(watch.look()[1]) == 1
-    graph.topics['/crane/speed'] = (OTHER, SPEED)
-    assert watch.look() == ([('/crane/speed', 'crane')], [])
-
-
-def test_a_topic_without_a_publisher_is_found_when_it_has_one(library: Any) -> None:
-    graph = Graph()
-    watch = Watch(graph, library)
-    graph.topics, graph.unpublished = {'/a/speed': (SPEED,)}, {'/a/speed'}
-    assert watch.look() == ([], [])
-    graph.unpublished = set()
-    assert watch.look() == ([('/a/speed', 'a')], [])
-
-
-def test_a_subscription_to_a_topic_that_was_found_requests_what_is_offered(library: Any) -> None:
-    offer = Offer(b'1' * 16, 'robot', '/', SPEED, is_reliable=True, is_durable=True)
-    state = SubscriptionState(library, '/a/speed', SPEED, {})
-    assert not state.request.is_reliable
-    state.begin([offer], 10)
-    assert (state.request.is_reliable, state.request.is_durable) == (True, True)
-    assert state.decide([offer], 1, 20).request is None
-    assert state.conclude(None, 0, 20) == []
-
-
-def test_a_subscription_is_abandoned_when_it_has_had_no_publisher_for_long(library: Any) -> None:
-    offer = Offer(b'1' * 16, 'robot', '/', SPEED, is_reliable=False, is_durable=False)
-    state = SubscriptionState(library, '/a/speed', SPEED, {})
-    lasts = int(LOOK_AGAIN_S * 1e9)
-    state.begin([offer], 10)
-    state.decide([], 0, 100 * lasts)  # it has just gone
-    assert not state.is_abandoned(101 * lasts - 1)
-    assert state.is_abandoned(101 * lasts)
-    state.decide([offer], 0, 101 * lasts)
-    assert not state.is_abandoned(200 * lasts)
+def test_names_of_another_type_need_no_more_memory_than_so_many() -> None:
+    graph = Graph(FLOAT)
+    topics = {f'/r{number}/speed': [BOOL] for number in range(2000)}
+    for expected in (2000, 1000, 1000):
+        graph.topics = topics
+        assert len(graph.look()[0]) == expected
+        graph.topics = {}
+        assert graph.look() == ([], [])

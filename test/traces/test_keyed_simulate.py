@@ -14,6 +14,7 @@
 
 """Traces with keys: each instance is a plain bundle on what concerns its key."""
 
+from collections.abc import Callable
 import csv
 from dataclasses import replace
 from io import BytesIO
@@ -22,7 +23,8 @@ from random import Random
 from typing import Any
 
 from fret_monitor.build import build_specification
-from fret_monitor.logic.specification import Specification
+from fret_monitor.logic.formula import Formula, Over, postorder, variables
+from fret_monitor.logic.specification import InstanceAggregate, Specification
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import ManifestInput, ManifestVariable
 from fret_monitor.model.policies import OverInstances, Policy
@@ -37,7 +39,7 @@ from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
 from keyed import (
     Known, known, lives, owner_of, random_bundle, random_rows, Row, step_table,
-    timed_aggregates,
+    timed_aggregates, timed_life,
 )
 import pytest
 from traces.timed_traces import timed
@@ -74,13 +76,13 @@ def run(tmp_path: Path, specification: Specification, rows: list[Row], has_times
         return summary, list(csv.reader(file))
 
 
-@pytest.mark.parametrize(('policy', 'variables'), [
-    (Policy.EVERY_MESSAGE, [FOUND, OTHER]), (Policy.RELEVANT_MESSAGE, [LISTED]),
-    (Policy.ALL_INPUTS, [FOUND]), (Policy.PERIODIC, [LISTED, OTHER])])
+@pytest.mark.parametrize(('policy', 'variables', 'levels'), [
+    (Policy.EVERY_MESSAGE, [FOUND, OTHER], 3), (Policy.RELEVANT_MESSAGE, [LISTED], 2),
+    (Policy.ALL_INPUTS, [FOUND], 2), (Policy.PERIODIC, [LISTED, OTHER], 1)])
 def test_each_instance_is_the_plain_bundle_on_its_rows(
-        tmp_path: Path, policy: Policy, variables: list[ManifestVariable]) -> None:
+        tmp_path: Path, policy: Policy, variables: list[ManifestVariable], levels: int) -> None:
     rng = Random(f'{policy} {len(variables)} {variables[0].keys}')
-    specification = replace(random_bundle(rng, variables), policy=policy)
+    specification = replace(random_bundle(rng, variables, levels=levels), policy=policy)
     rows = random_rows(rng, specification, 120)
     _, (heading, *found) = run(tmp_path, specification, rows)
     expected = step_table(specification, rows)
@@ -95,7 +97,7 @@ def test_an_instance_ends_after_its_last_message_and_another_begins(
         tmp_path: Path, seed: int) -> None:
     rng = Random(seed)
     variables = [replace(FOUND, forget=20), replace(OTHER, forget=rng.choice([0, 7]))]
-    specification = random_bundle(rng, variables)
+    specification = random_bundle(rng, variables, levels=1 + seed)
     times = [0]
     for _ in range(119):
         times.append(times[-1] + rng.choice([1, 1, 2, 5, 7, 20, 21]))
@@ -108,10 +110,11 @@ def test_an_instance_ends_after_its_last_message_and_another_begins(
 def test_under_timed_each_change_of_an_instance_is_a_row(tmp_path: Path, seed: int) -> None:
     rng = Random(seed)
     forget = (0, 30)[seed % 2]
-    variables = [replace(FOUND, forget=forget), OTHER] if seed % 4 < 2 else [LISTED]
-    specification = timed(random_bundle(rng, variables, loops=0))
-    if forget:  # without an instance, these have no value: see the test below
-        specification = without(specification, OverInstances.LEAST, OverInstances.GREATEST)
+    mentioned = [replace(FOUND, forget=forget), OTHER] if seed % 4 < 2 else [LISTED]
+    specification = timed(random_bundle(rng, mentioned, loops=0, levels=3 if seed else 1))
+    specification = without(specification, lambda item: has_messages(item.operand) or (
+        # Without an instance, these have no value: see the test below.
+        forget > 0 and item.function in (OverInstances.LEAST, OverInstances.GREATEST)))
     times = [5 * 10 ** 9]
     for _ in range(59):
         times.append(times[-1] + rng.choice([1, 1, 2, 5, 9, 30, 31]))
@@ -121,16 +124,26 @@ def test_under_timed_each_change_of_an_instance_is_a_row(tmp_path: Path, seed: i
     check_timed(specification, rows, until, found)
 
 
-def without(specification: Specification, *functions: OverInstances) -> Specification:
-    """Return a specification without some aggregates, and without what reads them."""
-    gone = {item.signal.name for item in specification.aggregates if item.function in functions}
+def has_messages(formula: Formula) -> bool:
+    """Whether it counts messages, which a random formula does not name: each tick would be one."""
+    return any(isinstance(node, Over) and not node.aggregate.is_extreme
+               for node in postorder([formula]))
+
+
+def without(specification: Specification,
+            is_left_out: Callable[[InstanceAggregate], bool]) -> Specification:
+    """Return a specification without some aggregates, what reads them, and what has messages."""
+    gone = set[str]()
+    for item in specification.aggregates:  # those that others read come first
+        if is_left_out(item) or gone.intersection(one.name for one in variables(item.operand)):
+            gone.add(item.signal.name)
     return replace(
         specification,
         signals=tuple(item for item in specification.signals if item.name not in gone),
         aggregates=tuple(item for item in specification.aggregates
                          if item.signal.name not in gone),
         properties=tuple(item for item in specification.properties
-                         if gone.isdisjoint(item.inputs)))
+                         if gone.isdisjoint(item.inputs) and not has_messages(item.formula)))
 
 
 def check_timed(specification: Specification, rows: list[Row], until: int,
@@ -157,17 +170,17 @@ def check_timed(specification: Specification, rows: list[Row], until: int,
                 wanted.add((tick, keys, tuple(cells)))
             before = cells
 
+    ticks, values, over = timed_aggregates(specification, rows, until, by_variable)
     for place, name in enumerate(names):
         for life in by_variable[name]:
             end = min(life.end, until + 1)
-            times = [rows[number].time for number in life.rows]
+            times, inputs = timed_life(life, rows, over)
             add(tuple(life.key if at == place else '' for at, _ in enumerate(names)),
-                {number: known(item.formula, times, life.values, end)
+                {number: known(item.formula, times, inputs, end)
                  for number, item in enumerate(specification.properties)
                  if owners[number] == name},
                 {rows[number].time for number in life.rows
                  if rows[number].keys[place] == life.key})
-    ticks, values = timed_aggregates(specification, rows, until, by_variable)
     add(('',) * len(names), {
         number: known(item.formula, ticks, values, until + 1)
         for number, item in enumerate(specification.properties) if owners[number] is None},
