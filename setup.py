@@ -78,6 +78,11 @@ LSP = [
     'pygls>=2,<3',
 ]
 
+# What the parameter `metrics` of the nodes needs.
+METRICS = [
+    'prometheus-client>=0.19,<1',
+]
+
 # What `fret-monitor import` needs of a workbook.
 XLSX = [
     'openpyxl>=3.1,<4',
@@ -96,6 +101,7 @@ TEST = [
     *BAG,
     *DASK,
     *LSP,
+    *METRICS,
     *PROVE,
     *STUDIO,
     *XLSX,
@@ -159,7 +165,8 @@ setup(
     # `lark-parser` (0.x), apt's python3-lark is 1.x, and one installed over the other breaks both.
     install_requires=['cffi>=1.16', 'PyYAML>=6'],
     extras_require={
-        'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'lsp': LSP, 'prove': PROVE,
+        'analyze': ANALYZE, 'bag': BAG, 'dask': DASK, 'lsp': LSP, 'metrics': METRICS,
+        'prove': PROVE,
         'ros': ROS_WHEELS,
         'ros-test': ROS_TEST_WHEELS, 'ros-kilted': KILTED_WHEELS,
         'ros-kilted-test': KILTED_TEST_WHEELS, 'studio': STUDIO, 'test': TEST, 'xlsx': XLSX,

@@ -46,6 +46,7 @@ ARGUMENTS = {
     'log_violations': ('', 'whether the monitor logs violations; default: if logger is false'),
     'verdicts': ('', 'whether the verdict of each requirement is published'),
     'margins': ('', 'whether the monitor publishes margins'),
+    'metrics': ('', 'the address and port at which figures are served for Prometheus'),
     'handler_depth': ('', 'violations that a slow listener may be behind'),
     'blackbox': ('', 'a folder for the last messages before each violation'),
     'blackbox_seconds': ('', 'seconds of messages before a violation'),
@@ -88,8 +89,8 @@ SYSTEM_TYPES = {'priority': int, 'processors': str, 'lock_memory': bool}
 BLACKBOX_TYPES = {'blackbox': str, 'blackbox_seconds': float, 'blackbox_bytes': int,
                   'blackbox_files': int, 'blackbox_disk_bytes': int}
 TYPES = {'period': float, 'rate': float, 'handler_depth': int, 'autostart': bool, 'native': bool,
-         'log_violations': bool, 'verdicts': bool, 'margins': bool, 'use_sim_time': bool,
-         **BLACKBOX_TYPES, **SYSTEM_TYPES}
+         'log_violations': bool, 'verdicts': bool, 'margins': bool, 'metrics': str,
+         'use_sim_time': bool, **BLACKBOX_TYPES, **SYSTEM_TYPES}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -117,7 +118,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
             executable='monitor', name=LaunchConfiguration('name'), on_exit=_end,
             parameters=[logs_once, _constants(context), _given(
                 context, *OF_BOTH, *BLACKBOX_TYPES, *SYSTEM_TYPES, 'hot_path', 'native',
-                'autostart', 'log_violations', 'verdicts', 'margins')], **common),
+                'autostart', 'log_violations', 'verdicts', 'margins', 'metrics')], **common),
         Node(
             executable='logger', name='fret_logger',
             parameters=[_constants(context), _given(context, *OF_BOTH)],

@@ -64,8 +64,8 @@ KEYS = {
 # Only with wheels: a ROS 2 installation has no key for these, and their tests are skipped there.
 OPTIONAL = {
     'apsw', 'atheris', 'backports', 'catkin_pkg', 'compression', 'dd', 'distributed', 'lsprotocol',
-    'openpyxl', 'pycparser', 'pygls', 'reelay', 'rosbags', 'starlette', 'uvicorn',
-    'websockets', 'xdist', 'z3', 'ziglang'}
+    'openpyxl', 'prometheus_client', 'pycparser', 'pygls', 'reelay', 'rosbags', 'starlette',
+    'uvicorn', 'websockets', 'xdist', 'z3', 'ziglang'}
 
 
 def git(*arguments: str) -> str:

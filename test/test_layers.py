@@ -247,6 +247,7 @@ def test_only_the_nodes_and_the_bag_reader_import_ros() -> None:
         each for each in all_imports()
         if place(each.importer) not in {
             'fret_monitor.ros', 'fret_monitor.bag', 'fret_monitor.testing'}
+        and each.importer != 'fret_monitor.studio.watching'  # a process of its own
         and (each.imported.split('.')[0] in ROS_MODULES
              or each.imported.split('.')[0].endswith('_msgs'))
     ]

@@ -666,6 +666,15 @@ static void set_level(const struct fm_parameters * parameters)
   fm_log_set_level(parameters->node, level);
 }
 
+static void refuse_metrics(const struct fm_parameters * parameters, struct fm_text * problems)
+{
+  const struct fm_parameter * given = find(parameters->given, parameters->n_given, "metrics");
+  if (given != NULL && (given->value.type != FM_WORD || given->value.string_value.size > 0)) {
+    refuse(problems, "parameter 'metrics': this node is in C, and serves no figures for "
+      "Prometheus; they are on /diagnostics, and `monitor` without native serves them");
+  }
+}
+
 void fm_parameters_begin(
   struct fm_parameters * parameters, struct fm_node * node, const struct fm_node_tables * tables,
   struct fm_text * problems)
@@ -680,6 +689,7 @@ void fm_parameters_begin(
     declare_constants(parameters, &tables->tables[k]->report, problems);
   }
   refuse_unknown_constants(parameters, problems);
+  refuse_metrics(parameters, problems);
   read_overrides(parameters, problems);
   set_level(parameters);
 }

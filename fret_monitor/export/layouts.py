@@ -28,7 +28,7 @@ from xml.etree import ElementTree
 
 from fret_monitor.logic.specification import Signal, Specification, written_input
 from fret_monitor.model.manifest import SECONDS
-from fret_monitor.model.names import absolute, PLACEHOLDER, verdict_topic
+from fret_monitor.model.names import absolute, PLACEHOLDER, verdict_topic, VERDICT_TYPE
 from fret_monitor.model.paths import LookUp
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
@@ -39,12 +39,18 @@ _COLORS = ('#1f77b4', '#d62728', '#1ac938', '#ff7f0e', '#9467bd', '#17becf')
 
 @dataclass(frozen=True)
 class DrawnValue:
-    """A value that a viewer draws: its name in the bundle, its topic, and its path by parts."""
+    """
+    A value that a viewer draws: its name in the bundle, its topic, and its path by parts.
+
+    The topic is as written. `values` are the names that the input has for its values.
+    """
 
     name: str
     topic: str
     path: tuple[str, ...]
     is_discrete: bool
+    message_type: str
+    values: tuple[tuple[str, int | str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class ViewerLayout:
 
 def foxglove(specification: Specification) -> ViewerLayout:
     """Return a layout that Foxglove and Lichtblick import (JSON)."""
-    drawn, left_out = _split(specification, can_filter=True)
+    drawn, left_out = drawn_values(specification, can_filter=True)
     panels: dict[str, Any] = {}
     states = [*_verdicts(specification), *(item for item in drawn if item.is_discrete)]
     panels['StateTransitions!states'] = {
@@ -65,9 +71,10 @@ def foxglove(specification: Specification) -> ViewerLayout:
         'paths': [_foxglove_path(item) for item in states]}
     for number, group in enumerate(_groups([item for item in drawn if not item.is_discrete])):
         panels[f'Plot!{number}'] = {
-            'foxglovePanelTitle': group[0].topic, 'isSynced': True, 'xAxisVal': 'timestamp',
-            'showLegend': True, 'legendDisplay': 'floating', 'showXAxisLabels': True,
-            'showYAxisLabels': True, 'showPlotValuesInLegend': True, 'sidebarDimension': 240,
+            'foxglovePanelTitle': absolute(group[0].topic), 'isSynced': True,
+            'xAxisVal': 'timestamp', 'showLegend': True, 'legendDisplay': 'floating',
+            'showXAxisLabels': True, 'showYAxisLabels': True, 'showPlotValuesInLegend': True,
+            'sidebarDimension': 240,
             'paths': [{**_foxglove_path(item), 'enabled': True} for item in group]}
     panels['DiagnosticSummary!health'] = {
         'minLevel': 0, 'pinnedIds': [], 'hardwareIdFilter': '', 'topicToRender': '/diagnostics'}
@@ -77,7 +84,7 @@ def foxglove(specification: Specification) -> ViewerLayout:
 
 
 def _foxglove_path(item: DrawnValue) -> dict[str, Any]:
-    return {'value': item.topic + ''.join(item.path), 'timestampMethod': 'receiveTime',
+    return {'value': absolute(item.topic) + ''.join(item.path), 'timestampMethod': 'receiveTime',
             'label': item.name}
 
 
@@ -92,7 +99,7 @@ def _mosaic(panels: Sequence[str]) -> Any:
 
 def plotjuggler(specification: Specification) -> ViewerLayout:
     """Return a layout that PlotJuggler loads (XML), with a tab of verdicts and one of inputs."""
-    drawn, left_out = _split(specification, can_filter=False)
+    drawn, left_out = drawn_values(specification, can_filter=False)
     root = ElementTree.Element('root')
     tabs = ElementTree.SubElement(root, 'tabbed_widget', {
         'name': 'Main Window', 'parent': 'main_window'})
@@ -114,13 +121,13 @@ def _tab(tabs: ElementTree.Element, name: str, groups: Sequence[Sequence[DrawnVa
                                   count=str(len(groups)), sizes=sizes)
     for group in groups:
         area = ElementTree.SubElement(rows, 'DockArea', name=group[0].name if len(group) == 1
-                                      else group[0].topic)
+                                      else absolute(group[0].topic))
         is_steps = all(item.is_discrete for item in group)
         plot = ElementTree.SubElement(area, 'plot', mode='TimeSeries',
                                       style='Steps' if is_steps else 'Lines')
         for item, color in zip(group, _COLORS, strict=False):
             path = ''.join(part.replace('.', '/') for part in item.path)
-            ElementTree.SubElement(plot, 'curve', name=item.topic + path, color=color)
+            ElementTree.SubElement(plot, 'curve', name=absolute(item.topic) + path, color=color)
 
 
 def _groups(drawn: Sequence[DrawnValue]) -> Iterator[list[DrawnValue]]:
@@ -134,12 +141,16 @@ def _groups(drawn: Sequence[DrawnValue]) -> Iterator[list[DrawnValue]]:
 
 def _verdicts(specification: Specification) -> Iterator[DrawnValue]:
     for item in specification.properties:
-        yield DrawnValue(item.id, absolute(verdict_topic(item.handler)), ('.data',), True)
+        yield DrawnValue(item.id, verdict_topic(item.handler), ('.data',), True, VERDICT_TYPE)
 
 
-def _split(specification: Specification,
-           can_filter: bool) -> tuple[list[DrawnValue], tuple[str, ...]]:
-    """Return what can be drawn, and the names of the other inputs."""
+def drawn_values(specification: Specification, *,
+                 can_filter: bool) -> tuple[list[DrawnValue], tuple[str, ...]]:
+    """
+    Return what can be drawn, and the names of the other inputs.
+
+    `can_filter`: the viewer finds an element of an array by a name, and draws strings.
+    """
     drawn, left_out = [], []
     keys = {item.name: item.keys for item in specification.instance_variables}
     for signal in specification.signals:
@@ -169,8 +180,8 @@ def _drawn(signal: Signal, keys: dict[str, tuple[str, ...]],
         full = topic
         for name, value in values.items():
             full = full.replace(f'{{{name}}}', value)
-        yield DrawnValue(signal.name + (key if values else ''), absolute(full), parts,
-                         is_discrete)
+        yield DrawnValue(signal.name + (key if values else ''), full, parts, is_discrete,
+                         signal.message_type or '', signal.values)
 
 
 def _parts(signal: Signal, can_filter: bool) -> tuple[str, ...] | None:

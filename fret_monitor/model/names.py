@@ -34,6 +34,7 @@ HANDLER_PREFIX = 'handlerprop'
 DETAILS_TOPIC = f'{HANDLER_TOPIC}violations'
 VERDICT_TOPIC = f'{HANDLER_TOPIC}verdict/'
 MARGIN_TOPIC = f'{HANDLER_TOPIC}margin/'
+VERDICT_TYPE = 'std_msgs/msg/Bool'
 DIAGNOSTICS_TOPIC = '/diagnostics'
 OWN_TOPICS = {
     DIAGNOSTICS_TOPIC: 'diagnostic_msgs/msg/DiagnosticArray',

@@ -51,6 +51,7 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.errors import NativeError
 from fret_monitor.studio.folder import Folder
+from fret_monitor.studio.plan import plan
 from fret_monitor.studio.values import column, nanoseconds, Refused, runs, seconds, shown
 
 Question: TypeAlias = Mapping[str, Any]
@@ -73,9 +74,9 @@ class Questions:
         self._answers: dict[str, Callable[[Question], Answer]] = {
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
             'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
-            'form': self._form, 'reword': self._reword, 'explain': self._explain,
-            'simulate': self._simulate, 'example': self._example, 'why': self._why,
-            'recording': self._recording, 'taken': self._taken}
+            'plan': self._plan, 'form': self._form, 'reword': self._reword,
+            'explain': self._explain, 'simulate': self._simulate, 'example': self._example,
+            'why': self._why, 'recording': self._recording, 'taken': self._taken}
 
     def answer(self, question: Question) -> dict[str, Any]:
         """Return {'answer': ...} or {'error': text}."""
@@ -164,6 +165,12 @@ class Questions:
         edited = self._edited(question)
         edit = with_sentence(edited, question['id'], question['fields'])
         return {'text': edit.text, **Utf16(edited.source.text).range(edit.place)}
+
+    def _plan(self, question: Question) -> Answer:
+        found = self._edited(question).reading
+        if found is None:
+            raise Refused('the bundle has errors')
+        return plan(found.specification)
 
     # What compiles.
 

@@ -18,7 +18,8 @@ The server of `fret-monitor studio`, on 127.0.0.1.
 All addresses begin with a token, which only the user's terminal shows; host and origin of a
 request are checked, too, so that no other page reaches this server. One WebSocket carries
 questions `{number, do, ...}` and answers `{number, answer}` or `{number, error}`;
-`{changed: name}` says that a file was changed by somebody else.
+`{changed: name}` says that a file was changed by somebody else, `{live: ...}` what is new in a
+monitor that is watched (`turn.py`).
 """
 
 import asyncio
@@ -33,6 +34,7 @@ import socket
 from typing import Any
 
 from fret_monitor.studio.folder import Folder, MOST_BYTES
+from fret_monitor.studio.live import Live
 from fret_monitor.studio.process import Answering, Unanswered
 from starlette.applications import Starlette
 from starlette.requests import HTTPConnection, Request
@@ -163,6 +165,7 @@ class Talk:
         self._quick = Answering(folder.root)
         self._slow = Answering(folder.root)
         self._recordings = Answering(folder.root, _RECORDING_S)
+        self._live = Live(self._send)
         self._watched: dict[str, str | None] = {}
         self._newest: dict[str, int] = {}
         self._sending = asyncio.Lock()
@@ -186,7 +189,8 @@ class Talk:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await asyncio.gather(self._quick.end(), self._slow.end(), self._recordings.end())
+            await asyncio.gather(self._quick.end(), self._slow.end(), self._recordings.end(),
+                                 self._live.end())
             with suppress(RuntimeError, WebSocketDisconnect):
                 await self._connection.close()
 
@@ -216,6 +220,14 @@ class Talk:
                                            question['stamp'])
                 self._watched = {question['name']: stamp}
                 return {'stamp': stamp}
+            case 'watch':
+                plan = await self._quick.ask({**question, 'do': 'plan'}, lambda: True)
+                await self._live.watch({**plan, 'namespace': str(question['namespace'])})
+                return plan
+            case 'unwatch':
+                return await self._live.end()
+            case 'reset':
+                return await self._live.tell({'reset': str(question['node'])})
         process = self._slow if do in _SLOW else \
             self._recordings if do in _OF_RECORDINGS else self._quick
         return await process.ask(question, lambda: self._newest[do] == question['number'])

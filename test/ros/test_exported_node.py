@@ -195,6 +195,7 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     (['-p', 'constants.nope:=3.0'],
      "'constants.nope': the bundle has no such constant; its constants are limit, odd, most"),
     (['-p', 'hot_path:=fast'], "'hot_path' is 'fast', and has to be one of auto, on, off"),
+    (['-p', 'metrics:=127.0.0.1:9400'], 'this node is in C, and serves no figures for Prom'),
     (['-p', 'log_violations:=7'], "'log_violations' is 7, and has to be true or false"),
     (['-p', 'constants.limit:=0.5'], 'compiled into this node, as 0.7'),
     (['-p', 'qos_overrides./n.subscription.reliability:=high'],

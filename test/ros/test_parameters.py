@@ -35,7 +35,7 @@ requirements:
   - {id: R-1, ptltl: "x < 0.5"}
 """
 NAMES = ['spec', 'library', 'policy', 'period', 'rate', 'hot_path', 'handler_depth',
-         'log_violations', 'verdicts', 'margins', 'blackbox', 'blackbox_seconds',
+         'log_violations', 'verdicts', 'margins', 'metrics', 'blackbox', 'blackbox_seconds',
          'blackbox_bytes', 'blackbox_files', 'blackbox_disk_bytes', 'priority', 'processors',
          'lock_memory', 'native', 'autostart', 'log_level']
 

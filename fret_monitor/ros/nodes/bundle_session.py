@@ -52,7 +52,7 @@ from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import (
-    LogLine, Reporter, ReportTable, together, TopicFacts,
+    LogLine, Reporter, ReportTable, StatusRecord, together, TopicFacts,
 )
 from fret_monitor.runtime.scopes import Scopes
 
@@ -418,6 +418,11 @@ class BundleSession:
         for name, act in (('log', lambda: health.review(self._publishers())),
                           ('diagnostics', health.publish)):
             self._watch.run(self._part(name), act, lambda: self._health is not health)
+
+    def statuses(self) -> list[StatusRecord]:
+        """Return the state at the last `report`."""
+        health = self._health
+        return [] if health is None else health.statuses()
 
     def _part(self, name: str) -> str:
         return f'{name} of {self._name}' if self._name else name

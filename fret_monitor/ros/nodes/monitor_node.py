@@ -17,7 +17,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 import traceback
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from fret_monitor.model.names import distinct_names
 from fret_monitor.native import load_evaluator, words
@@ -32,7 +32,7 @@ from fret_monitor.ros.settings.endpoint_types import refuse_two_types
 from fret_monitor.ros.settings.opened import open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
-    Described, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
+    Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
 )
 from fret_monitor.ros.settings.scheduling import ask_system
 from fret_monitor.ros.settings.shared_names import refuse_shared_names
@@ -46,6 +46,9 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
+
+if TYPE_CHECKING:
+    from fret_monitor.ros.reports.metrics import MetricsServer
 
 
 class MonitorNode(ClockNode, LifecycleNode):
@@ -75,6 +78,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._declared_overrides: DeclaredOverrides | None = None
         self._sign_of_life: SignOfLife | None = None
         self._reports: Timer | None = None
+        self._metrics: MetricsServer | None = None
         self._is_active = False
         self._is_starting = False
         self._failure: Exception | None = None
@@ -163,6 +167,8 @@ class MonitorNode(ClockNode, LifecycleNode):
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)
+            if settings.metrics is not None:
+                self._metrics = self._serve_metrics(settings.metrics)
             for item, name in zip(opened, self._names(opened)):
                 self._sessions.append(BundleSession(
                     self, item, self._watch, hot_path=settings.hot_path, name=name,
@@ -177,6 +183,12 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._warn(Overrides.of(self).unused([
             full_name(self, session.manifest, topic)
             for session in self._sessions for topic in session.manifest.subscribed]))
+
+    def _serve_metrics(self, address: MetricsAddress) -> 'MetricsServer':
+        from fret_monitor.ros.reports.metrics import MetricsServer
+        server = MetricsServer(address)
+        self.get_logger().info(f'figures of /diagnostics for Prometheus: {server.url}')
+        return server
 
     def _open(self, settings: Settings) -> list[Opened]:
         """Compile and load what the node runs; raises `Refusal`."""
@@ -217,6 +229,9 @@ class MonitorNode(ClockNode, LifecycleNode):
         """Report of all bundles, and show that the node lives: in one timer, since each costs."""
         for session in self._sessions:
             session.report()
+        if (metrics := self._metrics) is not None:
+            self._watch.run('metrics', lambda: metrics.show(
+                item for session in self._sessions for item in session.statuses()))
         if (life := self._sign_of_life) is not None:
             self._watch.run('sign of life', life.beat, lambda: self._sign_of_life is not life)
 
@@ -230,6 +245,8 @@ class MonitorNode(ClockNode, LifecycleNode):
         if self._reports is not None:
             self.destroy_timer(self._reports)
             self._reports = None
+        if self._metrics is not None:
+            self._metrics.show(())
         life, self._sign_of_life = self._sign_of_life, None
         if life is not None:
             life.close()
@@ -239,6 +256,9 @@ class MonitorNode(ClockNode, LifecycleNode):
         if self._declared_overrides is not None:
             self._declared_overrides.close()
             self._declared_overrides = None
+        metrics, self._metrics = self._metrics, None
+        if metrics is not None:
+            metrics.close()
         while self._sessions:
             self._sessions[-1].close()  # before pop: if interrupted, it can be repeated
             self._sessions.pop()

@@ -30,7 +30,7 @@ from fret_monitor.ros.reports.messages import status_message
 from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime.reporting import (
-    ActionCounts, BlackBoxCounts, Reporter, Review, TopicFacts,
+    ActionCounts, BlackBoxCounts, Reporter, Review, StatusRecord, TopicFacts,
 )
 
 from rclpy.node import Node
@@ -87,12 +87,16 @@ class Health:
             failures=None if self._watch is None else self._watch.failures)
         log_lines(self._node.get_logger(), [*lines, *self._review.lines()])
 
+    def statuses(self) -> list[StatusRecord]:
+        """Return the state at the last review."""
+        return self._review.statuses()
+
     def publish(self) -> None:
         """Publish the state at the last review."""
         if self._publisher.get_subscription_count():
             array = DiagnosticArray()
             array.header.stamp = self._clock.now().to_msg()
-            array.status = [status_message(item) for item in self._review.statuses()]
+            array.status = [status_message(item) for item in self.statuses()]
             self._publisher.publish(array)
 
     def close(self) -> None:

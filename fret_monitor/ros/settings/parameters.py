@@ -24,6 +24,7 @@ from fractions import Fraction
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
+import re
 from typing import Any
 
 from fret_monitor.model.bundle_files import find_bundle
@@ -66,6 +67,9 @@ MONITOR_PARAMETERS = {
     'log_violations': Described(True, words.LOG_VIOLATIONS),
     'verdicts': Described(False, words.VERDICTS),
     'margins': Described(False, words.MARGINS),
+    'metrics': Described('', 'the address and port at which the figures of /diagnostics are '
+                             'served for Prometheus, such as 127.0.0.1:9400; empty: nowhere; '
+                             'read by `configure`'),
     'blackbox': Described('', words.BLACKBOX),
     'blackbox_seconds': Described(10.0, words.BLACKBOX_SECONDS),
     'blackbox_bytes': Described(64 << 20, words.BLACKBOX_BYTES),
@@ -102,6 +106,8 @@ LOGGER_PARAMETERS = {
 _MOST = (1 << 62) - 1
 _LEAST_BYTES = 4096  # of a black box
 _LEAST_DISK_BYTES = 1 << 20
+_ADDRESS = re.compile(r'(?P<host>\[[0-9A-Fa-f:.]+(?:%[\w.-]+)?\]|[\w.-]+):(?P<port>[0-9]{1,5})')
+_LARGEST_PORT = 65535
 _HOT_PATHS = ('auto', 'on', 'off')
 LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 # Parameters of rclpy and of both nodes: one parameter file may be given to both.
@@ -146,6 +152,18 @@ class BlackBoxSettings:
 
 
 @dataclass(frozen=True)
+class MetricsAddress:
+    """Where figures are served; port 0 is any free one."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        """Return it as in a URL."""
+        return f'[{self.host}]:{self.port}' if ':' in self.host else f'{self.host}:{self.port}'
+
+
+@dataclass(frozen=True)
 class Scheduling:
     """What the system is asked for; by default nothing."""
 
@@ -169,6 +187,7 @@ class Settings:
     handler_depth: int = DEFAULT_HANDLER_DEPTH
     log_violations: bool = True
     publishes_verdicts: bool = False
+    metrics: MetricsAddress | None = None
     constants: Mapping[str, Text] = field(default_factory=dict)
     blackbox: BlackBoxSettings | None = None
     gates: tuple[str, ...] = ()
@@ -223,6 +242,7 @@ def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
         read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
         _whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
         read_truth(given, 'log_violations', problems), _is_true(given, 'verdicts', problems),
+        _metrics(given, problems),
         _constant_texts(given, problems), _blackbox(given, problems),
         tuple(_texts(given, 'gates', problems)), _scheduling(given, problems),
         _is_true(given, 'margins', problems))
@@ -273,6 +293,18 @@ def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str
             f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
         return []
     return [item for item in listed if item]
+
+
+def _metrics(given: Mapping[str, Any], problems: list[str]) -> MetricsAddress | None:
+    value = given.get('metrics') or ''
+    if value == '':
+        return None
+    found = _ADDRESS.fullmatch(value) if isinstance(value, str) else None
+    if found is None or int(found['port']) > _LARGEST_PORT:
+        problems.append(f"parameter 'metrics' is {value!r}, and has to be an address and a port, "
+                        'say -p metrics:=127.0.0.1:9400')
+        return None
+    return MetricsAddress(found['host'].strip('[]'), int(found['port']))
 
 
 def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings | None:

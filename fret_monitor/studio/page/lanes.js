@@ -66,6 +66,7 @@ function* seen(changes, view, end) {
 export function truths(changes, view, end, kind) {
   const parts = [];
   for (const [from, to, value] of seen(changes, view, end)) {
+    if (value === null) continue;
     const at = view.x(from);
     parts.push(svg('rect', {
       class: `${kind} ${value ? 'is-true' : 'is-false'}`, x: at, width: view.x(to) - at,
@@ -74,7 +75,7 @@ export function truths(changes, view, end, kind) {
   return parts;
 }
 
-function numbers(changes, view, end, scale) {
+export function numbers(changes, view, end, scale) {
   let path = '';
   const parts = [];
   for (const [from, to, value] of seen(changes, view, end)) {

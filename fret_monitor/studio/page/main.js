@@ -16,6 +16,7 @@
 
 import { h, show } from './dom.js';
 import { Editor } from './editor.js';
+import { LiveView } from './live.js';
 import { Meaning } from './meaning.js';
 import { Picture } from './picture.js';
 import { Recordings } from './recordings.js';
@@ -37,7 +38,9 @@ const talk = new Talk();
 const file = { name: null, stamp: null, saved: '' };
 let pause = 0;
 
-for (const name of ['write', 'read', 'try', 'recordings', 'picture']) at(`${name}-title`).textContent = words[name];
+for (const name of ['write', 'read', 'try', 'recordings', 'picture', 'live']) {
+  at(`${name}-title`).textContent = words[name];
+}
 at('problems').setAttribute('aria-label', words.problems(1, 0));
 
 const ask = (what, question = {}) => talk.ask(what, {
@@ -52,6 +55,7 @@ const recordings = new Recordings(at('recorded'), ask, (trace, note) => {
   tryout.take(trace, note);
   at('try').scrollIntoView();
 });
+new LiveView(at('watch'), ask, talk);
 show(at('trace'), h('p', { class: 'faint' }, words.noTrace));
 
 const files = h('select', { id: 'file', onchange: () => open(files.value || null) });

@@ -64,6 +64,10 @@ export class Talk extends EventTarget {
       this.dispatchEvent(new CustomEvent('changed', { detail: found.changed }));
       return;
     }
+    if ('live' in found) {
+      this.dispatchEvent(new CustomEvent('live', { detail: found.live }));
+      return;
+    }
     const waiting = this.#waiting.get(found.number);
     this.#waiting.delete(found.number);
     if (waiting && 'error' in found) waiting.reject(new Error(found.error));

@@ -1,0 +1,288 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A running monitor watched in the page: a real one over DDS, with and without a browser."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+import json
+import os
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+from urllib.parse import urlsplit
+
+from fret_monitor import build
+from fret_monitor.studio.plan import plan
+from fret_monitor.studio.turn import MOST_CHANGES, MOST_OCCURRENCES, read_path, Turn
+import pytest
+from studio.browser import browser, CHROMIUM, Page
+from studio.serving import studio
+
+pytest.importorskip('uvicorn')
+client = pytest.importorskip('websockets.sync.client')
+
+BUNDLE = """\
+format: 1
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float64}
+  hot: {topic: state, type: std_msgs/msg/UInt8, values: {COLD: 0, HOT: 7}}
+  depth: {topic: /scan, type: sensor_msgs/msg/LaserScan, field: min(ranges)}
+requirements:
+  - {id: SLOW-1, title: not too fast, ptltl: "speed <= 1.5", report: onset}
+  - {id: COOL, ptltl: "H (hot != HOT)", report: occurrence}
+  - {id: NEVER, ptltl: "depth > 0.1"}
+"""
+WAIT_S = 60.0
+
+
+def test_a_turn_is_bounded_and_leaves_out_no_change_without_its_contrary() -> None:
+    turn = Turn()
+    for time in range(1001):
+        turn.add_verdict('R', time, time % 2 == 0)
+        turn.add_occurrence({'id': 'R'})
+    turn.note(monitors=[])
+    found = turn.take({})
+    changes = found['verdicts']['R']
+    assert len(changes) <= MOST_CHANGES and changes[-1] == (1000, True)
+    assert all(one[1] is not other[1] for one, other in pairwise(changes))
+    assert (len(found['occurrences']), found['leftOut']) == (
+        MOST_OCCURRENCES, 1001 - MOST_OCCURRENCES)
+    assert found['monitors'] == [] and turn.take({}) == {}
+
+
+def test_a_value_is_read_by_its_path_and_is_none_outside_of_an_array() -> None:
+    class Message:
+        ranges = (1.5, float('inf'))
+        is_on = True
+
+    assert read_path(Message(), ['ranges', 0]) == 1.5
+    assert read_path(Message(), ['ranges', 1]) == 'inf'
+    assert read_path(Message(), ['ranges', 2]) is None
+    assert read_path(Message(), ['is_on']) is True
+
+
+def test_a_plan_has_the_topics_of_verdicts_and_inputs(tmp_path: Path) -> None:
+    path = tmp_path / 'b.yaml'
+    path.write_text(BUNDLE)
+    found = plan(build.read(path).specification)
+    assert found['requirements'][0] == {'id': 'SLOW-1', 'topic': 'copilot/verdict/SLOW_1'}
+    assert found['inputs'] == [
+        {'name': 'speed', 'topic': 'speed', 'type': 'std_msgs/msg/Float64', 'path': ['data'],
+         'isDiscrete': False, 'names': {}},
+        {'name': 'hot', 'topic': 'state', 'type': 'std_msgs/msg/UInt8', 'path': ['data'],
+         'isDiscrete': True, 'names': {'0': 'COLD', '7': 'HOT'}}]
+    assert found['leftOut'] == ['depth']
+
+
+class Watcher:
+    """A page of the test: what came over its socket, by kind."""
+
+    def __init__(self, url: str, socket: Any) -> None:
+        """Ask to watch."""
+        self._socket = socket
+        self.plan: Any = None
+        self.verdicts: dict[str, list[bool | None]] = {}
+        self.values: dict[str, Any] = {}
+        self.occurrences: list[Any] = []
+        self.health: dict[str, tuple[int, str]] = {}
+        self.monitors: list[str] | None = None
+        self.told = self.error = ''
+
+    def ask(self, what: str, **more: Any) -> None:
+        """Ask the server."""
+        self._socket.send(json.dumps({'do': what, 'number': 1, **more}))
+
+    def wait(self, is_true: Callable[[], bool], what: str) -> None:
+        """Take what comes until a condition holds."""
+        end = monotonic() + WAIT_S
+        while not is_true():
+            assert monotonic() < end, f'{what}: {vars(self)}'
+            self._take(json.loads(self._socket.recv(WAIT_S)))
+
+    def _take(self, found: dict[str, Any]) -> None:
+        if 'live' not in found:
+            self.plan = found.get('answer') or self.plan
+            self.error = found.get('error', self.error)
+            return
+        live = found['live']
+        for name, changes in live.get('verdicts', {}).items():
+            self.verdicts.setdefault(name, []).extend(value for _, value in changes)
+        self.values |= {name: value for name, (_, value) in live.get('values', {}).items()}
+        self.occurrences += live.get('occurrences', [])
+        self.health |= {item['name']: (item['level'], item['text']) for key, items in live.items()
+                        if key.startswith('health ') for item in items}
+        self.monitors = live.get('monitors', self.monitors)
+        self.told = live.get('told', self.told)
+        self.error = live.get('error', self.error)
+
+
+@contextmanager
+def watching(folder: Path) -> Iterator[Watcher]:
+    """Open the page of a folder without a browser, and ask to watch its bundle."""
+    with studio(folder, 'b.yaml') as url:
+        place = urlsplit(url)
+        with client.connect(f'ws://{place.netloc}{place.path}talk', open_timeout=WAIT_S,
+                            origin=f'http://{place.netloc}') as socket:
+            watcher = Watcher(url, socket)
+            watcher.ask('watch', name='b.yaml', text=(folder / 'b.yaml').read_text(),
+                        namespace='/robot')
+            yield watcher
+
+
+def test_without_ros_the_page_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / 'b.yaml').write_text(BUNDLE.replace(
+        'sensor_msgs/msg/LaserScan, field: min(ranges)', 'std_msgs/msg/Float64'))
+    hidden = tmp_path / 'hidden'
+    hidden.mkdir()
+    (hidden / 'rclpy.py').write_text("raise ImportError('no rclpy here')\n")
+    monkeypatch.setenv('PYTHONPATH', f'{hidden}{os.pathsep}{os.environ.get("PYTHONPATH", "")}')
+    with watching(tmp_path) as watcher:
+        watcher.wait(lambda: bool(watcher.error), 'the error')
+        assert watcher.error.startswith('ROS 2 is not here: no rclpy here. Start studio in')
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    pytest.importorskip('sensor_msgs')
+    (tmp_path / 'b.yaml').write_text(BUNDLE)
+    return tmp_path
+
+
+@contextmanager
+def robot(folder: Path, domain: int, *arguments: str) -> Iterator[Any]:
+    """Run a monitor of the bundle in the namespace /robot, beside a node of the test."""
+    pytest.importorskip('rclpy')
+    from ros.harness import Partner, started
+    partner = Partner(domain, '/robot')
+    try:
+        with started('monitor', '-p', f'spec:={folder / "b.yaml"}', '-r', '__ns:=/robot',
+                     *arguments):
+            yield partner
+    finally:
+        partner.close()
+
+
+@pytest.mark.parametrize('arguments', [(), ('-p', 'verdicts:=true')])
+def test_a_monitor_is_watched_and_reset(
+    bundle: Path, domain: int, arguments: tuple[str, ...],
+) -> None:
+    with robot(bundle, domain, *arguments) as partner, watching(bundle) as watcher:
+        from ros.harness import LATCHED
+        from std_msgs.msg import Float64, UInt8
+        speed, hot = partner.publisher(Float64, 'speed'), partner.publisher(
+            UInt8, 'state', LATCHED)
+        watcher.wait(lambda: watcher.monitors == ['/robot/fret_monitor'], 'the monitor')
+        partner.wait_for_listener(speed)
+        watcher.wait(lambda: 'NEVER' in watcher.health, 'health')
+        assert watcher.health['topic /scan'] == (1, 'no publisher')
+        hot.publish(UInt8(data=0))  # once: the page gets the last message
+
+        def is_so(value: float, is_true: Callable[[], bool]) -> bool:
+            speed.publish(Float64(data=value))  # again: nobody keeps it for the page
+            return is_true()
+
+        watcher.wait(lambda: is_so(1.0, lambda: watcher.values == {'speed': 1.0, 'hot': 0}),
+                     'values')
+        watcher.wait(lambda: watcher.verdicts.get('SLOW-1', [])[-1:] == [True]
+                     and watcher.verdicts.get('COOL', [])[-1:] == [True], 'satisfied')
+        watcher.wait(lambda: is_so(2.25, lambda: watcher.values['speed'] == 2.25), 'the speed')
+        hot.publish(UInt8(data=7))
+        watcher.wait(lambda: [watcher.verdicts[name][-1] for name in ('SLOW-1', 'COOL')]
+                     == [False, False] and len(watcher.occurrences) == 2, 'violated')
+        found = {item['id']: item for item in watcher.occurrences}
+        assert ['speed', '2.25'] in found['SLOW-1']['values']
+        assert ['hot', 'HOT'] in found['COOL']['values']
+        assert found['SLOW-1']['text'] == 'not too fast' and not found['SLOW-1']['isOver']
+        assert watcher.verdicts.get('NEVER', [None])[-1] is None
+        hot.publish(UInt8(data=0))
+        watcher.wait(lambda: watcher.verdicts['COOL'][-1] is True
+                     and any(item['isOver'] for item in watcher.occurrences), 'over')
+        watcher.ask('reset', node='/robot/other')  # none that is watched
+        watcher.ask('reset', node='/robot/fret_monitor')
+        watcher.wait(lambda: watcher.told.startswith('restarted'), 'the reset')
+
+
+SLOW, SPEED = '.lane[aria-label^="SLOW-1"]', '.lane[aria-label^="speed:"]'
+
+
+def looks(page: Page, selector: str) -> Any:
+    """Return the classes of what a row draws, as one text."""
+    return page.get(f"""[...document.querySelectorAll('#watch {selector} rect')]
+        .map((each) => each.classList.contains('is-true') ? 1 : 0).join('')""")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
+def test_a_violation_is_seen_as_it_comes_up(bundle: Path, domain: int, tmp_path: Path) -> None:
+    with robot(bundle, domain) as partner, studio(bundle, 'b.yaml') as url, \
+            browser(tmp_path / 'profile') as page:
+        from std_msgs.msg import Float64
+        speed = partner.publisher(Float64, 'speed')
+        page.open(url)
+        page.wait('!!document.body.dataset.checked')
+        page.get("document.querySelector('#live-namespace').value = '/robot'")
+        page.get("document.querySelector('#live-connect').focus()")
+        page.key('Enter')
+        page.wait("document.querySelector('#live-status').textContent"
+                  " === 'watching /robot/fret_monitor'")
+        assert 'depth' in page.text('#live-note')
+        partner.wait_for_listener(speed)
+        while page.get(f"document.querySelector('#watch {SPEED}').ariaLabel") != 'speed: 0.5':
+            speed.publish(Float64(data=0.5))  # until the page has found the topic
+            sleep(0.1)
+        page.wait(f"""document.querySelector('#watch {SLOW}').ariaLabel === 'SLOW-1: satisfied'""")
+        speed.publish(Float64(data=2.0))
+        page.wait(f"""document.querySelector('#watch {SLOW}').ariaLabel === 'SLOW-1: violated'""")
+        page.wait("document.querySelector('#live-occurrences').textContent.includes('speed = 2')")
+        page.get(f"document.querySelector('#watch {SLOW}').scrollIntoView()")
+        page.wait(f"document.querySelectorAll('#watch {SLOW} rect').length === 2")
+        assert looks(page, SLOW) == '10'
+        page.wait("/no publisher/.test(document.querySelector('#live-health').textContent)")
+        # A pause holds the picture, and what came meanwhile is there afterwards.
+        page.click('#live-pause')
+        speed.publish(Float64(data=1.0))
+        page.wait("document.querySelectorAll('#live-occurrences li').length === 2")
+        drawn = page.get("document.querySelector('#watch').dataset.drawn")
+        page.wait(f"Number(document.querySelector('#watch').dataset.drawn) > {drawn} + 3")
+        assert looks(page, SLOW) == '10'
+        page.click('#live-pause')
+        page.wait(f"document.querySelectorAll('#watch {SLOW} rect').length === 3")
+        page.click('#live-reset')
+        page.wait("/^restarted/.test(document.querySelector('#live-status').textContent)")
+        # On a telephone nothing is wider than the screen.
+        page.call('Emulation.setDeviceMetricsOverride', width=390, height=800,
+                  deviceScaleFactor=1, mobile=True)
+        assert page.get('document.documentElement.scrollWidth') <= 390
+        page.click('#live-connect')
+        page.wait("document.querySelector('#live-status').textContent"
+                  " === 'No monitor is watched.'")
+        assert page.problems == []
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
+def test_what_the_page_keeps_of_a_long_run_is_bounded(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(BUNDLE)
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        found = page.get("""(async () => {
+            const { History } = await import('./live.js');
+            const history = new History();
+            for (let k = 0; k < 100000; k += 1) history.add(k * 100, k % 7);
+            const view = { first: 9700000, count: 300000 };
+            return [history.changes.length, history.changes[0][0], history.thinned(view).length,
+              history.at(9999950)];
+        })()""")
+        assert found == [3002, 9699800, found[2], 99999 % 7]
+        assert 300 <= found[2] <= 1200
