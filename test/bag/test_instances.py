@@ -365,6 +365,27 @@ def test_a_message_that_where_does_not_select_is_none(tmp_path: Path) -> None:
     assert sum(item.occurrences for item in alone) > 10
 
 
+def test_an_answer_moved_by_a_nanosecond_to_its_deadline_is_in_time(tmp_path: Path) -> None:
+    plain = ('format: 1\nevaluation: {policy: timed}\ninputs:\n'
+             f'  p: {{topic: p, type: {BOOL}}}\n  q: {{topic: q, type: {BOOL}}}\n'
+             f'  n: {{topic: /a/x, type: {FLOAT}}}\n'
+             'requirements:\n  - {id: NEAR, ptltl: "O[11 ns, 11 ns] p -> O[0, 11 ns] q"}\n')
+    keyed = plain.replace('inputs:', 'for_each: {robot: {most: 3, forget: 9}}\ninputs:').replace(
+        '/a/x', '"/{robot}/x"') + '  - {id: OWN, ptltl: "n <= 1.0"}\n'
+    make, number = TYPES.types[BOOL], TYPES.types[FLOAT]
+    for time, n in ((10, 0), (11, 1)):
+        # After another message at its stamp, `q` takes effect a nanosecond later.
+        found: list[Message] = [
+            (0, '/q', BOOL, make(False), frozenset()), (1, '/p', BOOL, make(True), frozenset()),
+            (5, '/p', BOOL, make(False), frozenset()),
+            (time + 1, '/a/x', FLOAT, number(2.0), frozenset()),
+            (time + 1, '/q', BOOL, make(True), frozenset()),
+            (50, '/q', BOOL, make(False), frozenset())]
+        for name, text in (('plain', plain), ('keyed', keyed)):
+            findings = judged(tmp_path, f'{name}{n}', text, found, 100).findings
+            assert findings[0].occurrences == n, name
+
+
 RATED = """
 format: 1
 evaluation: {policy: timed}
