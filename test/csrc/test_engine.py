@@ -20,6 +20,7 @@ import re
 import subprocess
 import sys
 
+from bag.recordings import TYPES
 from differential import compiled
 from differential.compiled import WARNINGS, ZIG
 import fret_monitor
@@ -31,6 +32,7 @@ from strategies import EXAMPLES, thorough
 
 HERE = Path(__file__).parent
 PAUSE = HERE / 'engine_pause.h'
+HEADER = 'std_msgs/msg/Header'
 SOURCES = objects.engine_sources()
 INCLUDES = csrc_includes()
 
@@ -155,11 +157,15 @@ def test_files_of_the_black_box(sanitized: Sanitized, tmp_path: Path) -> None:
     done = run(sanitized.program('blackbox_files'), tmp_path)
     assert (done.returncode, done.stdout) == (0, '')
 
+    ends = set[str]()
+
     def messages(name: str) -> dict[str, int]:
         found = {}
         for path in sorted((tmp_path / name).iterdir()):
             with Reader(path) as reader:
                 found[path.name] = {item.topic: item.msgcount for item in reader.connections}['/x']
+                ends.update(TYPES.deserialize_cdr(data, HEADER).frame_id
+                            for item, _, data in reader.messages() if item.msgtype == HEADER)
         return found
 
     assert messages('longest') == {
@@ -169,6 +175,7 @@ def test_files_of_the_black_box(sanitized: Sanitized, tmp_path: Path) -> None:
     assert messages('full') == {}
     assert len(messages('writer')) >= 1
     assert all(number > 0 for number in messages('writer').values())
+    assert ends == {'R-1'}
 
 
 def test_messages_and_deadlines_under_the_policy_timed(sanitized: Sanitized) -> None:

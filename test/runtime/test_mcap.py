@@ -14,7 +14,9 @@
 
 """MCAP files that are written without a library of MCAP: `rosbags` reads them."""
 
+from collections.abc import Iterator
 from pathlib import Path
+import struct
 
 from bag.recordings import FLOAT, START, TYPES
 from fret_monitor.runtime.mcap import McapWriter
@@ -50,6 +52,33 @@ def test_what_is_written_is_read_in_the_order_of_the_times(tmp_path: Path, size:
     assert [time for _, time, _ in found] == list(range(10))
     assert found == [(f'/{"ab"[number % 2]}', number, payload(number, size))
                      for number in range(10)]
+
+
+def records(data: bytes, place: int) -> Iterator[tuple[int, bytes]]:
+    while not data.startswith(b'\x89MCAP', place):
+        kind, size = struct.unpack_from('<BQ', data, place)
+        yield kind, data[place + 9:place + 9 + size]
+        place += 9 + size
+
+
+def test_the_index_of_a_chunk_says_where_the_indices_of_its_channels_are(tmp_path: Path) -> None:
+    path = tmp_path / 'file.mcap'
+    with path.open('wb') as file:
+        writer = McapWriter(file)
+        channels = [writer.add_channel(f'/{name}', FLOAT, DEFINITION) for name in 'abc']
+        for number in range(10):
+            writer.add_message(channels[number % 3], START + number, payload(0, 300_000), START)
+        writer.end()
+    data = path.read_bytes()
+    (summary,) = struct.unpack_from('<Q', data, len(data) - 8 - 20)
+    chunks = [body for kind, body in records(data, summary) if kind == 8]
+    assert len(chunks) > 1
+    for body in chunks:
+        (size,) = struct.unpack_from('<I', body, 32)
+        entries = list(struct.iter_unpack('<HQ', body[36:36 + size]))
+        assert entries
+        for channel, place in entries:
+            assert struct.unpack_from('<BQH', data, place)[::2] == (7, channel)
 
 
 def test_a_file_without_messages_is_one(tmp_path: Path) -> None:
