@@ -153,6 +153,7 @@ ROOMS = {
         'fret_windows.h': 'test/differential/test_over_time.py test/logic/test_over_time.py',
         'fret_cdr.h': 'test/codegen/test_extractors.py test/codegen',
         'fret_reductions.h': 'test/codegen/test_extractors.py test/codegen',
+        'fret_margins.h': 'test/differential/test_margins.py test/bag/test_margins.py',
         'fret_cells.h': 'test/csrc/test_cells.py test/differential test/proving/test_cells.py',
         '*': f'test/codegen/test_extractors.py test/codegen test/runtime {_EVALUATOR}'}),
     'csrc/ros': Room('csrc/ros', ('csrc/ros/*.c',), 20, {
@@ -227,6 +228,7 @@ ROOMS = {
         '*': _ros('monitor_node lifecycle parameters missing faults')}),
     'program': Room('fret_monitor/program', ('fret_monitor/program/*.py',), 40, {
         'cost.py': 'test/worst_case test/cli/test_check.py test/program/test_layout.py',
+        'margins.py': 'test/differential/test_margins.py test/bag/test_margins.py',
         'window_sizes.py': 'test/cli/test_check.py test/program/test_layout.py',
         'rewriting.py': 'test/program/test_lower.py test/fret '
                         'test/differential/test_timed_formulas.py',
