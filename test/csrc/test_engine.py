@@ -19,6 +19,7 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from typing import Any
 
 from bag.recordings import TYPES
 from differential import compiled
@@ -164,8 +165,10 @@ def test_files_of_the_black_box(sanitized: Sanitized, tmp_path: Path) -> None:
         for path in sorted((tmp_path / name).iterdir()):
             with Reader(path) as reader:
                 found[path.name] = {item.topic: item.msgcount for item in reader.connections}['/x']
-                ends.update(TYPES.deserialize_cdr(data, HEADER).frame_id
-                            for item, _, data in reader.messages() if item.msgtype == HEADER)
+                headers: list[Any] = [TYPES.deserialize_cdr(data, HEADER)
+                                      for item, _, data in reader.messages()
+                                      if item.msgtype == HEADER]
+            ends.update(header.frame_id for header in headers)
         return found
 
     assert messages('longest') == {
