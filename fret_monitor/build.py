@@ -34,6 +34,7 @@ from fret_monitor.codegen.describe import describe, described_topics, with_kinds
 from fret_monitor.codegen.extractors import Feed
 from fret_monitor.codegen.module import CModule, generate
 from fret_monitor.elaboration.elaborate import specify
+from fret_monitor.elaboration.memory import RequirementMemory
 from fret_monitor.elaboration.restrict import restrict
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.lint.actions import action_warnings
@@ -136,7 +137,8 @@ class GeneratedKind:
 def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
          constants: Mapping[str, Text] | None = None, stamp: Stamp | None = None,
          find_message: FindMessage | None = None, part: NodePart | None = None,
-         takes_instances: bool = False, read_file: ReadFile = read_source) -> Reading:
+         takes_instances: bool = False, read_file: ReadFile = read_source,
+         memory: RequirementMemory | None = None) -> Reading:
     """
     Read a bundle and elaborate it.
 
@@ -144,7 +146,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     of the bundle. `find_message` returns the layout of a message type; None: of what is installed.
     `part` are the requirements to take of it, None: all. The hash is that of the whole bundle.
     Without `takes_instances`, a bundle with `for_each` or `where` is refused. `read_file` is as
-    `read_source`.
+    `read_source`. `memory` is as of `specify`.
 
     Raises
     ------
@@ -160,7 +162,7 @@ def read(path: Path, *, policy: Policy | None = None, period: Fraction | None = 
     bundle = override_constants(with_policy, constants, problems)
     if not takes_instances:
         _refuse_instances(bundle, problems)
-    specification, warnings = _specify(bundle, written, problems, find_message)
+    specification, warnings = _specify(bundle, written, problems, find_message, memory)
     warnings = by_place((*warnings, *doubtful_sentences(specification),
                          *unread_topics(bundle, specification),
                          *doubtful_topics(bundle, specification),
@@ -219,10 +221,11 @@ def _refuse_instances(bundle: Bundle, problems: Problems) -> None:
 
 def _specify(
     bundle: Bundle, written: Bundle, problems: Problems, find_message: FindMessage | None,
+    memory: RequirementMemory | None,
 ) -> tuple[Specification, tuple[Diagnostic, ...]]:
     """Elaborate a bundle; the errors name constants that are not as they were written."""
     try:
-        return specify(bundle, find_message, problems=problems)
+        return specify(bundle, find_message, problems, memory)
     except CompileError as error:
         changed = [(old.value, new.value) for old, new in zip(
             written.constants, bundle.constants, strict=True) if new is not old]

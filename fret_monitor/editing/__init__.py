@@ -25,6 +25,8 @@ typed: what can be read of it is used, and the rest has a diagnostic.
 | `read_edited(path, text, read_file=...)` | an `EditedBundle`: `diagnostics` as of `check`, \
 `bundle`, `reading` (None while there are errors; for `explain`, `simulate`, `analyze`), \
 `inputs`, `signal(name)`, `uses` |
+| `RequirementMemory()` | given to `read_edited` again and again, requirements that have not \
+changed are not read again |
 | `unchecked(path, text)` | the same without diagnostics and reading, sooner |
 | `code_of(diagnostic)` | the kind of a diagnostic, a word for filters |
 | `fixes(edited, diagnostic)` | `QuickFix`es: a title and a `TextEdit`; each was tried |
@@ -60,10 +62,11 @@ from fret_monitor.editing.references import definition, references, rename
 from fret_monitor.editing.sentence_form import (
     sentence_form, sentence_of, SentenceField, with_sentence,
 )
+from fret_monitor.elaboration.memory import RequirementMemory
 
 __all__ = [
     'code_of', 'complete', 'definition', 'EditedBundle', 'EditorPosition', 'fixes', 'FoldedLines',
     'folds', 'formatted', 'hover', 'HoverText', 'looks_like_a_bundle', 'picture', 'Picture',
     'PictureKind', 'PictureNode', 'PositionMap', 'Proposal', 'ProposalKind', 'QuickFix',
-    'read_edited', 'references', 'rename', 'RunningTopics', 'sentence_form', 'sentence_of',
-    'SentenceField', 'TextEdit', 'unchecked', 'with_edits', 'with_sentence']
+    'read_edited', 'references', 'rename', 'RequirementMemory', 'RunningTopics', 'sentence_form',
+    'sentence_of', 'SentenceField', 'TextEdit', 'unchecked', 'with_edits', 'with_sentence']

@@ -22,7 +22,7 @@ those of `check`, without what only a compiled monitor can find about gates.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 import json
 from pathlib import Path
 import re
@@ -34,6 +34,7 @@ from fret_monitor.bundle.source_file import read_source, ReadFile
 from fret_monitor.bundle.yaml_tree import Node
 from fret_monitor.editing.outline import mended, OutlinePlace, place_at, top_keys
 from fret_monitor.elaboration.elaborate import name_uses
+from fret_monitor.elaboration.memory import RequirementMemory
 from fret_monitor.elaboration.signals import FindMessage, input_declaration
 from fret_monitor.elaboration.terms import Vocabulary
 from fret_monitor.language.expression import Name
@@ -136,24 +137,35 @@ def unchecked(path: Path, text: str, *, read_file: ReadFile = read_source,
 
 
 def read_edited(path: Path, text: str, *, read_file: ReadFile = read_source,
-                find_message: FindMessage | None = None) -> EditedBundle:
+                find_message: FindMessage | None = None,
+                memory: RequirementMemory | None = None) -> EditedBundle:
     """
     Return a bundle as it is in an editor.
 
     `read_file` reads the other files that it names, such as one that is open too. Without
-    `find_message`, messages are those that are installed.
+    `find_message`, messages are those that are installed. With a `memory`, which is of one file,
+    requirements that have not changed since the last call are not read again.
     """
     found = unchecked(path, text, read_file=read_file, find_message=find_message)
     if _is_signals(text):
         return replace(found, diagnostics=tuple(_of_signals(path, found)))
-    return _checked(path, found)
+    checked = _checked(path, found, memory)
+    if memory is not None and any(map(partial(_is_of_earlier, found.source), checked.diagnostics)):
+        return _checked(path, found, None)
+    return checked
 
 
-def _checked(path: Path, found: EditedBundle) -> EditedBundle:
+def _is_of_earlier(source: Source, found: Diagnostic) -> bool:
+    """Whether a diagnostic has a place in an earlier text of a file."""
+    return any(span is not None and span.source.name == source.name
+               and span.source.text != source.text for span in (found.span, found.related))
+
+
+def _checked(path: Path, found: EditedBundle, memory: RequirementMemory | None) -> EditedBundle:
     try:
         found = replace(found, reading=read(
             path, takes_instances=True, find_message=found.find_message,
-            read_file=found.read_file))
+            read_file=found.read_file, memory=memory))
         assert found.reading is not None, 'read returns one'
         return replace(found, diagnostics=check_reading(found.reading))
     except CompileError as error:

@@ -44,6 +44,7 @@ from fret_monitor.elaboration.future import from_horizon
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.instances import check_instances, described_variable
 from fret_monitor.elaboration.languages import read_expression, read_formula
+from fret_monitor.elaboration.memory import RequirementMemory
 from fret_monitor.elaboration.scope import Declaration, Role, Scope
 from fret_monitor.elaboration.signals import constant_declaration, FindMessage, input_declaration
 from fret_monitor.elaboration.terms import (
@@ -71,13 +72,14 @@ _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
 
 
 def specify(bundle: Bundle, find_message: FindMessage | None = None,
-            problems: Problems | None = None) -> tuple[Specification, tuple[Diagnostic, ...]]:
+            problems: Problems | None = None, memory: RequirementMemory | None = None,
+            ) -> tuple[Specification, tuple[Diagnostic, ...]]:
     """
     Return the specification of a bundle, and warnings.
 
     `find_message` returns the layout of a message type; the default searches the installed ROS
     packages. `problems` are those that `survey_bundle` found; they are reported together with
-    those found here.
+    those found here. `memory` has the requirements of an earlier version.
 
     Raises
     ------
@@ -88,7 +90,7 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     reading.skip(bundle.unreadable)
     signals = reading.read_inputs(bundle, find_message or find_installed)
     reading.read_definitions(bundle.definitions)
-    properties = [reading.read_requirement(item) for item in bundle.requirements]
+    properties = reading.read_requirements(memory)
     known = tuple(signal for signal in signals if signal)
     actions, gates = resolve_acting(bundle, known, find_message or find_installed,
                                     reading.problems)
@@ -164,6 +166,7 @@ class _Reading:
         self._scale = TimeScale(bundle.policy, bundle.period, bundle.unit)
         declared: list[InputEntry | ConstantEntry | Definition] = [
             *bundle.inputs, *bundle.constants, *bundle.definitions]
+        self._declared = frozenset(item.name.value for item in bundle.inputs)
         self.implied = ImpliedInputs(item.name.value for item in declared)
         self._aggregates = Aggregates(
             (item.name.value for item in bundle.instance_variables), self.implied)
@@ -286,6 +289,27 @@ class _Reading:
         shown = way if len(way) <= _MANY else [*way[:_MANY - 1], '...', way[-1]]
         self.problems.error(f"the definition '{way[0]}' uses itself", uses[way[0]][way[1]],
                             ' -> '.join(shown))
+
+    def read_requirements(self, memory: RequirementMemory | None) -> list[Property | None]:
+        """Return the requirements, None for one with a mistake."""
+        items = self._bundle.requirements
+        if memory is None:
+            return [self.read_requirement(item) for item in items]
+        memory.begin(self._bundle)
+        return [memory.find(item) or self._remembered(item, memory) for item in items]
+
+    def _remembered(self, item: Requirement, memory: RequirementMemory) -> Property | None:
+        """Read a requirement, and keep it if it adds nothing to what the others can see."""
+        def noted() -> tuple[int, ...]:
+            return (len(self.problems.errors), len(self.problems.warnings), len(self._feedback),
+                    len(self.implied.added), len(self.aggregates))
+
+        before = noted()
+        found = self.read_requirement(item)
+        if found is not None and noted() == before and not found.feedback and all(
+                name in self._declared for name in found.inputs):
+            memory.keep(item, found)
+        return found
 
     def read_requirement(self, item: Requirement) -> Property | None:
         """Return a requirement with its formula, or None if it has a mistake."""

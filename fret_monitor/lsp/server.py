@@ -54,6 +54,7 @@ class BundleServer:
         self._worker = ThreadPoolExecutor(1)
         self._waiting: dict[str, asyncio.Task[None]] = {}
         self._checked: dict[str, tuple[int, asyncio.Future[EditedBundle | None]]] = {}
+        self._memories: dict[str, editing.RequirementMemory] = {}
         self._published: dict[str, set[str]] = {}
         self._is_shut_down = False
         for name, handler, options in self._features():
@@ -110,6 +111,7 @@ class BundleServer:
         uri = params.text_document.uri
         self._files.close(uri)
         self._checked.pop(uri, None)
+        self._memories.pop(uri, None)
         if (task := self._waiting.pop(uri, None)) is not None:
             task.cancel()
         for name in self._published.pop(uri, {uri}):
@@ -184,7 +186,8 @@ class BundleServer:
             return None
         if not editing.looks_like_a_bundle(file.text):
             return editing.unchecked(file.path, file.text, read_file=reader)
-        return editing.read_edited(file.path, file.text, read_file=reader)
+        memory = self._memories.setdefault(file.uri, editing.RequirementMemory())
+        return editing.read_edited(file.path, file.text, read_file=reader, memory=memory)
 
     # Requests
 

@@ -21,6 +21,7 @@ Offsets are in UTF-16 units, as those of JavaScript. A value over the steps of a
 of `[first step, value]`, one for each change.
 """
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 import csv
@@ -40,7 +41,7 @@ from fret_monitor.build import compile_monitor, generate_monitor, Reading
 from fret_monitor.bundle.source_file import ReadFile
 from fret_monitor.editing import (
     code_of, complete, EditedBundle, fixes, formatted, hover, picture, PositionMap, read_edited,
-    sentence_form, with_sentence,
+    RequirementMemory, sentence_form, with_sentence,
 )
 from fret_monitor.logic.formula import Binary, BinaryOperator
 from fret_monitor.logic.scopes import one_instance
@@ -50,9 +51,10 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.errors import NativeError
+from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.studio.folder import Folder
 from fret_monitor.studio.plan import plan
-from fret_monitor.studio.values import column, nanoseconds, Refused, runs, seconds, shown
+from fret_monitor.studio.values import column, nanoseconds, packed, Refused, runs, seconds, shown
 
 Question: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Any
@@ -70,6 +72,7 @@ class Questions:
         """Store the folder."""
         self._folder = Folder(folder)
         self._last: tuple[tuple[str, str], EditedBundle] | None = None
+        self._memory = RequirementMemory()
         self._compiled = lru_cache(maxsize=4)(self._compile)
         self._answers: dict[str, Callable[[Question], Answer]] = {
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
@@ -97,7 +100,8 @@ class Questions:
         key = (question['name'], question['text'])
         if self._last is None or self._last[0] != key:
             path = self._folder.path(key[0])
-            self._last = key, read_edited(path, key[1], read_file=self._folder.read_source)
+            self._last = key, read_edited(path, key[1], read_file=self._folder.read_source,
+                                          memory=self._memory)
         return self._last[1]
 
     def _reading(self, question: Question) -> Reading:
@@ -187,26 +191,21 @@ class Questions:
         return compile_monitor(generate_monitor(reading)), reading.specification
 
     def _simulate(self, question: Question) -> Answer:
-        from fret_monitor.traces.simulate import simulate
         has_margins = bool(question.get('margins'))
         compiled, specification = self._compiled(
             question['name'], question['text'], has_margins)
-        with self._trace(question, specification) as trace:
-            verdicts, margins = trace.with_name('verdicts.csv'), trace.with_name('margins.csv')
-            simulate(compiled.monitor, trace, verdicts, margins=margins if has_margins else None)
-            found = _changes(verdicts.read_text(encoding='utf-8'),
-                             is_timed=specification.policy is Policy.TIMED)
-            text = trace.read_text(encoding='utf-8') if question.get('csv') else None
-            return {'verdicts': found, 'csv': text,
-                    'margins': _margins(margins) if has_margins else None}
+        found: dict[str, Any] = {'csv': None, 'margins': None}
+        if question.get('csv') or has_margins:
+            with self._trace(question, specification) as trace:
+                found['csv'] = trace.read_text(encoding='utf-8')
+                found['margins'] = _margins(compiled, trace) if has_margins else None
+        return {**found, 'verdicts': _verdicts(compiled, specification, question)}
 
     @contextmanager
     def _trace(self, question: Question, specification: Specification) -> Iterator[Path]:
         """Yield a file with the trace of a question, in a folder of its own."""
         from fret_monitor.traces.csv_trace import trace_text
-        steps = int(question['steps'])
-        if not 1 <= steps <= MOST_STEPS:
-            raise Refused(f'a trace has 1 to {MOST_STEPS:,} steps')
+        steps = _steps(question)
         columns = [column(signal, question['values'].get(signal.name, []), steps)
                    for signal in specification.signals]
         rows: Iterable[tuple[Any, ...]] = zip(*columns, strict=True) if columns else (
@@ -358,26 +357,49 @@ def _requirement(item: Property, places: Utf16) -> Answer:
             **(places.range(place) if place else {'from': 0, 'to': 0})}
 
 
-def _changes(text: str, *, is_timed: bool) -> dict[str, list[tuple[float, int]]]:
+def _steps(question: Question) -> int:
+    steps = int(question['steps'])
+    if not 1 <= steps <= MOST_STEPS:
+        raise Refused(f'a trace has 1 to {MOST_STEPS:,} steps')
+    return steps
+
+
+def _verdicts(compiled: CompiledMonitor, specification: Specification,
+              question: Question) -> dict[str, list[tuple[float, int]]]:
+    """Return the changes of each verdict, as `simulate` finds them, without a file."""
+    from fret_monitor.traces.simulate import for_trace
+    steps, monitor = _steps(question), for_trace(compiled.monitor)
+    period = nanoseconds(question.get('period')) if specification.policy is Policy.TIMED else 1
+    columns = [packed(signal, question['values'].get(signal.name, []), steps)
+               for signal in specification.signals]
+    rows = Evaluator(monitor).rows(columns, array('q', range(0, steps * period, period)))
+    scale = 10**9 if specification.policy is Policy.TIMED else 1
+    return _changes(rows, [item.id for item in monitor.manifest.requirements], scale)
+
+
+def _changes(rows: Iterable[tuple['array[int]', bytes]], ids: Sequence[str],
+             scale: int) -> dict[str, list[tuple[float, int]]]:
     """Return the changes of each verdict: at which step, or at how many seconds."""
-    head, *rows = text.splitlines()
-    _, *names = next(csv.reader([head]))
-    found: dict[str, list[tuple[float, int]]] = {name: [] for name in names}
-    before = ''
-    for row in rows:
-        label, _, verdicts = row.partition(',')
-        if verdicts == before:
-            continue
-        old, before = before.split(','), verdicts
-        when = float(label) if is_timed else int(label)
-        for number, verdict in enumerate(verdicts.split(',')):
-            if number >= len(old) or old[number] != verdict:
-                found[names[number]].append((when, int(verdict)))
+    found: dict[str, list[tuple[float, int]]] = {name: [] for name in ids}
+    before = b''
+    for instants, verdicts in rows:
+        for place, instant in enumerate(instants):
+            row = verdicts[place * len(ids):(place + 1) * len(ids)]
+            if row == before:
+                continue
+            for number, (name, verdict) in enumerate(zip(ids, row, strict=True)):
+                if not before or before[number] != verdict:
+                    found[name].append((instant / scale, verdict))
+            before = row
     return found
 
 
-def _margins(path: Path) -> dict[str, list[tuple[float, float | str, str]]]:
+def _margins(compiled: CompiledMonitor,
+             trace: Path) -> dict[str, list[tuple[float, float | str, str]]]:
     """Return the changes of each margin, with the comparison that decides."""
+    from fret_monitor.traces.simulate import simulate
+    path = trace.with_name('margins.csv')
+    simulate(compiled.monitor, trace, trace.with_name('verdicts.csv'), margins=path)
     found: dict[str, list[tuple[float, float | str, str]]] = {}
     with path.open(encoding='utf-8', newline='') as file:
         for when, name, margin, _, comparison, *_ in islice(csv.reader(file), 1, None):

@@ -18,8 +18,9 @@ The values of a trace as a page has them.
 A value over the steps of a trace is a list of `[first step, value]`, one for each change.
 """
 
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import Any, TypeAlias
 
 from fret_monitor.logic.specification import Signal
@@ -42,12 +43,30 @@ def shown(value: bool | int | float, signal: Signal) -> bool | int | float | str
 
 def column(signal: Signal, changes: Changes, steps: int) -> Iterator[bool | int | float]:
     """Yield the value of an input at each step."""
+    for value, count in _stretches(signal, changes, steps):
+        yield from repeat(value, count)
+
+
+def packed(signal: Signal, changes: Changes, steps: int) -> 'array[Any]':
+    """Return the values of an input at each step, as `Evaluator.rows` takes them."""
+    found: array[Any] = array(signal.type.typecode)
+    for value, count in _stretches(signal, changes, steps):
+        try:
+            found.extend(array(signal.type.typecode, [value]) * count)
+        except OverflowError:
+            raise Refused(f'{signal.name} is of type {signal.type.value}: {value} is no value '
+                          'of it') from None
+    return found
+
+
+def _stretches(signal: Signal, changes: Changes,
+               steps: int) -> Iterator[tuple[bool | int | float, int]]:
+    """Yield the values of an input, each with the number of steps for which it holds."""
     found = [(int(first), _value(signal, value)) for first, value in changes if first < steps]
     if not found or found[0][0] != 0:
         found.insert(0, (0, _start(signal)))
     for (first, value), (after, _) in pairwise([*found, (steps, 0)]):
-        for _ in range(first, after):
-            yield value
+        yield value, after - first
 
 
 def _start(signal: Signal) -> bool | int | float:

@@ -20,10 +20,12 @@ import time
 
 from fret_monitor import editing
 from fret_monitor.build import generate_monitor, read
+from fret_monitor.bundle.bundle import Language
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.editing.edited_bundle import EditedBundle
 from fret_monitor.editing.outline import ITEM
-from fret_monitor.model.diagnostics import CompileError, Level, Source
+from fret_monitor.elaboration.languages import read_formula
+from fret_monitor.model.diagnostics import CompileError, Level, Source, Text
 import golden
 import pytest
 from strategies import thorough
@@ -127,6 +129,58 @@ def test_a_text_that_is_open_counts_in_place_of_the_file(tmp_path: Path) -> None
     assert opened.diagnostics == ()
     assert [str(item.source.name) for item in editing.definition(opened, text.index('new'))] == [
         str(signals)]
+
+
+TYPED = """\
+format: 1
+constants: {limit: 1.5}
+inputs:
+  speed: {topic: odom, type: nav_msgs/msg/Odometry, field: twist.twist.linear.x}
+  on: {topic: on, type: std_msgs/msg/Bool}
+definitions: {fast: speed > limit}
+requirements:
+  - {id: ONE, ptltl: "on -> ! fast"}
+  - {id: TWO, fretish: when on the base shall eventually satisfy speed <= limit}
+  - {id: SAME, ptltl: "speed = 0.1 | on"}
+  - {id: MANY, ptltl: "H[0, 3] on -> speed < 2 * limit"}
+"""
+
+
+@pytest.mark.parametrize('behind, typed', [
+    ('! fast', ' & speed > 0.1'), ('! fast', ' &\n   on'), ('speed <= limit', ' & "o'),
+    ('limit: 1.5', '0'), ('  on', 'e'), ('SAME', ' | Y on'), ('speed > limit', ' + ')])
+def test_what_was_read_before_changes_no_diagnostic(behind: str, typed: str) -> None:
+    memory, path = editing.RequirementMemory(), Path('b.yaml')
+    place = TYPED.index(behind) + len(behind)
+    for end in (*range(len(typed) + 1), *range(len(typed), -1, -1)):
+        text = TYPED[:place] + typed[:end] + TYPED[place:]
+        found = editing.read_edited(path, text, memory=memory)
+        expected = editing.read_edited(path, text)
+        assert [item.render() for item in found.diagnostics] == [
+            item.render() for item in expected.diagnostics], text
+        assert (found.reading is None) == (expected.reading is None)
+        if found.reading and expected.reading:
+            assert generate_monitor(found.reading).manifest == generate_monitor(
+                expected.reading).manifest
+
+
+def test_only_the_requirement_that_changes_is_read_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    read_again = []
+
+    def count(language: Language, text: Text, *, is_timed: bool = False) -> object:
+        read_again.append(text.value)
+        return read_formula(language, text, is_timed=is_timed)
+
+    monkeypatch.setattr('fret_monitor.elaboration.elaborate.read_formula', count)
+    memory = editing.RequirementMemory()
+    text = TYPED.replace('eventually', 'always').replace('speed = 0.1', 'speed < 0.1')
+    for replaced, expected in (('', 4), ('! fast & on', 1), ('! fast &', 1), ('! fast & !on', 1)):
+        editing.read_edited(Path('b.yaml'), text.replace('! fast', replaced or '! fast'),
+                            memory=memory)
+        assert len(read_again) == expected, replaced
+        read_again.clear()
+    editing.read_edited(Path('b.yaml'), text.replace('1.5', '1.25'), memory=memory)
+    assert len(read_again) == 4
 
 
 def test_a_signals_file_has_the_errors_of_its_inputs_and_needs_no_requirements() -> None:
