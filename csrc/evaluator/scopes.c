@@ -156,16 +156,16 @@ static int64_t enter(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
 }
 
 // What reads aggregates takes the message no earlier than the instances that they are of.
-static int64_t instant_in(struct fm_scopes * scopes, uint32_t kind, int64_t at)
+static int64_t read_aggregates(struct fm_scopes * scopes, uint32_t kind, int64_t arrival)
 {
   const int64_t reached = scopes->message.reached;
-  if (scopes->kinds[kind].waiting == NULL || reached <= at ||
-    scopes->options.policy != FM_TIMED)
-  {
-    return at;
+  const bool is_later = scopes->options.policy == FM_TIMED && reached > arrival;
+  if (is_later) {
+    fm_scopes_take_due_of(scopes, kind, fm_later(reached, -1));
   }
-  fm_scopes_take_due_of(scopes, kind, fm_later(reached, -1));
-  return reached;
+  const int64_t at = is_later ? reached : arrival;
+  fm_scopes_give_aggregates(scopes, kind, at);
+  return at;
 }
 
 // The instance that is entered takes the message.
@@ -173,8 +173,8 @@ static void step(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_
 {
   struct fm_scopes_message * message = &scopes->message;
   struct fm_pool * pool = &scopes->kinds[kind].pool;
-  const int64_t at = instant_in(scopes, kind, arrival);
-  fm_scopes_give_aggregates(scopes, kind, at);
+  const int64_t at = scopes->kinds[kind].waiting == NULL ? arrival :
+    read_aggregates(scopes, kind, arrival);
   fm_scopes_before_step(scopes, kind);
   const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
     fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
@@ -197,7 +197,7 @@ static void put_off(struct fm_scope_kind * cell, uint32_t slot)
 // The message is one for the other kinds with the key, too, which read aggregates.
 static void pass_on(struct fm_scopes * scopes, uint32_t base, uint32_t slot)
 {
-  for (uint32_t k = base + 1u; scopes->kinds[base].is_base && k < scopes->n_kinds; ++k) {
+  for (uint32_t k = base + 1u; k < scopes->n_kinds; ++k) {
     if (scopes->kinds[k].pool.keys == scopes->kinds[base].pool.keys) {
       store_parts(scopes, k, enter(scopes, k, slot));
       put_off(&scopes->kinds[k], slot);
@@ -218,7 +218,9 @@ static void step_entered(struct fm_scopes * scopes)
   } else {
     step(scopes, kind, message->slot, message->entered_at);
   }
-  pass_on(scopes, kind, message->slot);
+  if (scopes->kinds[kind].is_base) {
+    pass_on(scopes, kind, message->slot);
+  }
 }
 
 static uint32_t find_or_begin(
@@ -270,7 +272,7 @@ static void keep_part(struct fm_scopes * scopes, uint32_t input, union fm_value 
   struct fm_scopes_message * message = &scopes->message;
   const struct fm_scope_kind * cell = &scopes->kinds[message->kind];
   const uint32_t n_inputs = cell->pool.evaluator->monitor->n_inputs;
-  if (cell->is_base && input < n_inputs && message->n_parts < n_inputs) {
+  if (input < n_inputs && message->n_parts < n_inputs) {
     const struct fm_staged part = {value, input, true};
     scopes->parts[message->n_parts] = part;
     message->n_parts += 1;
@@ -283,7 +285,9 @@ void fm_scopes_store_keyed(struct fm_scopes * scopes, uint32_t input, union fm_v
   if (message->kind != FM_BUNDLE) {
     fm_evaluator_store(
       scopes->kinds[message->kind].pool.evaluator, input, value, message->entered_at);
-    keep_part(scopes, input, value);
+    if (scopes->kinds[message->kind].is_base) {
+      keep_part(scopes, input, value);
+    }
   }
 }
 
@@ -355,7 +359,7 @@ static void take_in_others(struct fm_scopes * scopes, uint32_t kind)
   const bool is_message = !scopes->message.is_row;
   if (is_for_all(scopes, kind)) {
     step_others(scopes, kind);
-  } else if (!fm_scopes_has_news(scopes, kind)) {
+  } else if (scopes->kinds[kind].waiting == NULL || !fm_scopes_has_news(scopes, kind)) {
     return;
   } else if (is_message && scopes->options.policy == FM_TIMED) {
     step_others(scopes, kind);  // the groups that read inputs of the topic are evaluated now

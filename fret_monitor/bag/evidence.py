@@ -215,7 +215,20 @@ def _formulas(item: Property, specification: Specification,
             found[trigger] = (text(trigger), 'trigger')
     for proposition in propositions(item)[:_MOST_LANES]:
         found.setdefault(proposition, (text(proposition), 'proposition'))
-    return [(label, kind, formula) for formula, (label, kind) in found.items()]
+    unknown = _unknown(specification)
+    equations = {name for _, equation in item.feedback for name in _names(equation)}
+    return [(label, kind, formula) for formula, (label, kind) in found.items()
+            if unknown.isdisjoint(_names(formula) | equations)]
+
+
+def _unknown(specification: Specification) -> set[str]:
+    """Return the values over instances, where there are no instances: nothing is known of them."""
+    return set() if specification.aggregates else {
+        item.name for item in specification.signals if item.source is InputSource.INSTANCES}
+
+
+def _names(formula: Formula) -> set[str]:
+    return {item.name for item in variables(formula)}
 
 
 def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, reading: Reading,
@@ -279,9 +292,9 @@ def _property(number: int, formula: Formula, item: Property,
               specification: Specification) -> Property:
     """Return a requirement that is violated whenever a formula of another one is false."""
     # It reads the same inputs, so that it starts and steps together with the other one.
+    left_out = _unknown(specification) | _names(formula)
     for signal in specification.signals:
-        if signal.name in item.inputs and signal.name not in {
-                node.name for node in variables(formula)}:
+        if signal.name in item.inputs and signal.name not in left_out:
             formula = Binary(BinaryOperator.AND, formula, _tautology(signal))
     return replace(item, id=f'lane {number}', handler=f'lane_{number}', title='', text='',
                    formula=formula, report=Report.ONSET, sentence=None, place=None)

@@ -77,6 +77,22 @@ def test_a_requirement_has_a_row_for_each_instance_that_violated_it(tmp_path: Pa
         ('"speed[robot=beta]" <= 1.0', 'proposition'), ('SPEED[robot=beta]', 'verdict')]
 
 
+ALONE = '  - {id: ALONE, ptltl: "fast -> count(robot: fast) <= 1"}\n'
+
+
+def test_what_reads_values_over_instances_is_drawn_without_them(tmp_path: Path) -> None:
+    found = page_of(tmp_path, 'alone', FLEET + ALONE, write(tmp_path / 'run', RUN))
+    names = [text for text in found.of('strong') if text.startswith('Occurrence')]
+    assert [name for name in names if 'ALONE' in name] == [
+        'Occurrence 1 of ALONE[robot=beta]', 'Occurrence 2 of ALONE[robot=alpha]',
+        'Occurrence 3 of ALONE[robot=beta]', 'Occurrence 4 of ALONE[robot=gamma<i>]']
+    first = found.data['occurrences'][names.index('Occurrence 1 of ALONE[robot=beta]')]
+    assert [value[1:] for value in first['p'][0]['v']] == [[1.5], [0.2], [1.6]]
+    assert [(label, kind) for label, kind, _ in first['l']] == [
+        ('fast[robot=beta]', 'trigger'), ('ALONE[robot=beta]', 'verdict')]
+    assert ''.join(filter(str.isalpha, first['l'][0][2])) == 'utmfmt'
+
+
 Shown = tuple[int | None, int | None, int, list[Any]]  # end, trigger, is it a deadline, limits
 
 
