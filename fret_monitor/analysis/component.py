@@ -27,10 +27,10 @@ from fret_monitor.analysis.games import Games
 from fret_monitor.analysis.letters import BEFORE, blocks
 from fret_monitor.elaboration.fretish import is_not_yet
 from fret_monitor.logic.formula import (
-    Aggregate, Ago, ALWAYS, Binary, BinaryOperator, Feedback, Formula, Historically, Over,
-    postorder, Slope, TimeOver, TRUE, Unary, UnaryOperator, variables,
+    Aggregate, Ago, Binary, BinaryOperator, Feedback, Formula, Over, postorder, Slope, TimeOver,
+    TRUE, Unary, UnaryOperator, variables,
 )
-from fret_monitor.logic.propositions import triggers
+from fret_monitor.logic.propositions import untriggered
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.graph import sharing
 from fret_monitor.model.policies import InputRole, Policy
@@ -243,24 +243,13 @@ def _games(diagrams: Diagrams, part: Part, outputs: set[str]) -> Games:
         linked=places(lambda item: item.id in linked))
 
 
-def _without_trigger(item: Property) -> Formula | None:
-    """Return a formula that is violated where the implication of a requirement is triggered."""
-    if item.sentence is not None and (item.sentence.scope or item.sentence.condition):
-        return None
-    match item.formula:
-        case Historically(window, Binary(BinaryOperator.IMPLIES, left, _)) if window == ALWAYS:
-            return Unary(UnaryOperator.NOT, left)
-    found = triggers(item.formula, 1) if item.sentence is None else []
-    return Unary(UnaryOperator.NOT, found[0]) if found else None
-
-
 def trigger_properties(part: Part, denials: Mapping[str, Formula]
                        ) -> Iterator[tuple[int, Property]]:
     """Yield, by place, properties that are violated once a trigger has come."""
     for place, item in enumerate(part.properties):
         denial = denials.get(item.id)
         if denial is None:
-            denial = _without_trigger(item)
+            denial = untriggered(item)
         if denial is None:
             continue
         known = {node for node, _ in item.feedback}

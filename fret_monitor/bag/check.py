@@ -75,7 +75,8 @@ class Selection:
     recorded. `begin` and `end` limit what is judged, `until` is how far the time goes on after
     the last message. `is_partial`: judge what can be read of a damaged recording. `may_miss`: a
     topic that was not recorded is no error. `stamp` and `constants` override the bundle's.
-    `margins`: find out how close each requirement came to the other verdict.
+    `margins`: find out how close each requirement came to the other verdict. `triggers`: find out
+    whether its trigger came.
     """
 
     namespace: str = '/'
@@ -88,6 +89,7 @@ class Selection:
     stamp: Stamp | None = None
     constants: Mapping[str, Text] = field(default_factory=dict)
     margins: bool = False
+    triggers: bool = False
 
 
 @dataclass(frozen=True)

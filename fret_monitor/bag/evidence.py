@@ -291,13 +291,17 @@ def _paint_first(lane: Lane, ready: int | None, change: int | None) -> None:
 def _property(number: int, formula: Formula, item: Property,
               specification: Specification) -> Property:
     """Return a requirement that is violated whenever a formula of another one is false."""
-    # It reads the same inputs, so that it starts and steps together with the other one.
+    return replace(beside(formula, item, specification), id=f'lane {number}',
+                   handler=f'lane_{number}', report=Report.ONSET)
+
+
+def beside(formula: Formula, item: Property, specification: Specification) -> Property:
+    """Return a requirement with a formula that starts and steps together with another one."""
     left_out = _unknown(specification) | _names(formula)
     for signal in specification.signals:
         if signal.name in item.inputs and signal.name not in left_out:
             formula = Binary(BinaryOperator.AND, formula, _tautology(signal))
-    return replace(item, id=f'lane {number}', handler=f'lane_{number}', title='', text='',
-                   formula=formula, report=Report.ONSET, sentence=None, place=None)
+    return replace(item, title='', text='', formula=formula, sentence=None, place=None)
 
 
 def _tautology(signal: Signal) -> Formula:

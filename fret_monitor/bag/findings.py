@@ -58,6 +58,8 @@ class Findings:
     failed; `figures` is what the test of this recording alone has found.
 
     `closest` is None without margins, and where no comparison of numbers decides.
+
+    `triggered`: whether its trigger came; None if that was not asked.
     """
 
     id: str
@@ -75,6 +77,7 @@ class Findings:
     trials: list[tuple[int, bool]] = field(default_factory=list)
     figures: Figures | None = None
     closest: Closest | None = None
+    triggered: bool | None = None
 
     @property
     def first(self) -> int | None:

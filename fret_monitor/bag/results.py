@@ -14,7 +14,7 @@
 
 """What was found in a recording, as JSON, JUnit, CSV and a table."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
 import json
 from typing import Any, TextIO
@@ -49,6 +49,7 @@ def json_line(result: RecordingResult) -> str:
             **({'instances': _instances(item)} if item.variable else {}),
             **_probability(item),
             **({'closest': _closest(item.closest)} if item.closest else {}),
+            **({} if item.triggered is None else {'triggered': item.triggered}),
         } for item in result.findings},
         **({'instances': {name: {
             'began': counts.begun, 'ended': counts.ended, 'ended_open': counts.open,
@@ -123,7 +124,8 @@ def table(result: RecordingResult) -> str:
 
 
 def _row(item: Findings, start: int) -> tuple[str, str, str, str, str]:
-    return (shown_text(item.id), verdict_of(item), f'{item.occurrences:,}',
+    never = ', never triggered' if item.verdict and item.triggered is False else ''
+    return (shown_text(item.id), verdict_of(item) + never, f'{item.occurrences:,}',
             '-' if item.first is None else f'{short_seconds(item.first - start)} s',
             f'{short_seconds(item.longest)} s' if item.occurrences else '-')
 
@@ -172,12 +174,11 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
         for name, found in content['requirements'].items():
             case = ElementTree.SubElement(
                 suite, 'testcase', name=_clean(name), classname=_clean(bundle))
-            if 'closest' in found:
+            if known := dict(_properties(found)):
                 properties = ElementTree.SubElement(case, 'properties')
-                for key in ('margin', 'distance', 'comparison', 'at'):
-                    ElementTree.SubElement(
-                        properties, 'property', name=f'closest.{key}',
-                        value=_clean(str(found['closest'][key])))
+                for key, value in known.items():
+                    ElementTree.SubElement(properties, 'property', name=key,
+                                           value=_clean(value))
             if found['verdict'] is False:
                 first = '' if found['first'] is None else f', first at {found["first"]}'
                 failure = ElementTree.SubElement(
@@ -202,6 +203,15 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
             output.text = _clean('\n'.join(content['errors']))
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
+
+
+def _properties(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what is said of a requirement beside its verdict."""
+    if 'closest' in found:
+        for key in ('margin', 'distance', 'comparison', 'at'):
+            yield f'closest.{key}', str(found['closest'][key])
+    if 'triggered' in found:
+        yield 'triggered', 'true' if found['triggered'] else 'false'
 
 
 HEADS = ('Verdict', 'Recording', 'Occurrences', 'First violation')

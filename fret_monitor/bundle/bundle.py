@@ -133,7 +133,8 @@ class Requirement:
     `report` is None for the default of the policy. `is_assumption`: it constrains the environment
     instead of the system, which only `analyze` distinguishes. `on_violation` and `on_end` are
     names of actions. `confidence` is that of a sentence with a probability; `has_confidence` where
-    it is the requirement's own, not the bundle's.
+    it is the requirement's own, not the bundle's. `source` is its id where it comes from, if that
+    is another.
     """
 
     id: Text
@@ -148,6 +149,7 @@ class Requirement:
     on_end: tuple[Text, ...] = ()
     confidence: Fraction = USUAL_CONFIDENCE
     has_confidence: bool = False
+    source: str = ''
 
     @property
     def handler(self) -> str:

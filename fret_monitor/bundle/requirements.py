@@ -28,8 +28,8 @@ from fret_monitor.model.names import handler_fault, shown
 from fret_monitor.model.policies import Report, Severity
 from fret_monitor.model.probability import LEAST, USUAL_CONFIDENCE
 
-REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'report', 'severity', 'assume',
-                    'on_violation', 'on_end', 'confidence')
+REQUIREMENT_KEYS = ('id', *FORMULA_KEYS, 'title', 'rationale', 'source', 'report', 'severity',
+                    'assume', 'on_violation', 'on_end', 'confidence')
 _PROBABILITY = Quantity('certainty', '0.999', {})
 _NO_TEXT = Text('', Source('', ''), [0])
 
@@ -145,6 +145,7 @@ def _requirement(mapping: YamlMapping, defaults: _Defaults,
         is_assumption=shape.truth('assume'),
         confidence=_confidence(shape) or defaults.confidence,
         has_confidence=shape.key('confidence') is not None,
+        source=shape.free_text('source'),
     )
     return found if name else None
 

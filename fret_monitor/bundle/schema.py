@@ -144,6 +144,7 @@ _VALUES: Values = {
     'id': (_TEXT, 'the name of the requirement'),
     'assume': ({'type': 'boolean'}, 'for analyze: true where the environment has to fulfil it'),
     'rationale': (_FREE, 'why the requirement is there'),
+    'source': (_FREE, 'its id where it comes from, if that is another'),
     'fretish': (_TEXT, 'a sentence in FRETish'),
     'ptltl': (_TEXT, 'a formula of past-time MTL, as FRET writes it for SMV'),
     'cocospec': (_TEXT, 'a formula in CoCoSpec (Lustre)'),

@@ -90,6 +90,9 @@ def _add_output(parser: ArgumentParser) -> None:
     output.add_argument('--margins', action='store_true',
                         help='also find out how close each requirement came to the other '
                         'verdict, when, and by which comparison')
+    output.add_argument('--triggers', action='store_true',
+                        help='also find out whether the trigger of each requirement came, for '
+                        '`check --trace`')
     output.add_argument('--json', action='store_true', help='print a line of JSON a recording')
     output.add_argument('--junit', metavar='FILE.xml', type=Path, help='write a report for CI')
     output.add_argument('--csv', metavar='FILE.csv', type=Path,
@@ -146,7 +149,7 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
                    help='call the command once for each' if path is not options.report else
                    'name a folder, for an index and a page each')
     selection = replace(selection_of(options, options.constants, options.partial),
-                        margins=options.margins)
+                        margins=options.margins, triggers=options.triggers)
     return _check(options, bundle, selection, lines)
 
 
@@ -339,13 +342,13 @@ def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection:
              folder: Path | None, settings: str) -> Iterator['Outcome']:
     """Check recordings, in the way that the options say."""
     from fret_monitor.bag.fleet import (
-        check_all, check_on_cluster, check_one, outcome_of, page_name,
+        also_triggers, check_all, check_on_cluster, check_one, outcome_of, page_name,
     )
     if _has_files(options, folder) and paths:
         page = None if folder is None else folder / page_name(paths[0])
-        yield outcome_of(
-            paths[0], lambda: _with_changes(options, bundle, selection, page or options.report),
-            settings, page)
+        yield outcome_of(paths[0], also_triggers(
+            lambda: _with_changes(options, bundle, selection, page or options.report), bundle,
+            paths[0], selection), settings, page)
     elif options.dask is not None:
         require_packages('--dask', {'distributed': 'distributed'})
         yield from check_on_cluster(bundle, paths, selection, address=options.dask,

@@ -28,6 +28,7 @@ from fret_monitor.cli.analyze import NEEDED, quick_warnings
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import print_diagnostics
+from fret_monitor.cli.traceability import as_dict, Evidence, evidence, gaps, Link, table
 from fret_monitor.elaboration.durations import approximate
 from fret_monitor.elaboration.restrict import names_with_keys
 from fret_monitor.logic.printing import to_smv
@@ -36,7 +37,7 @@ from fret_monitor.logic.specification import (
 )
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
-    by_place, CompileError, counted, Diagnostic, missing_packages, Text,
+    by_place, CompileError, counted, Diagnostic, missing_packages, Problems, Text,
 )
 from fret_monitor.model.manifest import ManifestAction, ManifestVariable
 from fret_monitor.model.policies import InputSource, Policy, Stamp
@@ -65,6 +66,10 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('bundles', metavar='BUNDLE', nargs='+', help=BUNDLE_HELP)
     add_constants(parser)
+    parser.add_argument('--trace', metavar='FILE', nargs='*', type=Path,
+                        help='show where each requirement comes from, what it reads, and what '
+                        'exercised it: folders of `tests`, and files of `bag --results` or '
+                        '`--junit`')
     parser.add_argument('--analyze', action='store_true', help='also warn of what `analyze` '
                         'finds in two seconds; needs its packages')
     add_json_option(parser)
@@ -73,6 +78,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Check each bundle; return 1 if any has an error."""
+    problems = Problems()
+    traced = None if options.trace is None else evidence(options.trace, problems)
     found = []
     for name in options.bundles:
         item = _checked(name, dict(options.constants), options.analyze)
@@ -80,10 +87,16 @@ def run(options: Namespace) -> int:
         if not options.json:
             print_diagnostics(item.diagnostics)
             if item.generated is not None:
-                print('\n'.join(_report(item.path, item.generated)))
+                print('\n'.join(_report(item.path, item.generated) if traced is None
+                                else _traced(item, item.generated, traced)))
+    if traced is not None:
+        _warn_of_unknown(found, traced, problems)
     if options.json:
-        print_document({'bundles': [_as_dict(item) for item in found]},
-                       [problem for item in found for problem in item.diagnostics])
+        print_document({'bundles': [_as_dict(item, traced) for item in found]},
+                       [problem for item in found for problem in item.diagnostics]
+                       + [*problems.warnings])
+    else:
+        print_diagnostics(problems.warnings)
     return int(any(item.generated is None for item in found))
 
 
@@ -93,6 +106,7 @@ class _Checked(NamedTuple):
     path: Path
     generated: GeneratedMonitor | None
     diagnostics: tuple[Diagnostic, ...]
+    sources: Mapping[str, str] = {}  # ids where they come from, if they are others
 
 
 def _checked(name: str, constants: Mapping[str, Text], is_analyzed: bool) -> _Checked:
@@ -105,8 +119,10 @@ def _checked(name: str, constants: Mapping[str, Text], is_analyzed: bool) -> _Ch
         faults = quick_warnings(reading) if is_analyzed and not has_instances else []
     except CompileError as error:
         return _Checked(path, None, error.diagnostics)
+    sources = {one.id.value: one.source for one in
+               (reading.bundle.requirements if reading.bundle else ()) if one.source}
     return _Checked(path, generated, by_place((
-        *generated.warnings, *_of_gates(reading.specification), *faults)))
+        *generated.warnings, *_of_gates(reading.specification), *faults)), sources)
 
 
 def _of_gates(specification: Specification) -> Iterator[Diagnostic]:
@@ -126,7 +142,7 @@ def _of_gates(specification: Specification) -> Iterator[Diagnostic]:
         yield from doubtful_gates(specification, decide)
 
 
-def _as_dict(item: _Checked) -> dict[str, object]:
+def _as_dict(item: _Checked, traced: Evidence | None) -> dict[str, object]:
     if item.generated is None:
         return {'bundle': str(item.path), 'is_valid': False}
     specification, manifest = item.generated.specification, item.generated.manifest
@@ -149,7 +165,38 @@ def _as_dict(item: _Checked) -> dict[str, object]:
         'gates': list(map(_gate_as_dict, specification.gates)),
         'actions': [{'name': action.name, 'kind': action.kind.value, 'target': action.target,
                      'requirements': users} for action, users in _users(specification)],
+        **({} if traced is None else {'trace': [
+            as_dict(link) for link in _links(item, item.generated, traced)]}),
     }
+
+
+def _links(item: _Checked, generated: GeneratedMonitor, traced: Evidence) -> Iterator[Link]:
+    """Yield what is known of each requirement, in the bundle's order."""
+    topics = {signal.name: signal.topic for signal in _inputs(generated)}
+    for found in _requirements(generated):
+        id_ = found.item.id
+        yield Link(id_, item.sources.get(id_, id_), found.inputs,
+                   [*dict.fromkeys(topic for name in found.inputs if (topic := topics.get(name)))],
+                   traced.tests.get(id_, ()), traced.recordings.get(id_, ()))
+
+
+def _traced(item: _Checked, generated: GeneratedMonitor, traced: Evidence) -> Iterator[str]:
+    links = [*_links(item, generated, traced)]
+    yield from (f'{item.path}: {counted(len(links), "requirement")}', '')
+    yield from _table([*table(links, traced)])
+    lines = [*gaps(links, traced)]
+    yield from ['', *lines] if lines else []
+
+
+def _warn_of_unknown(found: Iterable[_Checked], traced: Evidence, problems: Problems) -> None:
+    """Warn of results of requirements that no bundle has."""
+    known = {one.item.id for item in found if item.generated is not None
+             for one in _requirements(item.generated)}
+    unknown = [*dict.fromkeys(id_ for id_ in (*traced.tests, *traced.recordings)
+                              if id_ not in known)]
+    if unknown:
+        problems.warning('tests or results of requirements that are in no bundle here: '
+                         + ', '.join(unknown))
 
 
 def _inputs(generated: GeneratedMonitor) -> list[Signal]:

@@ -23,6 +23,7 @@ from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.importing import import_bundles, Imported, write_bundles
 from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.state_machine import DiagramOptions, Mode
+from fret_monitor.importing.xml_format import read_format
 from fret_monitor.model.diagnostics import counted
 
 
@@ -30,7 +31,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument('files', metavar='FILE', nargs='+', type=Path,
                         help="FRET's project, component specification or Lustre; R2U2's "
-                             "specification (C2PO); a table (CSV, XLSX); ReqIF; a state "
+                             'specification (C2PO); a table (CSV, XLSX); ReqIF; XML; a state '
                              "diagram (Mermaid, DOT); Ogma's variable database; a list of names "
                              'and topics')
     parser.add_argument('-o', '--output', metavar='BUNDLE',
@@ -41,6 +42,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--columns', metavar='ROLE=HEAD', type=columns, default={},
                         help='the columns of a table, as in id=ID,fretish=Requirement; others are '
                         'found by their heads')
+    parser.add_argument('--format', metavar='FORMAT', type=Path,
+                        help='where requirements are in XML files: a YAML with XPaths, or a '
+                        'format of Ogma (XMLFormat)')
     parser.add_argument('--mode', choices=[mode.value for mode in Mode], default='check',
                         help='of a state diagram: check that an input follows it (default), '
                         'calculate the state, or safeguard: which states may follow')
@@ -68,8 +72,10 @@ def run(options: Namespace) -> int:
 
 
 def _options(options: Namespace) -> ImportOptions:
-    return ImportOptions(options.columns, DiagramOptions(
-        Mode(options.mode), options.state_var, options.input_var))
+    return ImportOptions(
+        options.columns,
+        DiagramOptions(Mode(options.mode), options.state_var, options.input_var),
+        None if options.format is None else read_format(options.format))
 
 
 def _print(options: Namespace) -> int:

@@ -68,25 +68,28 @@ from fret_monitor.model.probability import Probability
 _HEADER = 'std_msgs/msg/Header'
 _MANY = 8
 _MEANT = 3
+KnownTrees: TypeAlias = Mapping[Text, Expression | Equations | Sentence]
 _Trees: TypeAlias = Mapping[str, Expression | Equations | None]
 
 
 def specify(bundle: Bundle, find_message: FindMessage | None = None,
             problems: Problems | None = None, memory: RequirementMemory | None = None,
+            trees: KnownTrees | None = None
             ) -> tuple[Specification, tuple[Diagnostic, ...]]:
     """
     Return the specification of a bundle, and warnings.
 
     `find_message` returns the layout of a message type; the default searches the installed ROS
     packages. `problems` are those that `survey_bundle` found; they are reported together with
-    those found here. `memory` has the requirements of an earlier version.
+    those found here. `memory` has the requirements of an earlier version, `trees` are those of
+    texts that were parsed before.
 
     Raises
     ------
     CompileError
         with all mistakes of the bundle.
     """
-    reading = _Reading(problems or Problems(), bundle)
+    reading = _Reading(problems or Problems(), bundle, trees)
     reading.skip(bundle.unreadable)
     signals = reading.read_inputs(bundle, find_message or find_installed)
     reading.read_definitions(bundle.definitions)
@@ -160,8 +163,10 @@ def _uses(tree: Expression | Equations | Sentence | None,
 class _Reading:
     """The elaboration of one bundle: the names declared so far, and the problems found."""
 
-    def __init__(self, problems: Problems, bundle: Bundle) -> None:
+    def __init__(self, problems: Problems, bundle: Bundle,
+                 trees: KnownTrees | None = None) -> None:
         self.problems = problems
+        self._known = trees or {}
         self._bundle = bundle
         self._scale = TimeScale(bundle.policy, bundle.period, bundle.unit)
         declared: list[InputEntry | ConstantEntry | Definition] = [
@@ -369,6 +374,8 @@ class _Reading:
         return tuple(name for name in self._scope.constants if fret_name(name) in found)
 
     def _formula(self, item: Requirement) -> Expression | Equations | Sentence | None:
+        if item.text in self._known:
+            return self._known[item.text]
         try:
             return read_formula(item.language, item.text, is_timed=self._scale.is_timed)
         except CompileError as error:

@@ -67,7 +67,7 @@ def _rows(bundle: Bundle) -> Rows:
 
 def _row(item: Requirement, languages: Sequence[Language], component: str) -> tuple[str, ...]:
     texts = (item.text.value if item.language is one else '' for one in languages)
-    found = (item.id.value, item.title, *texts, item.rationale, component,
+    found = (item.source or item.id.value, item.title, *texts, item.rationale, component,
              'true' if item.is_assumption else '')
     return tuple(' '.join(cell.translate(_CONTROLS).split()) for cell in found)
 

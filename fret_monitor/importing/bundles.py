@@ -194,8 +194,9 @@ def _csv(item: Difference, whole: Draft) -> str:
 def _read_back(text: str, whole: Draft, path: Path) -> Bundle:
     """Parse the bundle again, compare it with the draft, and return it."""
     bundle = parse_bundle(Source(str(path), text), path.parent)
-    written = [(item.id, item.text, item.title, item.rationale) for item in whole.requirements]
-    read = [(item.id.value, item.text.value, item.title, item.rationale)
+    written = [(item.id, item.text, item.title, item.rationale, item.source)
+               for item in whole.requirements]
+    read = [(item.id.value, item.text.value, item.title, item.rationale, item.source)
             for item in bundle.requirements]
     names = [item.name.strip('"') for item in whole.inputs]
     if read != written or [item.name.value for item in bundle.inputs] != names:

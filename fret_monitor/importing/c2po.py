@@ -33,7 +33,7 @@ from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import (
     ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole, Wording,
 )
-from fret_monitor.model.diagnostics import Problems, Source, Span
+from fret_monitor.model.diagnostics import Problems, Source, Text
 
 _SECTION = re.compile(r'^[ \t]*(INPUT|DEFINE|ATOMIC|STRUCT|ENUM|FTSPEC|PTSPEC)\b', re.MULTILINE)
 _COMMENT = re.compile(r'--[^\n]*')
@@ -59,7 +59,8 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
     """Return the component of a file; `name` is its name."""
     variables: list[ComponentVariable] = []
     requirements: list[ComponentRequirement] = []
-    for section, text, place in _statements(source):
+    for section, written in _statements(source):
+        text, place = written.value, written.span
         declared = _DECLARED.fullmatch(text) if section == 'INPUT' else None
         defined = _DEFINED.match(text) if section in ('DEFINE', 'ATOMIC') else None
         if declared:
@@ -68,23 +69,31 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
         elif (defined or section in ('FTSPEC', 'PTSPEC')) and (reason := _other_meaning(text)):
             problems.warning(f'{file}: a formula is left out', place, *reason)
         elif defined:
-            wording = Wording((Language.MLTL,), text[defined.end():].strip(),
-                              f'{file}, {defined[1]}')
+            wording = _wording(written, defined.end(), f'{file}, {defined[1]}')
             variables.append(
                 ComponentVariable(defined[1], VariableRole.INTERNAL, assignments=(wording,)))
         elif section in ('FTSPEC', 'PTSPEC'):
-            requirements.append(_requirement(section, text, file, len(requirements) + 1))
+            requirements.append(
+                _requirement(section, written, file, len(requirements) + 1))
         else:
             problems.warning(f'{file}: a part of the section {section} is left out', place,
                              'cannot be read', 'INPUT has names and types, DEFINE expressions')
     return ImportedComponent(name, '', tuple(variables), tuple(requirements), (file,))
 
 
-def _requirement(section: str, text: str, file: str, number: int) -> ComponentRequirement:
-    named = _NAMED.match(text)
+def _requirement(section: str, text: Text, file: str, number: int) -> ComponentRequirement:
+    named = _NAMED.match(text.value)
     id_ = named[1] if named else f'{section.removesuffix("SPEC")}{number}'
-    formula = text[named.end():].strip() if named else text
-    return ComponentRequirement(id_, (Wording((Language.MLTL,), formula, f'{file}, {id_}'),))
+    return ComponentRequirement(
+        id_, (_wording(text, named.end() if named else 0, f'{file}, {id_}'),))
+
+
+def _wording(text: Text, begin: int, label: str) -> Wording:
+    """Return the formula that begins in a statement at a place."""
+    value = text.value[begin:].lstrip()
+    begin = len(text.value) - len(value)
+    return Wording((Language.MLTL,), value, label,
+                   Text(value, text.source, text.offsets[begin:]))
 
 
 def _other_meaning(text: str) -> tuple[str, str] | None:
@@ -122,14 +131,23 @@ def _after_operand(lexemes: list[str], place: int) -> str:
     return lexemes[place] if place < len(lexemes) else ''
 
 
-def _statements(source: Source) -> Iterator[tuple[str, str, Span]]:
+def _statements(source: Source) -> Iterator[tuple[str, Text]]:
     """Yield each statement with its section, without its semicolon, on one line."""
     content = _COMMENT.sub(lambda match: ' ' * len(match[0]), source.text)
     begins = [*_SECTION.finditer(content)]
     ends = [match.start() for match in begins[1:]] + [len(content)]
     for begin, end in zip(begins, ends, strict=True):
         for part in re.finditer(r'[^;]+', content[begin.end():end]):
-            text = ' '.join(part[0].split())
-            if text:
-                first = begin.end() + part.start() + len(part[0]) - len(part[0].lstrip())
-                yield begin[1], text, Span(source, first, begin.end() + part.end())
+            if part[0].strip():
+                yield begin[1], _in_one_line(part[0], begin.end() + part.start(), source)
+
+
+def _in_one_line(text: str, start: int, source: Source) -> Text:
+    """Return a text that begins at a place of a source, with one blank between words."""
+    value, offsets = list[str](), list[int]()
+    for word in re.finditer(r'\S+', text):
+        if value:
+            offsets.append(start + word.start() - 1)
+        value.append(word[0])
+        offsets += range(start + word.start(), start + word.end())
+    return Text(' '.join(value), source, [*offsets, offsets[-1] + 1])

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.model.diagnostics import Span
+from fret_monitor.model.diagnostics import Span, Text
 
 
 class VariableRole(Enum):
@@ -48,12 +48,14 @@ class Wording:
     """
     The text of a property or definition, in the first of `languages` that parses it.
 
-    `label` is its place for messages, such as `fsm.json, FSM-001, ptLTL`.
+    `label` is its place for messages, such as `fsm.json, FSM-001, ptLTL`; `place` has that of each
+    character in a file, if it is written there as it is.
     """
 
     languages: tuple[Language, ...]
     text: str
     label: str
+    place: Text | None = None
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ class ComponentRequirement:
     """
     A requirement; `modes` are the names in it that FRET identified as modes.
 
-    `is_assumption`: it constrains the environment.
+    `is_assumption`: it constrains the environment. `source` is its id in the file, if the bundle
+    has another.
     """
 
     id: str
@@ -85,6 +88,7 @@ class ComponentRequirement:
     rationale: str = ''
     modes: tuple[str, ...] = ()
     is_assumption: bool = False
+    source: str = ''
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from fret_monitor.importing.component import (
     bare, ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole,
 )
 from fret_monitor.importing.parsed_wording import (
-    add_uses, names_in, parse_wording, ParsedWording, rename, used_names,
+    add_uses, names_in, parse_wording, ParsedWording, rename, Tree, used_names,
 )
 from fret_monitor.importing.topics import Connection
 from fret_monitor.importing.type_names import message_for, plain_type
@@ -91,6 +91,7 @@ class DraftRequirement:
     title: str
     rationale: str
     is_assumption: bool = False
+    source: str = ''
 
 
 @dataclass(frozen=True)
@@ -417,7 +418,7 @@ class _Drafter:
             item for items in self._readings for item in items if item.tree)}
         while active:
             try:
-                specification, _ = specify(self._bundle(active, inputs))
+                specification, _ = specify(self._bundle(active, inputs), trees=_trees(active))
             except CompileError as error:
                 self._remove_wrong(error, active, inputs)
             else:
@@ -522,7 +523,8 @@ class _Drafter:
         title = requirement.title or (
             '' if reading.language is Language.FRETISH else sentence)
         return DraftRequirement(requirement.id, reading.language, reading.wording.text, title,
-                                requirement.rationale, requirement.is_assumption)
+                                requirement.rationale, requirement.is_assumption,
+                                ' '.join(requirement.source.split()))
 
     def _times(self, usable: Sequence[Sequence[_Usable]],
                inputs: Mapping[str, DraftInput]) -> Times | None:
@@ -545,9 +547,10 @@ class _Drafter:
     def _comparisons(self, usable: Sequence[Sequence[_Usable]]
                      ) -> Iterator[Comparison]:
         for requirement, found in zip(self._component.requirements, usable, strict=True):
-            if len(found) > 1:
-                yield Comparison(requirement.id, tuple(
-                    (reading.wording.label, meaning) for reading, meaning in found))
+            alike = [(reading.wording.label, meaning) for reading, meaning in found
+                     if meaning.horizon == found[0][1].horizon]  # a step has one verdict
+            if len(alike) > 1:
+                yield Comparison(requirement.id, tuple(alike))
 
     def _warn(self, diagnostics: Iterable[Diagnostic]) -> None:
         self._problems.extend(replace(item, level=Level.WARNING) for item in diagnostics)
@@ -559,10 +562,15 @@ def _has_time(item: Property) -> bool:
         timing.duration.unit is not Unit.TICK)
 
 
+def _trees(readings: Iterable[ParsedWording]) -> dict[Text, Tree]:
+    """Return the trees of wordings by their texts, so that they are not parsed again."""
+    return {item.text: item.tree for item in readings if item.tree is not None}
+
+
 def _refused(bundle: Bundle, chosen: Mapping[ParsedWording, str]) -> Iterator[str]:
     """Yield the ids of the requirements that have mistakes in a bundle."""
     try:
-        specify(bundle)
+        specify(bundle, trees=_trees(chosen))
     except CompileError as error:
         wrong = {item.span.source for item in error.diagnostics if item.span}
         yield from (name for reading, name in chosen.items() if reading.text.source in wrong)

@@ -108,6 +108,8 @@ def _requirement(item: DraftRequirement) -> Iterator[str]:
     yield from _entry(f'    {item.language.value}: ', item.text, is_text=True)
     if item.is_assumption:
         yield '    assume: true'
+    if item.source:
+        yield from _entry('    source: ', item.source)
     if item.rationale:
         yield from _entry('    rationale: ', item.rationale)
 

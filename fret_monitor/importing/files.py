@@ -39,11 +39,15 @@ from fret_monitor.importing.fret import (
 from fret_monitor.importing.json_text import read_json
 from fret_monitor.importing.lustre import is_lustre, read_lustre
 from fret_monitor.importing.reqif_file import is_reqif
+from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE, unpacked
 from fret_monitor.importing.state_machine import component_of, DiagramOptions
-from fret_monitor.importing.tables import has_heads, read_table, SUFFIXES, WORKBOOK
+from fret_monitor.importing.tables import (
+    has_heads, read_rows, read_table, SUFFIXES, WORKBOOK,
+)
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
+from fret_monitor.importing.xml_format import read_xml, XmlFormat
 from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, handler_fault, handler_name, shown
 
@@ -57,10 +61,11 @@ _LONGEST_ID = 100
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """How files are read: `columns` of tables as of `read_table`, and the mode of diagrams."""
+    """How files are read: `columns` as of `read_table`, the mode of diagrams, that of XML."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     diagram: DiagramOptions = field(default_factory=DiagramOptions)
+    xml: XmlFormat | None = None
 
 
 @dataclass(frozen=True)
@@ -100,14 +105,22 @@ def _read(path: Path, problems: Problems, options: ImportOptions
     kind, columns = path.suffix.lower(), options.columns
     if kind == WORKBOOK or kind in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
         return read_table(path, MAX_BYTES, columns, problems), []
+    if kind == ARCHIVE:
+        return [item for name, text in unpacked(path, MAX_BYTES)
+                for item in read_table(path, MAX_BYTES, columns, problems, text, name)], []
     source = read_source(path, MAX_BYTES)
     content = source.text.lstrip()
     if content[:1] in ('{', '['):
         return _read_json(source, path, problems)
     if is_c2po(source.text):
         return [read_c2po(source, path.name, path.stem, problems)], []
+    if options.xml is not None and content.startswith('<'):
+        return _read_xml(source.text, path, options.xml, problems), []
     if is_reqif(source.text):
         return read_table(path, MAX_BYTES, columns, problems, source.text), []
+    if content.startswith('<'):
+        refuse(f'{shown(str(path))} is XML, but not ReqIF', Span(source, 0, 1), 'begins here',
+               '--format FORMAT names the file that says where its requirements are')
     if is_diagram(source.text):
         return [component_of(read_diagram(source, problems), options.diagram, path.stem,
                              path.name, problems)], []
@@ -118,6 +131,13 @@ def _read(path: Path, problems: Problems, options: ImportOptions
     refuse(f'{shown(str(path))} is not a file that can be imported',
            Span(source, 0, 1) if content else None,
            'begins here' if content else '', f'give {_KINDS}')
+
+
+def _read_xml(text: str, path: Path, form: XmlFormat,
+              problems: Problems) -> list[ImportedComponent]:
+    content = read_xml(text, path, form)
+    return [replace(item, variables=content.variables)
+            for item in read_rows(content.rows, path, problems)]
 
 
 def _read_json(source: Source, path: Path,
@@ -197,9 +217,20 @@ def _with_unique_ids(component: ImportedComponent, problems: Problems) -> Import
             known.append(len(requirements))
             requirements.append(item)
         else:
+            _tell_repeated(requirements[same], item, problems)
             requirements[same] = _one(requirements[same], item)
     return replace(component, requirements=tuple(_with_ids(requirements, problems)),
                    variables=tuple(_variables(component.variables)))
+
+
+def _tell_repeated(first: ComponentRequirement, second: ComponentRequirement,
+                   problems: Problems) -> None:
+    """Report that a file has a requirement twice; several files may describe the same one."""
+    labels = [item.wordings[0].label if item.wordings else '' for item in (first, second)]
+    if all(labels) and labels[0].split(', ')[0] == labels[1].split(', ')[0] and (
+            labels[0] != labels[1]):
+        problems.warning(f'{labels[1]}: the requirement {shown(second.id)} is that of {labels[0]}',
+                         None, '', 'they are one requirement')
 
 
 def _sentences(item: ComponentRequirement) -> set[str]:
@@ -211,11 +242,20 @@ def _is_same(first: ComponentRequirement, second: ComponentRequirement) -> bool:
     """Whether two requirements with one id are the same: their sentences do not differ."""
     if first.id != second.id:
         return False
+    if _repeats(first, second):
+        return True
     sentences = _sentences(first), _sentences(second)
     if all(sentences):
         return sentences[0] == sentences[1]
     files = {wording.label.split(', ')[0] for wording in first.wordings}
     return not files & {wording.label.split(', ')[0] for wording in second.wordings}
+
+
+def _repeats(first: ComponentRequirement, second: ComponentRequirement) -> bool:
+    """Whether two requirements have the same texts, as two rows of a table may have."""
+    texts = [{' '.join(wording.text.split()) for wording in item.wordings}
+             for item in (first, second)]
+    return bool(texts[0]) and texts[0] == texts[1]
 
 
 def _one(first: ComponentRequirement, second: ComponentRequirement) -> ComponentRequirement:
@@ -238,7 +278,7 @@ def _with_ids(requirements: Iterable[ComponentRequirement],
                 f'the requirement {shown(item.id)} has the id {shown(name)} in the bundle', None,
                 '', 'handler names must be unique: they keep only the letters and digits of an '
                 "id, and '_' for the rest")
-        yield replace(item, id=name)
+        yield replace(item, id=name, source='' if name == item.id else item.id)
 
 
 def _usable_id(name: str) -> str:

@@ -28,9 +28,10 @@ from typing import TYPE_CHECKING
 from xml.dom import minidom
 
 from fret_monitor.importing.files import ImportOptions, MAX_BYTES, read_files
-from fret_monitor.importing.reqif_file import is_reqif, refuse_document_types
+from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.tables import decoded, delimiter, encoding_of, read_table, WORKBOOK
 from fret_monitor.importing.workbook import write_cells
+from fret_monitor.importing.xml_text import refuse_document_types
 from fret_monitor.model.diagnostics import Problems, refuse
 from fret_monitor.model.names import shown
 
@@ -67,11 +68,13 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
 def _ids_of_rows(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
     """Return the id of each row's requirement, by the label of the row."""
     options = ImportOptions(columns)
-    written = {wording.label: item.id
-               for component in read_files([path], Problems(), options).components
-               for item in component.requirements for wording in item.wordings}
+    read = [(item, wording) for component in read_files([path], Problems(), options).components
+            for item in component.requirements for wording in item.wordings]
+    written = {wording.label: item.id for item, wording in read}
+    same = {(item.source or item.id, wording.text): item.id for item, wording in read}
     text = decoded(path, MAX_BYTES) if path.suffix.lower() != WORKBOOK else ''
-    return {wording.label: written.get(wording.label, item.id)
+    return {wording.label: written.get(wording.label)
+            or same.get((item.id, wording.text), item.id)
             for component in read_table(path, MAX_BYTES, columns, Problems(),
                                         text if is_reqif(text) else None)
             for item in component.requirements for wording in item.wordings}

@@ -115,13 +115,14 @@ def _variable(item: dict[str, object], file: str) -> ComponentVariable:
     role = _ROLES.get(text(item, 'idType').lower(), VariableRole.INPUT)
     return ComponentVariable(name, role, text(item, 'dataType'), tuple(_assignments(
         item, f'{file}, {name}', ('modeRequirement', 'assignment'), ('smvAssignment',),
-        ('copilotAssignment',))))
+        ('copilotAssignment',), ('r2u2Assignment',))))
 
 
 def _assignments(item: dict[str, object], label: str, lustre: tuple[str, ...],
-                 smv: tuple[str, ...], either: tuple[str, ...]) -> Iterator[Wording]:
+                 smv: tuple[str, ...], either: tuple[str, ...],
+                 r2u2: tuple[str, ...] = ()) -> Iterator[Wording]:
     for languages, keys in (((Language.COCOSPEC,), lustre), ((Language.PTLTL,), smv),
-                            (_EITHER, either)):
+                            (_EITHER, either), ((Language.MLTL,), r2u2)):
         found = text(item, *keys)
         if found:
             yield Wording(languages, found.rstrip(';').rstrip(), f'{label}, assignment')
@@ -133,7 +134,8 @@ def _requirement(item: dict[str, object], source: Source, file: str) -> Componen
         refuse('a requirement has no id', Span(source, 0, 1), "FRET writes a 'reqid' for each")
     semantics = mapping(item.get('semantics'))
     wordings = _wordings(f'{file}, {name}', text(item, 'fulltext'),
-                         text(semantics, 'ptExpanded', 'pt'), text(semantics, 'CoCoSpecCode'))
+                         text(semantics, 'ptExpanded', 'pt'), text(semantics, 'CoCoSpecCode'),
+                         text(semantics, 'R2U2Code'))
     notes = [text(item, 'rationale'), text(item, 'comments')]
     rationale = '\n'.join(dict.fromkeys(note for note in notes if note))
     modes = names(mapping(semantics.get('variables')).get('modes'))
@@ -146,15 +148,24 @@ def _is_assumption(name: str) -> bool:
     return 'assumption' in name.lower()
 
 
-def _wordings(label: str, sentence: str, ptltl: str, cocospec: str) -> Iterator[Wording]:
+def _wordings(label: str, sentence: str, ptltl: str, cocospec: str,
+              r2u2: str) -> Iterator[Wording]:
     # FRET's formulas of a sentence with a probability are those of the sentence without it.
-    ptltl, cocospec = ('', '') if _PROBABILITY.search(sentence) else (ptltl, cocospec)
-    for language, name, written in (
-            (Language.FRETISH, 'sentence', ' '.join(sentence.split())),
-            (Language.PTLTL, 'ptLTL', plain(ptltl)),
-            (Language.COCOSPEC, 'CoCoSpec', plain(cocospec))):
-        if written and written.lower().strip(' .()') not in _PLACEHOLDERS:
+    if _PROBABILITY.search(sentence):
+        ptltl = cocospec = r2u2 = ''
+    of_the_past = (
+        (Language.FRETISH, 'sentence', ' '.join(sentence.split())),
+        (Language.PTLTL, 'ptLTL', plain(ptltl)),
+        (Language.COCOSPEC, 'CoCoSpec', plain(cocospec)))
+    found = [item for item in of_the_past if _is_text(item[2])]
+    # The formula for R2U2 has its verdict later than the others: it is not compared with them.
+    for language, name, written in found or [(Language.MLTL, 'R2U2', plain(r2u2))]:
+        if _is_text(written):
             yield Wording((language,), written, f'{label}, {name}')
+
+
+def _is_text(written: str) -> bool:
+    return bool(written) and written.lower().strip(' .()') not in _PLACEHOLDERS
 
 
 # Component specifications.
@@ -237,7 +248,7 @@ def _specified(item: dict[str, object], file: str, number: int,
             f"{label}: {' and '.join(map(repr, dropped))} left out", None, '',
             'a handler is an empty message; the details are on copilot/violations')
     wordings = list(_wordings(label, text(item, 'fretish'), text(item, 'ptLTL', 'ptExpanded'),
-                              text(item, 'CoCoSpecCode')))
+                              text(item, 'CoCoSpecCode'), text(item, 'R2U2Code')))
     formula = text(item, 'formula', 'expression')
     if formula:
         wordings.append(Wording(_EITHER, plain(formula), f'{label}, formula'))

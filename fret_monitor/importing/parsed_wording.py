@@ -21,6 +21,7 @@ be parsed keeps its diagnostics; they become warnings if another wording is vali
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Language
@@ -33,6 +34,7 @@ from fret_monitor.model.diagnostics import CompileError, Diagnostic, Source, Tex
 from fret_monitor.model.names import fret_name
 
 Tree: TypeAlias = Expression | Equations | Sentence
+_MOST_KEPT = 2 ** 17
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,13 @@ class ParsedWording:
 
 def parse_wording(wording: Wording) -> ParsedWording:
     """Parse a wording in the first of its languages that accepts it."""
-    text = Text.whole(Source(wording.label, wording.text))
+    return replace(_parsed(wording))  # its identity is that of a requirement
+
+
+@lru_cache(_MOST_KEPT)
+def _parsed(wording: Wording) -> ParsedWording:
+    text = Text.whole(Source(wording.label, wording.text)) if wording.place is None else \
+        _of_its_own(wording.place)
     failed: list[ParsedWording] = []
     for language in wording.languages:
         try:
@@ -56,6 +64,11 @@ def parse_wording(wording: Wording) -> ParsedWording:
         except CompileError as error:
             failed.append(ParsedWording(wording, language, text, None, error.diagnostics))
     return failed[0]
+
+
+def _of_its_own(text: Text) -> Text:
+    """Return a text in a source that no other wording has: errors are sorted by their sources."""
+    return replace(text, source=replace(text.source))
 
 
 def expressions(tree: Tree) -> Iterator[tuple[Expression, str]]:
@@ -90,12 +103,17 @@ def rename(reading: ParsedWording, names: Mapping[str, str]) -> ParsedWording:
     """Return a wording with names replaced; `names` maps each `fret_name` to a new name."""
     if reading.tree is None:
         return reading
+    if not any(fret_name(name) in names for name in names_in(reading)):
+        return reading
+    if reading.wording.place is not None:  # places are to be those in the text
+        reading = parse_wording(replace(reading.wording, place=None))
+    assert reading.tree is not None
     places = {node.span: names[fret_name(node.text)] for node in _free_names(reading.tree)
               if fret_name(node.text) in names}
     text = reading.wording.text
     for span, name in sorted(places.items(), key=lambda item: item[0].start, reverse=True):
         text = text[:span.start] + name + text[span.end:]
-    return parse_wording(replace(reading.wording, text=text)) if places else reading
+    return parse_wording(replace(reading.wording, text=text))
 
 
 def add_uses(reading: ParsedWording, name: str, types: TypesByUse) -> None:

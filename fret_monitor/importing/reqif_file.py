@@ -23,9 +23,9 @@ without what the standard leaves optional.
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from fret_monitor.importing.xml_text import name_of, parsed_xml, spoken_text
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.names import shown
 
@@ -37,7 +37,6 @@ IDENTIFIER = 'spec-object identifier'
 
 _TITLES = ('reqif.chaptername', 'reqif.name', 'title', 'name', 'object heading')
 _HEAD_CHARS = 10_000
-_BLOCKS = ('p', 'div', 'br', 'li', 'tr', 'td', 'th', 'table')
 
 
 def is_reqif(text: str) -> bool:
@@ -54,29 +53,20 @@ def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
     CompileError
         if it is no XML, or declares a document type (entities).
     """
-    refuse_document_types(text, path)
     try:
-        yield from _rows(ElementTree.fromstring(text))
-    except (ElementTree.ParseError, RecursionError) as error:
-        reason = 'too deep' if isinstance(error, RecursionError) else str(error)
-        refuse(f'{shown(str(path))} cannot be read as XML: {reason}')
-
-
-def refuse_document_types(text: str, path: Path) -> None:
-    """Refuse a file that declares a document type: it might have entities."""
-    if '<!DOCTYPE' in text:
-        refuse(f'{shown(str(path))} declares a document type',
-               help='no ReqIF has one: entities are not read')
+        yield from _rows(parsed_xml(text, path))
+    except RecursionError:
+        refuse(f'{shown(str(path))} cannot be read as XML: too deep')
 
 
 def _rows(root: Element) -> Iterator[Sequence[str]]:
     names = {identifier: item.get('LONG-NAME') or identifier for item in root.iter()
-             if _name(item).startswith('ATTRIBUTE-DEFINITION-')
+             if name_of(item).startswith('ATTRIBUTE-DEFINITION-')
              and (identifier := item.get('IDENTIFIER'))}
     heads = tuple(dict.fromkeys(names.values()))
     yield (*heads, SECTION, IDENTIFIER)
     objects = {item.get('IDENTIFIER', ''): _cells(item, names)
-               for item in root.iter() if _name(item) == 'SPEC-OBJECT'}
+               for item in root.iter() if name_of(item) == 'SPEC-OBJECT'}
     for identifier, section in (*_places(root, objects, ''), *((name, '') for name in objects)):
         cells = objects.pop(identifier, None)
         if cells is not None:  # of several places, or none, the first one counts
@@ -87,11 +77,11 @@ def _places(element: Element, objects: Mapping[str, Mapping[str, str]],
             section: str) -> Iterator[tuple[str, str]]:
     """Yield the objects of all documents in order, with the titles of the chapters around."""
     for child in element:
-        if _name(child) != 'SPEC-HIERARCHY':
+        if name_of(child) != 'SPEC-HIERARCHY':
             yield from _places(child, objects, section)
             continue
         identifier = next((item.text or '' for item in child.iter()
-                           if _name(item) == 'SPEC-OBJECT-REF'), '').strip()
+                           if name_of(item) == 'SPEC-OBJECT-REF'), '').strip()
         yield identifier, section
         title = _title(objects.get(identifier, {}))
         yield from _places(child, objects, ' / '.join(filter(None, (section, title))))
@@ -106,25 +96,10 @@ def _cells(item: Element, names: Mapping[str, str]) -> dict[str, str]:
     """Return the values of a requirement by the names of their attributes."""
     found = {}
     for value in item.iter():
-        if _name(value).startswith('ATTRIBUTE-VALUE-'):
+        if name_of(value).startswith('ATTRIBUTE-VALUE-'):
             of = next((part.text or '' for part in value.iter()
-                       if _name(part).startswith('ATTRIBUTE-DEFINITION-')), '').strip()
-            written = next((part for part in value if _name(part) == 'THE-VALUE'), None)
+                       if name_of(part).startswith('ATTRIBUTE-DEFINITION-')), '').strip()
+            written = next((part for part in value if name_of(part) == 'THE-VALUE'), None)
             found[names.get(of, of)] = value.get('THE-VALUE', '') if written is None \
-                else ''.join(_spoken(written))
+                else spoken_text(written)
     return found
-
-
-def _spoken(element: Element) -> Iterator[str]:
-    """Yield the text of XHTML; paragraphs, lines and cells are apart."""
-    gap = ' ' if _name(element) in _BLOCKS else ''
-    yield gap + (element.text or '')
-    for child in element:
-        yield from _spoken(child)
-        yield child.tail or ''
-    yield gap
-
-
-def _name(element: Element) -> str:
-    """Return the name of a tag without its namespace."""
-    return element.tag.rpartition('}')[2]

@@ -30,12 +30,11 @@ import re
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import ComponentRequirement, ImportedComponent, Wording
+from fret_monitor.importing.parsed_wording import parse_wording
 from fret_monitor.importing.reqif_file import IDENTIFIER, reqif_rows, SECTION
 from fret_monitor.importing.workbook import sheets
-from fret_monitor.language.fretish import parse_fretish
-from fret_monitor.model.diagnostics import (
-    CompileError, did_you_mean, Problems, refuse, Source, Text,
-)
+from fret_monitor.language.sentence import Sentence
+from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse
 from fret_monitor.model.names import shown
 
 MAX_ROWS = 100_000
@@ -97,20 +96,38 @@ def _is_head(cells: Iterable[str]) -> bool:
 
 
 def read_table(path: Path, max_bytes: int, columns: Mapping[str, str], problems: Problems,
-               reqif: str | None = None) -> list[ImportedComponent]:
+               reqif: str | None = None, part: str = '') -> list[ImportedComponent]:
     """
     Return the components of the requirements of a table.
 
     `columns` names the heads of columns by what they are (`ROLES`); others are found by their
-    heads. `reqif` is the text of the file if it is ReqIF, whose attributes are the columns.
+    heads. `reqif` is the text of the file, or of a `part` of it, if it is ReqIF, whose attributes
+    are the columns.
 
     Raises
     ------
     CompileError
         if it cannot be read, is too large, or has no columns of ids and texts.
     """
+    if reqif is not None:
+        name, label = (f'{one}, {part}' if part else one for one in (str(path), path.name))
+        tables = [_table(reqif_rows(reqif, path), name, label, lambda _, cells: cells[-1])]
+    else:
+        tables = _tables(path, max_bytes, columns, problems)
+    return _components(tables, path, columns, problems)
+
+
+def read_rows(rows: Iterable[Sequence[str]], path: Path,
+              problems: Problems) -> list[ImportedComponent]:
+    """Return the components of the requirements of a file; the first row has the heads."""
+    table = _table(rows, str(path), path.name, lambda number, _: f'requirement {number - 1}')
+    return _components([table], path, {}, problems)
+
+
+def _components(tables: Iterable[_Table], path: Path, columns: Mapping[str, str],
+                problems: Problems) -> list[ImportedComponent]:
     found: dict[str, list[ComponentRequirement]] = {}
-    for table in _tables(path, max_bytes, columns, problems, reqif):
+    for table in tables:
         places = _places(table, columns)
         for row in table.rows:
             cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
@@ -123,24 +140,29 @@ def read_table(path: Path, max_bytes: int, columns: Mapping[str, str], problems:
             for name, items in found.items()]
 
 
-def _tables(path: Path, max_bytes: int, columns: Mapping[str, str], problems: Problems,
-            reqif: str | None) -> list[_Table]:
+def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
+            problems: Problems) -> list[_Table]:
     """Return the table of a file, or the sheets of a workbook that have the columns."""
-    if reqif is not None:
-        return [_table(reqif_rows(reqif, path), str(path), path.name, lambda cells: cells[-1])]
     if path.suffix.lower() != WORKBOOK:
         return [_table(_csv_rows(decoded(path, max_bytes), path), str(path), path.name)]
     read = [(name, rows) for name, rows in sheets(path, max_bytes, MAX_ROWS, problems)
             if any(map(any, rows))]
     if len(read) == 1:
         return [_table(read[0][1], str(path), path.name)]
-    found = [_table(rows, f'{path}, {name}', f'{path.name}, {name}') for name, rows in read
-             if columns or _is_head(next(filter(any, rows)))]
-    for name in {name for name, _ in read} - {item.label.split(', ')[-1] for item in found}:
-        problems.warning(f'{path.name}: the sheet {shown(name)} has no columns of ids and '
-                         'requirements', None, '', 'it is left out')
+    found: list[_Table] = []
+    faults: list[str] = []
+    for name, rows in read:
+        try:
+            table = _table(rows, f'{path}, {name}', f'{path.name}, {name}')
+            _places(table, columns)
+            found.append(table)
+        except CompileError as error:
+            faults.append(error.diagnostics[0].title)
+            problems.warning(f'{path.name}: the sheet {shown(name)} is left out', None, '',
+                             faults[-1])
     if not found:
-        refuse(f'{shown(str(path))} has no sheet with columns of ids and requirements')
+        refuse(f'{shown(str(path))} has no sheet with columns of ids and requirements',
+               help='\n'.join(faults))
     return found
 
 
@@ -154,6 +176,11 @@ def decoded(path: Path, max_bytes: int) -> str:
         refuse(f'{name} cannot be read: {getattr(error, "strerror", None) or error}')
     if len(data) > max_bytes:
         refuse(f'{name} is larger than {max_bytes // 2 ** 20} MiB')
+    return decoded_bytes(data, name)
+
+
+def decoded_bytes(data: bytes, name: str) -> str:
+    """Return a text in UTF-8, or in UTF-16 with a byte order mark; `name` is that of its file."""
     encoding = _encoding(data[:2])
     try:
         return data.decode(encoding)
@@ -195,12 +222,13 @@ def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
 
 
 def _table(rows: Iterable[Sequence[str]], name: str, label: str,
-           name_of: Callable[[Sequence[str]], str] | None = None) -> _Table:
+           name_of: Callable[[int, Sequence[str]], str] | None = None) -> _Table:
     """Return the rows that are not empty; the first one has the heads."""
     found: list[_Row] = []
     for number, cells in enumerate(rows, 1):
         if any(cell.strip() for cell in cells):
-            found.append(_Row(name_of(cells) if name_of else f'row {number}', tuple(cells)))
+            row = name_of(number, cells) if name_of else f'row {number}'
+            found.append(_Row(row, tuple(cells)))
         if len(found) > MAX_ROWS + 1:
             refuse(f'{shown(name)} has more than {MAX_ROWS:,} rows',
                    help='split it, or leave out what is no requirement')
@@ -261,8 +289,7 @@ def _component(item: ComponentRequirement) -> str:
     """Return the component that the sentence of a requirement names; '' if it has none."""
     for wording in item.wordings:
         if Language.FRETISH in wording.languages:
-            try:
-                return parse_fretish(Text.whole(Source('', wording.text))).component.name
-            except CompileError:
-                continue
+            tree = parse_wording(wording).tree
+            if isinstance(tree, Sentence):
+                return tree.component.name
     return ''

@@ -20,9 +20,9 @@ a trace on which it is never true, the implication is vacuously satisfied.
 """
 
 from fret_monitor.logic.formula import (
-    Ago, Binary, BinaryOperator, Choice, Feedback, Formula, Historically, NUMBERS_OVER_TIME, Once,
-    operands, Over, postorder, Previous, Since, TimeOver, Trial, Triggered, Unary,
-    UnaryOperator, Variable, variables, WeakYesterday, Yesterday,
+    Ago, ALWAYS, Binary, BinaryOperator, Choice, Feedback, Formula, Historically,
+    NUMBERS_OVER_TIME, Once, operands, Over, postorder, Previous, Since, TimeOver, Trial,
+    Triggered, Unary, UnaryOperator, Variable, variables, WeakYesterday, Yesterday,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.values import ValueType
@@ -133,3 +133,18 @@ def bounds(item: Property) -> list[int]:
         elif isinstance(node, Trial):
             found.add(node.due or 0)
     return sorted(end for end in found if end > 0)
+
+
+def untriggered(item: Property) -> Formula | None:
+    """
+    Return a formula that is violated where the implication of a requirement is triggered.
+
+    None for a sentence with a scope or condition, of which `explain.report.meanings` knows it.
+    """
+    if item.sentence is not None and (item.sentence.scope or item.sentence.condition):
+        return None
+    match item.formula:
+        case Historically(window, Binary(BinaryOperator.IMPLIES, left, _)) if window == ALWAYS:
+            return Unary(UnaryOperator.NOT, left)
+    found = triggers(item.formula, 1) if item.sentence is None else []
+    return Unary(UnaryOperator.NOT, found[0]) if found else None

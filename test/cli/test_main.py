@@ -96,7 +96,7 @@ def test_without_a_verb_the_verbs_are_listed(here: Here) -> None:
 def test_each_module_of_the_folder_is_a_verb(here: Here) -> None:
     folder = Path(fret_monitor.__file__).parent / 'cli'
     verbs = {path.stem.removesuffix('_') for path in folder.glob('[!_]*.py')} - {
-        'main', 'columns', 'constants', 'document', 'limits', 'terminal'}
+        'main', 'columns', 'constants', 'document', 'limits', 'terminal', 'traceability'}
     assert set(VERBS) <= verbs
     for verb in verbs:
         done = here.run(verb, '--help')

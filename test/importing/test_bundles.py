@@ -682,3 +682,16 @@ def test_outputs_and_assumptions_of_fret_are_kept(tmp_path: Path) -> None:
         assert {item.name: item.role for item in meant.signals} == {
             'speed': InputRole.INPUT, 'open': InputRole.OUTPUT}
         (tmp_path / 'bundle.yaml').unlink(missing_ok=True)
+
+
+def test_the_formula_for_r2u2_is_taken_where_there_is_no_other(tmp_path: Path) -> None:
+    code = '((((mode == 2) && (speed <= 20.0)) && armed) -> (F[1,1] (mode == 2)))'
+    project = {'requirements': [
+        {'reqid': 'R-1', 'project': 'P', 'fulltext': '', 'semantics': {
+            'component_name': 'rover', 'pt': 'Meaning not specified', 'R2U2Code': code}},
+        {'reqid': 'R-2', 'project': 'P', 'fulltext': 'the rover shall always satisfy armed',
+         'semantics': {'component_name': 'rover', 'R2U2Code': 'G[0,3] armed'}}]}
+    found = imported(tmp_path, p_json=project)
+    assert [(item.language.value, item.text) for item in found.draft.requirements] == [
+        ('mltl', code), ('fretish', 'the rover shall always satisfy armed')]
+    assert [item.horizon for item in meaning(found).properties] == [1, 0]

@@ -18,8 +18,12 @@
 from pathlib import Path
 
 from fret_monitor.build import read
+from fret_monitor.bundle.bundle import Language
 from fret_monitor.cli.main import main
 from fret_monitor.importing import import_bundles
+from fret_monitor.importing.component import Wording
+from fret_monitor.importing.parsed_wording import parse_wording, rename
+from fret_monitor.model.diagnostics import Source, Text
 import pytest
 
 SPECIFICATION = """
@@ -117,3 +121,22 @@ def test_a_definition_that_c2po_reads_otherwise_is_left_out(tmp_path: Path) -> N
     found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
     assert [item.span.line for item in found.warnings if 'left out' in item.title and item.span] \
         == [3]
+
+
+def test_a_warning_has_the_place_in_the_file(tmp_path: Path) -> None:
+    text = ('INPUT a, b: bool;\nDEFINE\n  both = a &&\n    (b;\nFTSPEC\n  first: a;\n'
+            '  -- a comment\n  endless: a -> -- why not\n    G b;\n  H: a;\n')
+    path = written(tmp_path, text)
+    found, = import_bundles([path], tmp_path / 'a.yaml')
+    places = {(item.span.source.name, item.span.line, item.span.column): item.title
+              for item in found.warnings if item.span}
+    assert places[str(path), 9, 5] == "'G' needs a bound that ends"
+    assert any(place[1] in (3, 4) for place in places)
+
+
+def test_names_are_replaced_in_a_formula_of_several_lines() -> None:
+    source = Source('a.c2po', 'one: b &&\n  F[0,1] b;')
+    text = Text('b && F[0,1] b', source, [*range(5, 9), *range(11, 21)])
+    reading = parse_wording(Wording((Language.MLTL,), text.value, 'one', text))
+    assert rename(reading, {'b': 'beta'}).wording.text == 'beta && F[0,1] beta'
+    assert rename(reading, {'c': 'gamma'}) is reading

@@ -148,7 +148,7 @@ def test_each_sheet_with_the_columns_is_read_and_others_are_told(
     found = {item.id: item.text for item in read(tmp_path / 'b.yaml').specification.properties}
     assert found == {'1': 'x > 0', 'b': 'y > 0'}
     told = capsys.readouterr().err
-    assert "'Notes' has no columns of ids and requirements" in told
+    assert "the sheet 'Notes' is left out" in told and 'has no column of ids' in told
     assert "two.xlsx, A, row 3 has a formula of the spreadsheet without its value: '=B2'" in told
 
 
@@ -177,3 +177,35 @@ def test_what_is_no_workbook_is_refused(tmp_path: Path) -> None:
     cut = tmp_path / 'cut.xlsx'
     cut.write_bytes(good.read_bytes()[:-40])
     assert 'cannot be read as a workbook' in message(cut)
+
+
+def test_rows_that_repeat_a_requirement_are_one_and_are_reported(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'a.csv').write_text('id,text\nR-1,x > 0\nR-2,x > 1\nR-1,x  > 0\nR-1,x > 2\n'
+                                    'R.1,x > 3\n')
+    target = tmp_path / 'a.yaml'
+    assert main(['import', str(tmp_path / 'a.csv'), '-o', str(target)]) == 0
+    found = read(target).bundle
+    assert found is not None
+    assert [(item.id.value, item.text.value, item.source) for item in found.requirements] == [
+        ('R-1', 'x > 0', ''), ('R-2', 'x > 1', ''), ('R-1_2', 'x > 2', 'R-1'),
+        ('R.1_3', 'x > 3', 'R.1')]
+    assert "a.csv, row 4: the requirement 'R-1' is that of a.csv, row 2" in capsys.readouterr().err
+    out = tmp_path / 'out.csv'
+    assert main(['export', str(target), '--to', 'requirements', '-o', str(out)]) == 0
+    assert [line.split(',')[0] for line in out.read_text().splitlines()] == [
+        'ID', 'R-1', 'R-2', 'R-1', 'R.1']
+
+
+def test_a_sheet_without_the_named_columns_is_left_out(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = workbook(tmp_path / 'two.xlsx', A=(('Nr', 'Satz'), ('R', 'x > 0')),
+                    B=(('No', 'Satz'), ('Q', 'x > 1')), C=(('Nr', 'Satz'),))
+    target = tmp_path / 'a.yaml'
+    assert main(['import', str(path), '--columns', 'id=Nr,text=Satz', '-o', str(target)]) == 0
+    assert [item.id for item in read(target).specification.properties] == ['R']
+    told = capsys.readouterr().err
+    assert "the sheet 'B' is left out" in told and "has no column 'Nr'" in told
+    assert "the sheet 'C' is left out" in told and 'no row below the heads' in told
+    with pytest.raises(CompileError, match='has no sheet with columns'):
+        import_bundles([path], target, options=ImportOptions({'id': 'Key'}))

@@ -1,0 +1,221 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What `check --trace` shows: where a requirement comes from, what it reads, and what exercised it.
+
+Tests are those of `tests`; recordings are those of files that `bag` has written, lines of JSON
+(`--results`, `--json`) or JUnit.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+import json
+from pathlib import Path
+from typing import Any
+
+from fret_monitor.bundle.source_file import read_source
+from fret_monitor.importing.json_text import mapping
+from fret_monitor.importing.xml_text import parsed_xml
+from fret_monitor.model.diagnostics import counted, Problems, refuse, Source, Span
+from fret_monitor.model.names import shown
+
+_MAX_BYTES = 256 * 2 ** 20
+_INDEX = 'tests.json'
+_MOST_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Seen:
+    """
+    What a recording says of a requirement.
+
+    `verdict` is None if it was not judged; `triggered` is None if that was not asked.
+    """
+
+    recording: str
+    verdict: bool | None
+    triggered: bool | None
+
+    @property
+    def is_exercised(self) -> bool | None:
+        """Whether its trigger came; None if that is not known."""
+        if self.verdict is None or self.triggered is False:
+            return False
+        return True if self.triggered or not self.verdict else None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The traces of tests and what recordings say, by the ids of requirements."""
+
+    tests: Mapping[str, Sequence[str]]
+    recordings: Mapping[str, Sequence[Seen]]
+    n_recordings: int
+    has_tests: bool
+
+
+@dataclass(frozen=True)
+class Link:
+    """A requirement: its id in its source, what it reads, and what exercised it."""
+
+    id: str
+    source: str
+    inputs: Sequence[str]
+    topics: Sequence[str]
+    tests: Sequence[str]
+    seen: Sequence[Seen]
+
+    @property
+    def is_triggered(self) -> bool | None:
+        """Whether a recording exercised it; None if that is not known."""
+        found = {item.is_exercised for item in self.seen}
+        return True if True in found else None if None in found else False
+
+    @property
+    def verdict(self) -> bool | None:
+        """The verdict over all recordings; None if it was not judged."""
+        found = {item.verdict for item in self.seen}
+        return False if False in found else True if True in found else None
+
+
+def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
+    """
+    Read folders of `tests`, and files with results of `bag`.
+
+    Raises
+    ------
+    CompileError
+        if one is neither, or cannot be read.
+    """
+    tests: dict[str, list[str]] = {}
+    seen: dict[str, list[Seen]] = {}
+    bags: dict[str, None] = {}
+    has_tests = False
+    for path in paths:
+        source = read_source(path / _INDEX if path.is_dir() else path, _MAX_BYTES)
+        if (cases := _traces(source)) is not None:
+            has_tests = True
+            for name, requirement in cases:
+                tests.setdefault(requirement, []).append(name)
+            continue
+        for bag, found in _results(source, path, problems):
+            bags[bag] = None
+            for id_, item in found.items():
+                seen.setdefault(id_, []).append(item)
+    return Evidence(tests, seen, len(bags), has_tests)
+
+
+def _traces(source: Source) -> list[tuple[str, str]] | None:
+    """Return the traces of the index of a folder of `tests`; None if it is none."""
+    try:
+        found = mapping(json.loads(source.text))['traces']
+        return [(str(item['trace']), str(item['requirement'])) for item in found]  # type: ignore[attr-defined]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _results(source: Source, path: Path,
+             problems: Problems) -> Iterator[tuple[str, dict[str, Seen]]]:
+    if source.text.lstrip().startswith('<'):
+        yield from _junit(source, path)
+        return
+    is_any = False
+    for start, line in _lines(source.text):
+        try:
+            content = json.loads(line)
+            found = {str(id_): Seen(str(content['bag']), item['verdict'], item.get('triggered'))
+                     for id_, item in content['requirements'].items()}
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            problems.warning(f'{path}: this line has no results of a recording',
+                             Span(source, start, start + len(line)), 'left out')
+            continue
+        is_any = True
+        yield str(content['bag']), found
+    if not is_any:
+        refuse(f'{shown(str(path))} has no results', help='give what `bag --results FILE` or `bag '
+               '--junit FILE` has written, or the folder of `tests`')
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    start = 0
+    for line in text.split('\n'):
+        if line.strip():
+            yield start, line
+        start += len(line) + 1
+
+
+def _junit(source: Source, path: Path) -> Iterator[tuple[str, dict[str, Seen]]]:
+    for suite in parsed_xml(source.text, path).iter('testsuite'):
+        bag = suite.get('name', '')
+        found: dict[str, Seen] = {}
+        for case in suite.iter('testcase'):
+            kinds = {child.tag for child in case}
+            triggered = {item.get('value') == 'true' for item in case.iter('property')
+                         if item.get('name') == 'triggered'}
+            verdict = None if 'skipped' in kinds else 'failure' not in kinds
+            if 'error' not in kinds:
+                found[case.get('name', '')] = Seen(
+                    bag, verdict, triggered.pop() if triggered else None)
+        yield bag, found
+
+
+def table(links: Sequence[Link], found: Evidence) -> Iterator[tuple[str, ...]]:
+    """Yield the heads and a row for each requirement, without columns of what was not given."""
+    yield ('id', 'source', 'inputs', 'topics', *(('tests',) if found.has_tests else ()),
+           *(('recordings', 'verdict') if found.n_recordings else ()))
+    for item in links:
+        yield (item.id, item.source, _named(item.inputs), _named(item.topics),
+               *((str(len(item.tests)),) if found.has_tests else ()),
+               *((_exercised(item), _verdict(item)) if found.n_recordings else ()))
+
+
+def _named(names: Sequence[str]) -> str:
+    more = f' and {len(names) - _MOST_NAMED} more' if len(names) > _MOST_NAMED else ''
+    return ', '.join(names[:_MOST_NAMED]) + more or '-'
+
+
+def _exercised(item: Link) -> str:
+    """Return the recordings that exercised a requirement; with `?` where that is not known."""
+    return _named([seen.recording + ('?' if seen.is_exercised is None else '')
+                   for seen in item.seen if seen.is_exercised is not False])
+
+
+def _verdict(item: Link) -> str:
+    if item.verdict is None:
+        return 'not judged'
+    if not item.verdict:
+        return 'violated'
+    return 'never triggered' if item.is_triggered is False else 'satisfied'
+
+
+def gaps(links: Sequence[Link], found: Evidence) -> Iterator[str]:
+    """Yield lines that name the requirements that nothing exercised, or of which it is unknown."""
+    never = [item.id for item in links if item.is_triggered is False]
+    unknown = [item.id for item in links if item.is_triggered is None]
+    untested = [item.id for item in links if not item.tests]
+    if found.n_recordings and never:
+        yield f'never triggered in {counted(found.n_recordings, "recording")}: {", ".join(never)}'
+    if unknown:
+        yield f'triggered or not? `bag --triggers` finds out: {", ".join(unknown)}'
+    if found.has_tests and untested:
+        yield f'without a test: {", ".join(untested)}'
+
+
+def as_dict(item: Link) -> dict[str, Any]:
+    """Return a requirement for `--json` (docs/command_line.md)."""
+    return {'id': item.id, 'source': item.source, 'inputs': [*item.inputs],
+            'topics': [*item.topics], 'tests': [*item.tests], 'triggered': item.is_triggered,
+            'recordings': [{'bag': seen.recording, 'verdict': seen.verdict,
+                            'triggered': seen.is_exercised} for seen in item.seen]}

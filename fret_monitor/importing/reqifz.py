@@ -1,0 +1,54 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Unpacks a ReqIF archive (`.reqifz`: ZIP), in memory and within limits."""
+
+from pathlib import Path
+import zipfile
+import zlib
+
+from fret_monitor.importing.tables import decoded_bytes
+from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.names import shown
+
+SUFFIX = '.reqifz'
+_MOST_PARTS = 10_000
+_BROKEN = (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError, OSError,
+           ValueError)
+
+
+def unpacked(path: Path, max_bytes: int) -> list[tuple[str, str]]:
+    """
+    Return the name and the text of each ReqIF file in an archive; other files in it are ignored.
+
+    Raises
+    ------
+    CompileError
+        if it is no archive, is encrypted, has no ReqIF file, or unpacks to more than `max_bytes`.
+    """
+    name = shown(str(path))
+    try:
+        with zipfile.ZipFile(path) as file:
+            parts = [part for part in file.infolist() if part.filename.lower().endswith('.reqif')]
+            if len(file.infolist()) > _MOST_PARTS or (
+                    sum(part.file_size for part in parts) > max_bytes):
+                refuse(f'{name} unpacks to more than {max_bytes // 2 ** 20} MiB, or has more than '
+                       f'{_MOST_PARTS:,} files')
+            found = [(part.filename, decoded_bytes(file.read(part), f'{name}, {part.filename}'))
+                     for part in parts]
+    except _BROKEN as error:
+        refuse(f'{name} cannot be read as a ZIP archive: {" ".join(str(error).split())}')
+    if not found:
+        refuse(f'{name} has no file that ends in .reqif')
+    return found

@@ -1,0 +1,71 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""XML of other tools, without what may attack a parser: document types, and so entities."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from fret_monitor.model.diagnostics import refuse
+from fret_monitor.model.names import shown
+
+_BLOCKS = ('p', 'div', 'br', 'li', 'tr', 'td', 'th', 'table')
+
+
+def parsed_xml(text: str, path: Path) -> Element:
+    """
+    Return the root element of a file's text.
+
+    Raises
+    ------
+    CompileError
+        if it is no XML, or declares a document type (entities).
+    """
+    refuse_document_types(text, path)
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        refuse(f'{shown(str(path))} cannot be read as XML: {_reason(error)}')
+
+
+def _reason(error: Exception) -> str:
+    return 'too deep' if isinstance(error, RecursionError) else str(error)
+
+
+def refuse_document_types(text: str, path: Path) -> None:
+    """Refuse a file that declares a document type: it might have entities."""
+    if '<!DOCTYPE' in text:
+        refuse(f'{shown(str(path))} declares a document type',
+               help='remove it: entities are not read')
+
+
+def name_of(element: Element) -> str:
+    """Return the name of a tag without its namespace."""
+    return element.tag.rpartition('}')[2]
+
+
+def spoken_text(element: Element) -> str:
+    """Return the text of an element; paragraphs, lines and cells of XHTML are apart."""
+    return ''.join(_spoken(element))
+
+
+def _spoken(element: Element) -> Iterator[str]:
+    gap = ' ' if name_of(element) in _BLOCKS else ''
+    yield gap + (element.text or '')
+    for child in element:
+        yield from _spoken(child)
+        yield child.tail or ''
+    yield gap

@@ -1,0 +1,155 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`bag --triggers` and `check --trace`: which requirements were exercised, and by what."""
+
+from functools import partial
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+from bag.recordings import write
+from bundles import write_bundle
+from cli.command import Here
+from fret_monitor.bag.check import check_recording, Selection
+from fret_monitor.bag.triggers import with_triggers
+from fret_monitor.model.diagnostics import CompileError
+import pytest
+
+BUNDLE = """
+format: 1
+component: rover
+inputs:
+  speed: {topic: odom, type: std_msgs/msg/Float64, max_rate: 10}
+  armed: {topic: arm, type: std_msgs/msg/Bool, max_rate: 10}
+requirements:
+  - {id: WHEN, fretish: when armed the rover shall within 2 ticks satisfy speed < 1.0}
+  - {id: IN, fretish: in armed mode the rover shall always satisfy speed < 9.0, source: "SRS 4.1"}
+  - {id: LEFT, ptltl: "H (speed > 7.0 -> O armed)"}
+  - {id: ALWAYS, fretish: the rover shall always satisfy speed <= 20.0}
+  - {id: MLTL, mltl: "armed -> F[0,1] (speed < 1.0)"}
+"""
+TIMED = BUNDLE.replace('component', 'evaluation: {policy: timed, unit: 1}\ncomponent').replace(
+    '2 ticks', '2 seconds')
+QUIET = ['0,0,0', '1,8,0', '2,0,0', '9,0,0']
+ARMED = ['0,0,0', '1,0,1', '2,0,0', '9,0,0']
+BROKEN = ['0,0,0', '1,9.5,1', '2,8,1', '9,8,1']
+CAME = {'quiet': {'LEFT', 'ALWAYS'}, 'armed': {'WHEN', 'IN', 'ALWAYS', 'MLTL'},
+        'broken': {'WHEN', 'IN', 'LEFT', 'ALWAYS', 'MLTL'}}
+HEADS = 'time,speed,armed'
+
+
+def traces(folder: Path) -> list[Path]:
+    """Write the traces."""
+    found = []
+    for name, rows in (('quiet', QUIET), ('armed', ARMED), ('broken', BROKEN)):
+        found.append(folder / f'{name}.csv')
+        found[-1].write_text('\n'.join([HEADS, *rows]) + '\n')
+    return found
+
+
+@pytest.mark.parametrize('text', [BUNDLE, TIMED])
+def test_a_trigger_came_where_a_condition_held(text: str, tmp_path: Path) -> None:
+    bundle, selection = write_bundle(tmp_path, text), Selection(triggers=True)
+    for path in traces(tmp_path):
+        check = partial(check_recording, bundle, path, selection)
+        result = with_triggers(check, bundle, path, selection)
+        assert {item.id for item in result.findings if item.triggered} == CAME[path.stem]
+        assert all(item.triggered or item.verdict for item in result.findings)
+
+
+def test_without_the_option_nothing_is_said_of_triggers(tmp_path: Path) -> None:
+    bundle, (quiet, *_) = write_bundle(tmp_path, BUNDLE), traces(tmp_path)
+    result = with_triggers(lambda: check_recording(bundle, quiet, Selection()), bundle, quiet,
+                           Selection())
+    assert {item.triggered for item in result.findings} == {None}
+
+
+def test_a_requirement_that_is_not_judged_is_not_triggered(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, BUNDLE)
+    bag = write(tmp_path / 'run', [('odom', 0, 1.0), ('odom', 1, 1.0)])
+    selection = Selection(may_miss=True, triggers=True)
+    result = with_triggers(lambda: check_recording(bundle, bag, selection), bundle, bag,
+                           selection)
+    assert {item.id: item.triggered for item in result.findings} == {
+        'WHEN': False, 'IN': False, 'LEFT': False, 'ALWAYS': True, 'MLTL': False}
+
+
+def test_instances_are_refused(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, """
+format: 1
+for_each: {robot: [a, b]}
+inputs: {x: {topic: "/{robot}/x", type: std_msgs/msg/Float64}}
+requirements: [{id: R, ptltl: "x <= 5.0"}]
+""")
+    bag = write(tmp_path / 'run', [('/a/x', 0, 1.0), ('/b/x', 1, 1.0)])
+    selection = Selection(triggers=True)
+    with pytest.raises(CompileError, match='for_each'):
+        with_triggers(lambda: check_recording(bundle, bag, selection), bundle, bag, selection)
+
+
+def test_a_table_names_what_exercised_each_requirement(here: Here) -> None:
+    bundle = here.file('rover.yaml', BUNDLE)
+    folder, results, junit = (here.folder / name for name in ('tests', 'r.jsonl', 'j.xml'))
+    quiet, armed, broken = traces(here.folder)
+    done = here.run('bag', bundle, quiet, armed, '--triggers', '--results', results,
+                    '--missing-topics', 'ok')
+    assert done.status == 0 and 'WHEN         satisfied, never triggered' in done.out
+    assert here.run('bag', bundle, broken, '--triggers', '--junit', junit).status == 0
+    case = ElementTree.parse(junit).getroot().find(".//testcase[@name='IN']/properties/property")
+    assert case is not None and case.attrib == {'name': 'triggered', 'value': 'true'}
+    assert here.run('tests', bundle, '--output', folder).status == 0
+    found = json.loads(here.run('check', bundle, '--trace', folder, results, junit,
+                                '--json').out)['bundles'][0]['trace']
+    assert [item['source'] for item in found] == ['WHEN', 'SRS 4.1', 'LEFT', 'ALWAYS', 'MLTL']
+    assert (found[0]['inputs'], found[0]['topics']) == (['speed', 'armed'], ['odom', 'arm'])
+    for item in found:
+        assert [seen['triggered'] for seen in item['recordings']] == [
+            item['id'] in CAME[name] for name in ('quiet', 'armed', 'broken')]
+        assert all((folder / name).is_file() for name in item['tests']) and item['tests']
+    verdicts = {item['id']: [seen['verdict'] for seen in item['recordings']] for item in found}
+    assert verdicts['IN'] == [True, True, False] and verdicts['LEFT'] == [False, True, True]
+
+
+def test_the_table_says_what_was_never_triggered_and_what_is_not_known(here: Here) -> None:
+    bundle = here.file('rover.yaml', BUNDLE)
+    quiet, armed, _ = traces(here.folder)
+    with_them, without = here.folder / 'with.jsonl', here.folder / 'without.jsonl'
+    here.run('bag', bundle, quiet, '--triggers', '--results', with_them)
+    here.run('bag', bundle, armed, '--results', without)
+    lines = here.run('check', bundle, '--trace', with_them).out.splitlines()
+    assert [line.split() for line in lines if line.startswith('IN ')] == [
+        ['IN', 'SRS', '4.1', 'speed,', 'armed', 'odom,', 'arm', '-', 'never', 'triggered']]
+    assert lines[-1] == 'never triggered in 1 recording: WHEN, IN, MLTL'
+    lines = here.run('check', bundle, '--trace', with_them, without).out.splitlines()
+    assert lines[-1] == 'triggered or not? `bag --triggers` finds out: WHEN, IN, MLTL'
+    assert f'{armed}?' in '\n'.join(lines)
+    lines = here.run('check', bundle, '--trace').out.splitlines()
+    assert lines[2].split() == ['id', 'source', 'inputs', 'topics']
+    assert 'never' not in '\n'.join(lines)
+
+
+def test_files_that_are_no_results_are_refused(here: Here) -> None:
+    bundle = here.file('rover.yaml', BUNDLE)
+    bomb = here.file('bomb.xml', '<!DOCTYPE a [<!ENTITY b "cc">]><testsuites>&b;</testsuites>')
+    wrong = here.file('wrong.jsonl', '[1]\n{"bag": 1}\n')
+    for path, message in ((bomb, 'declares a document type'), (wrong, 'has no results'),
+                          (here.folder, 'tests.json'), (here.folder / 'none', 'none')):
+        done = here.run('check', bundle, '--trace', path)
+        assert (done.status, message in done.err) == (1, True), done.err
+    cut = here.file('cut.jsonl', json.dumps({'bag': 'run', 'requirements': {
+        'OLD': {'verdict': True}}}) + '\n{"bag": "ru')
+    done = here.run('check', bundle, '--trace', cut)
+    assert done.status == 0 and f'{cut}:2:1: warning: {cut}: this line has no results' in done.err
+    assert 'that are in no bundle here: OLD' in done.err
