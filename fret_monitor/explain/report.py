@@ -29,6 +29,7 @@ from fret_monitor.bundle.bundle import Language
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain import future, sentence as fretish
+from fret_monitor.explain.diagram import diagram_of
 from fret_monitor.explain.goals import goals
 from fret_monitor.explain.in_time import confirmed, verdicts_in_time
 from fret_monitor.explain.timeline import drawn, Timeline, timeline, value_lines
@@ -346,11 +347,15 @@ def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
     columns = {signal.name: [row[number] for row in rows]
                for number, signal in enumerate(subject.signals)}
     truths = evaluate_all(shown, columns, subject.item.feedback) if shown else []
-    return timeline(title, labels, [[bool(value) for value in column] for column in truths],
-                    verdicts, context.period(subject.item.id),
-                    tuple(value_lines(subject.signals, trace,
-                                      context.grids.get(subject.item.id))),
-                    is_grid=context.grids.get(subject.item.id) is not None)
+    found = timeline(title, labels, [[bool(value) for value in column] for column in truths],
+                     verdicts, context.period(subject.item.id),
+                     tuple(value_lines(subject.signals, trace,
+                                       context.grids.get(subject.item.id))),
+                     is_grid=context.grids.get(subject.item.id) is not None)
+    diagram = diagram_of(item.formula,
+                         lambda node: to_smv(node, _WIDTH, context.values))
+    return found if diagram is None else replace(
+        found, diagram=diagram.at(columns[diagram.variable][-1]))
 
 
 def as_dict(found: Explanation) -> dict[str, object]:

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 import re
 from xml.sax.saxutils import escape
 
+from fret_monitor.explain.diagram import size, svg_lines
 from fret_monitor.explain.timeline import Band, scales, Timeline
 
 _CELL = 14
@@ -41,6 +42,10 @@ def to_svg(title: str, lines: Sequence[Timeline]) -> str:
     for line in lines:
         body += _timeline(line, left, y)
         y += _height(line)
+        if line.diagram is not None:
+            body += svg_lines(line.diagram, _MARGIN, y - _ROW)
+            width = max(width, size(line.diagram)[0] + 2 * _MARGIN)
+            y += size(line.diagram)[1]
         texts = max(len(text) for text in (line.title, *line.values))
         width = max(width, left + _CELL * len(line.steps) + 2 * _MARGIN,
                     round(_LETTER * texts) + 2 * _MARGIN)

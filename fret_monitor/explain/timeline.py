@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
 
+from fret_monitor.explain.diagram import DrawnDiagram
 from fret_monitor.logic.specification import Signal
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
@@ -50,7 +51,8 @@ class Timeline:
     The propositions and the verdict, and the step of each column.
 
     A column with step None represents omitted steps. With a `period` (seconds), there is also a
-    scale of time; on a grid (`timed`) only that. `values` are lines about the inputs.
+    scale of time; on a grid (`timed`) only that. `values` are lines about the inputs. `diagram` is
+    the state diagram that is required, in the state of the last step.
     """
 
     title: str
@@ -60,6 +62,7 @@ class Timeline:
     period: Fraction | None
     values: tuple[str, ...]
     is_grid: bool = False
+    diagram: DrawnDiagram | None = None
 
 
 def timeline(title: str, labels: Sequence[str], truths: Sequence[Sequence[bool]],

@@ -32,7 +32,7 @@ from fret_monitor.bundle.yaml_shape import mapping_of, Shape
 from fret_monitor.bundle.yaml_tree import read_tree
 from fret_monitor.importing.component import ComponentVariable, VariableRole, Wording
 from fret_monitor.importing.xml_text import parsed_xml
-from fret_monitor.importing.xpath import Node, parse_path, Path as XPath, text_of, Tree
+from fret_monitor.importing.xpath import Node, parse_path, text_of, Tree, XPath
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span, Text
 from fret_monitor.model.names import shown
 

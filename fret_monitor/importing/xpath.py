@@ -35,7 +35,7 @@ _LEXEME = re.compile(r"""\s*(?://|\.\.|!=|[/.@*()\[\],=]|"[^"]*"|'[^']*'|\d+|"""
 
 
 @dataclass(frozen=True, eq=False)
-class Value:
+class XmlValue:
     """The text of an attribute or of an element, which has no nodes below it."""
 
     text: str
@@ -48,7 +48,7 @@ class _Document:
     root: Element
 
 
-Node: TypeAlias = Element | Value | _Document
+Node: TypeAlias = Element | XmlValue | _Document
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class _Step:
 
 
 @dataclass(frozen=True)
-class Path:
+class XPath:
     """A path; `is_absolute`: it begins above the root element."""
 
     steps: tuple[_Step, ...]
@@ -76,14 +76,14 @@ class _Call:
     operands: tuple['_Term', ...]
 
 
-_Term: TypeAlias = Path | _Call | str | int
+_Term: TypeAlias = XPath | _Call | str | int
 _ARGUMENTS = {'contains': 2, 'starts-with': 2, 'not': 1, 'normalize-space': 1, 'position': 0,
               'last': 0}
 _MOST_LEXEMES = 200  # so that nesting is limited too
 _MOST_VISITS = 10 ** 7
 
 
-def parse_path(text: Text) -> Path:
+def parse_path(text: Text) -> XPath:
     """
     Parse a path.
 
@@ -114,7 +114,7 @@ class _Parser:
         if len(self._lexemes) > _MOST_LEXEMES:
             refuse('this path is too long', self._text.span)
 
-    def path(self) -> Path:
+    def path(self) -> XPath:
         found = self._path()
         if self._next:
             self._refuse(self._at)
@@ -145,12 +145,12 @@ class _Parser:
         refuse('this path cannot be read', self._text.at(at, min(at + 1, size)), 'from here on',
                'paths have names, *, ., .., @name, text() behind / or //, and [conditions]')
 
-    def _path(self) -> Path:
+    def _path(self) -> XPath:
         first = self._take('/', '//')
         steps = [self._step(first == '//')]
         while sign := self._take('/', '//'):
             steps.append(self._step(sign == '//'))
-        return Path(tuple(steps), bool(first))
+        return XPath(tuple(steps), bool(first))
 
     def _step(self, is_deep: bool) -> _Step:
         test = self._take('.', '..', '*')
@@ -228,11 +228,11 @@ class Tree:
         for element in root.iter():
             self._parents.update(dict.fromkeys(element, element))
 
-    def find(self, path: Path) -> list[Node]:
+    def find(self, path: XPath) -> list[Node]:
         """Return the nodes of a path, each once; one without `/` begins at the root element."""
         return self._find(path, self._document.root)
 
-    def _find(self, path: Path, context: Node) -> list[Node]:
+    def _find(self, path: XPath, context: Node) -> list[Node]:
         found: list[Node] = [self._document if path.is_absolute else context]
         for step in path.steps:
             found = [*dict.fromkeys(node for each in found for node in self._step(step, each))]
@@ -253,13 +253,13 @@ class Tree:
         match node:
             case _Document():
                 return (node, *node.root.iter())
-            case Value():
+            case XmlValue():
                 return ()
             case _:
                 return node.iter()
 
     def _tested(self, test: str, node: Node) -> Iterator[Node]:
-        if test == '.' or isinstance(node, Value) and test == 'text()':
+        if test == '.' or isinstance(node, XmlValue) and test == 'text()':
             yield node
         elif isinstance(node, _Document):
             if test in ('*', name_of(node.root)):
@@ -271,10 +271,10 @@ class Tree:
         if test == '..':
             yield self._parents[node]
         elif test == 'text()':
-            yield from (Value(text) for text in (node.text, *(child.tail for child in node))
+            yield from (XmlValue(text) for text in (node.text, *(child.tail for child in node))
                         if text and text.strip())
         elif test.startswith('@'):
-            yield from (Value(text) for name, text in node.items()
+            yield from (XmlValue(text) for name, text in node.items()
                         if test[1:] in ('*', name.rpartition('}')[2]))
         else:
             yield from (child for child in node if test in ('*', name_of(child)))
@@ -288,7 +288,7 @@ class Tree:
                count: int) -> list[str] | str | int:
         """Return the value of a term at a node; of a path, the texts of what it finds."""
         match term:
-            case Path():
+            case XPath():
                 return [text_of(item) for item in self._find(term, node)]
             case str() | int():
                 return term
@@ -331,7 +331,7 @@ def _of_texts(name: str, values: Sequence[list[str] | str | int]) -> str | int:
 def text_of(node: Node) -> str:
     """Return the text of a node."""
     match node:
-        case Value():
+        case XmlValue():
             return node.text
         case _Document():
             return spoken_text(node.root)

@@ -20,10 +20,13 @@ import zipfile
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
+from fret_monitor.elaboration import languages
 from fret_monitor.importing import import_bundles
 from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.tables import MAX_ROWS
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.language.fretish import parse_fretish
+from fret_monitor.language.sentence import Sentence
+from fret_monitor.model.diagnostics import CompileError, Text
 import openpyxl
 import pytest
 
@@ -209,3 +212,19 @@ def test_a_sheet_without_the_named_columns_is_left_out(
     assert "the sheet 'C' is left out" in told and 'no row below the heads' in told
     with pytest.raises(CompileError, match='has no sheet with columns'):
         import_bundles([path], target, options=ImportOptions({'id': 'Key'}))
+
+
+def test_each_sentence_is_parsed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[str] = []
+
+    def counting(text: Text, *, is_timed: bool = False) -> Sentence:
+        seen.append(text.value)
+        return parse_fretish(text, is_timed=is_timed)
+
+    monkeypatch.setattr(languages, 'parse_fretish', counting)
+    sentences = [f'when speed > {k}.0 the rover shall within 2 seconds satisfy armed'
+                 for k in range(3)]
+    (tmp_path / 'once.csv').write_text('id,text\n' + ''.join(
+        f'R-{k},{sentence}\n' for k, sentence in enumerate(sentences)))
+    import_bundles([tmp_path / 'once.csv'], tmp_path / 'a.yaml')
+    assert seen == sentences

@@ -19,8 +19,7 @@ import zipfile
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
-from fret_monitor.importing import import_bundles, Imported
-from fret_monitor.importing import files, reqifz
+from fret_monitor.importing import files, import_bundles, Imported, reqifz
 from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.xml_format import read_format
 from fret_monitor.importing.xml_text import parsed_xml
