@@ -30,6 +30,7 @@ import time
 
 from bundles import write_bundle
 import pytest
+from strategies import some
 
 rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('colcon_ros', reason='needs colcon')
@@ -118,7 +119,7 @@ def wait_until(true: Callable[[], bool], process: 'subprocess.Popen[str]') -> No
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize('executable', ['monitor', 'logger'])
+@pytest.mark.parametrize('executable', some(['monitor', 'logger']))
 def test_a_node_starts_and_ends_under_ros2_run(
     executable: str, environment: dict[str, str], graph: Callable[[], list[str]], tmp_path: Path,
 ) -> None:

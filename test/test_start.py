@@ -35,6 +35,7 @@ from fret_monitor.runtime.fields import FieldReading, read_fields, ReadOutcome
 from fret_monitor.start import _package, start
 
 import pytest
+from strategies import some
 
 BUNDLE = """\
 format: 1
@@ -302,7 +303,7 @@ def test_other_overrides_or_compilers_cause_a_new_build(
     assert len(built) == 7
 
 
-@pytest.mark.parametrize('damage', DAMAGES)
+@pytest.mark.parametrize('damage', some(DAMAGES, 3))
 def test_a_damaged_note_is_ignored(
     damage: Callable[[dict[str, Any]], Any], bundle: Path, built: list[CompiledMonitor],
 ) -> None:

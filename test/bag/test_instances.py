@@ -34,6 +34,7 @@ from fret_monitor.model.policies import Policy
 import numpy
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
+from strategies import some
 
 FLOAT, BOOL = 'std_msgs/msg/Float64', 'std_msgs/msg/Bool'
 JOINTS, POINT = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PointStamped'
@@ -172,8 +173,8 @@ def told(name: str, statuses: Sequence[tuple[int, Any]]) -> list[Told]:
         for time, item in statuses if item.name == name]
 
 
-@pytest.mark.parametrize(('policy', 'variable'), [
-    (Policy.EVERY_MESSAGE, 'robot'), (Policy.TIMED, 'joint')])
+@pytest.mark.parametrize(('policy', 'variable'), some([
+    (Policy.EVERY_MESSAGE, 'robot'), (Policy.TIMED, 'joint')], 2))
 def test_what_is_written_of_an_instance_is_what_is_of_a_plain_bundle_on_its_slice(
         policy: Policy, variable: str, tmp_path: Path) -> None:
     found = list(messages(Random(f'{policy} {variable} written'), KEYS))
@@ -253,7 +254,7 @@ CASES = [(Policy.EVERY_MESSAGE, 'joint'), (Policy.EVERY_MESSAGE, 'track'),
          (Policy.PERIODIC, 'joint'), (Policy.TIMED, 'frame'), (Policy.TIMED, 'robot')]
 
 
-@pytest.mark.parametrize(('policy', 'variable'), CASES)
+@pytest.mark.parametrize(('policy', 'variable'), some(CASES, 2))
 def test_an_instance_of_a_listed_key_is_judged_as_a_plain_bundle_on_its_slice(
         policy: Policy, variable: str, tmp_path: Path) -> None:
     found = list(messages(Random(f'{policy} {variable}'), KEYS))

@@ -27,6 +27,7 @@ from fret_monitor.bag.check import Selection
 from fret_monitor.bag.report import check_and_report
 from fret_monitor.model.policies import Policy
 import pytest
+from strategies import some
 
 FLEET = """\
 format: 1
@@ -129,8 +130,8 @@ def lanes(page: Outline, key: str) -> dict[str, str]:
     return found
 
 
-@pytest.mark.parametrize(('policy', 'variable'), [
-    (Policy.TIMED, 'robot'), (Policy.RELEVANT_MESSAGE, 'track')])
+@pytest.mark.parametrize(('policy', 'variable'), some([
+    (Policy.TIMED, 'robot'), (Policy.RELEVANT_MESSAGE, 'track')], 2))
 def test_what_is_shown_of_an_instance_is_what_is_of_a_plain_bundle_on_its_slice(
         policy: Policy, variable: str, tmp_path: Path) -> None:
     found = list(messages(Random(f'{policy} {variable} report'), KEYS))

@@ -27,6 +27,7 @@ from cli.command import command, environment, HEADING, Here, PUMP, run, START
 import fret_monitor
 from fret_monitor import __version__
 import pytest
+from strategies import some
 
 BAD = PUMP.replace('n < 5', 'N < 5').replace('x > 0.1', 'x > true')
 VERBS = ('check', 'simulate', 'compile', 'bench')
@@ -209,7 +210,7 @@ def is_alive(process: int) -> bool:
     return True
 
 
-@pytest.mark.parametrize('verb', ['simulate', 'compile', 'bench'])
+@pytest.mark.parametrize('verb', some(['simulate', 'compile', 'bench'], 2))
 @pytest.mark.parametrize(('number', 'status'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_the_compiler_too_and_leaves_no_files(
         here: Here, verb: str, number: signal.Signals, status: int) -> None:

@@ -36,6 +36,7 @@ PAUSE = HERE / 'engine_pause.h'
 HEADER = 'std_msgs/msg/Header'
 SOURCES = objects.engine_sources()
 INCLUDES = csrc_includes()
+THREADS = ('engine_threads', 'receivers', 'relay', 'locks', 'verdicts', 'actions')
 
 # The names that csrc/ros gives to types of the middleware, and their names in its headers.
 STRUCTS = {
@@ -140,8 +141,11 @@ def sanitized(request: pytest.FixtureRequest) -> Sanitized:
     return found
 
 
-@pytest.mark.parametrize('name', [
-    'engine_threads', 'receivers', 'relay', 'locks', 'verdicts', 'actions'])
+# The nodes in C of test/ros run under the sanitizer of addresses, too.
+@pytest.mark.parametrize(('sanitized', 'name'), [
+    *(('threads', name) for name in THREADS), ('addresses', THREADS[0]),
+    *(pytest.param('addresses', name, marks=thorough) for name in THREADS[1:])],
+    indirect=['sanitized'])
 def test_threads(sanitized: Sanitized, name: str) -> None:
     program = sanitized.program(name)
     for _ in range(max(1, EXAMPLES // 50)):

@@ -25,7 +25,7 @@ from fret_monitor.elaboration.functions import FUNCTIONS
 from fret_monitor.language.fretish_words import WORDS
 from lsp.client import at, Client, editor, place_of, Refused, started, WAIT_S
 import pytest
-from strategies import thorough
+from strategies import some, thorough
 
 pytest.importorskip('pygls')
 
@@ -280,7 +280,7 @@ def test_a_text_that_has_changed_is_not_checked() -> None:
 
 # -- the process ---------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize('number', some([signal.SIGTERM, signal.SIGINT]))
 def test_a_signal_ends_it(number: signal.Signals) -> None:
     with started() as client:
         client.process.send_signal(number)

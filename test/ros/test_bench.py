@@ -119,6 +119,7 @@ def test_nodes_at_rest_are_compared_with_bare_ones_also_while_others_come(
             assert row.ratio == pytest.approx(row.value / bare[row.figure])
 
 
+@thorough
 def test_a_trace_has_each_hand_over_of_each_message_in_order(short: bench.Bench) -> None:
     library = trace.library_of(short)
     for case, work, (bare, monitor, *_), chain in trace.cases(short):

@@ -40,6 +40,7 @@ from ros.harness import NodeProcess, Partner, started, wait_until
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float32, Header
+from strategies import HOT_PATHS
 
 BUNDLE = """
 format: 1
@@ -276,7 +277,7 @@ def monitoring(spec: Path, how: str, *arguments: str) -> Iterator[NodeProcess]:
         node.kill()
 
 
-@pytest.mark.parametrize('how', ['on', 'off', 'native'])
+@pytest.mark.parametrize('how', [*HOT_PATHS, 'native'])
 def test_a_monitor_writes_a_file_that_bag_judges_alike(
         partner: Partner, tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -420,7 +420,8 @@ def test_garbage_at_full_speed_is_counted_and_causes_no_step(
 
 
 @pytest.mark.parametrize('hot_path, offers', [
-    ('on', [RELIABLE]), ('on', [RELIABLE, BEST_EFFORT]), ('off', [RELIABLE, BEST_EFFORT])],
+    pytest.param('on', [RELIABLE], marks=thorough), ('on', [RELIABLE, BEST_EFFORT]),
+    ('off', [RELIABLE, BEST_EFFORT])],
     indirect=['hot_path'])
 def test_publishers_that_come_and_go_do_not_disturb_another_publisher(
     hot_path: str, partner: Partner, stranger: Partner, operator: Operator, tmp_path: Path,

@@ -23,6 +23,7 @@ from bench import soak
 from fret_monitor.native.ros_files import prefixes
 from native import engine
 import pytest
+from strategies import thorough
 
 if not any(prefix.glob('include/*/rcl/rcl.h') for prefix in prefixes()) or \
         not any((prefix / 'lib/fret_monitor/monitor').is_file() for prefix in prefixes()):
@@ -60,6 +61,7 @@ def wrong(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return rows
 
 
+@thorough  # in `make test`, a short timed run
 def test_a_short_run_gives_the_verdicts_of_the_reference(prepared: bench.Bench) -> None:
     results = [result for part in ('simulate', 'node')
                for result in soak.soak(prepared, 5000, part)]
