@@ -43,6 +43,7 @@ from fret_monitor.editing import (
     code_of, complete, EditedBundle, fixes, formatted, hover, picture, PositionMap, read_edited,
     RequirementMemory, sentence_form, with_sentence,
 )
+from fret_monitor.logic.expansion import expanded
 from fret_monitor.logic.formula import Binary, BinaryOperator
 from fret_monitor.logic.scopes import one_instance
 from fret_monitor.logic.specification import Property, Signal, Specification
@@ -62,6 +63,8 @@ Answer: TypeAlias = Any
 MOST_STEPS = 100_000
 _MEMORY = 3_000_000_000
 _FIXED = 5  # diagnostics for which fixes are looked for: each way is tried
+_MOST_KEYS = 4  # listed ones, of which a trace has inputs
+_KEYS = ('a', 'b')  # of a variable whose keys are not listed
 _KINDS = {'satisfying': 'satisfies', 'violating': 'violates', 'recovering': 'recovers in'}
 
 
@@ -104,11 +107,21 @@ class Questions:
                                           memory=self._memory)
         return self._last[1]
 
-    def _reading(self, question: Question) -> Reading:
+    def _whole(self, question: Question) -> Reading:
         found = self._edited(question).reading
         if found is None:
             raise Refused('the bundle has errors')
+        return found
+
+    def _reading(self, question: Question) -> Reading:
+        """Return the bundle of a question, with one instance of each variable."""
+        found = self._whole(question)
         return replace(found, specification=one_instance(found.specification))
+
+    def _traced(self, question: Question) -> Reading:
+        """Return the bundle of a question as a trace has it, with some instances."""
+        found = self._whole(question)
+        return replace(found, specification=_with_instances(found.specification))
 
     # What is asked while somebody types.
 
@@ -120,13 +133,15 @@ class Questions:
             'bundle': None if edited.reading is None else self._overview(edited.reading, places)}
 
     def _overview(self, reading: Reading, places: 'Utf16') -> Answer:
-        specification = one_instance(reading.specification)
+        specification = _with_instances(reading.specification)
         return {
             'policy': specification.policy.value,
             'isTimed': specification.policy is Policy.TIMED,
             'period': None if specification.period is None else float(specification.period),
             'inputs': [_input(signal) for signal in specification.signals],
-            'requirements': [_requirement(item, places) for item in specification.properties]}
+            'judged': [item.id for item in specification.properties],
+            'requirements': [_requirement(item, places)
+                             for item in reading.specification.properties]}
 
     def _hover(self, question: Question) -> Answer:
         edited = self._edited(question)
@@ -185,7 +200,7 @@ class Questions:
 
     def _compile(self, name: str, text: str,
                  has_margins: bool) -> tuple[CompiledMonitor, Specification]:
-        reading = self._reading({'name': name, 'text': text})
+        reading = self._traced({'name': name, 'text': text})
         reading = replace(reading, specification=replace(
             reading.specification, has_margins=has_margins))
         return compile_monitor(generate_monitor(reading)), reading.specification
@@ -222,7 +237,7 @@ class Questions:
         """Say what has led to the violation of a requirement at a step."""
         _require_bags()
         from fret_monitor.studio.recordings import why
-        reading = self._reading(question)
+        reading = self._traced(question)
         specification = reading.specification
         _wanted(specification, [question['id']])
         step = nanoseconds(question.get('period')) if specification.policy is Policy.TIMED \
@@ -252,10 +267,22 @@ class Questions:
 
     def _example(self, question: Question) -> Answer:
         """Find a trace on which a requirement is so, or two have different verdicts."""
-        specification = self._reading(question).specification
+        specification = self._traced(question).specification
         wanted = _wanted(specification, question['ids'])
         kind = question['kind'] if len(question['ids']) == 1 else 'violating'
         return _example(specification, wanted, kind, question['ids'])
+
+
+def _with_instances(specification: Specification) -> Specification:
+    """Return a bundle with a few keys written in place of each variable, for a trace."""
+    if not specification.instance_variables:
+        return specification
+    found = expanded(specification, {
+        item.name: item.keys[:_MOST_KEYS] or _KEYS for item in specification.instance_variables})
+    return replace(
+        found, actions=(), gates=(),
+        signals=tuple(replace(item, where=None, layout=None) for item in found.signals),
+        properties=tuple(replace(item, on_violation=(), on_end=()) for item in found.properties))
 
 
 def _require_bags() -> None:
@@ -389,7 +416,7 @@ def _changes(rows: Iterable[tuple['array[int]', bytes]], ids: Sequence[str],
                 continue
             for number, (name, verdict) in enumerate(zip(ids, row, strict=True)):
                 if not before or before[number] != verdict:
-                    found[name].append((instant / scale, verdict))
+                    found[name].append((instant if scale == 1 else instant / scale, verdict))
             before = row
     return found
 

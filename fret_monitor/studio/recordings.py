@@ -88,8 +88,8 @@ def why(reading: Reading, trace: Path, requirement: str, time: int, step: int) -
     specification = reading.specification
     part = replace(reading, specification=replace(
         specification, actions=(), gates=(), properties=tuple(
-            replace(item, report=Report.ONSET) for item in specification.properties
-            if item.id == requirement)))
+            replace(item, report=Report.ONSET, on_violation=(), on_end=())
+            for item in specification.properties if item.id == requirement)))
     found = examine(trace, part, Trace(trace), find_message, Selection(),
                     stretch=Stretch(time, time))
     for item in found.occurrences[0]:

@@ -147,6 +147,50 @@ def test_margins_are_those_of_simulate(tmp_path: Path, text: str) -> None:
     assert any(isinstance(value, float) for _, value, _ in found['margins']['SLOW'])
 
 
+KEYED = """\
+format: 1
+evaluation: {policy: every_message}
+for_each:
+  robot: [alpha, beta]
+  track: {most: 9}
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float64}
+  near: {topic: "/{track}/near", type: std_msgs/msg/Bool}
+  on: {topic: on, type: std_msgs/msg/Bool}
+actions: {stop: {lock: {topic: e_stop}}}
+requirements:
+  - id: SLOW
+    fretish: when on the robot shall within 2 ticks satisfy speed <= 1
+    on_violation: stop
+  - {id: FAR, ptltl: "! near"}
+  - {id: FLEET, ptltl: "count(robot: speed > 1) <= 1"}
+"""
+
+
+def test_instances_have_inputs_and_verdicts_of_their_own(tmp_path: Path) -> None:
+    found = ask(tmp_path, 'check', KEYED)['bundle']
+    assert [item['name'] for item in found['inputs']] == [
+        'speed[robot=alpha]', 'speed[robot=beta]', 'near[track=a]', 'near[track=b]', 'on']
+    assert found['judged'] == ['SLOW[robot=alpha]', 'SLOW[robot=beta]', 'FAR[track=a]',
+                               'FAR[track=b]', 'FLEET']
+    assert [item['id'] for item in found['requirements']] == ['SLOW', 'FAR', 'FLEET']
+    trace = {'steps': 20, 'values': {
+        'speed[robot=alpha]': [[0, 0.0], [4, 2.0]], 'speed[robot=beta]': [[0, 0.0], [9, 2.0]],
+        'near[track=b]': [[0, False], [6, True]], 'on': [[0, False], [5, True]]}}
+    judged = ask(tmp_path, 'simulate', KEYED, **trace)['verdicts']
+    assert {name: next((at for at, value in changes if not value), None)
+            for name, changes in judged.items()} == {
+        'SLOW[robot=alpha]': 7, 'SLOW[robot=beta]': None, 'FAR[track=a]': None,
+        'FAR[track=b]': 6, 'FLEET': 9}
+    why = ask(tmp_path, 'why', KEYED, id='SLOW[robot=alpha]', step=8, **trace)
+    assert (why['begin'], why['end'], why['trigger']) == (7, None, None)
+    assert {label for label, kind, _ in why['data']['occurrences'][0]['l']
+            if kind == 'proposition'} == {'on', '"speed[robot=alpha]" <= 1.0'}
+    example = ask(tmp_path, 'example', KEYED, ids=['FLEET'], kind='violating')
+    again = ask(tmp_path, 'simulate', KEYED, **example)['verdicts']
+    assert again['FLEET'][-1][1] == 0
+
+
 def test_the_picture_and_the_form_have_offsets_of_javascript(tmp_path: Path) -> None:
     text = BUNDLE.replace('format: 1', 'format: 1  # 😀')
     wide = text.encode('utf-16-le')

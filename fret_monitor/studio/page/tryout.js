@@ -46,12 +46,11 @@ export class Tryout {
 
   // Show the inputs of another version of the bundle.
   use(bundle) {
-    const before = JSON.stringify([this.#bundle?.inputs, this.#bundle?.requirements.map(
-      (item) => item.id), this.#bundle?.isTimed]);
+    const shape = (found) => JSON.stringify([found?.inputs, found?.judged, found?.isTimed]);
+    const before = shape(this.#bundle);
     this.#bundle = bundle;
     this.#trace.fit(bundle.inputs);
-    if (before !== JSON.stringify([bundle.inputs, bundle.requirements.map((item) => item.id),
-      bundle.isTimed])) this.#build();
+    if (before !== shape(bundle)) this.#build();
     this.#judge();
   }
 
@@ -60,20 +59,20 @@ export class Tryout {
   }
 
   #build() {
-    const { inputs, requirements } = this.#bundle;
+    const { inputs, judged } = this.#bundle;
     const steps = () => this.#trace.steps;
     const lane = (input) => new Lane(input.name, this.#view, {
       input, steps, end: steps, changes: () => this.#trace.values[input.name],
       set: (first, last, value) => this.#set(input, first, last, value),
       enter: () => this.#parts.value.focus() });
-    const verdict = (item) => new Lane(item.id, this.#view, {
-      steps, end: steps, changes: () => this.#asSteps(this.#verdicts[item.id] ?? []) });
-    const margin = (item) => new Lane(words.marginOf(item.id), this.#view, {
+    const verdict = (id) => new Lane(id, this.#view, {
+      steps, end: steps, changes: () => this.#asSteps(this.#verdicts[id] ?? []) });
+    const margin = (id) => new Lane(words.marginOf(id), this.#view, {
       input: MARGIN, steps, end: steps,
-      changes: () => this.#asSteps(this.#margins[item.id] ?? []) });
+      changes: () => this.#asSteps(this.#margins[id] ?? []) });
     const above = inputs.map(lane);
-    const below = requirements.flatMap((item) => this.#hasMargins
-      ? [verdict(item), margin(item)] : [verdict(item)]);
+    const below = judged.flatMap((id) => this.#hasMargins
+      ? [verdict(id), margin(id)] : [verdict(id)]);
     this.#lanes = [...above, ...below];
     above.forEach((each, number) => each.picture.addEventListener('focus', () => {
       this.#active = inputs[number];
@@ -97,7 +96,7 @@ export class Tryout {
   }
 
   #controls() {
-    const { requirements, isTimed } = this.#bundle;
+    const { judged, isTimed } = this.#bundle;
     const button = (label, run) => h('button', { type: 'button', onclick: run }, label);
     const zoom = (factor) => () => this.#view.zoom(factor, this.#trace.steps);
     const pan = (part) => () => this.#view.pan(
@@ -125,12 +124,12 @@ export class Tryout {
         this.#build();
         this.#judge();
       } });
-    const options = (others) => others.map((item) => h('option', { value: item.id }, item.id));
+    const options = (others) => others.map((id) => h('option', { value: id }, id));
     const chosen = h('select', { id: 'example-of', 'aria-label': words.requirement },
-      ...options(requirements));
+      ...options(judged));
     const other = h('select', { id: 'other', 'aria-label': words.apart },
-      ...options(requirements));
-    if (requirements.length > 1) other.value = requirements[1].id;
+      ...options(judged));
+    if (judged.length > 1) other.value = judged[1];
     const show_ = (kind) => () => this.#example([chosen.value], kind);
     return {
       steps, period, value, names,
@@ -149,12 +148,12 @@ export class Tryout {
         button(words.importTrace, () => file.click()), file,
         h('label', {}, margins, ' ', words.margins)),
       typed: h('div', { class: 'tools' }),
-      examples: requirements.length ? h('div', { class: 'tools' },
+      examples: judged.length ? h('div', { class: 'tools' },
         h('label', {}, words.requirement, ' ', chosen), h('span', {}, words.example),
         ...Object.entries(words.kinds).map(([kind, label]) => button(label, show_(kind))),
-        requirements.length > 1 ? button(words.apart, () => this.#example(
+        judged.length > 1 ? button(words.apart, () => this.#example(
           [chosen.value, other.value], 'violating')) : null,
-        requirements.length > 1 ? other : null) : null,
+        judged.length > 1 ? other : null) : null,
     };
   }
 
@@ -313,8 +312,8 @@ export class Tryout {
   }
 
   #exportFret() {
-    const { inputs, requirements } = this.#bundle;
-    const found = writeFret(this.#trace, inputs, 'trace', requirements.map((item) => item.id));
+    const { inputs, judged } = this.#bundle;
+    const found = writeFret(this.#trace, inputs, 'trace', judged);
     if (found === null) this.#tell(words.noNumbers);
     else save(found, 'application/json', 'trace.json');
   }
