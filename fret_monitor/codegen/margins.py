@@ -32,12 +32,12 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import GroupLayout
 from fret_monitor.program.monitor_program import (
     Certain, Distance, Greater, Lesser, Literal, MarginAgo, MarginEquation, MarginFeedback,
-    Margins, MarginSince, MarginWithin, MonitorProgram, Operand, Read, room_of,
+    Margins, MarginSince, MarginWithin, MonitorProgram, Operand, Read, room_of, TRUE,
 )
 
 LONGEST_COMPARISON = 200
-_FUNCTIONS = {BinaryOperator.LE: 'fm_margin_at_most', BinaryOperator.EQ: 'fm_margin_equal',
-              BinaryOperator.NE: 'fm_margin_unequal'}
+_FUNCTIONS = {BinaryOperator.LE: 'fm_distance_at_most', BinaryOperator.EQ: 'fm_distance_equal',
+              BinaryOperator.NE: 'fm_distance_unequal'}
 
 
 def comparisons(program: MonitorProgram) -> list[MarginEquation]:
@@ -70,10 +70,11 @@ class MarginWriter:
         for index, item in enumerate(self._margins.equations):
             if item.formula is not None:
                 yield from comment(self._shown(item), '  ')
-            yield f'  const struct fm_margin margin_{index} = {self._expression(index, number)};'
+            yield f'  const struct fm_margin_now margin_{index} = ' \
+                  f'{self._expression(index, number)};'
             number += isinstance(item.operation, Distance)
-        yield from self._feedback()
         yield from self._roots()
+        yield from self._feedback()  # last: margins may point to those that it replaces
         if self._is_timed:
             yield '  return next;'
 
@@ -89,25 +90,28 @@ class MarginWriter:
                 return f'fm_margin_certain({self._leaf(operation.leaf)})'
             case Distance():
                 scale = c.literal(operation.scale, ValueType.FLOAT64).text
-                made = (f'{_FUNCTIONS[operation.operator]}(\n    {self._leaf(operation.left)}, '
-                        f'{self._leaf(operation.right)}, {scale}, s->instant_0, {number})')
-                return f'fm_margin_lasting(s->margins_{index}, {made})' if self._is_timed else made
+                return (f'fm_margin_compared{"_at" if self._is_timed else ""}(\n'
+                        f'    s->margins_{index}, {_FUNCTIONS[operation.operator]}('
+                        f'{self._leaf(operation.left)}, {self._leaf(operation.right)}),\n'
+                        f'    {scale}, s->instant_0, {number})')
             case Lesser():
                 return self._call('lesser', operation.left, operation.right)
             case Greater():
                 return self._call('greater', operation.left, operation.right)
+            case MarginSince(left) if left == TRUE:
+                return self._call('ever', operation.right, state=f's->margins_{index}')
             case MarginSince():
                 return self._call('since', operation.left, operation.right,
                                   state=f's->margins_{index}')
             case MarginWithin():
                 return self._queue('within', index, operation.bound, operation)
-            case MarginAgo(steps=1):
-                return self._call('before', operation.argument, state=f's->margins_{index}',
-                                  at_ticks=self._is_timed)
+            case MarginAgo(steps=1) if self._is_timed:
+                return self._call('before', operation.argument, at_ticks=True,
+                                  state=f's->margins_{index}, s->margin_queue_{index}')
             case MarginAgo():
                 return self._queue('ago', index, operation.steps, operation)
             case MarginFeedback():
-                return f's->margin_feedback_{operation.index}[0]'
+                return f'fm_margin_of(s->margin_feedback_{operation.index})'
             case _:
                 assert_never(operation)
 
@@ -146,10 +150,14 @@ class MarginWriter:
 
     def _feedback(self) -> Iterator[str]:
         for number, operand in enumerate(self._margins.feedback):
-            state, now = f's->margin_feedback_{number}', self._operand(operand)
-            call = f'fm_margin_before_at({state}, {now}, tick, &next)' if self._is_timed \
-                else f'fm_margin_before({state}, {now})'
-            yield f'  (void){call};'
+            yield f'  const struct fm_margin_kept next_{number} = ' \
+                  f'fm_margin_copied({self._operand(operand)});'
+        for number, _ in enumerate(self._margins.feedback):
+            state = f's->margin_feedback_{number}'
+            if self._is_timed:
+                yield f'  fm_lower(\n    &next, fm_margin_differs(fm_margin_of({state}), ' \
+                      f'fm_margin_of(&next_{number})), tick + 1);'
+            yield f'  {state}[0] = next_{number};'
 
     def _roots(self) -> Iterator[str]:
         queues = [f's->margin_queue_{index}[3]'
@@ -161,6 +169,5 @@ class MarginWriter:
         for name, operand in (*((f'margin_{number}', item) for number, item in roots),
                               *((f'margin_now_{number}', item)
                                 for number, item in self._margins.occurrences)):
-            yield f'  s->{name}[0] = {self._operand(operand)};'
-            if queues:
-                yield f'  fm_margin_unless_lost(s->{name}, is_lost);'
+            yield f'  s->{name}[0] = fm_margin_shown(' \
+                  f'{self._operand(operand)}, {"is_lost" if queues else "false"});'

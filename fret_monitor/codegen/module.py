@@ -322,7 +322,7 @@ class _ModuleWriter:
         yield from self._locate(number, 'state')
         yield '  memset(s, 0, sizeof(*s));'
         for item in layout.fields:
-            if item.n_margins or repr(item.initial) not in (
+            if item.n_kept_margins or repr(item.initial) not in (
                     '0', '0.0', 'False'):  # -0.0 is not all zeros
                 yield from _initialisation(item)
         yield '}'
@@ -660,14 +660,15 @@ def _runs(groups: Iterable[int], size: Callable[[int], int],
 
 def _declaration(item: StateField) -> str:
     if item.n_margins:
-        return f'struct fm_margin {field(item)}[{item.n_margins}]'
+        kept = '_kept' if item.n_kept_margins else ''
+        return f'struct fm_margin{kept} {field(item)}[{item.n_margins}]'
     array = f'[{item.length}]' if item.length else ''
     return f'{item.type.c_name} {field(item)}{array}'
 
 
 def _initialisation(item: StateField) -> Iterator[str]:
-    if item.n_margins:
-        yield f'  fm_margins_reset(s->{field(item)}, {item.n_margins}u);'
+    if item.n_kept_margins:
+        yield f'  fm_margins_reset(s->{field(item)}, {item.n_kept_margins}u);'
     elif item.length:
         yield f'  for (size_t i = 0u; i < {item.length}u; ++i) {{'
         shown = item.initial if item.type.is_float else f'{item.initial}u'

@@ -90,8 +90,8 @@ class FieldKind(Enum):
     MARGIN_FEEDBACK = 'margin_feedback'
 
 
-_OF_MARGINS = (FieldKind.MARGIN, FieldKind.MARGIN_NOW, FieldKind.MARGINS,
-               FieldKind.MARGIN_FEEDBACK)
+_KEPT_MARGINS = (FieldKind.MARGINS, FieldKind.MARGIN_FEEDBACK)
+_OF_MARGINS = (FieldKind.MARGIN, FieldKind.MARGIN_NOW, *_KEPT_MARGINS)
 
 
 @dataclass(frozen=True)
@@ -122,6 +122,11 @@ class StateField:
     def n_margins(self) -> int:
         """How many margins it holds; 0 of another kind."""
         return self.length // MARGIN_WORDS if self.kind in _OF_MARGINS else 0
+
+    @property
+    def n_kept_margins(self) -> int:
+        """How many margins of cells it holds."""
+        return self.n_margins if self.kind in _KEPT_MARGINS else 0
 
 
 @dataclass(frozen=True)
@@ -528,15 +533,12 @@ def _margins(group: StepGroup, margins: Margins) -> Iterator[StateField]:
     for number, item in enumerate(margins.equations):
         cell = item.operation
         match cell:
-            case Distance() if not group.is_timed:
-                pass
-            case MarginSince() | MarginAgo(steps=1) | Distance():
+            case MarginSince() | Distance():
                 yield some(FieldKind.MARGINS, number)
             case MarginAgo(room=None):
-                yield from (some(FieldKind.MARGINS, number, cell.steps), queue(number, 1))
+                yield from (some(FieldKind.MARGINS, number, cell.steps + 1), queue(number, 1))
             case MarginWithin(room=None):
-                yield from (some(FieldKind.MARGINS, number, cell.bound + 1),
-                            queue(number, QUEUE_HEAD + cell.bound + 1))
+                yield from (some(FieldKind.MARGINS, number, cell.bound + 2), queue(number, 1))
             case MarginAgo() | MarginWithin():
                 capacity = cell.room.capacity or 1 if cell.room else 1
                 yield from (some(FieldKind.MARGINS, number, capacity),

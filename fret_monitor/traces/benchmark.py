@@ -129,7 +129,7 @@ class StepTimer:
         is_timed = monitor.manifest.policy is Policy.TIMED
         self._clock = ffi.new('int64_t[3]', [-_SPACING_NS, _SPACING_NS, 0])
         self._due = ffi.new('int64_t[]', [NEVER] * count) if is_timed else ffi.NULL
-        self._repeats = max(1, round(_ROUND_NANOSECONDS / max(1, self._pass())))
+        self.repeats = max(1, round(_ROUND_NANOSECONDS / max(1, self._pass())))
 
     def _pass(self) -> int:
         return int(self._time(self._monitor.pointer, self._state, self._inputs.memory,
@@ -146,8 +146,8 @@ class StepTimer:
 
     def round(self) -> float:
         """Run one round and return the nanoseconds per step."""
-        total = sum(self._pass() for _ in range(self._repeats))
-        return total / (self._repeats * self._inputs.count)
+        total = sum(self._pass() for _ in range(self.repeats))
+        return total / (self.repeats * self._inputs.count)
 
 
 def step_nanoseconds(monitor: Monitor, inputs: Inputs, rounds: int = 9) -> float:
