@@ -14,7 +14,7 @@
 
 """The index of the reports of many recordings: a table of recordings and requirements."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 import json
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,13 @@ _SHORT_LEGEND = '<p class="legend">' + ''.join(
     for verdict, sign in _SIGNS.items()) + '<span>a number: occurrences of violations</span></p>'
 
 
-def index_page(title: str, lines: Iterable[str], folder: Path) -> str:
-    """Return the index of recordings, each a line of JSON; it links to the pages in `folder`."""
+def index_page(title: str, lines: Iterable[str], folder: Path,
+               pooled: Iterable[Sequence[str]] = ()) -> str:
+    """
+    Return the index of recordings, each a line of JSON; it links to the pages in `folder`.
+
+    `pooled` are the rows of the table of probabilities over all recordings, its heads first.
+    """
     recordings = [json.loads(line) for line in lines]
     ids = list(dict.fromkeys(key for item in recordings for key in item['requirements']))
     head = ''.join(f'<th class="id" title="{escaped(key)}">{escaped(key)}</th>' for key in ids)
@@ -48,7 +53,20 @@ def index_page(title: str, lines: Iterable[str], folder: Path) -> str:
         f'{failed:,} with errors.</p>',
         f'<div class="card wide"><table class="index{" many" if is_short else ""}"><tr>'
         f'<th>recording</th><th>messages</th>{head}<th>errors</th></tr>{rows}</table>',
-        _SHORT_LEGEND if is_short else '', '</div>'], is_broad=True)
+        _SHORT_LEGEND if is_short else '', '</div>', *_pooled(list(pooled))], is_broad=True)
+
+
+def _pooled(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Yield the table of probabilities, if there are any."""
+    if not rows:
+        return
+    heads, *others = rows
+    yield '<h2>Probabilities over all recordings</h2><div class="card wide"><table><tr>'
+    yield ''.join(f'<th>{escaped(cell)}</th>' for cell in heads)
+    yield '</tr>'
+    for row in others:
+        yield '<tr>' + ''.join(f'<td>{escaped(cell)}</td>' for cell in row) + '</tr>'
+    yield '</table></div>'
 
 
 def _row(item: dict[str, Any], ids: Iterable[str], folder: Path, *, is_short: bool) -> str:

@@ -68,9 +68,15 @@ def pooled_json(found: Mapping[str, Figures], count: int) -> str:
         name: figures_json(item) for name, item in found.items()}}, ensure_ascii=False)
 
 
+def pooled_rows(found: Mapping[str, Figures],
+                required: Mapping[str, str]) -> list[Sequence[str]]:
+    """Return the heads and a row a requirement; `required` as `required_of`."""
+    return [_HEADS, *(_row(name, required[name], item) for name, item in found.items())]
+
+
 def pooled_table(found: Mapping[str, Figures], required: Mapping[str, str], count: int) -> str:
     """Return the figures for a terminal; `required` are the relations and bounds, by id."""
-    rows = [_HEADS, *(_row(name, required[name], item) for name, item in found.items())]
+    rows = pooled_rows(found, required)
     widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADS))]
     return '\n'.join([f'probabilities, over {counted(count, "recording")}:',
                       *(aligned(row, widths, words=3) for row in rows)])

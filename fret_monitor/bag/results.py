@@ -82,6 +82,10 @@ def _probability(item: Findings) -> dict[str, object]:
         'runs': runs_of(has_failed for _, has_failed in item.trials)}}
 
 
+ALL_RECORDINGS = 'all recordings'
+"""The name of what is found over all of them."""
+
+
 def figures_json(found: Figures) -> dict[str, object]:
     """Return the figures of a test (docs/probability.md)."""
     return {'verdict': found.verdict, 'trials': found.trials, 'failures': found.failures,
@@ -161,12 +165,13 @@ def aligned(row: Sequence[str], widths: Sequence[int], words: int = 2) -> str:
 
 
 def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
-          is_partial: bool = False) -> str:
+          is_partial: bool = False, pooled: Mapping[str, Figures] | None = None) -> str:
     """
     Return lines of JSON as JUnit's XML: a suite a recording, a case a requirement.
 
     `texts` are those of the requirements, by id. If it `is_partial`, what is missing in a
-    recording that could be judged is no error, but in the suite's output.
+    recording that could be judged is no error, but in the suite's output. `pooled` are the figures
+    of the probabilities over all recordings: a further suite.
     """
     suites = ElementTree.Element('testsuites', name=_clean(bundle))
     for content in map(json.loads, lines):
@@ -174,11 +179,7 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
         for name, found in content['requirements'].items():
             case = ElementTree.SubElement(
                 suite, 'testcase', name=_clean(name), classname=_clean(bundle))
-            if known := dict(_properties(found)):
-                properties = ElementTree.SubElement(case, 'properties')
-                for key, value in known.items():
-                    ElementTree.SubElement(properties, 'property', name=key,
-                                           value=_clean(value))
+            _add_properties(case, [*_properties(found)])
             if found['verdict'] is False:
                 first = '' if found['first'] is None else f', first at {found["first"]}'
                 failure = ElementTree.SubElement(
@@ -194,13 +195,12 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
             case = ElementTree.SubElement(
                 suite, 'testcase', name='recording', classname='recording')
             ElementTree.SubElement(case, 'error', message=_clean(error))
-        suite.set('tests', str(len(suite)))
-        for kind in ('failure', 'error', 'skipped'):
-            plural = kind if kind == 'skipped' else f'{kind}s'
-            suite.set(plural, str(len(suite.findall(f'*/{kind}'))))
+        _count(suite)
         if is_wanted and content['errors']:
             output = ElementTree.SubElement(suite, 'system-out')
             output.text = _clean('\n'.join(content['errors']))
+    if pooled:
+        _add_pooled(suites, pooled, texts, bundle)
     ElementTree.indent(suites)
     return ElementTree.tostring(suites, encoding='unicode', xml_declaration=True) + '\n'
 
@@ -212,6 +212,43 @@ def _properties(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield f'closest.{key}', str(found['closest'][key])
     if 'triggered' in found:
         yield 'triggered', 'true' if found['triggered'] else 'false'
+    if 'probability' in found:
+        yield from _figures(found['probability'])
+
+
+def _figures(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for key in ('verdict', 'trials', 'failures', 'estimate', 'interval'):
+        yield f'probability.{key}', str(found[key])
+
+
+def _count(suite: ElementTree.Element) -> None:
+    suite.set('tests', str(len(suite)))
+    for kind in ('failure', 'error', 'skipped'):
+        plural = kind if kind == 'skipped' else f'{kind}s'
+        suite.set(plural, str(len(suite.findall(f'*/{kind}'))))
+
+
+def _add_properties(case: ElementTree.Element, items: Sequence[tuple[str, str]]) -> None:
+    if items:
+        properties = ElementTree.SubElement(case, 'properties')
+        for name, value in items:
+            ElementTree.SubElement(properties, 'property', name=name, value=_clean(value))
+
+
+def _add_pooled(suites: ElementTree.Element, pooled: Mapping[str, Figures],
+                texts: Mapping[str, str], bundle: str) -> None:
+    suite = ElementTree.SubElement(suites, 'testsuite', name=ALL_RECORDINGS)
+    for name, found in pooled.items():
+        case = ElementTree.SubElement(
+            suite, 'testcase', name=_clean(name), classname=_clean(bundle))
+        _add_properties(case, [*_figures(figures_json(found))])
+        if found.verdict == 'refuted':
+            failure = ElementTree.SubElement(case, 'failure', message=(
+                f'refuted: {found.failures:,} of {found.trials:,} trials failed'))
+            failure.text = _clean(texts.get(name, ''))
+        elif found.verdict == 'open':
+            ElementTree.SubElement(case, 'skipped', message='open')
+    _count(suite)
 
 
 HEADS = ('Verdict', 'Recording', 'Occurrences', 'First violation')

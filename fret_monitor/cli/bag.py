@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from fret_monitor.bag.check import RecordingResult, Selection
     from fret_monitor.bag.fleet import Outcome
     from fret_monitor.bag.results_file import ResultsFile
+    from fret_monitor.runtime.probability import Figures
 
 _OUTPUTS = ('junit', 'csv', 'mcap', 'report', 'results')
 _PAGES = ('.html', '.htm')
@@ -204,34 +205,38 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
                 or (is_violated and options.fail_on_violation):
             status = 1
     found = [lines[key] for key in map(recording_key, options.bags) if key in lines]
-    if _print_pooled(found, is_json=options.json) and options.fail_on_violation:
+    from fret_monitor.bag.pooled import pooled, pooled_rows, required_of
+    figures = pooled(found)
+    if figures:
+        _print_pooled(found, figures, is_json=options.json)
+    if options.fail_on_violation and any(
+            item.verdict == 'refuted' for item in figures.values()):
         status = 1
     if options.margins and len(found) > 1 and not options.json:
         from fret_monitor.bag.closest import closest_table
         if ranking := closest_table(found):
             print(ranking, flush=True)
     if options.junit is not None:
-        _write_junit(options, bundle, selection, found, texts)
+        _write_junit(options, bundle, selection, found, texts, figures)
     if options.fill is not None:
         _fill(options, bundle, found)
     if folder is not None:
         from fret_monitor.bag.index import index_page
         with open_output(folder / 'index.html') as file:
-            file.write(index_page(f'{bundle.stem}: {len(found)} recordings', found, folder))
+            file.write(index_page(
+                f'{bundle.stem}: {len(found)} recordings', found, folder,
+                pooled_rows(figures, required_of(found)) if figures else ()))
     if results is not None and results.error:
         refuse(results.error, help='the recordings printed since then will be checked again')
     return status
 
 
-def _print_pooled(lines: Sequence[str], *, is_json: bool) -> bool:
-    """Print the probabilities over all recordings; return whether one is refuted."""
-    from fret_monitor.bag.pooled import pooled, pooled_json, pooled_table, required_of
-    found = pooled(lines)
-    if not found:
-        return False
+def _print_pooled(lines: Sequence[str], found: 'Mapping[str, Figures]', *,
+                  is_json: bool) -> None:
+    """Print the probabilities over all recordings."""
+    from fret_monitor.bag.pooled import pooled_json, pooled_table, required_of
     print(pooled_json(found, len(lines)) if is_json else
           pooled_table(found, required_of(lines), len(lines)), flush=True)
-    return any(item.verdict == 'refuted' for item in found.values())
 
 
 def _fill(options: Namespace, bundle: Path, found: Sequence[str]) -> None:
@@ -245,14 +250,15 @@ def _fill(options: Namespace, bundle: Path, found: Sequence[str]) -> None:
 
 
 def _write_junit(options: Namespace, bundle: Path, selection: 'Selection', found: Sequence[str],
-                 texts: Mapping[str, str]) -> None:
+                 texts: Mapping[str, str], figures: 'Mapping[str, Figures]') -> None:
     from fret_monitor.bag.check import requirement_texts
     from fret_monitor.bag.results import junit
     judged = [item['bag'] for item in map(json.loads, found) if item['requirements']]
     if judged and not texts:  # all were checked before
         texts = requirement_texts(bundle, Path(judged[0]), selection)
     with open_output(options.junit) as file:
-        file.write(junit(found, texts, bundle.stem, is_partial=selection.is_partial))
+        file.write(junit(found, texts, bundle.stem, is_partial=selection.is_partial,
+                         pooled=figures))
 
 
 def _print(outcome: 'Outcome', selection: 'Selection', *, is_json: bool) -> None:

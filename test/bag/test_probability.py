@@ -19,6 +19,7 @@ import json
 from pathlib import Path
 from random import Random
 from typing import Any
+from xml.etree import ElementTree
 
 from bag.recordings import START, write
 from bundles import write_bundle
@@ -136,6 +137,44 @@ def test_recordings_are_pooled_in_their_order_however_they_are_checked(
     assert other['pooled']['SOON']['trials'] == 250
     _, (*_, together) = lines(capsys, bundle, *paths, '--jobs', '2')
     assert together == pooled
+
+
+def test_the_index_and_junit_have_the_figures_of_all_recordings(
+        bundle: Path, tmp_path: Path, capsys: Capture) -> None:
+    rng = Random(2)
+    paths = [trace(tmp_path, f'run_{place}.csv', rows(rng, rate))
+             for place, rate in enumerate((0.02, 0.3, 0.1))]
+    reports, junit = tmp_path / 'reports', tmp_path / 'junit.xml'
+    _, (*each, pooled) = lines(
+        capsys, bundle, *paths, '--report', reports, '--junit', junit)
+    found = pooled['pooled']
+    *alone, together = ElementTree.parse(junit).getroot()
+    assert together.get('name') == 'all recordings'
+    assert [case.get('name') for case in together] == ['SOON', 'RARE']
+    for suite, item in zip((*alone, together), (*(
+            {name: value['probability'] for name, value in line['requirements'].items()
+             if 'probability' in value} for line in each), found)):
+        for case in suite:
+            properties = {each.get('name'): each.get('value') for each in case.iter('property')}
+            expected = item.get(case.get('name'), {})
+            assert properties == {f'probability.{key}': str(expected[key]) for key in (
+                'verdict', 'trials', 'failures', 'estimate', 'interval') if expected}
+    verdicts = {'refuted': 'failure', 'open': 'skipped'}
+    assert [[verdicts[found[name]['verdict']]] if found[name]['verdict'] in verdicts else []
+            for name in found] == [[item.tag for item in case if item.tag != 'properties']
+                                   for case in together]
+    assert (found['SOON']['verdict'], found['RARE']['verdict']) == ('assured', 'refuted')
+    assert (together.get('tests'), together.get('failures'), together.get('skipped')) == (
+        '2', '1', '0')
+    index = (reports / 'index.html').read_text(encoding='utf-8')
+    after = index[index.index('Probabilities over all recordings'):]
+    for name, item in found.items():
+        low, high = item['interval']
+        verdict = item['verdict'].upper() if item['verdict'] == 'refuted' else item['verdict']
+        cells = (name, verdict, f'{item["trials"]:,}', f'{item["failures"]:,}',
+                 f'{item["estimate"]:.6g}', f'{low:.6g} .. {high:.6g}')
+        row = after[after.index(f'<td>{name}</td>'):]
+        assert all(f'<td>{cell}</td>' in row[:row.index('</tr>')] for cell in cells)
 
 
 def test_a_run_that_was_interrupted_ends_with_the_same_numbers(

@@ -14,13 +14,16 @@
 
 """What the verbs do with requirements with probabilities: taken, or left out and said so."""
 
+from fractions import Fraction
 import json
 from pathlib import Path
 
 from bundles import write_bundle
 from fret_monitor.cli.main import main
+from fret_monitor.model.probability import Probability
 from fret_monitor.native.folder import open_folder
 from fret_monitor.native.monitor import load
+from fret_monitor.runtime.probability import outcomes_of, PooledTest
 import pytest
 
 PROBABLE = '  - {id: P, fretish: "upon c the robot shall with probability > 0.98 within 2 ticks ' \
@@ -101,6 +104,19 @@ def test_a_report_has_the_curve(tmp_path: Path, capsys: Capture) -> None:
     (found, _) = (json.loads(line) for line in _json(capsys, tmp_path, trace))
     told = found['requirements']['P']['probability']
     assert len(points) == told['trials'] > 20
+    ends = [item.split(',') for item in text.split('<polygon points="')[1].split('"')[0].split()]
+    upper, lower = ends[:len(points)], ends[:len(points) - 1:-1]
+    test = PooledTest(Probability('>', Fraction('0.98'), Fraction(told['confidence'])))
+    failures = 0
+    for number, has_failed in enumerate(outcomes_of(told['runs']), 1):
+        test.add(has_failed)
+        failures += has_failed
+        figures = test.figures(has_more=False)
+        shown = [points[number - 1].split(','), upper[number - 1], lower[number - 1]]
+        for (x, y), value in zip(shown, (1 - failures / number, figures.high, figures.low)):
+            assert abs(float(x) - (44 + 676 * number / told['trials'])) <= 0.06
+            assert abs(float(y) - (8 + 120 * (1 - value))) <= 0.06
+    assert failures == told['failures'] > 0
     assert f'{told["failures"]:,} of {told["trials"]:,} trials failed' in text
 
 
