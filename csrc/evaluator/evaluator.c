@@ -454,6 +454,12 @@ void fm_evaluator_forget_closest(struct fm_evaluator * evaluator)
   }
 }
 
+void fm_evaluator_draw_margins(
+  struct fm_evaluator * evaluator, const struct fm_margin_lanes * lanes)
+{
+  evaluator->lanes = lanes;
+}
+
 static const struct fm_closest no_closest = {{(double)NAN, (double)NAN, 0, -1}, 0, false};
 
 struct fm_closest fm_evaluator_closest(

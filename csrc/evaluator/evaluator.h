@@ -126,6 +126,17 @@ struct fm_closest
   bool is_known;  // false: no step had one
 };
 
+/// Margins over a stretch of time, for drawing: of each requirement and part the least margin of
+/// its steps, and the last one. Both are at first margins whose values are NaN.
+struct fm_margin_lanes
+{
+  int64_t begin;             // ns
+  int64_t width;             // of a part, ns
+  uint64_t n;                // parts
+  struct fm_margin * least;  // a requirement: n of them
+  struct fm_margin * last;
+};
+
 /// One announced violation, or the recovery from one: what its report compares is true again.
 struct fm_violation
 {
@@ -460,6 +471,10 @@ FM_EXPORT struct fm_closest fm_evaluator_beyond(
 /// Take its least margin since the last call, the present one included; a NaN if that is not
 /// known. O(1).
 FM_EXPORT double fm_evaluator_take_margin(struct fm_evaluator * evaluator, uint32_t requirement);
+
+/// Write the margins of all steps from now on to lanes, which outlive this use; NULL: to none.
+FM_EXPORT void fm_evaluator_draw_margins(
+  struct fm_evaluator * evaluator, const struct fm_margin_lanes * lanes);
 
 /// Forget the least margins. O(requirements).
 FM_EXPORT void fm_evaluator_forget_closest(struct fm_evaluator * evaluator);

@@ -143,6 +143,21 @@ static void keep_less(
   }
 }
 
+static void draw(
+  const struct fm_margin_lanes * lanes, uint32_t requirement, const struct fm_margin * margin,
+  int64_t instant)
+{
+  const int64_t part = instant < lanes->begin ? -1 : (instant - lanes->begin) / lanes->width;
+  if (part < 0 || (uint64_t)part >= lanes->n) {
+    return;
+  }
+  const uint64_t place = requirement * lanes->n + (uint64_t)part;
+  if (!(lanes->least[place].value <= margin->value)) {  // or it is the first one
+    lanes->least[place] = *margin;
+  }
+  lanes->last[place] = *margin;
+}
+
 // Note the margins of a group after a step that was judged.
 static void note_margins(struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
 {
@@ -152,6 +167,9 @@ static void note_margins(struct fm_evaluator * evaluator, uint32_t g, int64_t in
     struct fm_requirement_cell * cell = &evaluator->requirements[r];
     keep_less(&cell->closest, fm_margin_in(evaluator, r), instant);
     keep_less(&cell->recent, fm_margin_in(evaluator, r), instant);
+    if (evaluator->lanes != NULL) {
+      draw(evaluator->lanes, r, fm_margin_in(evaluator, r), instant);
+    }
     if (!evaluator->instance.previous[r]) {
       keep_less(
         &cell->beyond, margin_at(evaluator, evaluator->margins->occurrences[r]), instant);

@@ -80,6 +80,7 @@ struct fm_evaluator
   const struct fm_tests * tests;  // NULL: none
   struct fm_trial_log * trials;   // NULL: none
   const struct fm_margins * margins;  // NULL: none
+  const struct fm_margin_lanes * lanes;  // NULL: none
   struct fm_instance instance;
   struct fm_input_cell * inputs;
   struct fm_requirement_cell * requirements;

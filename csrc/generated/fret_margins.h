@@ -16,8 +16,8 @@
 ///
 /// A margin is how far a formula is from being otherwise, and which comparison decides that. A
 /// cell compares margins by their value alone; of equal ones over time it keeps the latest, which
-/// the other parts of a window know, too. Within a step the comparison is a pointer into the state,
-/// so that a cell of the present alone copies no more than two words.
+/// the other parts of a window know, too. Within a step the comparison is a pointer into the
+/// state, so that a cell of the present alone copies no more than two words.
 ///
 /// Contract: all functions are static inline, do not allocate or fail, and have no undefined
 /// behaviour for distances that are no NaN. The caller owns the state of a cell, initialises it

@@ -24,7 +24,7 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
-from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.evaluator import Margin, MarginLanes, Violation
 from fret_monitor.runtime.reporting import OF_ALL_DETAILS, StatusRecord
 from fret_monitor.runtime.thinning import Thinning, TimeWindow
 
@@ -125,6 +125,7 @@ class Overview:
         self.thinning = Thinning(
             self._monitor, [TimeWindow(index, begin, end, parts) for index in range(count)])
         self._begin, self._end = begin, end
+        self._margins: MarginLanes | None = None
         self._lanes = [self._lane() for _ in self._place]
         self._keyed: list[dict[bytes, _Painted]] = [{} for _ in self._place]
 
@@ -133,6 +134,8 @@ class Overview:
 
     def watch(self, engine: Engine, batch: AnyBatch) -> None:
         """Take the values of messages or rows."""
+        if self._manifest.margins and self._margins is None:
+            self._margins = engine.evaluator.draw_margins(self._begin, self._end, _LANE_PARTS)
         batch.add_to(self.thinning, engine)
 
     def judged(self, requirement: int, time: int) -> None:
@@ -183,6 +186,10 @@ class Overview:
                 lane.leave_open()
             found.append(lane.text())
         return found
+
+    def margins(self, index: int) -> list[Margin | None]:
+        """Return the least margin of a requirement in each part; [] without margins."""
+        return [] if self._margins is None else self._margins.lane(self._numbers[index])
 
     def of_instances(self, index: int) -> Mapping[bytes, str]:
         """Return the lanes of the instances that violated a requirement, by key."""

@@ -32,6 +32,7 @@ from fret_monitor.bag.curve import probability_section
 from fret_monitor.bag.evidence import Occurrence, Plot
 from fret_monitor.bag.evidence_by_key import evidence_by_key
 from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.margin_lane import margin_row, margin_section
 from fret_monitor.bag.overview import Overview, Stretch
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
 from fret_monitor.bag.recording import files_of
@@ -153,6 +154,7 @@ class RecordingReport:
         for index, item in enumerate(self.result.findings):
             yield (f'<a href="#r{index}">{escaped(item.id)}</a>{badge(verdict_of(item))}'
                    f'{_lane(index)}')
+            yield from margin_row(item, self._overview.margins(index))
             yield from self._instances(index)
         yield '<span></span><span></span><svg data-times="1" role="img" aria-label="time"></svg>'
         yield f'</div>{LEGEND}</div></section>'
@@ -193,6 +195,8 @@ class RecordingReport:
                 yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
             yield f'</dl>{self._count(index)}'
             yield from probability_section(item)
+            yield from margin_section(item, self._overview.margins(index), self._manifest,
+                                      self.result.start)
             for number, occurrence in enumerate(
                     self.occurrences[index], 1 + self._count_before(index)):
                 key = occurrence.start.key

@@ -22,6 +22,7 @@ Times are in nanoseconds, of any clock that the caller chooses.
 
 from array import array
 from collections.abc import Iterator, Sequence
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -440,6 +441,13 @@ class Evaluator:
         self._library.fm_evaluator_log_trials(self.pointer, self._trials.pointer)
         return self._trials
 
+    def draw_margins(self, begin: int, end: int, parts: int) -> 'MarginLanes':
+        """Return the margins of all steps from now on between two times; the monitor has some."""
+        self._lanes = MarginLanes(
+            len(self.monitor.manifest.requirements), begin, end, parts)
+        self._library.fm_evaluator_draw_margins(self.pointer, self._lanes.pointer)
+        return self._lanes
+
     def ready(self, group: int) -> bool:
         """Return whether every input that a group reads has a value."""
         return bool(self._library.fm_evaluator_ready(self.pointer, group))
@@ -509,6 +517,35 @@ class NativeRows:
         self.pointer: CData = ffi.new('struct fm_rows *', {
             'columns': self._pointers, 'times': self._times, 'n': len(times),
             'come': self._flags})
+
+
+class MarginLanes:
+    """A `struct fm_margin_lanes`, which an evaluator writes to."""
+
+    def __init__(self, count: int, begin: int, end: int, parts: int) -> None:
+        """Make lanes of so many requirements, without margins."""
+        self._n = min(parts, end - begin + 1)
+        unknown = (math.nan, math.nan, 0, -1)
+        self._least = ffi.new('struct fm_margin[]', [unknown] * (count * self._n))
+        self._last = ffi.new('struct fm_margin[]', [unknown] * (count * self._n))
+        self.pointer: CData = ffi.new('struct fm_margin_lanes *', {
+            'begin': begin, 'width': (end - begin) // self._n + 1, 'n': self._n,
+            'least': self._least, 'last': self._last})
+
+    def lane(self, requirement: int) -> list[Margin | None]:
+        """
+        Return the least margin in each part; None: it is not known.
+
+        A margin holds until the next step.
+        """
+        found: list[Margin | None] = []
+        before: Margin | None = None
+        for place in range(requirement * self._n, (requirement + 1) * self._n):
+            least, last = _margin(self._least[place]), _margin(self._last[place])
+            known = [item for item in (before, least) if item and not math.isnan(item.value)]
+            found.append(min(known, key=lambda item: item.value, default=None))
+            before = before if math.isnan(last.value) else last
+        return found
 
 
 class TrialLog:

@@ -15,8 +15,11 @@
 """`bag --margins`: how close each requirement came in recordings, and which came closest."""
 
 from array import array
+from itertools import pairwise
 import json
 from pathlib import Path
+from random import Random
+import re
 from typing import Any
 from xml.etree import ElementTree
 
@@ -117,3 +120,55 @@ requirements: [{id: R, ptltl: "x <= 5.0"}]
 """)
     with pytest.raises(CompileError, match='for_each'):
         check_recording(bundle, trace(tmp_path, ROWS), Selection(margins=True))
+
+
+LANE = """
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float64, scale: 2}
+  y: {topic: y, type: std_msgs/msg/Float64}
+requirements:
+  - {id: BOTH, ptltl: "H[0,2] (x <= 10 & y >= 2)"}
+  - {id: ON, ptltl: "x <= 10 | TRUE"}
+"""
+
+
+def test_a_report_has_a_lane_of_the_margin_with_the_comparison_that_decides(
+    tmp_path: Path,
+) -> None:
+    rng = Random(8)
+    rows = [(rng.randrange(14), rng.randrange(9)) for _ in range(30)]
+    bundle = write_bundle(tmp_path, LANE)
+    path, page, found = (tmp_path / name for name in ('run.csv', 'page.html', 'margins.csv'))
+    path.write_text('\n'.join(['time,x,y', *(
+        f'{second},{x},{y}' for second, (x, y) in enumerate(rows))]) + '\n')
+    (tmp_path / 'steps.csv').write_text(
+        '\n'.join(['x,y', *(f'{x},{y}' for x, y in rows)]) + '\n')
+    assert run('bag', bundle, path, '--margins', '--report', page).status == 0
+    assert run('simulate', bundle, '--trace', tmp_path / 'steps.csv',
+               '--margins', found).status == 0
+    steps = [line.split(',') for line in found.read_text().splitlines()[1:] if ',BOTH,' in line]
+    text = page.read_text(encoding='utf-8')
+    assert text.count('aria-label="margin over time"') == 1  # that of ON is always infinite
+    line = re.search(r'<polyline class="margin" points="([^"]*)"', text)
+    assert line is not None
+    points = [tuple(map(float, point.split(','))) for point in line[1].split()]
+    bars = [(int(number), float(begin), float(width)) for number, begin, width in re.findall(
+        r'data-comparison="(\d+)" x="([\d.]+)" y="[\d.]+" width="([\d.]+)"', text)]
+    values = [float(step[2]) for step in steps]
+    assert min(values) < 0 < max(values)
+    high, low = max(0.0, *values), min(0.0, *values)
+    deciders = set()
+    for second, step in enumerate(steps[:-1]):
+        place = 720 * (second + 0.5) / (len(rows) - 1)
+        y = next(end for (x, _), (after, end) in pairwise(points) if x <= place < after)
+        assert abs(y - (high - float(step[2])) * 40 / (high - low)) <= 0.06
+        number = next(n for n, begin, width in bars if begin - 0.1 <= place < begin + width + 0.1)
+        assert ('x <= 10.0', 'y >= 2.0')[number] == step[4]
+        deciders.add(number)
+    assert deciders == {0, 1}
+    closest = min(values)
+    assert f'Closest: margin {closest:.6g} at ' in text
+    without = tmp_path / 'without.html'
+    assert run('bag', bundle, path, '--report', without).status == 0
+    assert 'margin over time' not in without.read_text(encoding='utf-8')
