@@ -183,15 +183,20 @@ static void end_abandoned(struct fm_bound_topics * bound)
   }
 }
 
-static void subscribe_found(struct fm_bound_topics * bound)
+// What cannot be subscribed to is found again later.
+static void subscribe_found(struct fm_bound_topics * bound, int64_t now)
 {
   struct fm_keyed_topic found;
-  while (fm_keyed_topics_take(bound->watch, &found)) {
+  while (fm_keyed_topics_take(bound->watch, now, &found)) {
+    const uint32_t n = bound->n;
     char * const name = fm_copy_of(found.name);
-    const bool is_open = open_topic(bound, name, found.topic, found.key, true);
-    if (is_open) {
-      (void)fm_topic_start(
-        &bound->items[bound->n - 1u]->mapped, bound->engine, fm_node_middleware());
+    const bool is_open = open_topic(bound, name, found.topic, found.key, true) && fm_topic_start(
+      &bound->items[n]->mapped, bound->engine, fm_node_middleware());
+    if (!is_open) {
+      fm_keyed_topics_fail(bound->watch, &found, now);
+    }
+    if (!is_open && bound->n > n) {
+      remove_at(bound, n);
     }
   }
 }
@@ -205,11 +210,11 @@ int64_t fm_bound_review(struct fm_bound_topics * bound)
   const bool has_changed = bound->has_changed;
   bound->has_changed = false;
   end_abandoned(bound);
-  const int64_t next =
-    fm_keyed_topics_review(bound->watch, fm_steady_now(), has_changed, &lines);
+  const int64_t now = fm_steady_now();
+  fm_keyed_topics_review(bound->watch, now, has_changed, &lines);
   fm_log_lines(bound->options.node, &lines);
-  subscribe_found(bound);
-  return next;
+  subscribe_found(bound, now);
+  return fm_keyed_topics_next(bound->watch);
 }
 
 struct fm_publishers fm_bound_publishers(const struct fm_bound_topics * bound, uint32_t topic)

@@ -141,7 +141,7 @@ static struct fm_offer offer_of(const rmw_topic_endpoint_info_t * publisher)
   return offer;
 }
 
-void fm_look_for_publishers(
+bool fm_look_for_publishers(
   const struct fm_node * node, const char * topic,
   void (* use)(void * context, const struct fm_offer * offers, uint32_t n), void * context)
 {
@@ -151,7 +151,7 @@ void fm_look_for_publishers(
     RCL_RET_OK)
   {
     rcl_reset_error();
-    return;
+    return false;
   }
   struct fm_offer * offers = calloc(found.size + 1u, sizeof(*offers));
   if (offers != NULL) {
@@ -160,6 +160,8 @@ void fm_look_for_publishers(
     }
     use(context, offers, (uint32_t)found.size);
   }
+  const bool is_read = offers != NULL;
   free(offers);
   fm_ignore(rmw_topic_endpoint_info_array_fini(&found, &allocator));
+  return is_read;
 }

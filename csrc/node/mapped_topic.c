@@ -197,7 +197,7 @@ bool fm_topic_open(
   if (topic->state == NULL) {
     fm_text_add(&problem, "memory is short");
   } else if (topic->is_found) {
-    fm_look_for_publishers(node, name, begin, topic->state);
+    fm_ignore(fm_look_for_publishers(node, name, begin, topic->state));
   }
   const bool is_done = topic->state != NULL &&
     subscribe(topic, fm_subscription_request(topic->state), &topic->current, &problem);
@@ -331,11 +331,11 @@ static void follow(void * context, const struct fm_offer * offers, uint32_t n_of
 
 void fm_topic_review(struct fm_mapped_topic * topic)
 {
-  fm_look_for_publishers(topic->node, topic->name, follow, topic);
+  topic->is_unread = !fm_look_for_publishers(topic->node, topic->name, follow, topic);
 }
 
 bool fm_topic_is_settled(const struct fm_mapped_topic * topic)
 {
-  return (topic->gate == NULL || fm_node_gate_is_settled(topic->gate)) &&
+  return !topic->is_unread && (topic->gate == NULL || fm_node_gate_is_settled(topic->gate)) &&
          fm_subscription_is_settled(topic->state, fm_engine_lost(topic->engine, topic->index));
 }

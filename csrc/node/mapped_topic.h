@@ -57,6 +57,7 @@ struct fm_mapped_topic
   struct fm_intake * retired;        // being replaced, the oldest first
   uint32_t n_retired;
   bool is_due;                       // to be reviewed
+  bool is_unread;                    // the middleware did not tell the publishers
   bool hands_over;                   // it is one of `n_handovers`
   bool is_leaked;                    // the middleware may still call back for a closed one
 };

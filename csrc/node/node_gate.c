@@ -232,7 +232,7 @@ void fm_node_gate_review(
   bool is_any = false;
   bool is_durable = false;
   use_next_if_due(gate);
-  fm_look_for_publishers(gate->node, gate->target, look, gate);
+  fm_ignore(fm_look_for_publishers(gate->node, gate->target, look, gate));
   for (uint32_t k = 0; k < n; ++k) {
     const bool is_ours = strcmp(offers[k].type, type) == 0;
     is_any = is_any || is_ours;

@@ -37,6 +37,8 @@ struct known
   bool is_taken;      // the node has it
   bool is_other_type; // logged
   bool is_seen;       // in the present look
+  int64_t retry;      // between two attempts to subscribe; 0: none failed
+  int64_t retry_at;
 };
 
 struct fm_keyed_topics
@@ -121,7 +123,7 @@ static struct known * find(
     return NULL;
   }
   memcpy(text, name, size + 1u);
-  const struct known wanted = {text, pattern, false, false, false};
+  const struct known wanted = {text, pattern, false, false, false, 0, 0};
   return bsearch(&wanted, watch->known, watch->n_sorted, sizeof(wanted), compare);
 }
 
@@ -141,7 +143,7 @@ static struct known * add(struct fm_keyed_topics * watch, uint32_t pattern, cons
     return NULL;
   }
   struct known * const item = &watch->known[watch->n_known++];
-  *item = (struct known) {copy, pattern, false, false, true};
+  *item = (struct known) {copy, pattern, false, false, true, 0, 0};
   return item;
 }
 
@@ -156,11 +158,18 @@ static bool has_type(const struct fm_strings * types, const char * wanted)
   return is_found;
 }
 
-static bool is_published(const struct fm_keyed_topics * watch, const char * name)
+// What the middleware did not answer is asked again at the next look, which is due.
+static void note_failure(struct fm_keyed_topics * watch)
+{
+  watch->functions->forget_error();
+  watch->has_changed = true;
+}
+
+static bool is_published(struct fm_keyed_topics * watch, const char * name)
 {
   size_t n = 0;
   if (watch->functions->count_publishers(watch->node, name, &n) != 0) {
-    watch->functions->forget_error();
+    note_failure(watch);
   }
   return n > 0;
 }
@@ -234,7 +243,7 @@ static void look(struct fm_keyed_topics * watch, struct fm_lines * lines)
   struct fm_names_and_types found;
   memset(&found, 0, sizeof(found));
   if (watch->functions->topic_names(watch->node, &allocator, false, &found) != 0) {
-    watch->functions->forget_error();
+    note_failure(watch);
     return;
   }
   for (uint32_t k = 0; k < watch->n_known; ++k) {
@@ -258,12 +267,24 @@ static int64_t steady(void)
   return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-int64_t fm_keyed_topics_review(
+int64_t fm_keyed_topics_next(const struct fm_keyed_topics * watch)
+{
+  int64_t next = watch->has_changed ? watch->earliest : watch->latest;
+  for (uint32_t k = 0; k < watch->n_known; ++k) {
+    const struct known * const item = &watch->known[k];
+    if (item->retry > 0 && !item->is_taken && item->retry_at < next) {
+      next = item->retry_at;
+    }
+  }
+  return next;
+}
+
+void fm_keyed_topics_review(
   struct fm_keyed_topics * watch, int64_t now, bool has_changed, struct fm_lines * lines)
 {
   watch->has_changed = watch->has_changed || has_changed;
   if (now < watch->earliest || (!watch->has_changed && now < watch->latest)) {
-    return watch->has_changed ? watch->earliest : watch->latest;
+    return;
   }
   const int64_t began = steady();
   watch->has_changed = false;
@@ -271,7 +292,6 @@ int64_t fm_keyed_topics_review(
   const int64_t rest = SHARE * (steady() - began);
   watch->earliest = now + (rest > FM_KEYED_PERIOD_NS ? rest : FM_KEYED_PERIOD_NS);
   watch->latest = now + FM_GRAPH_AGAIN_NS;
-  return watch->latest;
 }
 
 bool fm_keyed_topics_knows_change(const struct fm_keyed_topics * watch)
@@ -281,11 +301,12 @@ bool fm_keyed_topics_knows_change(const struct fm_keyed_topics * watch)
 
 // ---- what the node has -------------------------------------------------------------------------
 
-bool fm_keyed_topics_take(struct fm_keyed_topics * watch, struct fm_keyed_topic * found)
+bool fm_keyed_topics_take(
+  struct fm_keyed_topics * watch, int64_t now, struct fm_keyed_topic * found)
 {
   for (uint32_t k = 0; k < watch->n_known; ++k) {
     struct known * const item = &watch->known[k];
-    if (!item->is_taken && !item->is_other_type) {
+    if (!item->is_taken && !item->is_other_type && now >= item->retry_at) {
       const struct fm_keyed_pattern * const pattern = &watch->patterns[item->pattern];
       item->is_taken = true;
       *found = (struct fm_keyed_topic) {
@@ -294,6 +315,20 @@ bool fm_keyed_topics_take(struct fm_keyed_topics * watch, struct fm_keyed_topic 
     }
   }
   return false;
+}
+
+void fm_keyed_topics_fail(
+  struct fm_keyed_topics * watch, const struct fm_keyed_topic * found, int64_t now)
+{
+  for (uint32_t k = 0; k < watch->n_known; ++k) {
+    struct known * const item = &watch->known[k];
+    if (item->name == found->name) {
+      const int64_t doubled = item->retry == 0 ? FM_KEYED_RETRY_NS : 2 * item->retry;
+      item->retry = doubled < FM_KEYED_RETRY_MOST_NS ? doubled : FM_KEYED_RETRY_MOST_NS;
+      item->retry_at = now + item->retry;
+      item->is_taken = false;
+    }
+  }
 }
 
 void fm_keyed_topics_give_up(

@@ -32,6 +32,8 @@
 #include "lines.h"
 
 #define FM_KEYED_PERIOD_NS 100000000
+#define FM_KEYED_RETRY_NS 1000000000        // after a failure, until the topic is found again;
+#define FM_KEYED_RETRY_MOST_NS 60000000000  // doubled by each further one up to this
 
 /// A topic with a variable in its name, of which the keys are found.
 struct fm_keyed_pattern
@@ -60,19 +62,28 @@ FM_EXPORT struct fm_keyed_topics * fm_keyed_topics_create(
 /// Free it; NULL is ignored. O(topics found).
 FM_EXPORT void fm_keyed_topics_destroy(struct fm_keyed_topics * watch);
 
-/// Look at the graph if it has changed and it is time, or if that was long ago. Returns when to
-/// call it next, if the graph does not change before. What cannot be read stays as it was.
+/// Look at the graph if it has changed and it is time, or if that was long ago. What cannot be
+/// read stays as it was, and is read again at the next look, which is due.
 /// O(topics of the graph * n + found log found); allocates.
-FM_EXPORT int64_t fm_keyed_topics_review(
+FM_EXPORT void fm_keyed_topics_review(
   struct fm_keyed_topics * watch, int64_t now, bool has_changed, struct fm_lines * lines);
+
+/// When to review next, if the graph does not change before: for a look, or for another attempt at
+/// a topic. O(topics found).
+FM_EXPORT int64_t fm_keyed_topics_next(const struct fm_keyed_topics * watch);
 
 /// Whether the graph has changed since the last look, and is looked at when it is time. O(1).
 FM_EXPORT bool fm_keyed_topics_knows_change(const struct fm_keyed_topics * watch);
 
 /// Take the next topic that was found, once. What it points to stays until it is given up. False:
-/// there is none. O(topics found).
+/// there is none at `now`. O(topics found).
 FM_EXPORT bool fm_keyed_topics_take(
-  struct fm_keyed_topics * watch, struct fm_keyed_topic * found);
+  struct fm_keyed_topics * watch, int64_t now, struct fm_keyed_topic * found);
+
+/// Give a topic that was taken back, since it could not be subscribed to: it is found again after
+/// FM_KEYED_RETRY_NS, and later with each failure. O(topics found).
+FM_EXPORT void fm_keyed_topics_fail(
+  struct fm_keyed_topics * watch, const struct fm_keyed_topic * found, int64_t now);
 
 /// Give up a topic that was taken: it may be found again. O(topics found).
 FM_EXPORT void fm_keyed_topics_give_up(

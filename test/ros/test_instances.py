@@ -20,6 +20,7 @@ from contextlib import contextmanager, ExitStack
 from functools import partial
 from pathlib import Path
 from random import Random
+import subprocess
 from time import time_ns
 from typing import Any
 
@@ -29,6 +30,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.violations import open_violations
+from fret_monitor.native import ros_files
 import numpy
 import pytest
 from rclpy.qos import DurabilityPolicy
@@ -281,6 +283,60 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
     for number, face in enumerate(faces):
         box, = (tmp_path / 'box').glob(f'blackbox_*_{face.name}_fret_monitor_SPEED.mcap')
         assert judged_by_bag(tmp_path / f'out_{number}.mcap', bundle, box) == face.details
+
+
+FAILING = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <string.h>
+
+// Each function fails at its first call for this topic, as one of a middleware may.
+#define FAILS_ONCE(NAME, PARAMETERS, ARGUMENTS, TOPIC, FAILURE) \
+  __attribute__((visibility("default"))) long NAME PARAMETERS { \
+    static int n; \
+    if (strcmp(TOPIC, "/beta/speed") == 0 && __atomic_fetch_add(&n, 1, __ATOMIC_SEQ_CST) == 0) { \
+      return FAILURE; \
+    } \
+    void * library = dlopen(RMW, RTLD_LAZY | RTLD_NOLOAD); \
+    long (* real) PARAMETERS = (long (*) PARAMETERS)dlsym(library, #NAME); \
+    return real ARGUMENTS; \
+  }
+
+FAILS_ONCE(rmw_create_subscription,
+  (void * a, void * b, const char * topic, void * c, void * d), (a, b, topic, c, d), topic, 0)
+FAILS_ONCE(rmw_count_publishers, (void * a, const char * topic, void * b), (a, topic, b), topic, 1)
+FAILS_ONCE(rmw_get_publishers_info_by_topic,
+  (void * a, void * b, const char * topic, _Bool c, void * d), (a, b, topic, c, d), topic, 1)
+FAILS_ONCE(rmw_get_node_names,
+  (void * a, void * b, void * c), (a, b, c), "/beta/speed", 1)
+"""
+
+
+def test_a_robot_joins_although_the_middleware_fails_once(
+        partner: Partner, tmp_path: Path) -> None:
+    bundle, library = write_bundle(tmp_path, FLEET), tmp_path / 'failing.so'
+    (tmp_path / 'failing.c').write_text(FAILING, encoding='utf-8')
+    subprocess.run(
+        ['gcc', f'-DRMW="lib{ros_files.rmw_library()}.so"', '-shared', '-fPIC', '-w',
+         tmp_path / 'failing.c', '-o', library, '-ldl'], check=True)
+    environment = {'LD_PRELOAD': str(library), 'ASAN_OPTIONS': 'verify_asan_link_order=0'}
+    program = exported_bundle(bundle)
+    partner.publisher(Bool, '/enable', LATCHED).publish(Bool(data=True))
+    with ExitStack() as held:
+        faces = [Face(name, held.enter_context(process), partner) for name, process in (
+            ('python', started('monitor', '-p', f'spec:={bundle}', '-r', '__ns:=/python',
+                               environment=environment, is_anew=True)),
+            ('native', running(program, '-r', '__ns:=/native', environment=environment)))]
+        for face in faces:
+            face.wait_for_publishers()
+        partner.publisher(Float32, '/beta/speed', LATCHED).publish(Float32(data=1.5))
+        for face in faces:
+            face.process.wait_for('cannot subscribe to /beta/speed as std_msgs/msg/Float32: ')
+            face.process.wait_for('SPEED[robot=beta] violated at ')
+            report = face.next_report()
+            assert report['SPEED'].message == 'violated: beta'
+            assert 'failed' not in ''.join(item.message for item in report.values())
+            assert face.process.output.count('cannot subscribe') == 1
 
 
 def test_listed_keys_are_known_from_the_start_and_a_reset_starts_all_afresh(

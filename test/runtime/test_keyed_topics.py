@@ -34,6 +34,8 @@ class Graph:
         self._library = load_evaluator(evaluator_library())
         self._lines = Lines(self._library)
         self._now = 0
+        self.refused: set[str] = set()
+        self.is_silent = False
         functions = ffi.new('struct fm_graph_functions *', {
             'topic_names': self._keep(ffi.callback(
                 'int(void const *, struct fm_allocator *, bool, struct fm_names_and_types *)',
@@ -68,17 +70,29 @@ class Graph:
             self._keep(ffi.new('char[]', text.encode())) for text in texts] or 1))
 
     def _count(self, _: Any, name: Any, count: Any) -> int:
-        count[0] = _text(name) in self.topics
-        return 0
+        count[0] = not self.is_silent and _text(name) in self.topics
+        return int(self.is_silent)
 
-    def look(self) -> tuple[list[str], list[str]]:
+    def later(self, nanoseconds: int) -> int:
+        """Let time pass, and return the present."""
+        self._now += nanoseconds
+        return self._now
+
+    @property
+    def due_in(self) -> int:
+        """After which time something is to be done."""
+        return int(self._library.fm_keyed_topics_next(self._watch)) - self._now
+
+    def look(self, after: int = LATER) -> tuple[list[str], list[str]]:
         """Return the lines of a look at the graph, and the topics that it found."""
-        self._now += LATER
-        self._library.fm_keyed_topics_review(self._watch, self._now, True, self._lines.pointer)
+        self._library.fm_keyed_topics_review(
+            self._watch, self.later(after), True, self._lines.pointer)
         found: Any = ffi.new('struct fm_keyed_topic *')
         names = []
-        while self._library.fm_keyed_topics_take(self._watch, found):
+        while self._library.fm_keyed_topics_take(self._watch, self._now, found):
             names.append(_text(found.name))
+            if names[-1] in self.refused:
+                self._library.fm_keyed_topics_fail(self._watch, found, self._now)
         return [line.text for line in self._lines.take()], names
 
 
@@ -112,3 +126,26 @@ def test_names_of_another_type_need_no_more_memory_than_so_many() -> None:
         assert len(graph.look()[0]) == expected
         graph.topics = {}
         assert graph.look() == ([], [])
+
+
+def test_a_topic_that_cannot_be_subscribed_to_is_found_again_later_and_later() -> None:
+    graph = Graph(FLOAT)
+    graph.topics, graph.refused = {'/a/speed': [FLOAT], '/b/speed': [FLOAT]}, {'/b/speed'}
+    assert graph.look(0)[1] == ['/a/speed', '/b/speed']
+    for wait in (1, 2, 4, 8, 16, 32, 60, 60):
+        assert graph.due_in <= wait * 10**9
+        assert graph.look(wait * 10**9 - 1)[1] == []
+        assert graph.due_in == 1
+        assert graph.look(1)[1] == ['/b/speed']
+    graph.refused.clear()
+    assert graph.look(60 * 10**9)[1] == ['/b/speed']
+    assert graph.look()[1] == []
+
+
+def test_a_question_that_the_middleware_did_not_answer_is_asked_again_at_once() -> None:
+    graph = Graph(FLOAT)
+    graph.topics, graph.is_silent = {'/a/speed': [FLOAT]}, True
+    assert graph.look()[1] == []
+    assert graph.due_in <= 10**9
+    graph.is_silent = False
+    assert graph.look(graph.due_in)[1] == ['/a/speed']

@@ -28,13 +28,14 @@ from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.feed import offer_of
+from fret_monitor.ros.intake.feed import offer_of, publishers_on
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.gate_target import GateTarget, TargetDecision
 
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -141,10 +142,11 @@ class Relay:
         if decision.drops_next:
             self._drop_next()
         if decision.advertises:
-            with ExitStack() as undo:
-                undo.callback(self._target.fail)
+            try:
                 self._next = self._advertise(decision)
-                undo.pop_all()
+            except _rclpy.RCLError as error:  # another attempt follows
+                self._target.fail()
+                self._node.get_logger().error(f'cannot advertise {self.target}: {error}')
 
     @property
     def is_changing(self) -> bool:
@@ -180,9 +182,10 @@ class Relay:
 
     def look_for_others(self) -> None:
         """Look for other publishers on the target."""
-        self._target.look([
-            offer_of(item) for item in self._node.get_publishers_info_by_topic(self._gate.target)])
-        self.others = self._target.others
+        found = publishers_on(self._node, self._gate.target)
+        if found is not None:
+            self._target.look([*map(offer_of, found)])
+            self.others = self._target.others
 
     def add(self, subscription: RclSubscription) -> None:
         """Take the messages of a subscription."""

@@ -40,6 +40,7 @@ from fret_monitor.runtime.subscription import (
     LOOK_AGAIN_S, LOOK_DELAY_S, LOOK_PERIOD_S, LOOKS_AT_ONCE, Offer, Request, SubscriptionState,
 )
 
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -288,12 +289,12 @@ class _Subscribed:
         self.name = name
         self._message_type = message_type
         self.publishers = TopicFacts()
+        self._is_unread = False  # the middleware did not tell the publishers
         self._state = SubscriptionState(
             library, node.resolve_topic_name(name), message_type, fixed)
         self._retired: deque[tuple[RclSubscription, Receiver | None]] = deque()
         if is_found:
-            self._state.begin([offer_of(item) for item in node.get_publishers_info_by_topic(name)],
-                              monotonic_ns())
+            self._state.begin([*map(offer_of, publishers_on(node, name) or ())], monotonic_ns())
         self._current = self._subscribe(self._state.request)
         self._receiver: Receiver | None = None
 
@@ -331,7 +332,10 @@ class _Subscribed:
 
     def review(self) -> None:
         """Look for the publishers, and do what is decided."""
-        found = self._node.get_publishers_info_by_topic(self.name)
+        found = publishers_on(self._node, self.name)
+        self._is_unread = found is None
+        if found is None:
+            return
         decision = self._state.decide([offer_of(item) for item in found],
                                       self._current.handle.get_publisher_count(), monotonic_ns())
         for _ in range(decision.n_ended):
@@ -347,7 +351,7 @@ class _Subscribed:
     @property
     def is_settled(self) -> bool:
         """Whether the next review can wait until the graph changes."""
-        return self.topic.is_settled and self._state.is_settled(self.topic.lost)
+        return not self._is_unread and self.topic.is_settled and self._state.is_settled(self.topic.lost)
 
     def _try_to_replace(self, request: Request) -> str | None:
         """Replace the subscription; return the problem if that fails: the one before stays."""
@@ -371,6 +375,14 @@ class _Subscribed:
 
     def _subscribe(self, request: Request) -> RclSubscription:
         return RclSubscription(self._node, self._message_class, self.name, profile_of(request))
+
+
+def publishers_on(node: Node, name: str) -> list[TopicEndpointInfo] | None:
+    """Return the publishers on a topic; None if the middleware does not tell them this time."""
+    try:
+        return list(node.get_publishers_info_by_topic(name))
+    except _rclpy.RCLError:
+        return None
 
 
 def offer_of(publisher: TopicEndpointInfo) -> Offer:

@@ -28,6 +28,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
+from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.reporting import Lines
@@ -73,7 +74,6 @@ class KeyedTopics:
         self._topics: Mapping[int, ManifestTopic] = found_topics(engine.monitor.manifest)
         self._bound: dict[EngineTopic, str] = {}
         self._handovers: dict[int, set[EngineTopic]] = {index: set() for index in self._topics}
-        self._next = 0
         self.knows_change = False  # of the graph, at which C looks when it is time
         self._lines = Lines(engine.library)
         self._functions = middleware.graph_functions()
@@ -94,23 +94,27 @@ class KeyedTopics:
         self._give_up()
         now = monotonic_ns()
         with self._node.handle:
-            self._next = self._library.fm_keyed_topics_review(
+            self._library.fm_keyed_topics_review(
                 self._pointer, now, has_changed, self._lines.pointer)
             self.knows_change = self._library.fm_keyed_topics_knows_change(self._pointer)
         log_lines(self._node.get_logger(), self._lines.take())
         found = ffi.new('struct fm_keyed_topic *')
-        while self._library.fm_keyed_topics_take(self._pointer, found):
-            self._take(found)
-        return max(0.0, (self._next - now) / 1e9)
+        while self._library.fm_keyed_topics_take(self._pointer, now, found):
+            self._take(found, now)
+        return max(0.0, (self._library.fm_keyed_topics_next(self._pointer) - now) / 1e9)
 
-    def _take(self, found: Any) -> None:
+    def _take(self, found: Any, now: int) -> None:
         name: Any = ffi.string(found.name)
         topic = EngineTopic(
             self._engine, self._middleware, found.topic,
             bytes(ffi.buffer(found.key.bytes, found.key.size)), self._handovers[found.topic])
-        self._bound[topic] = name.decode()
-        self._subscriber.subscribe_found(
-            self._topics[found.topic], self._bound[topic], topic)
+        try:
+            self._subscriber.subscribe_found(self._topics[found.topic], name.decode(), topic)
+        except Refusal as error:  # another attempt follows
+            self._node.get_logger().error(str(error).removeprefix('error: '))
+            self._library.fm_keyed_topics_fail(self._pointer, found, now)
+        else:
+            self._bound[topic] = name.decode()
 
     def _give_up(self) -> None:
         for topic in self._subscriber.abandoned() if self._bound else ():

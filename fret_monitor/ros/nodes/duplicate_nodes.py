@@ -18,6 +18,7 @@ from fret_monitor.native import words
 from fret_monitor.ros.watch import Watch
 
 from rclpy.clock import Clock, ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
 _CHECKS = 10  # one per second; long enough to discover a node that was started earlier
@@ -37,7 +38,10 @@ class DuplicateNodes:
     def _check(self) -> None:
         own = self._node.get_name(), self._node.get_namespace()
         self._left -= 1
-        has_other = self._node.get_node_names_and_namespaces().count(own) > 1
+        try:
+            has_other = self._node.get_node_names_and_namespaces().count(own) > 1
+        except _rclpy.RCLError:  # the next check follows
+            has_other = False
         if has_other:
             self._node.get_logger().warning(
                 words.NAMESAKE % self._node.get_fully_qualified_name())
