@@ -101,7 +101,7 @@ class KeyedTopics:
         found = ffi.new('struct fm_keyed_topic *')
         while self._library.fm_keyed_topics_take(self._pointer, now, found):
             self._take(found, now)
-        return max(0.0, (self._library.fm_keyed_topics_next(self._pointer) - now) / 1e9)
+        return max(0.0, float(self._library.fm_keyed_topics_next(self._pointer) - now) / 1e9)
 
     def _take(self, found: Any, now: int) -> None:
         name: Any = ffi.string(found.name)
