@@ -351,7 +351,8 @@ class _Subscribed:
     @property
     def is_settled(self) -> bool:
         """Whether the next review can wait until the graph changes."""
-        return not self._is_unread and self.topic.is_settled and self._state.is_settled(self.topic.lost)
+        return not self._is_unread and self.topic.is_settled \
+            and self._state.is_settled(self.topic.lost)
 
     def _try_to_replace(self, request: Request) -> str | None:
         """Replace the subscription; return the problem if that fails: the one before stays."""
