@@ -96,7 +96,7 @@ void fm_client_close(struct fm_node * node, rcl_client_t * client);
 size_t fm_listeners(const rcl_publisher_t * publisher);
 
 /// Call `use` with the publishers on a topic, by its full name; `offers` are valid during the
-/// call. It is not called, and the result is false, if rcl fails or memory is short. O(publishers).
+/// call. False, without a call: rcl failed, or memory is short. O(publishers).
 bool fm_look_for_publishers(
   const struct fm_node * node, const char * topic,
   void (* use)(void * context, const struct fm_offer * offers, uint32_t n), void * context);
