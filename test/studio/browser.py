@@ -148,6 +148,15 @@ class Page:
         found = self.call('Page.captureScreenshot', format='png', captureBeyondViewport=True)
         path.write_bytes(b64decode(found['data']))
 
+    def shoot(self, path: Path, selector: str) -> None:
+        """Write a picture of an element."""
+        x, y, width, height = self.get(f"""(() => {{
+            const box = document.querySelector({json.dumps(selector)}).getBoundingClientRect();
+            return [box.x + scrollX, box.y + scrollY, box.width, box.height]; }})()""")
+        found = self.call('Page.captureScreenshot', format='png', captureBeyondViewport=True,
+                          clip={'x': x, 'y': y, 'width': width, 'height': height, 'scale': 1})
+        path.write_bytes(b64decode(found['data']))
+
 
 @contextmanager
 def browser(profile: Path) -> Iterator[Page]:

@@ -250,6 +250,7 @@ def test_a_violation_is_seen_as_it_comes_up(bundle: Path, domain: int, tmp_path:
         page.wait(f"document.querySelectorAll('#watch {SLOW} rect').length === 2")
         assert looks(page, SLOW) == '10'
         page.wait("/no publisher/.test(document.querySelector('#live-health').textContent)")
+        assert '=>' not in page.get('document.body.innerText')  # a function in place of a word
         # A pause holds the picture, and what came meanwhile is there afterwards.
         page.click('#live-pause')
         speed.publish(Float64(data=1.0))

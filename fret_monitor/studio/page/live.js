@@ -149,7 +149,7 @@ export class LiveView {
       rows: h('div', { class: 'rows', id: 'live-rows' }),
       begin: h('span'),
       occurrences: h('ol', { id: 'live-occurrences', role: 'log', tabindex: 0,
-        'aria-label': words.occurrences }),
+        'aria-label': words.violations }),
       health: h('div', { id: 'live-health', role: 'region', tabindex: 0,
         'aria-label': words.health }),
       note: h('p', { class: 'faint', id: 'live-note' }) };
@@ -158,7 +158,7 @@ export class LiveView {
       h('label', {}, words.shownSpan, ' ', parts.span), parts.monitor, parts.reset),
     parts.status, parts.rows, parts.note,
     h('div', { class: 'columns' },
-      h('div', {}, h('h3', {}, words.occurrences), parts.occurrences),
+      h('div', {}, h('h3', {}, words.violations), parts.occurrences),
       h('div', {}, h('h3', {}, words.health), parts.health)));
     this.#enable();
   }

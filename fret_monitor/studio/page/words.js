@@ -30,7 +30,7 @@ export const words = {
   noMonitor: 'No monitor publishes copilot/violations here. Is it active, in this namespace, '
     + 'and with the same ROS_DOMAIN_ID?',
   watching: (names) => `watching ${names.join(', ')}`,
-  occurrences: 'Violations', over: 'over',
+  violations: 'Violations', over: 'over',
   health: 'Health', levels: ['ok', 'warning', 'error'],
   notKnown: 'not known',
   more: (n) => `and ${n} more at this time`,
