@@ -19,6 +19,7 @@ from hashlib import sha256
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
+import tempfile
 import time
 
 from bag.recordings import write
@@ -246,8 +247,9 @@ def test_nothing_typed_is_lost_when_the_server_is_killed(tmp_path: Path) -> None
 
 
 def test_a_question_that_takes_too_long_is_ended_and_the_next_is_answered(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
     many = 'format: 1\ninputs: {p: {topic: p, type: std_msgs/msg/Bool}}\nrequirements:\n' + \
         ''.join(f'  - {{id: R{number}, ptltl: "H[0,{number + 1}] p"}}\n' for number in range(900))
 
@@ -258,6 +260,7 @@ def test_a_question_that_takes_too_long_is_ended_and_the_next_is_answered(
             await answering.ask({'do': 'simulate', 'name': 'b.yaml', 'text': many, 'steps': 9,
                                  'values': {}}, lambda: True)
         assert time.monotonic() - begin < 30
+        assert not [*tmp_path.glob('fret_monitor-*')]
         answering = Answering(tmp_path)
         with pytest.raises(Unanswered, match=OUTDATED):
             await answering.ask({'do': 'check'}, lambda: False)

@@ -102,6 +102,8 @@ def test_verdicts_are_those_of_simulate(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     trace, verdicts = tmp_path / 'trace.csv', tmp_path / 'verdicts.csv'
     trace.write_text(found['csv'])
+    assert [row['speed'] for row in csv.DictReader(found['csv'].splitlines())] == [
+        *['0.25'] * 4, *['2.0'] * 5, 'nan', *['1.0'] * 30]
     assert main(['simulate', str(path), '--trace', str(trace), '--verdicts', str(verdicts)]) == 0
     rows = [line.split(',') for line in verdicts.read_text().splitlines()[1:]]
     assert len(rows) >= 40 and {'0', '1'} <= {cell for row in rows for cell in row[1:]}

@@ -140,6 +140,13 @@ def test_a_violation_has_its_trigger_deadline_and_comparisons(
         pytest.approx(begin, abs=1e-6)]
 
 
+def test_a_violation_that_is_over_has_an_end(folder: Path) -> None:
+    more = {'steps': 9, 'values': {'level': [[0, 0.0], [3, 7.0], [6, 1.0]]}, 'id': 'LOW'}
+    found = ask(folder, 'why', STEPPED, step=5, **more)
+    assert (found['begin'], found['end']) == (3, 6)
+    assert ask(folder, 'why', STEPPED, step=6, **more) is None
+
+
 @pytest.mark.parametrize('name', ['../run', '/etc', '', '.', 'link', 'linked', 'piped', 'none',
                                   'large'])
 def test_a_folder_opens_no_recording_outside_no_link_pipe_or_large_one(

@@ -19,6 +19,7 @@ import { words } from './words.js';
 
 const KINDS = ['topic', 'input', 'definition', 'requirement', 'action'];
 const [WIDTH, HEIGHT, GAP, ROW] = [176, 24, 64, 32];
+const PAUSE_MS = 400;
 const LETTERS = 22; // of a name that fit into a node
 
 export class Picture {
@@ -27,6 +28,7 @@ export class Picture {
   #go;
   #nodes = [];
   #active = 0;
+  #pause = 0;
 
   // `go(offset)` shows a place in the editor.
   constructor(place, ask, go) {
@@ -35,8 +37,13 @@ export class Picture {
     this.#go = go;
   }
 
-  // Draw the bundle that is in the editor.
-  async use() {
+  // Draw the bundle that is in the editor, when nothing has been typed for a while.
+  use() {
+    clearTimeout(this.#pause);
+    this.#pause = setTimeout(() => this.#load(), PAUSE_MS);
+  }
+
+  async #load() {
     const found = await this.#ask('picture').catch(() => null);
     if (!found) return;
     const columns = KINDS.map((kind) => found.nodes.map((node, number) => ({ ...node, number }))
