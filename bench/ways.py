@@ -53,8 +53,10 @@ def main() -> None:
     rows = parser.parse_args().rows
     with TemporaryDirectory() as folder:
         _show(('rows', 'parsed once', 'import', 'ratio'), _imports(rows, Path(folder)))
-        _show(('`mltl`', 'inputs', 'a step', 'of the past', 'ratio', 'state', 'of the past'),
-              _futures(Path(folder)))
+        memory: list[tuple[str, ...]] = []
+        _show(('`mltl`', 'inputs', 'a step', 'of the past', 'ratio'),
+              _futures(Path(folder), memory))
+        _show(('`mltl`', 'state', 'of the past'), iter(memory))
 
 
 def _imports(rows: int, folder: Path) -> Iterator[tuple[str, ...]]:
@@ -74,8 +76,8 @@ def _imports(rows: int, folder: Path) -> Iterator[tuple[str, ...]]:
         yield f'{count:,}', f'{parsed:.2f} s', f'{whole:.2f} s', f'{whole / parsed:.2f}'
 
 
-def _futures(folder: Path) -> Iterator[tuple[str, ...]]:
-    """Time steps of both forms of each question in turn."""
+def _futures(folder: Path, memory: list[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+    """Time steps of both forms of each question in turn; add their states to `memory`."""
     for future, past in QUESTIONS:
         for horizon in HORIZONS:
             title = future.replace('n', str(horizon))
@@ -88,8 +90,8 @@ def _futures(folder: Path) -> Iterator[tuple[str, ...]]:
                 timers = StepTimer(ours, inputs), StepTimer(theirs, inputs)
                 found = [(timers[0].round(), timers[1].round()) for _ in range(ROUNDS)]
                 one, two = (min(times) for times in zip(*found, strict=True))
-                yield (f'`{title}`', name, f'{one:.1f} ns', f'{two:.1f} ns', f'{one / two:.2f}',
-                       f'{ours.state_bytes} B', f'{theirs.state_bytes} B')
+                yield (f'`{title}`', name, f'{one:.1f} ns', f'{two:.1f} ns', f'{one / two:.2f}')
+            memory.append((f'`{title}`', f'{ours.state_bytes} B', f'{theirs.state_bytes} B'))
 
 
 def _monitor(folder: Path, text: str) -> tuple[Monitor, list[list[Value]]]:

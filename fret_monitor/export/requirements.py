@@ -34,6 +34,7 @@ from fret_monitor.model.names import shown
 Rows = Sequence[Sequence[str]]
 
 _NAMESPACE = 'http://www.omg.org/spec/ReqIF/20110401/reqif.xsd'
+_DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'  # as ReqIF's guide wants it
 _CONTROLS = dict.fromkeys(range(32), ' ')
 
 
@@ -126,9 +127,7 @@ def _reqif(rows: Rows) -> bytes:
         place = _identified(children, 'SPEC-HIERARCHY', f'place-{number}', now)
         _reference(place, 'OBJECT', 'SPEC-OBJECT-REF', f'object-{number}')
     ElementTree.indent(root)
-    file = io.BytesIO()
-    ElementTree.ElementTree(root).write(file, encoding='utf-8', xml_declaration=True)
-    return file.getvalue()
+    return f'{_DECLARATION}\n{ElementTree.tostring(root, encoding="unicode")}'.encode()
 
 
 def _object(objects: Element, row: Sequence[str], identifier: str, now: str) -> None:

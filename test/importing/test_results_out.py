@@ -86,6 +86,8 @@ def test_an_export_of_requirements_is_imported_as_it_was(ending: str, bundle: Pa
     out, back = tmp_path / f'out.{ending}', tmp_path / 'back.yaml'
     assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 0
     assert main(['import', str(out), '-o', str(back)]) == 0
+    if ending == 'reqif':
+        assert out.read_bytes().startswith(b'<?xml version="1.0" encoding="UTF-8"?>\n<REQ-IF ')
     first, again = read(bundle).bundle, read(back).bundle
     assert first and again and again.component and again.component.value == 'rover'
     assert [(item.id.value, item.language, item.text.value, item.title, item.rationale,
