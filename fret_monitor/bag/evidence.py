@@ -274,18 +274,7 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
     for each in shown:
         each.ready = _ready(each, thinning, place)
         place += len(each.inputs)
-        for lane in each.lanes:
-            number = numbers[lane.formula, tuple(sorted(each.item.inputs))]
-            _paint_first(lane.lane, each.ready, changes.first_changes[number])
     return thinning
-
-
-def _paint_first(lane: Lane, ready: int | None, change: int | None) -> None:
-    """Add that a formula was true from its first step to its first change."""
-    until = lane.end if change is None else change - 1
-    # Of several messages at one time, the group starts a nanosecond later with the last.
-    if ready is not None and (change is None or ready < until):
-        lane.paint(ready, until, TRUE)
 
 
 def _property(number: int, formula: Formula, item: Property,
@@ -321,8 +310,7 @@ class _LaneChanges:
         self._rises: list[deque[tuple[int, int]]] = [
             deque(maxlen=_MOST_RISES) for _ in range(count)]
         self._starts: list[dict[int, list[_Shown]]] = [{} for _ in range(count)]
-        self._state: list[int | None] = [None] * count  # None: no change yet
-        self.first_changes: list[int | None] = [None] * count
+        self._state: list[int | None] = [None] * count  # None: not judged yet
 
     def add_lane(self, number: int, lane: Lane) -> None:
         """Paint a lane with the truth of a formula."""
@@ -345,21 +333,23 @@ class _LaneChanges:
             waiting.sort(key=lambda shown: shown.start.time, reverse=True)
 
     def judged(self, requirement: int, time: int) -> None:
-        """Take that a requirement is judged from a time on."""
+        """Take that a formula is true from its first step on."""
+        self._become(requirement, time, 0, TRUE)
 
     def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take that a formula is false, or true again."""
-        number = violation.requirement
-        self._paint(number, violation.stamp - 1)
-        for shown in self._starts[number].get(violation.stamp, ()):
+        for shown in self._starts[violation.requirement].get(violation.stamp, ()):
             shown.is_by_change = True
-        if self._state[number] is None:
-            self.first_changes[number] = violation.stamp
-        self._pass(number, violation.stamp)
-        self._state[number] = TRUE if violation.is_recovery else FALSE
-        self._since[number] = violation.stamp
-        if violation.is_recovery and self._waiting[number]:
-            self._rises[number].append((violation.stamp, violation.step))
+        self._become(violation.requirement, violation.stamp, violation.step,
+                     TRUE if violation.is_recovery else FALSE)
+
+    def _become(self, number: int, time: int, step: int, state: int) -> None:
+        self._paint(number, time - 1)
+        self._pass(number, time)
+        self._state[number] = state
+        self._since[number] = time
+        if state == TRUE and self._waiting[number]:
+            self._rises[number].append((time, step))
 
     def end(self, time: int) -> None:
         """End the run."""

@@ -29,6 +29,9 @@ from typing import Any
 
 _KINDS = {'VIOLATED': 'violated', 'satisfied': 'satisfied', 'open': 'open'}
 
+GENERATOR = '<meta name="generator" content="fret_monitor">'
+"""What each page has, so that no other is replaced."""
+
 LEGEND = (
     '<p class="legend"><span><i class="good"></i>fulfilled</span>'
     '<span><i class="bad"></i>violated</span><span><i class="none"></i>not judged</span>'
@@ -46,7 +49,7 @@ def document(title: str, body: Iterable[str], data: Mapping[str, Any] | None = N
     parts = [
         '<!DOCTYPE html>', '<html lang="en">', '<head>', '<meta charset="utf-8">',
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        GENERATOR, '<meta name="viewport" content="width=device-width, initial-scale=1">',
         '<link rel="icon" href="data:,">', f'<title>{escaped(title)}</title>',
         f'<style>{style}</style>', '</head>',
         '<body class="broad">' if is_broad else '<body>', *body]

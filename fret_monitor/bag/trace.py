@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from fret_monitor.bag.recording import DamagedRecording
-from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.diagnostics import CompileError, refuse
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import short_seconds
 from fret_monitor.native import evaluator_library, load_evaluator
@@ -113,6 +113,8 @@ class Trace:
         CompileError
             if the file cannot be opened, or has not the columns that the monitor needs.
         """
+        if self.path.is_fifo():  # it is read more than once
+            refuse(f"'{self.path}' is a named pipe, not a file of a recording")
         manifest = monitor.manifest
         self._inputs = manifest.inputs
         self._time = TimeColumn.REQUIRED if manifest.policy is Policy.TIMED \

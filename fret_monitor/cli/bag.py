@@ -313,7 +313,15 @@ def _report_folder(options: Namespace) -> Path | None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         refuse(f"cannot make the folder '{folder}': {error.strerror or error}")
+    _refuse_other_index(folder / 'index.html')
     return folder
+
+
+def _refuse_other_index(path: Path) -> None:
+    from fret_monitor.bag.page import GENERATOR
+    if path.is_file() and GENERATOR not in path.read_text(encoding='utf-8', errors='replace'):
+        refuse(f"'{path}' is not an index that this command wrote",
+               help='move it away, or name a new folder')
 
 
 def _outcomes(options: Namespace, bundle: Path, selection: 'Selection', folder: Path | None,

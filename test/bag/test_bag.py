@@ -496,6 +496,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     whole = (tmp_path / 'cut.mcap').read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(whole[:len(whole) // 2])
     os.mkfifo(tmp_path / 'pipe.db3')
+    os.mkfifo(tmp_path / 'pipe.csv')
     piped = write(tmp_path / 'piped', [('/level', 0, 0.0)])
     (piped / 'piped.mcap').unlink()
     os.mkfifo(piped / 'piped.mcap')
@@ -503,6 +504,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
                           ('text.txt', 'is not a recording'), ('gone', 'there is no recording'),
                           ('broken', 'cannot read the recording'),
                           ('cut.mcap', 'cannot read the recording'),
+                          ('pipe.csv', "pipe.csv' is a named pipe, not a file"),
                           ('pipe.db3', "pipe.db3' is a named pipe or a device, not a file"),
                           ('piped', "piped.mcap' is a named pipe or a device, not a file")):
         with pytest.raises(CompileError, match=message):

@@ -130,6 +130,21 @@ def test_a_deadline_in_steps_is_found(tmp_path: Path, policy: str) -> None:
     assert occurrence['g'] == -SECOND + 1
 
 
+def test_a_trigger_at_the_first_instant_has_its_mark(tmp_path: Path) -> None:
+    for name, begin in (('first', 1), ('later', 2)):  # the first instant at which all is known
+        folder = tmp_path / name
+        folder.mkdir()
+        messages = [('/level', 0, 0.5), ('/flow', 1, 2.0 if begin == 1 else 0.0),
+                    ('/flow', 2, 2.0), ('/flow', SECOND, 0.0), ('/level', 4 * SECOND, 0.25)]
+        found = report(folder, answer('timed', '2 seconds'), messages)
+        occurrence, = found.data['occurrences']
+        assert occurrence['d'] == 1
+        assert occurrence['g'] == -2 * SECOND
+        label, kind, lane = occurrence['l'][0]
+        assert (label, kind) == ('when flow > 1', 'trigger')
+        assert 't' in lane or 'm' in lane
+
+
 def test_the_trigger_is_the_one_whose_time_was_over(tmp_path: Path) -> None:
     found = report(tmp_path, answer('timed', '2 seconds'), [
         ('/level', 0, 0.5), *(('/flow', k * SECOND // 2, float(2 * (k in (6, 8))))
@@ -382,6 +397,10 @@ def test_several_recordings_have_an_index(
     assert sorted(again.of('a', 'td', 'span')) == sorted(found.of('a', 'td', 'span'))
     assert main([*arguments, str(tmp_path / 'page.html')]) == 1
     assert 'name a folder' in capsys.readouterr().err
+    (reports / 'index.html').write_text('mine', encoding='utf-8')
+    assert main([*arguments, str(reports)]) == 1
+    assert 'is not an index that this command wrote' in capsys.readouterr().err
+    assert (reports / 'index.html').read_text(encoding='utf-8') == 'mine'
 
 
 def test_a_report_that_cannot_be_written_leaves_nothing(
