@@ -19,6 +19,7 @@ from typing import Any
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.reporting import Lines
+from fret_monitor.runtime.subscription import LOOK_AGAIN_S, Offer, SubscriptionState
 
 FLOAT, BOOL = 'std_msgs/msg/Float32', 'std_msgs/msg/Bool'
 PATTERN = '/{robot}/speed'
@@ -35,6 +36,8 @@ class Graph:
         self._lines = Lines(self._library)
         self._now = 0
         self.refused: set[str] = set()
+        self.unpublished: set[str] = set()
+        self.keys: list[bytes] = []  # that were found last
         self.is_silent = False
         functions = ffi.new('struct fm_graph_functions *', {
             'topic_names': self._keep(ffi.callback(
@@ -70,7 +73,7 @@ class Graph:
             self._keep(ffi.new('char[]', text.encode())) for text in texts] or 1))
 
     def _count(self, _: Any, name: Any, count: Any) -> int:
-        count[0] = not self.is_silent and _text(name) in self.topics
+        count[0] = not self.is_silent and _text(name) in {*self.topics} - self.unpublished
         return int(self.is_silent)
 
     def later(self, nanoseconds: int) -> int:
@@ -88,17 +91,47 @@ class Graph:
         self._library.fm_keyed_topics_review(
             self._watch, self.later(after), True, self._lines.pointer)
         found: Any = ffi.new('struct fm_keyed_topic *')
-        names = []
+        names, self.keys = [], []
         while self._library.fm_keyed_topics_take(self._watch, self._now, found):
             names.append(_text(found.name))
+            self.keys.append(bytes(ffi.buffer(found.key.bytes, found.key.size)))
             if names[-1] in self.refused:
                 self._library.fm_keyed_topics_fail(self._watch, found, self._now)
         return [line.text for line in self._lines.take()], names
+
+    def give_up(self, name: str) -> None:
+        """Give up a topic of the first pattern that was found."""
+        self._library.fm_keyed_topics_give_up(self._watch, 0, name.encode())
 
 
 def _text(characters: Any) -> str:
     found: Any = ffi.string(characters)
     return str(found.decode())
+
+
+def test_a_topic_that_fits_is_found_once_until_it_is_given_up() -> None:
+    graph = Graph(FLOAT)
+    assert graph.look() == ([], [])
+    fitting = {f'/{key}/speed': [FLOAT] for key in ('b', 'a', 'long_key')}
+    graph.topics = fitting | {name: [FLOAT] for name in (
+        '/speed', '/a/b/speed', '/a/speed/x', '//speed', '/a/speeds')}
+    lines, names = graph.look()
+    assert (lines, sorted(names)) == ([], sorted(fitting))
+    assert [f'/{key.decode()}/speed' for key in graph.keys] == names
+    del graph.topics['/a/speed']  # the node has it, until it gives it up
+    assert graph.look() == ([], [])
+    graph.give_up('/a/speed')
+    assert graph.look() == ([], [])
+    graph.topics |= {'/a/speed': [FLOAT], '/c/speed': [FLOAT, BOOL]}
+    assert graph.look() == ([], ['/a/speed', '/c/speed'])
+
+
+def test_a_topic_without_a_publisher_is_found_when_it_has_one() -> None:
+    graph = Graph(FLOAT)
+    graph.topics, graph.unpublished = {'/a/speed': [FLOAT]}, {'/a/speed'}
+    assert graph.look() == ([], [])
+    graph.unpublished = set()
+    assert graph.look() == ([], ['/a/speed'])
 
 
 def test_a_topic_of_another_type_is_logged_once_also_if_it_returns() -> None:
@@ -149,3 +182,25 @@ def test_a_question_that_the_middleware_did_not_answer_is_asked_again_at_once() 
     assert graph.due_in <= 10**9
     graph.is_silent = False
     assert graph.look(graph.due_in)[1] == ['/a/speed']
+
+
+def test_a_subscription_to_a_topic_that_was_found_requests_what_is_offered() -> None:
+    offer = Offer(b'1' * 16, 'robot', '/', FLOAT, is_reliable=True, is_durable=True)
+    state = SubscriptionState(load_evaluator(evaluator_library()), '/a/speed', FLOAT, {})
+    assert not state.request.is_reliable
+    state.begin([offer], 10)
+    assert (state.request.is_reliable, state.request.is_durable) == (True, True)
+    assert state.decide([offer], 1, 20).request is None
+    assert state.conclude(None, 0, 20) == []
+
+
+def test_a_subscription_is_abandoned_when_it_has_had_no_publisher_for_long() -> None:
+    offer = Offer(b'1' * 16, 'robot', '/', FLOAT, is_reliable=False, is_durable=False)
+    state = SubscriptionState(load_evaluator(evaluator_library()), '/a/speed', FLOAT, {})
+    lasts = int(LOOK_AGAIN_S * 1e9)
+    state.begin([offer], 10)
+    state.decide([], 0, 100 * lasts)  # it has just gone
+    assert not state.is_abandoned(101 * lasts - 1)
+    assert state.is_abandoned(101 * lasts)
+    state.decide([offer], 0, 101 * lasts)
+    assert not state.is_abandoned(200 * lasts)
