@@ -22,6 +22,7 @@ handler get new ids. A requirement without a component (FRET could not parse its
 added to the component of its project, if there is only one.
 """
 
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -57,6 +58,7 @@ _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a sp
           'state diagram (Mermaid, DOT), a variable database of Ogma (JSON), or a list of names '
           'and topics')
 _LONGEST_ID = 100
+_BEGIN_BYTES = 1000
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,8 @@ def read_files(paths: Sequence[Path], problems: Problems,
     CompileError
         if a file cannot be read or is of an unknown kind, or no file has a requirement.
     """
+    if options.xml is not None and not any(map(_is_xml, paths)):
+        refuse('a format is given, and no file is XML', help='leave out --format')
     components: list[ImportedComponent] = []
     connections: dict[str, Connection] = {}
     for path in paths:
@@ -98,6 +102,14 @@ def read_files(paths: Sequence[Path], problems: Problems,
         refuse('there is no requirement in ' + ', '.join(shown(str(path)) for path in paths),
                help=f'give {_KINDS}')
     return Files(tuple(item for item in merged if item.requirements), connections)
+
+
+def _is_xml(path: Path) -> bool:
+    try:
+        with path.open('rb') as file:
+            return file.read(_BEGIN_BYTES).removeprefix(BOM_UTF8).lstrip().startswith(b'<')
+    except (OSError, ValueError):
+        return True  # reading it will report why
 
 
 def _read(path: Path, problems: Problems, options: ImportOptions

@@ -183,6 +183,14 @@ def test_xml_without_a_format_is_refused_with_the_option(tmp_path: Path) -> None
         import_bundles([tmp_path / 'file.xml'], tmp_path / 'a.yaml')
 
 
+def test_a_format_without_xml_is_refused(tmp_path: Path) -> None:
+    (tmp_path / 'form.yaml').write_text(FORM, encoding='utf-8')
+    (tmp_path / 'a.csv').write_text('id,text\nR,x > 0\n')
+    with pytest.raises(CompileError, match='no file is XML'):
+        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml', options=ImportOptions(
+            xml=read_format(tmp_path / 'form.yaml')))
+
+
 def archive(path: Path, **files: str) -> Path:
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as file:
         for name, text in files.items():
