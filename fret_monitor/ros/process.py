@@ -181,6 +181,17 @@ def skip_generator() -> None:
     sys.modules.setdefault('rosidl_generator_py.generate_py_impl', cast(ModuleType, None))
 
 
+def _spin(executor: SingleThreadedExecutor, node: Node, is_over: Any) -> None:
+    """Spin until the future is done; a response that the middleware does not send is logged."""
+    while not is_over.done():
+        try:
+            executor.spin_until_future_complete(is_over)
+        except _rclpy.RCLError as error:
+            if 'send response' not in str(error):
+                raise
+            node.get_logger().warning(f'the response of a service is not sent: {error}')
+
+
 def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
     skip_generator()
     index_modules()
@@ -193,7 +204,7 @@ def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
     try:
         is_over: Any = Future()
         with stop.waking(lambda: is_over.set_result(None)):
-            executor.spin_until_future_complete(is_over)
+            _spin(executor, node, is_over)
     except Exception:  # noqa: B902  whatever it is, launch must not take it for a refusal
         traceback.print_exc()
         return _FAILED

@@ -307,6 +307,7 @@ FAILS_ONCE(rmw_create_subscription,
 FAILS_ONCE(rmw_count_publishers, (void * a, const char * topic, void * b), (a, topic, b), topic, 1)
 FAILS_ONCE(rmw_get_publishers_info_by_topic,
   (void * a, void * b, const char * topic, _Bool c, void * d), (a, b, topic, c, d), topic, 1)
+FAILS_ONCE(rmw_send_response, (void * a, void * b, void * c), (a, b, c), "/beta/speed", 1)
 FAILS_ONCE(rmw_get_node_names,
   (void * a, void * b, void * c), (a, b, c), "/beta/speed", 1)
 """
@@ -337,6 +338,8 @@ def test_a_robot_joins_although_the_middleware_fails_once(
             assert report['SPEED'].message == 'violated: beta'
             assert 'failed' not in ''.join(item.message for item in report.values())
             assert face.process.output.count('cannot subscribe') == 1
+            assert partner.reset(f'/{face.name}/fret_monitor/reset').startswith('restarted')
+            face.process.wait_for(' is not sent: ')
 
 
 def test_listed_keys_are_known_from_the_start_and_a_reset_starts_all_afresh(
