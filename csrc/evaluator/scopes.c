@@ -507,6 +507,7 @@ uint64_t fm_scopes_unknown(
   const struct fm_pool * pool = &scopes->kinds[kind].pool;
   const bool is_unknown = pool->entered != FM_NO_SLOT &&
     !fm_is_known(&pool->evaluator->instance, requirement);
-  const bool is_short = base_of(scopes, kind)->is_short;
-  return pool->unknown[requirement] + (is_unknown ? 1u : 0u) + (is_short ? 1u : 0u);
+  const struct fm_pool * base = base_of(scopes, kind);
+  const bool is_more = base->is_short || base->counts.begun == 0;
+  return pool->unknown[requirement] + (is_unknown ? 1u : 0u) + (is_more ? 1u : 0u);
 }

@@ -217,8 +217,9 @@ FM_EXPORT uint64_t fm_scopes_violated(
 /// first message. O(instances + requirements); entering an instance then costs O(inputs), too.
 FM_INTERNAL void fm_scopes_count_unknown(struct fm_scopes * scopes);
 
-/// Of how many instances a requirement of a kind is not known now; those for which there was no
-/// room since start or reset are one more, since nothing is known of them. O(inputs).
+/// Of how many instances a requirement of a kind is not known now. Those for which there was no
+/// room since start or reset are one more, and so are those before the first one has begun, since
+/// nothing is known of them. O(inputs).
 FM_INTERNAL uint64_t fm_scopes_unknown(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
 

@@ -199,6 +199,7 @@ static void live(struct fm_scopes * scopes)
 {
   char key[300];
   int64_t now = 0;
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 1);  // no instance has begun
   for (uint32_t k = 0; k < N_LIVES && failures == 0; ++k) {
     (void)snprintf(key, sizeof key, "%s%u", k % 5 == 0 ? "a key of more than one chunk " : "", k);
     now += 2;
