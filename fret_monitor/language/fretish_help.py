@@ -36,7 +36,8 @@ _DIGITS = {word: str(number) for number, word in enumerate(
     ('zero', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight', 'nine', 'ten'))}
 _FOREIGN = {
     '&&': 'write &', '||': 'write |', '==': 'write =', '<>': 'write !=',
-    '%': 'the remainder is mod: x mod 3',
+    '%': 'the remainder is mod: x mod 3; a probability is a number from 0 to 1: '
+         'with probability > 0.98',
     '.': 'a full stop ends the sentence; each sentence is a requirement of its own',
     ';': 'a sentence ends without a semicolon, or with a full stop',
     ':': 'put a name with special characters in quotes; a value over instances, such as '
