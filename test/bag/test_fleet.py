@@ -384,8 +384,8 @@ def test_verdicts_are_written_from_the_first_step_on(
     assert [row[1:] for row in rows] == [['1', '', ''], ['0', '', ''], ['0', '1', '']]
     assert [int(row[0].replace('.', '')) - START for row in rows[::2]] == [level, flow]
     with Reader(mcap) as reader:
-        found = [(item.topic.rpartition('prop')[2], time - START, data[4])
-                 for item, time, data in reader.messages() if 'verdicts' in item.topic]
+        found = [(item.topic.rpartition('/')[2], time - START, data[4])
+                 for item, time, data in reader.messages() if '/copilot/verdict/' in item.topic]
     assert [item[:2] for item in found][:3:2] == [('LEVEL', level), ('FLOW', flow)]
     assert [(name, value) for name, _, value in found] == [
         ('LEVEL', 1), ('LEVEL', 0), ('FLOW', 1), ('LEVEL', 0), ('FLOW', 1)]
