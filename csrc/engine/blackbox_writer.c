@@ -92,9 +92,9 @@ static int list_file(struct listing * listing, const char * folder, const char *
     return 0;
   }
   if (snprintf(path, sizeof(path), "%s/%s", folder, name) >= PATH_MAX ||
-    stat(path, &status) != 0)
+    lstat(path, &status) != 0 || !S_ISREG(status.st_mode))
   {
-    return 0;  // another node has removed it
+    return 0;  // another node has removed it, or it is none
   }
   const int64_t time = (int64_t)status.st_mtim.tv_sec * SECOND_NS + status.st_mtim.tv_nsec;
   if (is_part && fm_read_clock(CLOCK_REALTIME) - time <= PART_AGE_NS) {

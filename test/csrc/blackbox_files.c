@@ -155,6 +155,16 @@ static void check_lines(struct fm_blackbox_writer * writer, uint64_t written)
   fm_lines_free(&lines);
 }
 
+// Folders with the names of files: they are none, and are not removed.
+static void make_others(void)
+{
+  for (int k = 0; k < 25; ++k) {
+    char name[4200];
+    (void)snprintf(name, sizeof(name), "%s/blackbox_%d_robot_node_R_1.mcap", folder, k);
+    CHECK(mkdir(name, 0777) == 0);
+  }
+}
+
 static void run_writer(struct fm_engine * engine)
 {
   struct fm_blackbox_writer * writer;
@@ -179,6 +189,7 @@ static void test_writer(const char * root)
 {
   void * memory;
   options.folder = in_folder(root, "writer");
+  make_others();
   options.memory = 4096;  // less than what is delivered between two looks
   options.poll = 5000000;
   options.after = 20000000;

@@ -166,7 +166,7 @@ def test_files_of_the_black_box(sanitized: Sanitized, tmp_path: Path) -> None:
 
     def messages(name: str) -> dict[str, int]:
         found = {}
-        for path in sorted((tmp_path / name).iterdir()):
+        for path in sorted(filter(Path.is_file, (tmp_path / name).iterdir())):
             with Reader(path) as reader:
                 found[path.name] = {item.topic: item.msgcount for item in reader.connections}['/x']
                 headers: list[Any] = [TYPES.deserialize_cdr(data, HEADER)
