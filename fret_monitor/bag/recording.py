@@ -67,6 +67,7 @@ _SEPARATOR = '=' * 80 + '\n'
 _CDR = 'cdr'
 _HEADER = 'std_msgs/msg/Header'
 _FILES = ('.mcap', '.db3', '.bag')
+_RECORDINGS = 'a folder of rosbag2, or a file .mcap, .db3 or .bag'
 _COMPRESSED = '.zstd'
 _UNFINISHED = ('-wal', '-journal')  # what SQLite has not put into its file yet
 _CUT_OFF = ('magic', 'footer', 'truncated', 'malformed', 'not a database', 'index', 'end of file')
@@ -224,9 +225,12 @@ class Recording(AbstractContextManager['Recording']):
         if path.is_file() and path.suffix == _COMPRESSED:
             refuse(f"'{path}' is a compressed file of a recording",
                    help=f'name its folder, or decompress it: zstd -d {path.name}')
+        if path.is_file() and path.suffix == '.csv':
+            refuse(f"'{path}' is a table of values, which has no topics",
+                   help=f'name {_RECORDINGS}; `bag` and `simulate` read tables')
         if path.is_file() and path.suffix not in _FILES:
             refuse(f"'{path}' is not a recording",
-                   help='a recording is a folder of rosbag2, or a file .mcap, .db3, .bag or .csv')
+                   help=f'a recording is {_RECORDINGS}; `bag` reads a table of values, too (.csv)')
 
     def _open(self) -> Any:
         try:

@@ -143,6 +143,8 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
         refuse_overwriting(new, [table, *_files_of_bundle(bundle)])
         if new.suffix.lower() != table.suffix.lower():
             refuse(f"'{new}' is not written as '{table}' is", help='give it the same ending')
+        from fret_monitor.importing.filled import check_fillable
+        check_fillable(table)
     for name, path in (('--csv', options.csv), ('--mcap', options.mcap),
                        (f'--report {options.report}', options.report if is_page else None)):
         if path is not None and len(options.bags) != 1:

@@ -99,6 +99,10 @@ def read_files(paths: Sequence[Path], problems: Problems,
             _connect(item, connections, path.name, problems)
     merged = tuple(_with_unique_ids(item, problems) for item in _with_owners(_merged(components)))
     if not any(item.requirements for item in merged):
+        if not any('/' in (item.topic or '') for item in connections.values()):
+            for path in paths:
+                if path.suffix.lower() in SUFFIXES:  # no list of topics: reports its heads
+                    read_table(path, MAX_BYTES, options.columns, problems)
         refuse('there is no requirement in ' + ', '.join(shown(str(path)) for path in paths),
                help=f'give {_KINDS}')
     return Files(tuple(item for item in merged if item.requirements), connections)
@@ -140,6 +144,8 @@ def _read(path: Path, problems: Problems, options: ImportOptions
         return read_lustre(source, path.name, problems), []
     if is_list(source.text):
         return [], read_list(source, path.name, problems)
+    if kind in SUFFIXES and content:
+        return read_table(path, MAX_BYTES, columns, problems), []  # reports its heads
     refuse(f'{shown(str(path))} is not a file that can be imported',
            Span(source, 0, 1) if content else None,
            'begins here' if content else '', f'give {_KINDS}')

@@ -29,10 +29,13 @@ from xml.dom import minidom
 
 from fret_monitor.importing.files import ImportOptions, MAX_BYTES, read_files
 from fret_monitor.importing.reqif_file import is_reqif
-from fret_monitor.importing.tables import decoded, delimiter, encoding_of, read_table, WORKBOOK
+from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE
+from fret_monitor.importing.tables import (
+    decoded, delimiter, encoding_of, read_table, SUFFIXES, WORKBOOK,
+)
 from fret_monitor.importing.workbook import write_cells
 from fret_monitor.importing.xml_text import refuse_document_types
-from fret_monitor.model.diagnostics import Problems, refuse
+from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 from fret_monitor.model.names import shown
 
 if TYPE_CHECKING:
@@ -40,6 +43,27 @@ if TYPE_CHECKING:
 
 _MISSING = 'not monitored'
 _DECLARATION = re.compile(r'\s*<\?xml[^>]*\?>')  # its encoding was that of the bytes
+
+
+def check_fillable(path: Path) -> None:
+    """
+    Refuse a file that results cannot be written into, before recordings are read for it.
+
+    Raises
+    ------
+    CompileError
+        if the file is no table and no ReqIF.
+    """
+    kind = path.suffix.lower()
+    if kind == ARCHIVE:
+        refuse(f'{shown(str(path))} is an archive, in which no results are written',
+               help='unpack it, and fill its file that ends in .reqif')
+    if kind in (*SUFFIXES, WORKBOOK) or is_reqif(text := decoded(path, MAX_BYTES)):
+        return
+    refuse(f'{shown(str(path))} is no table (.csv, .tsv, .xlsx) and no ReqIF, in which results '
+           'are written', Span(Source(str(path), text), 0, 1) if text else None,
+           'begins here' if text else '',
+           '`fret-monitor export BUNDLE --to requirements -o FILE.csv` writes a table to fill')
 
 
 def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]],

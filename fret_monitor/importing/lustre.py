@@ -36,7 +36,8 @@ from fret_monitor.importing.component import (
     ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole, Wording,
 )
 from fret_monitor.importing.fret import component_name
-from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
+from fret_monitor.importing.lustre_calls import CalledNode, without_calls
+from fret_monitor.model.diagnostics import CompileError, Problems, refuse, Source, Span
 
 _TOKEN = re.compile(
     r'(?P<BLANK>\s+)|(?P<OPEN>\(\*@contract\b)|(?P<MARK>--%[A-Z]+)|(?P<LINE>--[^\n]*)'
@@ -44,6 +45,9 @@ _TOKEN = re.compile(
     r'|(?P<NAME>[A-Za-z_$][A-Za-z0-9_$]*)|(?P<SIGN>.)', re.DOTALL)
 _CONTRACT = re.compile(r'\(\*@contract\b|^\s*contract\s+\w+\s*\(', re.MULTILINE)
 _SENTENCE = re.compile(r'\(\*\s*Req text:(.*)\*\)', re.DOTALL)
+_STRUCTURE = re.compile(r'^[ \t]*type\s+(\w+)\s*=\s*struct\s*\{([^{}]*)\}', re.MULTILINE)
+_FIELD = re.compile(r'(\w+)\s*:\s*(\w+)')
+_PATH = re.compile(r'[A-Za-z_$][\w$]*(?:\.[A-Za-z_$][\w$]*)+', re.ASCII)
 _PROPERTIES = ('guarantee', 'assume')
 _PROPERTY, _REALIZABLE, _MAIN = '--%PROPERTY', '--%REALIZABLE', '--%MAIN'
 
@@ -81,14 +85,35 @@ def read_lustre(source: Source, file: str, problems: Problems) -> list[ImportedC
     CompileError
         if there is neither, or one cannot be parsed.
     """
-    found = [*_ContractReader(source, file, problems).contracts()] or [
-        *_NodeReader(source, file, problems).nodes()]
+    nodes = _NodeReader(source, file, problems)
+    found = [*_ContractReader(source, file, problems).contracts()] or [*nodes.nodes()]
     if not found:
         refuse(f"'{file}' has no contract", Span(source, 0, 1), 'nodes, but no requirements',
                'FRET writes one: (*@contract NAME (...) returns (...); let guarantee ... tel *)')
-    return [ImportedComponent(component_name(item.name, tuple(item.requirements)), '',
-                              tuple(item.variables), tuple(item.requirements), (file,))
-            for item in found]
+    words = {match[0] for match in _TOKEN.finditer(source.text) if match.lastgroup == 'NAME'}
+    return [_with_fields(without_calls(
+        ImportedComponent(component_name(item.name, tuple(item.requirements)), '',
+                          tuple(item.variables), tuple(item.requirements), (file,)),
+        nodes.called, words), source.text) for item in found]
+
+
+def _with_fields(component: ImportedComponent, text: str) -> ImportedComponent:
+    """Return a component with the fields that its formulas read in place of structures."""
+    structures = {match[1]: dict(_FIELD.findall(match[2])) for match in _STRUCTURE.finditer(text)}
+    whole = {item.name: item for item in component.variables if item.type in structures}
+    wordings = (*(one for item in component.requirements for one in item.wordings),
+                *(one for item in component.variables for one in item.assignments))
+    paths = dict.fromkeys(path for item in wordings for path in _PATH.findall(item.text))
+    fields: list[ComponentVariable] = []
+    for path in paths:
+        first, *names = path.split('.')
+        kind = whole[first].type if first in whole else ''
+        for name in names:
+            kind = structures.get(kind, {}).get(name, '')
+        if kind:
+            fields.append(replace(whole[first], name=path, type=kind))
+    plain = [item for item in component.variables if item.name not in whole]
+    return replace(component, variables=(*plain, *fields))
 
 
 class _ContractReader:
@@ -278,42 +303,77 @@ class _ContractReader:
 
 @dataclass(frozen=True)
 class _Equation:
-    """The right side of an equation of a node, and the comment before it."""
+    """The right side of an equation of a node, an assertion or property; its comment and name."""
 
     text: str
     comment: str
+    name: str = ''
+
+
+@dataclass
+class _Node:
+    """A node during parsing; `types` are those of all its names."""
+
+    name: str
+    inputs: list[ComponentVariable]
+    outputs: list[ComponentVariable]
+    types: dict[str, str] = field(default_factory=dict)
+    equations: dict[str, _Equation] = field(default_factory=dict)
+    assertions: list[_Equation] = field(default_factory=list)
+    properties: list[_Equation] = field(default_factory=list)
+    realizable: set[str] | None = None
 
 
 class _NodeReader(_ContractReader):
-    """Parses the nodes with properties of one file."""
+    """Parses the nodes of one file."""
 
     _what = 'node'
     _skipped = ('BLANK', 'LINE')
 
+    def __init__(self, source: Source, file: str, problems: Problems) -> None:
+        super().__init__(source, file, problems)
+        self._starts = [number for number, token in enumerate(self._tokens)
+                        if (token.kind, token.text) == ('NAME', 'node')]
+
     def nodes(self) -> Iterator[_Contract]:
         """Yield the nodes that have properties; skip the others."""
-        starts = [number for number, token in enumerate(self._tokens)
-                  if (token.kind, token.text) == ('NAME', 'node')]
-        for start, end in pairwise([*starts, len(self._tokens)]):
+        for start, end in pairwise([*self._starts, len(self._tokens)]):
             if any(token.text == _PROPERTY for token in self._tokens[start:end]):
                 self._next = start + 1
-                yield self._node()
+                yield self._required(self._node())
 
-    def _node(self) -> _Contract:
+    def called(self, name: str) -> CalledNode | None:
+        """Return a node that formulas may call: equations of one result, without assertions."""
+        self._next = next((start + 1 for start in self._starts
+                           if [token.text for token in self._tokens[start + 1:start + 2]]
+                           == [name]), -1)
+        if self._next < 0:
+            return None
+        try:
+            node = self._node()
+        except CompileError:
+            return None
+        parameters = tuple(item.name for item in node.inputs)
+        if len(node.outputs) != 1 or node.assertions or (
+                node.types.keys() - {*parameters} != node.equations.keys()):
+            return None
+        return CalledNode(parameters, node.outputs[0].name, node.types,
+                          {key: item.text for key, item in node.equations.items()})
+
+    def _node(self) -> _Node:
         name = self._name("the node's name")
-        node = _Contract(name, f'{self._file}, {name}')
         inputs = [*self._declarations(VariableRole.INPUT)]
         self._expect('returns')
-        types = {item.name: item.type for item in self._declarations(VariableRole.OUTPUT)}
+        node = _Node(name, inputs, [*self._declarations(VariableRole.OUTPUT)])
+        variables = [*inputs, *node.outputs]
         while (token := self._take()).text != 'let':
             if token.text == 'var':
-                types |= {item.name: item.type for item in self._locals()}
+                variables += self._locals()
             elif token.text != ';':
                 self._refuse(token, "'var' or 'let' was expected")
-        realizable = self._body(node, types)
-        node.variables += [
-            item if realizable is None or item.name in realizable
-            else replace(item, role=VariableRole.OUTPUT) for item in inputs]
+        node.types = {item.name: item.type for item in variables}
+        while (token := self._take()).text != 'tel':
+            self._statement(node, token)
         return node
 
     def _locals(self) -> Iterator[ComponentVariable]:
@@ -326,26 +386,22 @@ class _NodeReader(_ContractReader):
             self._expect(';')
             yield from (ComponentVariable(name, VariableRole.INTERNAL, kind) for name in found)
 
-    def _body(self, node: _Contract, types: dict[str, str]) -> set[str] | None:
-        """Parse equations, assertions and properties; return what `--%REALIZABLE` lists."""
-        equations: dict[str, _Equation] = {}
-        properties: list[tuple[str, str]] = []  # the name in quotes, if any, and the formula
-        realizable: set[str] | None = None
-        while (token := self._take()).text != 'tel':
-            comment, self._comment = self._comment, ''
-            if token.text == _PROPERTY:
-                properties.append((self._id(''), self._expression()))
-            elif token.text == _REALIZABLE:
-                realizable = {*self._names()}
-            elif token.text == 'assert':
-                self._property(node, comment, is_assumption=True)
-            elif token.kind == 'NAME':
-                self._expect('=')
-                equations[token.text] = _Equation(self._expression(), comment)
-            elif token.text not in (_MAIN, ';'):
-                self._refuse(token, "an equation, 'assert' or 'tel' was expected")
-        self._add(node, types, equations, properties)
-        return realizable
+    def _statement(self, node: _Node, token: _Token) -> None:
+        """Parse an equation, an assertion, a property, or what `--%REALIZABLE` lists."""
+        comment, self._comment = self._comment, ''
+        if token.text == _PROPERTY:
+            name = self._id('')
+            node.properties.append(_Equation(self._expression(), '', name))
+        elif token.text == _REALIZABLE:
+            node.realizable = {*self._names()}
+        elif token.text == 'assert':
+            name = self._id('')
+            node.assertions.append(_Equation(self._expression(), comment, name))
+        elif token.kind == 'NAME':
+            self._expect('=')
+            node.equations[token.text] = _Equation(self._expression(), comment)
+        elif token.text not in (_MAIN, ';'):
+            self._refuse(token, "an equation, 'assert' or 'tel' was expected")
 
     def _names(self) -> Iterator[str]:
         """Parse `a, b;`, or `;` alone."""
@@ -355,15 +411,23 @@ class _NodeReader(_ContractReader):
             elif token.text != ',':
                 self._refuse(token, "a variable, ',' or ';' was expected")
 
-    def _add(self, node: _Contract, types: dict[str, str], equations: dict[str, _Equation],
-             properties: list[tuple[str, str]]) -> None:
-        """Add the requirements, and as variables the equations that are none."""
-        for quoted, text in properties:
-            equation = equations.pop(text, _Equation(text, ''))
-            name = quoted or (text if text.isidentifier() else
-                              f'{node.name}_{len(node.requirements) + 1}')
-            self._require(node, name, equation.text, equation.comment)
-        node.variables += [
-            ComponentVariable(name, VariableRole.INTERNAL, types.get(name, ''), (
+    def _required(self, node: _Node) -> _Contract:
+        """Return the requirements of a node, and as variables the equations that are none."""
+        found = _Contract(node.name, f'{self._file}, {node.name}')
+        equations = dict(node.equations)
+        for item in node.assertions:
+            name = item.name or f'{node.name}_{len(found.requirements) + 1}'
+            self._require(found, name, item.text, item.comment, is_assumption=True)
+        for item in node.properties:
+            equation = equations.pop(item.text, item)
+            name = item.name or (item.text if item.text.isidentifier() else
+                                 f'{node.name}_{len(found.requirements) + 1}')
+            self._require(found, name, equation.text, equation.comment)
+        found.variables += [
+            item if node.realizable is None or item.name in node.realizable
+            else replace(item, role=VariableRole.OUTPUT) for item in node.inputs]
+        found.variables += [
+            ComponentVariable(name, VariableRole.INTERNAL, node.types.get(name, ''), (
                 Wording((Language.COCOSPEC,), equation.text, f'{self._file}, {name}'),))
             for name, equation in equations.items() if name != 'FTP']
+        return found

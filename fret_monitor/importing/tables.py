@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import io
 from pathlib import Path
 import re
+import shlex
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import ComponentRequirement, ImportedComponent, Wording
@@ -254,8 +255,22 @@ def _places(table: _Table, columns: Mapping[str, str]) -> dict[str, int]:
     if not found.keys() & {'id', 'identifier'} or not found.keys() & {'text', *_LANGUAGES}:
         missing = 'ids' if not found.keys() & {'id', 'identifier'} else 'requirements'
         refuse(f'{shown(table.name)} has no column of {missing}',
-               help=f'{_listed(table.head)}; write --columns id=NAME,text=NAME')
+               help=f'{_listed(table.head)}; write --columns {_columns_of(table)}')
     return found
+
+
+def _columns_of(table: _Table) -> str:
+    """Return what to give to `--columns`: a known or the first head, and that of long texts."""
+    heads = {' '.join(head.split()): place for place, head in enumerate(table.head)}
+    usable = [head for head in heads if head and not set(head) & set(',=')]
+    if len(usable) < 2:
+        return 'id=NAME,text=NAME'
+    id_ = next((head for head in usable if head.casefold() in _HEADS['id']), usable[0])
+    cells = {head: [row.cells[heads[head]] for row in table.rows[:_MANY]
+                    if heads[head] < len(row.cells)] for head in usable if head != id_}
+    text = max(cells, key=lambda head: sum(map(len, cells[head])))
+    role = 'fretish' if any('shall' in cell.split() for cell in cells[text]) else 'text'
+    return shlex.quote(f'id={id_},{role}={text}')
 
 
 def _listed(cells: Iterable[str]) -> str:

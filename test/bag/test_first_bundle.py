@@ -154,11 +154,15 @@ def test_what_cannot_be_made_is_refused(tmp_path: Path,
     bag = str(recording(tmp_path / 'run'))
     target = tmp_path / 'new.yaml'
     target.write_text('mine')
+    (tmp_path / 't.csv').write_text('time,x\n0,1\n')
+    (tmp_path / 't.txt').write_text('hello')
     for arguments, message in (
             ([bag, '--all', '-o', str(target)], 'exists'),
             ([bag, '--topics', '/enabel'], 'did you mean'),
             ([bag], '--topics TOPIC... takes some, --all takes all'),
-            ([str(tmp_path / 'none'), '--all'], 'none')):
+            ([str(tmp_path / 'none'), '--all'], 'none'),
+            ([str(tmp_path / 't.csv'), '--all'], 'is a table of values, which has no topics'),
+            ([str(tmp_path / 't.txt'), '--all'], 'file .mcap, .db3 or .bag; `bag` reads')):
         assert main(['new', '--bag', *arguments]) == 1
         assert message in capsys.readouterr().err
     assert target.read_text() == 'mine'

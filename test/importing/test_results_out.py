@@ -17,6 +17,7 @@
 from collections.abc import Sequence
 import csv
 from pathlib import Path
+import zipfile
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
@@ -181,12 +182,18 @@ def test_of_several_recordings_the_first_with_a_violation_is_named(bundle: Path,
     ('out.csv', 'rover.yaml', 'this command reads it'),
     ('out.csv', 'new.xlsx', 'give it the same ending'),
     ('none.csv', 'new.csv', 'cannot be read'),
-    ('drive.csv', 'new.csv', 'is not a file that can be imported')])
+    ('drive.csv', 'new.csv', 'has no column of ids'),
+    ('all.reqifz', 'new.reqifz', 'unpack it, and fill its file that ends in .reqif'),
+    ('project.xml', 'new.xml', 'no table (.csv, .tsv, .xlsx) and no ReqIF'),
+    ('none.reqif', 'new.reqif', 'cannot be read')])
 def test_what_cannot_be_filled_is_refused(table: str, new: str, message: str, bundle: Path,
                                           tmp_path: Path,
                                           capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / 'out.csv'
     assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 0
+    with zipfile.ZipFile(tmp_path / 'all.reqifz', 'w') as archive:
+        archive.writestr('a.reqif', '<REQ-IF/>')
+    (tmp_path / 'project.xml').write_text('<reqs><req key="1">x</req></reqs>')
     assert checked(tmp_path, bundle, '--fill', str(tmp_path / table), str(tmp_path / new)) == 1
     assert message in capsys.readouterr().err
     assert bundle.read_text(encoding='utf-8') == BUNDLE

@@ -16,6 +16,7 @@
 """Tables of requirements, CSV and XLSX, become bundles; what is no formula is told."""
 
 from pathlib import Path
+import shlex
 import zipfile
 
 from fret_monitor.build import read
@@ -101,7 +102,7 @@ def test_topics_of_a_list_are_taken(tmp_path: Path) -> None:
     (b'id,text\n', 'no row below the heads'),
     (b'id,text\nR,"x > 0\n', 'line 2'),
     (b'id,text\nR,x > \xe4\n', 'is not UTF-8: line 2'),
-    (b'a,b\n1,2\n', 'a file that can be imported'),
+    (b'a,b\n1,2\n', 'has no column of ids'),
     (b'id,text\n' + b'R,x > 0\n' * (MAX_ROWS + 1), f'more than {MAX_ROWS:,} rows')],
     ids=['empty', 'quote', 'latin-1', 'other heads', 'long'])
 def test_what_is_no_table_is_refused(data: bytes, message: str, tmp_path: Path) -> None:
@@ -228,3 +229,29 @@ def test_each_sentence_is_parsed_once(tmp_path: Path, monkeypatch: pytest.Monkey
         f'R-{k},{sentence}\n' for k, sentence in enumerate(sentences)))
     import_bundles([tmp_path / 'once.csv'], tmp_path / 'a.yaml')
     assert seen == sentences
+
+
+@pytest.mark.parametrize(('text', 'option'), [
+    ('Nr,Satz\nR-1,the rover shall always satisfy speed <= 2.0\n', 'id=Nr,fretish=Satz'),
+    ('Nr,Satz\nR1,x > 0\n', 'id=Nr,text=Satz'),  # each row could be a topic and its type
+    ('Owner;Req ID;Was gilt\nAnn;1;speed <= 2.0\n', "'id=Req ID,text=Was gilt'"),
+    ('"a, b",Satz\n1,x > 0\n', 'id=NAME,text=NAME')])
+def test_a_table_with_other_heads_is_refused_with_the_option_that_reads_it(
+        text: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'a.csv').write_text(text)
+    assert main(['import', str(tmp_path / 'a.csv'), '-o', str(tmp_path / 'a.yaml')]) == 1
+    told = capsys.readouterr().err
+    assert ' has no column of ' in told and told.endswith(f'; write --columns {option}\n')
+    if 'NAME' not in option:
+        assert main(['import', str(tmp_path / 'a.csv'), '--columns', *shlex.split(option),
+                     '-o', str(tmp_path / 'a.yaml')]) == 0
+    path = workbook(tmp_path / 'a.xlsx', A=(('Nr', 'Satz'), (1, 'x > 0')))
+    with pytest.raises(CompileError) as caught:
+        import_bundles([path], tmp_path / 'b.yaml')
+    assert str(caught.value.diagnostics[0].help).endswith('write --columns id=Nr,text=Satz')
+
+
+def test_a_list_of_topics_alone_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / 'topics.csv').write_text('speed,/speed\narmed,/armed\n')
+    with pytest.raises(CompileError, match='there is no requirement in'):
+        import_bundles([tmp_path / 'topics.csv'], tmp_path / 'a.yaml')
