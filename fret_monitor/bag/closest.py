@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Which of several recordings came closest to violating each requirement.
+Which of several recordings came closest to violating each requirement, by margin and slack.
 
 It takes the lines of JSON of the recordings, so that those that were checked before count alike.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import json
 from typing import Any
 
@@ -26,27 +26,38 @@ from fret_monitor.bag.results import aligned, by_text, shown_text
 from fret_monitor.model.diagnostics import counted
 
 _MOST_SHOWN = 5  # recordings of a requirement
-_HEADS = ('requirement', 'recording', 'closest', 'at', 'by')
 
 
 def closest_table(lines: Iterable[str]) -> str:
     """Return the worst recordings of each requirement for a terminal; '' without margins."""
+    contents = [json.loads(line) for line in lines]
+    tables = (_ranking(contents, 'closest', 'margin', ('at', 'by'), _closest_cells),
+              _ranking(contents, 'slack', 'left', ('trigger', 'until'), _slack_cells))
+    return '\n'.join(table for table in tables if table)
+
+
+def _ranking(contents: Sequence[Mapping[str, Any]], key: str, least: str, heads: tuple[str, ...],
+             cells: Callable[[Mapping[str, Any]], tuple[str, ...]]) -> str:
+    """Return what is under a key of requirements, the least first; '' if it is nowhere."""
     found: dict[str, list[tuple[str, Mapping[str, Any]]]] = {}
-    count = 0
-    for content in map(json.loads, lines):
-        count += 1
+    for content in contents:
         for name, item in content['requirements'].items():
-            if 'closest' in item:
-                found.setdefault(name, []).append((content['bag'], item['closest']))
-    rows = [_row(name, *item) for name, items in found.items() for item in sorted(
-        items, key=lambda item: float(item[1]['margin']))[:_MOST_SHOWN]]
-    if not rows:
-        return ''
-    widths = [max(len(row[column]) for row in (_HEADS, *rows)) for column in range(len(_HEADS))]
-    return '\n'.join([f'closest, over {counted(count, "recording")}:',
-                      *(aligned(row, widths) for row in (_HEADS, *rows))])
+            if key in item:
+                found.setdefault(name, []).append((content['bag'], item[key]))
+    rows = [('requirement', 'recording', key, *heads)]
+    rows += [(shown_text(name), shown_text(bag), *cells(item))
+             for name, items in found.items() for bag, item in sorted(
+                 items, key=lambda item: float(item[1][least]))[:_MOST_SHOWN]]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return '\n'.join([f'{key}, over {counted(len(contents), "recording")}:',
+                      *(aligned(row, widths) for row in rows)]) if found else ''
 
 
-def _row(name: str, bag: str, closest: Mapping[str, Any]) -> tuple[str, ...]:
-    return (shown_text(name), shown_text(bag), f'{closest["margin"]:.6g}', str(closest['at']),
-            by_text(closest['comparison'], closest['distance']))
+def _closest_cells(found: Mapping[str, Any]) -> tuple[str, ...]:
+    return (f'{found["margin"]:.6g}', str(found['at']),
+            by_text(found['comparison'], found['distance']))
+
+
+def _slack_cells(found: Mapping[str, Any]) -> tuple[str, ...]:
+    return (f'{found["left"]:.6g} {found["unit"]}', str(found['trigger']),
+            str(found['until'] or '-'))

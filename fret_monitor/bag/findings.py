@@ -41,6 +41,22 @@ class Closest:
     step: int
 
 
+@dataclass(frozen=True)
+class Slack:
+    """
+    The least time that was left until a deadline (docs/margins.md); negative: how late it was.
+
+    `left` is in `unit`, `s` or `steps`. `trigger` and `until` are when the trigger and the
+    response came (ns); without one until the end of the recording, `until` is None, and `left` is
+    what it is at most.
+    """
+
+    left: float
+    unit: str
+    trigger: int
+    until: int | None
+
+
 @dataclass
 class Findings:
     """
@@ -58,6 +74,9 @@ class Findings:
     failed; `figures` is what the test of this recording alone has found.
 
     `closest` is None without margins, and where no comparison of numbers decides.
+
+    `slack` is that of a sentence with a deadline, None if no response came or was late. `waiting`
+    is the time (ns) of a trigger whose response has time beyond the end of the recording.
 
     `triggered`: whether its trigger came; None if that was not asked.
     """
@@ -77,6 +96,8 @@ class Findings:
     trials: list[tuple[int, bool]] = field(default_factory=list)
     figures: Figures | None = None
     closest: Closest | None = None
+    slack: Slack | None = None
+    waiting: int | None = None
     triggered: bool | None = None
 
     @property

@@ -77,16 +77,19 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str =
         from fret_monitor.bag.report import check_and_report
         page = reports / page_name(path)
         check = partial(check_and_report, bundle, path, selection, page, progress=progress)
-    return outcome_of(path, also_triggers(check, bundle, path, selection), settings, page)
+    return outcome_of(path, also_asked(check, bundle, path, selection), settings, page)
 
 
-def also_triggers(check: Callable[[], RecordingResult], bundle: Path, path: Path,
-                  selection: Selection) -> Callable[[], RecordingResult]:
-    """Return a check that also finds out whether triggers came, if that is asked."""
-    if not selection.triggers:
-        return check
-    from fret_monitor.bag.triggers import with_triggers  # it needs the parser
-    return partial(with_triggers, check, bundle, path, selection)
+def also_asked(check: Callable[[], RecordingResult], bundle: Path, path: Path,
+               selection: Selection) -> Callable[[], RecordingResult]:
+    """Return a check that also finds out the slack, and whether triggers came, if asked."""
+    if selection.margins:
+        from fret_monitor.bag.slack import with_slack  # both need the parser
+        check = partial(with_slack, check, bundle, path, selection)
+    if selection.triggers:
+        from fret_monitor.bag.triggers import with_triggers
+        check = partial(with_triggers, check, bundle, path, selection)
+    return check
 
 
 def outcome_of(path: Path, check: Callable[[], RecordingResult], settings: str = '',

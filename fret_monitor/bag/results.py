@@ -21,7 +21,7 @@ from typing import Any, TextIO
 from xml.etree import ElementTree
 
 from fret_monitor.bag.check import RecordingResult
-from fret_monitor.bag.findings import Closest, Findings
+from fret_monitor.bag.findings import Closest, Findings, Slack
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.times import seconds, short_seconds
@@ -49,6 +49,8 @@ def json_line(result: RecordingResult) -> str:
             **({'instances': _instances(item)} if item.variable else {}),
             **_probability(item),
             **({'closest': _closest(item.closest)} if item.closest else {}),
+            **({'slack': _slack(item.slack)} if item.slack else {}),
+            **({} if item.waiting is None else {'waiting': seconds(item.waiting)}),
             **({} if item.triggered is None else {'triggered': item.triggered}),
         } for item in result.findings},
         **({'instances': {name: {
@@ -70,6 +72,11 @@ def _instances(item: Findings) -> dict[str, dict[str, object]]:
 def _closest(found: Closest) -> dict[str, object]:
     return {'margin': found.margin, 'distance': found.distance, 'comparison': found.comparison,
             'inputs': list(found.inputs), 'at': seconds(found.at), 'step': seconds(found.step)}
+
+
+def _slack(found: Slack) -> dict[str, object]:
+    return {'left': found.left, 'unit': found.unit, 'trigger': seconds(found.trigger),
+            'until': None if found.until is None else seconds(found.until)}
 
 
 def _probability(item: Findings) -> dict[str, object]:
@@ -107,14 +114,17 @@ def verdict_of(item: Findings) -> str:
 
 def table(result: RecordingResult) -> str:
     """Return the result for a terminal; times count from the begin of the recording."""
-    rows: list[tuple[str, ...]] = [('requirement', 'verdict', 'occurrences', 'first at',
-                                    'longest')]
-    if any(item.closest for item in result.findings):
-        rows = [(*rows[0], 'closest', 'at', 'by')]
+    has_closest = any(item.closest for item in result.findings)
+    has_slack = any(item.slack or item.waiting is not None for item in result.findings)
+    rows: list[tuple[str, ...]] = [(
+        'requirement', 'verdict', 'occurrences', 'first at', 'longest',
+        *(('closest', 'at', 'by') if has_closest else ()),
+        *(('slack', 'trigger', 'until') if has_slack else ()))]
     for item in result.findings:
-        rows += [_row(each, result.start) + _closest_cells(
-            each.closest, result.start)[:len(rows[0]) - 5]
-            for each in (item, *_first_instances(item))]
+        rows += [(*_row(each, result.start),
+                  *(_closest_cells(each.closest, result.start) if has_closest else ()),
+                  *(_slack_cells(each, result.start) if has_slack else ()))
+                 for each in (item, *_first_instances(item))]
         if len(item.instances) > _MOST_INSTANCES:
             more = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
             rows.append((f'{item.id}[{item.variable}=...]', f'{more} more', '', '', ''))
@@ -140,6 +150,18 @@ def _closest_cells(found: Closest | None, start: int) -> tuple[str, str, str]:
         return '-', '-', '-'
     return (f'{found.margin:.6g}', f'{short_seconds(found.at - start)} s',
             by_text(found.comparison, found.distance))
+
+
+def _slack_cells(item: Findings, start: int) -> tuple[str, str, str]:
+    """Return the slack, and when its trigger and its response came; `open` while one waits."""
+    found = item.slack
+    if found is None:
+        return ('-', '-', '-') if item.waiting is None else (
+            'open', f'{short_seconds(item.waiting - start)} s', '-')
+    is_open = ', open' if item.waiting is not None else ''
+    return (f'{found.left:.6g} {found.unit}{is_open}',
+            f'{short_seconds(found.trigger - start)} s',
+            '-' if found.until is None else f'{short_seconds(found.until - start)} s')
 
 
 def by_text(comparison: str, distance: float) -> str:
@@ -210,6 +232,10 @@ def _properties(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if 'closest' in found:
         for key in ('margin', 'distance', 'comparison', 'at'):
             yield f'closest.{key}', str(found['closest'][key])
+    for key, value in found.get('slack', {}).items():
+        yield f'slack.{key}', 'never' if value is None else str(value)
+    if 'waiting' in found:
+        yield 'waiting', found['waiting']
     if 'triggered' in found:
         yield 'triggered', 'true' if found['triggered'] else 'false'
     if 'probability' in found:

@@ -90,7 +90,8 @@ def _add_output(parser: ArgumentParser) -> None:
                         help='exit with 1 if any requirement was violated')
     output.add_argument('--margins', action='store_true',
                         help='also find out how close each requirement came to the other '
-                        'verdict, when, and by which comparison')
+                        'verdict, when, and by which comparison, and how much time was left '
+                        'until deadlines')
     output.add_argument('--triggers', action='store_true',
                         help='also find out whether the trigger of each requirement came, for '
                         '`check --trace`')
@@ -358,11 +359,11 @@ def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection:
              folder: Path | None, settings: str) -> Iterator['Outcome']:
     """Check recordings, in the way that the options say."""
     from fret_monitor.bag.fleet import (
-        also_triggers, check_all, check_on_cluster, check_one, outcome_of, page_name,
+        also_asked, check_all, check_on_cluster, check_one, outcome_of, page_name,
     )
     if _has_files(options, folder) and paths:
         page = None if folder is None else folder / page_name(paths[0])
-        yield outcome_of(paths[0], also_triggers(
+        yield outcome_of(paths[0], also_asked(
             lambda: _with_changes(options, bundle, selection, page or options.report), bundle,
             paths[0], selection), settings, page)
     elif options.dask is not None:

@@ -92,6 +92,21 @@ _NEGATED = {
 }
 
 
+def has_deadline(sentence: Sentence) -> bool:
+    """Whether a response has to come within a time: `within`; with an `only` scope, `for`."""
+    timing, _ = _meant(sentence)
+    return sentence.probability is None and timing is TimingKind.WITHIN
+
+
+def required_so_far(formula: Formula) -> Formula:
+    """Return what the formula of a sentence with `eventually` requires of the present interval."""
+    match formula:
+        case Binary(BinaryOperator.AND, _, now):
+            return now
+        case _:
+            return formula
+
+
 def _meant(sentence: Sentence) -> tuple[TimingKind, bool]:
     """Return the timing required in the intervals, and whether the response is negated."""
     timing = sentence.timing_kind

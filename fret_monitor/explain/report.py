@@ -30,21 +30,18 @@ from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain import future, sentence as fretish
 from fret_monitor.explain.diagram import diagram_of
-from fret_monitor.explain.goals import goals
+from fret_monitor.explain.goals import goals, on_one_line, sentences_of
 from fret_monitor.explain.in_time import confirmed, verdicts_in_time
 from fret_monitor.explain.timeline import drawn, Timeline, timeline, value_lines
 from fret_monitor.explain.words import in_words
 from fret_monitor.language.expression import Expression
-from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.language.mltl import parse_mltl
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Constant, Formula, postorder, Unary, Variable
 from fret_monitor.logic.printing import to_smv, Values
 from fret_monitor.logic.specification import Property, Specification
-from fret_monitor.model.diagnostics import (
-    counted, Diagnostic, did_you_mean, Problems, Source, Text,
-)
+from fret_monitor.model.diagnostics import counted, Diagnostic, did_you_mean, Problems
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import known_text, time_text
 from fret_monitor.traces.sampled import grid_of, sampled, sampled_formulas
@@ -203,11 +200,9 @@ def _context(reading: Reading, chosen: set[str],
              find_message: FindMessage | None = None) -> _ReportContext:
     specification = reading.specification
     bundle = reading.bundle
-    sentences = {} if bundle is None else {
-        item.id.value: parse_fretish(_on_one_line(item.text)) for item in bundle.requirements
-        if item.language is Language.FRETISH and item.id.value in chosen}
+    sentences = {} if bundle is None else sentences_of(bundle, chosen)
     futures = {} if bundle is None else {
-        item.id.value: parse_mltl(_on_one_line(item.text)) for item in bundle.requirements
+        item.id.value: parse_mltl(on_one_line(item.text)) for item in bundle.requirements
         if item.language is Language.MLTL and item.id.value in chosen}
     return _ReportContext(
         sentences, futures, goals(bundle, sentences, find_message) if bundle else {},
@@ -216,10 +211,6 @@ def _context(reading: Reading, chosen: set[str],
          if not isinstance(formula, Variable | Constant)},
         TimeScale(specification.policy, specification.period, specification.unit),
         {})
-
-
-def _on_one_line(text: Text) -> Text:
-    return Text.whole(Source('<sentence>', ' '.join(text.value.split())))
 
 
 def _explanation(item: Property, subject: Subject, examples: Examples,

@@ -1,0 +1,195 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`bag --margins`: how much time was left until the deadlines of FRETish sentences."""
+
+from collections.abc import Iterator
+from functools import partial
+import json
+from math import ceil
+from pathlib import Path
+from random import Random
+from xml.etree import ElementTree
+
+from bundles import write_bundle
+from cli.command import run
+from differential.compiled import unoptimised
+from fret_monitor.bag.check import (
+    check_recording, compiled, read_bundle, RecordingResult, run as judge, Selection,
+)
+from fret_monitor.bag.findings import Findings, Slack
+from fret_monitor.bag.fleet import also_asked
+from fret_monitor.bag.trace import Trace
+from fret_monitor.messages.installed import find_message
+import pytest
+
+BOUND = 4
+LAST = 8  # the last row, a row a second
+SECOND = 10**9
+SENTENCES = {
+    'GLOBAL': 'the c shall within {} satisfy r',
+    'UPON': 'upon p the c shall within {} satisfy r',
+    'WHENEVER': 'whenever p the c shall within {} satisfy r',
+    'IN': 'in m mode the c shall within {} satisfy r',
+    'IN_UPON': 'in m mode upon p the c shall within {} satisfy r & p',
+    'AFTER': 'after m mode upon p the c shall within {} satisfy r',
+    'BEFORE': 'before m mode whenever p the c shall within {} satisfy r',
+    'ONLY': 'only in m mode upon p the c shall for {} satisfy r',
+}
+HEAD = {
+    'ticks': 'format: 1\ninputs: {m: {type: bool}, p: {type: bool}, r: {type: bool}}\n',
+    'seconds': 'format: 1\nevaluation: {policy: timed, unit: 1}\ninputs:\n' + ''.join(
+        f'  {name}: {{type: bool, max_rate: 3}}\n' for name in 'mpr'),
+}
+
+
+def bundle_of(folder: Path, head: str, requirements: Iterator[tuple[str, str]],
+              name: str) -> Path:
+    """Write a bundle."""
+    return write_bundle(folder, head + 'requirements:\n' + ''.join(
+        f'  - {{id: {key}, fretish: "{text}"}}\n' for key, text in requirements), name)
+
+
+def shortened(unit: str) -> Iterator[tuple[str, str]]:
+    """Yield the sentences with each deadline, 0 to all rows, and those that deny a trigger."""
+    for key, text in SENTENCES.items():
+        for bound in range(LAST + 2):
+            timing = 'within {}' if 'within' in text else 'for {}'
+            yield f'{key}_{bound}', text.replace(
+                timing, timing.format(f'{bound} {unit}') if bound else 'immediately')
+        start = text[:text.index(' shall')]
+        yield f'{key}_NEVER', f'{start} shall immediately satisfy ' + (
+            'TRUE' if 'only' in text else 'FALSE')
+
+
+def rows(rng: Random, unit: str) -> Iterator[str]:
+    """Yield the rows of a random trace, in which values change now and then."""
+    values = [rng.randrange(2) for _ in 'mpr']
+    for second in range(LAST + 1):
+        for place, odds in enumerate((0.25, 0.4, 0.3)):
+            values[place] ^= rng.random() < odds
+        yield ','.join(map(str, (second, *values)))
+    if unit == 'seconds':  # the end is at no deadline
+        yield ','.join(map(str, (f'{LAST}.5', *values)))
+
+
+def with_slack(bundle: Path, path: Path, selection: Selection | None = None) -> RecordingResult:
+    """Check a recording as `bag --margins` does."""
+    chosen = selection or Selection(margins=True)
+    return also_asked(partial(check_recording, bundle, path, chosen), bundle, path, chosen)()
+
+
+@pytest.mark.parametrize('unit', HEAD)
+def test_the_slack_is_by_how_much_the_deadline_could_have_been_shorter(
+    unit: str, tmp_path: Path,
+) -> None:
+    bundle = bundle_of(tmp_path, HEAD[unit], ((key, text.format(f'{BOUND} {unit}'))
+                                              for key, text in SENTENCES.items()), 'bundle.yaml')
+    oracle = bundle_of(tmp_path, HEAD[unit], shortened(unit), 'oracle.yaml')
+    rng, path, kinds = Random(unit), tmp_path / 'trace.csv', set()
+    with unoptimised():
+        monitor = compiled(read_bundle(oracle, Selection(), find_message)).monitor
+    for _ in range(8):
+        path.write_text('\n'.join(['time,m,p,r', *rows(rng, unit)]) + '\n')
+        expected = {item.id: item for item in judge(monitor, Trace(path), Selection()).findings}
+        with unoptimised():
+            found = with_slack(bundle, path).findings
+        kinds |= {check(item, expected) for item in found}
+    assert kinds == {'none', 'open', 'at once', 'early', 'late', 'never'}
+
+
+def check(item: Findings, expected: dict[str, Findings]) -> str:
+    """Compare a slack with the verdicts of shorter and longer deadlines; return its kind."""
+    least = next(bound for bound in range(LAST + 2)
+                 if expected[f'{item.id}_{bound}'].verdict is not False)
+    slack, trigger = item.slack, expected[f'{item.id}_NEVER'].first
+    missed = 0 if slack is None else ceil(BOUND - slack.left)
+    waited = 0 if item.waiting is None else LAST + 1 - item.waiting // SECOND
+    assert least == max(missed, waited), item
+    assert waited <= BOUND
+    assert (item.verdict is False) == (slack is not None and slack.left < 0)
+    if slack is None:
+        assert (trigger is None) == (item.waiting is None)
+        return 'none' if trigger is None else 'open'
+    if missed == 0:
+        assert trigger == slack.trigger == slack.until
+        return 'at once'
+    first = expected[f'{item.id}_{missed - 1}'].first
+    assert first is not None
+    assert 0 <= first - slack.trigger - (missed - 1) * SECOND <= 2
+    if slack.until is None:
+        return 'never'
+    assert slack.until == slack.trigger + missed * SECOND
+    return 'early' if slack.left >= 0 else 'late'
+
+
+LANDING = """
+format: 1
+inputs: {alarm: {type: bool}, height: {type: float64}}
+requirements:
+  - {id: LAND, fretish: upon alarm the drone shall within 3 ticks satisfy height < 1.0}
+  - {id: LOW, fretish: the drone shall always satisfy height < 50.0}
+  - {id: FAST, fretish: upon height > 9.0 the drone shall within 2 ticks satisfy alarm}
+"""
+ROWS = ['time,alarm,height', '0,0,5.0', '1,1,5.0', '2,1,0.5', '3,0,9.5', '4,0,8.0', '5,0,8.0',
+        '6,1,8.0', '7,1,9.5']
+
+
+def test_the_outputs_have_the_slack_and_say_what_is_open(tmp_path: Path) -> None:
+    bundle, path = write_bundle(tmp_path, LANDING), tmp_path / 'run.csv'
+    path.write_text('\n'.join(ROWS) + '\n')
+    junit = tmp_path / 'junit.xml'
+    done = run('bag', bundle, path, '--margins', '--junit', junit)
+    assert done.status == 0, done.err
+    cells = {line.split()[0]: line.split('  ') for line in done.out.splitlines()[1:]}
+    ends = {name: [cell.strip() for cell in found if cell][-3:] for name, found in cells.items()}
+    assert ends == {
+        'requirement': ['slack', 'trigger', 'until'], 'LAND': ['2 steps, open', '1 s', '2 s'],
+        'LOW': ['-', '-', '-'], 'FAST': ['-1 steps', '3 s', '6 s']}
+    found = json.loads(run('bag', bundle, path, '--margins', '--json').out)['requirements']
+    assert found['FAST']['slack'] == {
+        'left': -1, 'unit': 'steps', 'trigger': '3.000000000', 'until': '6.000000000'}
+    assert found['LAND']['waiting'] == '6.000000000'
+    assert not {'slack', 'waiting'} & {*found['LOW']} and 'waiting' not in found['FAST']
+    case = ElementTree.parse(junit).getroot().find("testsuite/testcase[@name='LAND']")
+    assert case is not None
+    assert [(each.get('name'), each.get('value')) for each in case.iter('property')][4:] == [
+        ('slack.left', '2'), ('slack.unit', 'steps'), ('slack.trigger', '1.000000000'),
+        ('slack.until', '2.000000000'), ('waiting', '6.000000000')]
+    assert 'slack' not in run('bag', bundle, path).out
+
+
+def test_the_slack_of_a_bundle_with_a_period_is_in_seconds(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, LANDING.replace(
+        'format: 1', 'format: 1\nevaluation: {policy: periodic, period: 0.25}').replace(
+        '3 ticks', '1 second').replace('2 ticks', '0.5 seconds'))
+    path = tmp_path / 'run.csv'
+    path.write_text('\n'.join(ROWS) + '\n')
+    land, _, fast = with_slack(bundle, path).findings
+    assert land.slack == Slack(0.75, 's', 1 * SECOND, 2 * SECOND)
+    assert fast.slack == Slack(-0.25, 's', 3 * SECOND, 6 * SECOND)
+
+
+def test_recordings_are_ranked_by_their_slack(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, LANDING)
+    late, early = tmp_path / 'late.csv', tmp_path / 'early.csv'
+    late.write_text('\n'.join(ROWS) + '\n')
+    early.write_text('\n'.join([*ROWS[:5], '4,1,8.0']) + '\n')
+    lines = run('bag', bundle, early, late, '--margins').out.splitlines()
+    found = [line.split() for line in lines[lines.index('slack, over 2 recordings:') + 1:]]
+    assert [(name, Path(path).name, *rest) for name, path, *rest in found[1:]] == [
+        ('LAND', 'early.csv', '2', 'steps', '1.000000000', '2.000000000'),
+        ('LAND', 'late.csv', '2', 'steps', '1.000000000', '2.000000000'),
+        ('FAST', 'late.csv', '-1', 'steps', '3.000000000', '6.000000000'),
+        ('FAST', 'early.csv', '1', 'steps', '3.000000000', '4.000000000')]
