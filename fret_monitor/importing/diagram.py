@@ -55,6 +55,8 @@ class Diagram:
     def states(self) -> tuple[str, ...]:
         """The states: by number if they are numbers, else in the order of the file."""
         found = dict.fromkeys(name for edge in self.edges for name in (edge.origin, edge.target))
+        if self.initial and self.initial not in found:
+            found = {self.initial: None, **found}
         return tuple(sorted(found, key=int) if all(map(str.isdigit, found)) else found)
 
 

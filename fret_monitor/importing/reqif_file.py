@@ -21,6 +21,7 @@ titles of the chapters around it are a column more. The package reqif is not use
 without what the standard leaves optional.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -54,9 +55,20 @@ def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
         if it is no XML, or declares a document type (entities).
     """
     try:
-        yield from _rows(parsed_xml(text, path))
+        root = parsed_xml(text, path)
+        _refuse_repeated(root, path)
+        yield from _rows(root)
     except RecursionError:
         refuse(f'{shown(str(path))} cannot be read as XML: too deep')
+
+
+def _refuse_repeated(root: Element, path: Path) -> None:
+    counts = Counter(item.get('IDENTIFIER', '') for item in root.iter()
+                     if name_of(item) == 'SPEC-OBJECT')
+    for identifier, count in counts.items():
+        if count > 1:
+            refuse(f'{shown(str(path))} has {count} objects with the identifier '
+                   f'{shown(identifier)}', help='in ReqIF each one has an identifier of its own')
 
 
 def _rows(root: Element) -> Iterator[Sequence[str]]:

@@ -215,6 +215,7 @@ def _head(cell: str) -> str:
 def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
     reader = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter(text.lstrip()),
                         strict=True)
+    csv.field_size_limit(max(csv.field_size_limit(), len(text)))
     try:
         yield from reader
     except csv.Error as error:
@@ -241,6 +242,11 @@ def _table(rows: Iterable[Sequence[str]], name: str, label: str,
 def _places(table: _Table, columns: Mapping[str, str]) -> dict[str, int]:
     """Return which column is what."""
     heads = [_head(cell) for cell in table.head]
+    repeated = next((name for names in _FOUND_HEADS.values() for name in names
+                     if heads.count(name) > 1), '')
+    if repeated:
+        refuse(f'{shown(table.name)} has several columns {shown(repeated)}',
+               help='give each head once: only one column can be read as that')
     found: dict[str, int] = {}
     for role, name in columns.items():
         if _head(name) not in heads:

@@ -22,6 +22,8 @@ from xml.etree.ElementTree import Element
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.names import shown
 
+_DELETED = ('del', 's', 'strike')
+_RAISED = {'sup': '^', 'sub': '_'}
 _BLOCKS = ('p', 'div', 'br', 'li', 'tr', 'td', 'th', 'table')
 
 
@@ -58,13 +60,20 @@ def name_of(element: Element) -> str:
 
 
 def spoken_text(element: Element) -> str:
-    """Return the text of an element; paragraphs, lines and cells of XHTML are apart."""
+    """
+    Return the text of an element; paragraphs, lines and cells of XHTML are apart.
+
+    What is marked as deleted is left out; `^` and `_` stand before what is raised or lowered.
+    """
     return ''.join(_spoken(element))
 
 
 def _spoken(element: Element) -> Iterator[str]:
-    gap = ' ' if name_of(element) in _BLOCKS else ''
-    yield gap + (element.text or '')
+    name = name_of(element)
+    if name in _DELETED:
+        return
+    gap = ' ' if name in _BLOCKS else ''
+    yield gap + _RAISED.get(name, '') + (element.text or '')
     for child in element:
         yield from _spoken(child)
         yield child.tail or ''

@@ -186,6 +186,11 @@ def test_states_that_cannot_be_reached_are_reported(tmp_path: Path) -> None:
         'no edges lead from the state 0 to 2', 'no edges lead from the state 0 to 3']
 
 
+def test_a_first_state_without_edges_is_a_state(tmp_path: Path) -> None:
+    found = imported(tmp_path, 'stateDiagram-v2\n[*] --> 0\n1 --> 2 : x >= 0\n2 --> 1 : x < 0\n')
+    assert verdicts(tmp_path, found, state=[0, 0], x=[1, 1])['machine'] == [True, True]
+
+
 ALIKE = [('A', 'B', 'x > 1'), ('B', 'A', '')]
 
 

@@ -96,14 +96,25 @@ def test_each_object_is_a_requirement_with_its_chapters_as_title(
     assert 'R-3' in capsys.readouterr().err
 
 
+def test_what_is_deleted_raised_or_lowered_is_read_as_such(tmp_path: Path) -> None:
+    text = ROVER.replace('speed &lt;= 2.0', 'speed &lt;= <h:del>9</h:del><h:ins>2</h:ins>.0').replace(
+        'speed &gt; 0', 'v<h:sub>x</h:sub> &gt; 10<h:sup>1</h:sup>')
+    (tmp_path / 'rover.reqif').write_text(text, encoding='utf-8')
+    assert main(['import', str(tmp_path / 'rover.reqif'), '-o', str(tmp_path / 'r.yaml')]) == 0
+    found = {item.id: item.text for item in read(tmp_path / 'r.yaml').specification.properties}
+    assert found['R-1'] == 'the rover shall always satisfy speed <= 2.0'
+    assert found['R-4'] == 'v_x > 10^1 & armed'
+
+
 @pytest.mark.parametrize(('text', 'message'), [
     (ROVER.replace('<REQ-IF ', '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]><REQ-IF '),
      'declares a document type'),
     (ROVER[:-20], 'cannot be read as XML: unclosed token: line'),
     (ROVER.replace('<SPEC-OBJECTS>', '<SPEC-OBJECTS>' + 5000 * '<a>' + 5000 * '</a>'), 'too deep'),
     (ROVER.replace('SPEC-OBJECT ', 'O ').replace('SPEC-OBJECT>', 'O>'), 'no row below the heads'),
+    (ROVER.replace('"o-6"', '"o-3"'), "2 objects with the identifier 'o-3'"),
     (ROVER.replace('ReqIF.Text', 'Remark'), 'no column of requirements')],
-    ids=['entity', 'cut', 'deep', 'other tags', 'no text'])
+    ids=['entity', 'cut', 'deep', 'other tags', 'twice', 'no text'])
 def test_what_is_no_reqif_or_has_no_texts_is_refused(
         text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / 'a.reqif').write_text(text, encoding='utf-8')
