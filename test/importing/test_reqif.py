@@ -97,7 +97,8 @@ def test_each_object_is_a_requirement_with_its_chapters_as_title(
 
 
 def test_what_is_deleted_raised_or_lowered_is_read_as_such(tmp_path: Path) -> None:
-    text = ROVER.replace('speed &lt;= 2.0', 'speed &lt;= <h:del>9</h:del><h:ins>2</h:ins>.0').replace(
+    text = ROVER.replace(
+        'speed &lt;= 2.0', 'speed &lt;= <h:del>9</h:del><h:ins>2</h:ins>.0').replace(
         'speed &gt; 0', 'v<h:sub>x</h:sub> &gt; 10<h:sup>1</h:sup>')
     (tmp_path / 'rover.reqif').write_text(text, encoding='utf-8')
     assert main(['import', str(tmp_path / 'rover.reqif'), '-o', str(tmp_path / 'r.yaml')]) == 0
