@@ -38,11 +38,16 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Serve the page until SIGINT."""
     require_packages('`studio`', NEEDED)
+    from fret_monitor.studio.folder import Folder
     from fret_monitor.studio.server import listening, serve
     folder, name = Path.cwd(), None
     if options.bundle is not None:
         bundle = existing_bundle(options.bundle).resolve()
         folder, name = bundle.parent, bundle.name
+        try:
+            Folder(folder).read(name)
+        except ValueError as error:
+            refuse(f'the page cannot open this bundle: {error}')
     try:
         listener, address = listening(options.port)
     except (OSError, OverflowError) as error:

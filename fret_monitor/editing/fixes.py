@@ -29,6 +29,7 @@ from fret_monitor.bundle.yaml_repair import value_as_written
 from fret_monitor.editing.edited_bundle import EditedBundle, read_edited
 from fret_monitor.editing.edits import edited as with_edits, TextEdit
 from fret_monitor.model.diagnostics import Diagnostic, Level, Span
+from fret_monitor.model.names import PLACEHOLDER
 
 _MEANT = re.compile(r"'([^']+)'")
 _LINE = re.compile(r'(?:- )?([A-Za-z_][\w.]*): (.*)')
@@ -68,7 +69,9 @@ def _ways(found: Diagnostic, span: Span) -> Iterator[TextEdit]:
     """Yield the edits that the help of a diagnostic may mean."""
     help_ = found.help.strip()
     if help_.startswith('did you mean'):
-        yield from (TextEdit(span, word) for word in _MEANT.findall(help_))
+        written = '{{{}}}' if PLACEHOLDER.fullmatch(span.source.text, span.start, span.end) \
+            else '{}'
+        yield from (TextEdit(span, written.format(word)) for word in _MEANT.findall(help_))
     elif help_.startswith('remove'):
         yield from _without_entry(span)
     elif (line := _LINE.fullmatch(help_.partition('\n')[0])) is not None:

@@ -52,9 +52,10 @@ class Answering:
         self._scratch: Path | None = None
         self._turn = asyncio.Lock()
 
-    async def ask(self, question: dict[str, Any], is_wanted: Callable[[], bool]) -> Any:
+    async def ask(self, question: dict[str, Any], is_wanted: Callable[[], bool],
+                  limit_s: float | None = None) -> Any:
         """
-        Return the answer to a question, after those before it.
+        Return the answer to a question, after those before it; `limit_s` is for this one.
 
         One that is not wanted any more when its turn comes, since a newer one of its kind has
         come, is left out.
@@ -64,15 +65,16 @@ class Answering:
         Unanswered
             if there is none: the question is wrong, takes too long, or ended the process.
         """
+        limit = limit_s or self._limit_s
         async with self._turn:
             if not is_wanted():
                 raise Unanswered(OUTDATED)
             try:
-                line = await asyncio.wait_for(self._exchange(question), self._limit_s)
+                line = await asyncio.wait_for(self._exchange(question), limit)
             except TimeoutError:
                 await self.end()
                 raise Unanswered(
-                    f'no answer within {self._limit_s:g} s: this is too large for this page; '
+                    f'no answer within {limit:g} s: this is too large for this page; '
                     'use the command line') from None
             except (OSError, ValueError):
                 line = b''

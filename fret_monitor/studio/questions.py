@@ -50,6 +50,7 @@ from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
+from fret_monitor.native import evaluator_library
 from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.errors import NativeError
 from fret_monitor.runtime.evaluator import Evaluator
@@ -82,7 +83,8 @@ class Questions:
             'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
             'plan': self._plan, 'form': self._form, 'reword': self._reword,
             'explain': self._explain, 'simulate': self._simulate, 'example': self._example,
-            'why': self._why, 'recording': self._recording, 'taken': self._taken}
+            'why': self._why, 'recording': self._recording, 'taken': self._taken,
+            'prepare': self._prepare}
 
     def answer(self, question: Question) -> dict[str, Any]:
         """Return {'answer': ...} or {'error': text}."""
@@ -192,6 +194,10 @@ class Questions:
         return plan(found.specification)
 
     # What compiles.
+
+    def _prepare(self, question: Question) -> Answer:
+        """Compile what all bundles share: the first time after an installation, it takes long."""
+        evaluator_library()
 
     def _explain(self, question: Question) -> Answer:
         from fret_monitor.explain.report import as_dict, explain

@@ -18,8 +18,8 @@ The server of `fret-monitor studio`, on 127.0.0.1.
 All addresses begin with a token, which only the user's terminal shows; host and origin of a
 request are checked, too, so that no other page reaches this server. One WebSocket carries
 questions `{number, do, ...}` and answers `{number, answer}` or `{number, error}`;
-`{changed: name}` says that a file was changed by somebody else, `{live: ...}` what is new in a
-monitor that is watched (`turn.py`).
+`{changed: name}` says that a file was changed by somebody else, `{recordings: names}` which
+recordings there are now, `{live: ...}` what is new in a monitor that is watched (`turn.py`).
 """
 
 import asyncio
@@ -31,6 +31,7 @@ import json
 from pathlib import Path
 import secrets
 import socket
+from types import FrameType
 from typing import Any
 
 from fret_monitor.studio.folder import Folder, MOST_BYTES
@@ -54,7 +55,9 @@ _LOOK_S = 1.0
 _MOST_WAITING = 64  # questions of one page
 _SLOW = frozenset({'explain', 'simulate', 'example', 'why'})
 _OF_RECORDINGS = frozenset({'recording', 'taken'})
+_COMPILED = frozenset({'simulate', 'why'})
 _RECORDING_S = 120.0
+_PREPARING_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,10 @@ def serve(folder: Path, bundle: str | None, listener: socket.socket, address: Ad
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets)
             begun()
+
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            if not self.should_exit:  # uvicorn would raise a second one again, within its loop
+                super().handle_exit(sig, frame)
 
     Server(uvicorn.Config(
         application(Folder(folder.resolve()), bundle, address), log_level='warning',
@@ -167,6 +174,7 @@ class Talk:
         self._recordings = Answering(folder.root, _RECORDING_S)
         self._live = Live(self._send)
         self._watched: dict[str, str | None] = {}
+        self._listed: list[str] | None = None  # recordings, as the page has them
         self._newest: dict[str, int] = {}
         self._sending = asyncio.Lock()
 
@@ -208,8 +216,9 @@ class Talk:
     async def _found(self, do: str, question: dict[str, Any]) -> Any:
         match do:
             case 'open':
+                self._listed = self._folder.recordings()
                 return {'names': self._folder.names(), 'bundle': self._bundle,
-                        'recordings': self._folder.recordings(),
+                        'recordings': self._listed,
                         'folder': str(self._folder.root)}
             case 'read':
                 stored = self._folder.read(question['name'])
@@ -228,14 +237,20 @@ class Talk:
                 return await self._live.end()
             case 'reset':
                 return await self._live.tell({'reset': str(question['node'])})
+        if do in _COMPILED:
+            await self._slow.ask({'do': 'prepare'}, lambda: True, _PREPARING_S)
         process = self._slow if do in _SLOW else \
             self._recordings if do in _OF_RECORDINGS else self._quick
         return await process.ask(question, lambda: self._newest[do] == question['number'])
 
     async def _watch(self) -> None:
-        """Tell the page when the file that it shows was changed by somebody else."""
+        """Tell the page when its file was changed by somebody else, or a recording has come."""
         while True:
             await asyncio.sleep(_LOOK_S)
+            with suppress(OSError):
+                if self._listed not in (None, found := self._folder.recordings()):
+                    self._listed = found
+                    await self._send({'recordings': found})
             for name, stamp in list(self._watched.items()):
                 present = self._folder.stamp(name)
                 if present != stamp and self._watched.get(name) == stamp:

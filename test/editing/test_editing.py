@@ -434,6 +434,22 @@ def test_a_line_to_write_is_a_quick_fix(old: str, new: str, titles: list[str]) -
         assert [item for item in after.diagnostics if item.level is Level.ERROR] == []
 
 
+def test_a_name_in_braces_keeps_them_in_its_quick_fix() -> None:
+    text = """\
+format: 1
+for_each: {robot: {most: 3}}
+inputs:
+  v: {topic: "/{Robot}/s", type: std_msgs/msg/Float64}
+requirements:
+  - {id: A, ptltl: "v > 1"}
+"""
+    found = editing.read_edited(Path('b.yaml'), text)
+    first = next(item for item in found.diagnostics if item.help.startswith('did you mean'))
+    fix, = editing.fixes(found, first)
+    assert fix.title == 'write {robot}'
+    assert editing.with_edits(text, [fix.edit]) == text.replace('Robot', 'robot')
+
+
 def test_many_of_the_lines_to_write_are_quick_fixes() -> None:
     count = 0
     for path in golden.cases('bundle')[::4]:

@@ -31,7 +31,7 @@ from urllib.request import urlopen
 
 CHROMIUM = next(filter(None, map(shutil.which, (
     'chromium', 'chromium-browser', 'google-chrome'))), None)
-WAIT_S = 60.0
+WAIT_S = 150.0
 KEYS = {'ArrowRight': 39, 'ArrowLeft': 37, ' ': 32, 'Enter': 13, 'Tab': 9, 'Escape': 27}
 
 

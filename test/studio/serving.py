@@ -21,10 +21,13 @@ import signal
 import subprocess
 import sys
 
+from fret_monitor.native import evaluator_library
+
 
 @contextmanager
 def studio(folder: Path, *arguments: str) -> Iterator[str]:
     """Start the server, and return the address of its page."""
+    evaluator_library()  # a page's patience begins when what all bundles share is compiled
     process = subprocess.Popen(
         [sys.executable, '-m', 'fret_monitor', 'studio', '--print-url', *arguments],
         stdout=subprocess.PIPE, text=True, cwd=folder)

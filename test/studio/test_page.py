@@ -127,6 +127,14 @@ def test_write_understand_and_try(tmp_path: Path) -> None:
         page.click('#ask-yes')
         page.wait("/· saved/.test(document.querySelector('#state').textContent)")
         assert '# noted' in path.read_text()
+        # In another file, by Enter alone.
+        path = tmp_path / 'other.yaml'
+        page.click('#save-as')
+        page.get("document.querySelector('#ask-name').select()")
+        page.type(path.name)
+        page.key('Enter')
+        page.wait("document.querySelector('#file').value === 'other.yaml'")
+        assert '# noted' in path.read_text()
         # Somebody else writes the file.
         path.write_text(BUNDLE + '# by hand\n')
         page.see('#notice:not([hidden]) button')
@@ -190,6 +198,46 @@ def test_a_recording_its_reasons_the_picture_and_the_form(tmp_path: Path) -> Non
                   "'shall within 1 second satisfy level > 1')")
         page.wait("document.querySelector('#state').textContent.startsWith('no problems')")
         assert page.get('document.activeElement.id') == 'field-timing'
+        assert page.problems == []
+
+
+HOLD = """
+const { send } = WebSocket.prototype;
+[window.held, window.sockets] = [[], new Set()];
+WebSocket.prototype.send = function (text) {
+  window.sockets.add(this);
+  const go = () => send.call(this, text);
+  if (window.held && ['simulate', 'explain'].includes(JSON.parse(text).do)) window.held.push(go);
+  else go();
+};"""
+SHOWN = "[...document.querySelectorAll('#trace button.now')].map((each) => each.textContent)"
+
+
+@needs_browser
+def test_a_page_says_that_it_computes_and_fits_a_telephone(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(RECORDED)
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.call('Page.addScriptToEvaluateOnNewDocument', source=HOLD)
+        page.open(url)
+        page.wait('held.length === 2')
+        assert page.get(SHOWN) == ['computing', 'computing']
+        assert page.text('#meaning [aria-live]') == 'looking for examples'
+        page.get('held.forEach((go) => go()); window.held = null; 0')
+        page.wait(f"{SHOWN}.join() === 'satisfied,satisfied'")
+        page.see('#meaning figure')
+        for width in (1400, 390):
+            page.call('Emulation.setDeviceMetricsOverride', width=width, height=800,
+                      deviceScaleFactor=1, mobile=True)
+            page.wait("""(() => {
+                const boxes = [...document.querySelectorAll('#trace .scale span')].map(
+                  (each) => each.getBoundingClientRect());
+                return boxes.length >= 3 && boxes.every(
+                  (box, number) => !number || box.left > boxes[number - 1].right); })()""")
+        # The connection alone is lost, and the file is changed meanwhile.
+        page.get('sockets.forEach((each) => each.close()); 0')
+        page.wait("document.querySelector('#notice').textContent.startsWith('The server cannot')")
+        (tmp_path / 'b.yaml').write_text(RECORDED + '# by hand\n')
+        page.wait("document.querySelector('#notice').textContent.includes('by somebody else')")
         assert page.problems == []
 
 
@@ -261,6 +309,10 @@ def test_a_question_that_takes_too_long_is_ended_and_the_next_is_answered(
                                  'values': {}}, lambda: True)
         assert time.monotonic() - begin < 30
         assert not [*tmp_path.glob('fret_monitor-*')]
+        # What all bundles share is compiled for longer than that.
+        answering = Answering(tmp_path, limit_s=0.001)
+        assert await answering.ask({'do': 'prepare'}, lambda: True, 300) is None
+        await answering.end()
         answering = Answering(tmp_path)
         with pytest.raises(Unanswered, match=OUTDATED):
             await answering.ask({'do': 'check'}, lambda: False)

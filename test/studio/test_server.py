@@ -20,14 +20,19 @@ from http.client import HTTPConnection
 import json
 import os
 from pathlib import Path
+import signal
+import subprocess
+import sys
 from typing import Any
 from urllib.parse import urlsplit
 
+from fret_monitor.cli.main import main
 from fret_monitor.studio.folder import Folder, MOST_BYTES
 import pytest
 from studio.serving import studio
 
 pytest.importorskip('uvicorn')
+server = pytest.importorskip('fret_monitor.studio.server')
 websockets = pytest.importorskip('websockets')
 client = pytest.importorskip('websockets.sync.client')
 
@@ -137,6 +142,46 @@ def test_a_bundle_that_is_given_by_a_link_is_opened_where_it_is(
         opened, = asked(address, {'do': 'open'})
     assert opened['answer']['bundle'] == 'b.yaml'
     assert opened['answer']['folder'] == str(folder)
+
+
+def test_a_page_hears_that_a_recording_has_come(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(BUNDLE)
+    with studio(tmp_path, 'b.yaml') as address, \
+            talk(address, f'http://{urlsplit(address).netloc}') as socket:
+        socket.send(json.dumps({'number': 1, 'do': 'open'}))
+        assert json.loads(socket.recv(60))['answer']['recordings'] == []
+        (tmp_path / 'one.mcap').write_bytes(b'')
+        assert json.loads(socket.recv(60)) == {'recordings': ['one.mcap']}
+
+
+@pytest.mark.parametrize(('name', 'text', 'reason'), [
+    ('table.csv', 'time,p\n', "'table.csv' does not end with .yaml"),
+    ('large.yaml', '#' * (MOST_BYTES + 1), 'more than 2,000,000 bytes')])
+def test_what_the_page_cannot_open_is_refused_before_there_is_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    name: str, text: str, reason: str,
+) -> None:
+    monkeypatch.setattr(server, 'serve', lambda *_: None)
+    (tmp_path / name).write_text(text)
+    assert main(['studio', str(tmp_path / name), '--print-url']) == 1
+    assert reason in capsys.readouterr().err
+
+
+def test_a_second_signal_while_the_server_ends_prints_nothing(folder: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'fret_monitor', 'studio', '--print-url', 'b.yaml'], cwd=folder,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # If these tests run in the background, SIGINT may be ignored, and children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+    assert process.stdout is not None
+    address = process.stdout.readline().strip()
+    with talk(address, f'http://{urlsplit(address).netloc}') as socket:
+        process.send_signal(signal.SIGINT)
+        with pytest.raises(websockets.ConnectionClosed):
+            socket.recv(60)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=60) == ('', '')
+    assert process.returncode == 130
 
 
 def test_a_page_hears_that_its_file_was_changed(url: str, folder: Path) -> None:

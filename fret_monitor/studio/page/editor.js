@@ -108,13 +108,19 @@ export class Editor {
 
   async #complete(context) {
     const before = context.matchBefore(/[\w./{}-]*/);
-    if (!context.explicit && !before?.text && !/[:( ]$/.test(
+    if (!context.explicit && !before?.text && !/[( ]$/.test(
       context.state.doc.lineAt(context.pos).text.slice(0, context.pos))) return null;
     const found = await this.#ask('complete', { offset: context.pos }).catch(() => []);
     if (!found.length) return null;
+    const [{ from }] = found;
+    const fitting = found.filter((item) => item.from === from);
+    const typed = context.state.sliceDoc(from, context.pos);
+    // Behind what is whole, such as a number, Enter is a new line, not the first proposal.
+    if (!context.explicit && (fitting.some((item) => item.text === typed)
+      || (!typed && before?.text))) return null;
     return {
-      from: found[0].from,
-      options: found.filter((item) => item.from === found[0].from).map((item) => ({
+      from,
+      options: fitting.map((item) => ({
         label: item.label, detail: item.detail, apply: item.text, type: KINDS[item.kind],
       })),
     };

@@ -70,7 +70,7 @@ export class Form {
 
   #fill(input, text) {
     if (input.value !== text) input.value = text;
-    input.size = Math.max(8, Math.min(60, text.length + 1));
+    input.size = Math.max(8, input.placeholder.length, Math.min(60, text.length + 1));
   }
 
   async #write() {

@@ -19,6 +19,7 @@ import { words } from './words.js';
 
 export const WIDTH = 1000; // units of a drawing; it is as wide as the page lets it be
 const HEIGHT = { truth: 20, number: 48 };
+const LABEL = 70; // pixels for a time of six digits
 
 // Which steps are drawn, and which are chosen; all lanes share one.
 export class View extends EventTarget {
@@ -105,8 +106,10 @@ function asNumber(input, value) {
 
 // One row: its drawing, and how it is changed by pointer and keyboard.
 export class Lane {
-  constructor(name, view, { input = null, changes, end, set = null, steps, enter = null }) {
-    Object.assign(this, { name, view, input, changes, end, set, steps, enter });
+  // `isWaiting()`: whether what is to be drawn is still computed.
+  constructor(name, view, { input = null, changes, end, set = null, steps, enter = null,
+    isWaiting = () => false }) {
+    Object.assign(this, { name, view, input, changes, end, set, steps, enter, isWaiting });
     this.height = input && !input.isBool ? HEIGHT.number : HEIGHT.truth;
     this.picture = svg('svg', {
       class: 'lane', viewBox: `0 0 ${WIDTH} ${this.height}`, preserveAspectRatio: 'none',
@@ -135,6 +138,7 @@ export class Lane {
   }
 
   text(step) {
+    if (this.isWaiting()) return words.judging;
     const found = this.changes().filter(([each]) => each <= step).at(-1);
     if (!found) return words.notJudged;
     if (!this.input) return found[1] ? words.satisfied : words.violated;
@@ -220,9 +224,10 @@ export class Lane {
   }
 }
 
-export function scale(view, seconds) {
+// `width` in pixels: as many labels as have room.
+export function scale(view, seconds, width) {
   const marks = [];
-  const every = niceStep(view.count / 8);
+  const every = niceStep(view.count / Math.max(1, Math.min(8, width / LABEL)));
   for (let step = Math.ceil(view.first / every) * every; step < view.first + view.count;
     step += every) {
     const left = `${(step - view.first) / view.count * 100}%`;

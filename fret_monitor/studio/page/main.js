@@ -140,14 +140,24 @@ async function format() {
   if (found !== null) editor.write(found);
 }
 
-talk.addEventListener('changed', (event) => notice(words.changed(event.detail), [
-  [words.reload, () => { localStorage.removeItem(draft()); open(event.detail); }],
+const changedBy = (name) => notice(words.changed(name), [
+  [words.reload, () => { localStorage.removeItem(draft()); open(name); }],
   [words.overwrite, async () => {
-    const found = await talk.ask('read', { name: event.detail }).catch(() => null);
-    await write(event.detail, found?.stamp ?? null);
+    const found = await talk.ask('read', { name }).catch(() => null);
+    await write(name, found?.stamp ?? null);
   }],
-  [words.keep, () => notice()]]));
+  [words.keep, () => notice()]]);
+
+talk.addEventListener('changed', (event) => changedBy(event.detail));
+talk.addEventListener('recordings', (event) => recordings.list(event.detail));
 talk.addEventListener('close', () => notice(words.lost, []));
+talk.addEventListener('open', async () => {
+  if (at('notice').textContent !== words.lost) return;
+  notice(); // the connection alone was lost, such as that of a tunnel
+  const found = await talk.ask('read', { name: file.name }).catch(() => null);
+  if (file.name && found?.stamp !== file.stamp) changedBy(file.name);
+  await check();
+});
 addEventListener('beforeunload', (event) => {
   if (editor.text !== file.saved && editor.text !== NEW) event.preventDefault();
 });
@@ -165,7 +175,8 @@ function asked(question, name = null) {
     show(dialog, h('form', { method: 'dialog' },
       h('label', {}, question, ' ', input),
       h('menu', {},
-        h('button', { value: '', formnovalidate: true }, words.no),
+        // Enter is the first button that submits.
+        h('button', { type: 'button', onclick: () => dialog.close('') }, words.no),
         h('button', { value: 'yes', id: 'ask-yes' }, words.yes))));
     dialog.onclose = () => resolve(dialog.returnValue && (input ? input.value.trim() : true));
     dialog.returnValue = '';

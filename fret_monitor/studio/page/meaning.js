@@ -26,6 +26,7 @@ export class Meaning {
   #ask;
   #bundle = null;
   #id = null;
+  #shownId = null;
   #go;
   #form;
   #isSentence = false;
@@ -76,6 +77,8 @@ export class Meaning {
       show(this.#body);
       return;
     }
+    if (id !== this.#shownId) show(this.#body, h('p', { class: 'faint' }, words.reading));
+    this.#shownId = id;
     this.#isSentence = await this.#form.use(id);
     try {
       const found = await this.#ask('explain', { id });

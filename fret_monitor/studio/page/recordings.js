@@ -61,7 +61,8 @@ export class Recordings {
     const { value } = this.#parts.names;
     show(this.#parts.names, ...names.map((name) => h('option', { value: name }, name)));
     if (names.includes(value)) this.#parts.names.value = value;
-    this.#tell(names.length ? '' : words.noRecordings);
+    if (!names.length) this.#tell(words.noRecordings);
+    else if (this.#parts.note.textContent === words.noRecordings) this.#tell('');
   }
 
   get #window() {

@@ -60,12 +60,9 @@ export class Talk extends EventTarget {
   }
 
   #hear(found) {
-    if ('changed' in found) {
-      this.dispatchEvent(new CustomEvent('changed', { detail: found.changed }));
-      return;
-    }
-    if ('live' in found) {
-      this.dispatchEvent(new CustomEvent('live', { detail: found.live }));
+    const pushed = ['changed', 'live', 'recordings'].find((kind) => kind in found);
+    if (pushed) {
+      this.dispatchEvent(new CustomEvent(pushed, { detail: found[pushed] }));
       return;
     }
     const waiting = this.#waiting.get(found.number);

@@ -22,6 +22,7 @@ import { words } from './words.js';
 
 // What a lane needs to know of a margin; it cannot be drawn.
 const MARGIN = { isBool: false, isFloat: true, names: [] };
+const LATE_MS = 300; // verdicts that take longer are said to be computed
 
 export class Tryout {
   #place;
@@ -33,6 +34,8 @@ export class Tryout {
   #margins = {};
   #hasMargins = false;
   #lanes = [];
+  #isWaiting = true; // for verdicts
+  #asked = 0;
   #active = null; // the input whose value is typed
   #parts = {};
 
@@ -42,6 +45,7 @@ export class Tryout {
     this.#ask = ask;
     this.#view.addEventListener('chosen', () => this.#draw());
     this.#view.addEventListener('moved', () => this.#draw());
+    addEventListener('resize', () => this.#draw());
   }
 
   // Show the inputs of another version of the bundle.
@@ -65,10 +69,11 @@ export class Tryout {
       input, steps, end: steps, changes: () => this.#trace.values[input.name],
       set: (first, last, value) => this.#set(input, first, last, value),
       enter: () => this.#parts.value.focus() });
+    const isWaiting = () => this.#isWaiting;
     const verdict = (id) => new Lane(id, this.#view, {
-      steps, end: steps, changes: () => this.#asSteps(this.#verdicts[id] ?? []) });
+      isWaiting, steps, end: steps, changes: () => this.#asSteps(this.#verdicts[id] ?? []) });
     const margin = (id) => new Lane(words.marginOf(id), this.#view, {
-      input: MARGIN, steps, end: steps,
+      input: MARGIN, isWaiting, steps, end: steps,
       changes: () => this.#asSteps(this.#margins[id] ?? []) });
     const above = inputs.map(lane);
     const below = judged.flatMap((id) => this.#hasMargins
@@ -172,7 +177,8 @@ export class Tryout {
       }
     }
     const parts = this.#parts;
-    const marks = scale(this.#view, this.#seconds);
+    const width = this.#lanes[0]?.picture.getBoundingClientRect().width ?? 0;
+    const marks = scale(this.#view, this.#seconds, width);
     parts.scale.replaceWith(marks);
     parts.scale = marks;
     const time = this.#seconds ? `, ${Number((cursor * this.#seconds).toPrecision(9))} s` : '';
@@ -223,6 +229,7 @@ export class Tryout {
   // Say what has led to a violation at the chosen step, and mark it.
   async #why(id) {
     const { steps, period, values } = this.#trace;
+    this.#tell(words.judging);
     try {
       const found = await this.#ask('why', {
         steps, period, values, id, step: this.#view.cursor });
@@ -230,6 +237,7 @@ export class Tryout {
         this.#tell(words.notViolated);
         return;
       }
+      this.#tell('');
       this.#view.marks = [['violated', found.begin], ['trigger', found.trigger],
         ['over', found.end]].filter(([, step]) => step !== null);
       const drawing = report(
@@ -276,16 +284,18 @@ export class Tryout {
   async #judge(more = {}) {
     if (!more.csv) this.#forget();
     const { steps, period, values } = this.#trace;
+    const number = ++this.#asked;
+    const late = setTimeout(() => this.#wait(true), LATE_MS);
     try {
       const found = await this.#ask('simulate', {
         steps, period, values, margins: this.#hasMargins, ...more });
       this.#verdicts = found.verdicts;
       this.#margins = found.margins ?? {};
       this.#place.dataset.judged = String(Number(this.#place.dataset.judged ?? 0) + 1);
-      this.#draw();
       return found;
     } catch (error) {
       if (error.message === 'outdated') return null;
+      [this.#verdicts, this.#margins] = [{}, {}];
       if (this.#hasMargins) { // verdicts may be known without them
         this.#hasMargins = false;
         this.#build();
@@ -293,7 +303,15 @@ export class Tryout {
       }
       this.#tell(error.message);
       return null;
+    } finally {
+      clearTimeout(late);
+      if (number === this.#asked) this.#wait(false);
     }
+  }
+
+  #wait(isWaiting) {
+    this.#isWaiting = isWaiting;
+    this.#draw();
   }
 
   async #example(ids, kind) {

@@ -49,8 +49,9 @@ export const words = {
   problems: (errors, warnings) => [
     errors && `${errors} error${errors > 1 ? 's' : ''}`,
     warnings && `${warnings} warning${warnings > 1 ? 's' : ''}`].filter(Boolean).join(', '),
-  lost: 'The server has ended. What is written here is kept as long as this page is open: '
-    + 'copy it, or start the server again with the same --port and open the new address.',
+  lost: 'The server cannot be reached. What is written here is kept as long as this page is '
+    + 'open. If the server has ended, copy it, or start the server again with the same --port '
+    + 'and open the new address.',
   changed: (name) => `${name} was changed on disk by somebody else.`,
   reload: 'Read it again (what is not saved here is lost)',
   keep: 'Keep what is here',
@@ -88,6 +89,7 @@ export const words = {
   badValue: (step, name, value) => `step ${step}: '${value}' is no value of ${name}`,
   margins: 'Margins', marginOf: (id) => `margin of ${id}`, noMargin: 'none',
   satisfied: 'satisfied', violated: 'violated', notJudged: 'not judged',
+  judging: 'computing',
   verdicts: 'Verdicts', inputs: 'Inputs',
   uneven: 'the times of the table are not evenly spaced: this page has one time between two rows',
   fix: 'Fix', noHead: 'the first line of a table has the names of the inputs',
