@@ -139,6 +139,8 @@ class Folder:
                     os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
         except CompileError as error:
             raise ValueError(error.diagnostics[0].title) from None
+        except OSError as error:
+            raise ValueError(f"cannot write '{name}': {error.strerror or error}") from None
         return _stamp(data)
 
     def stamp(self, name: str) -> str | None:

@@ -135,13 +135,21 @@ def application(folder: Folder, bundle: str | None, address: Address) -> Starlet
 
 def _file(name: str, address: Address) -> Response:
     folder = _REPORTS if name in _OF_REPORTS else _PAGE
-    path = (folder / _OF_REPORTS.get(name, name)).resolve()
-    if not path.is_relative_to(folder) or not path.is_file() or path.suffix not in _TYPES:
+    path = folder / _OF_REPORTS.get(name, name)
+    if not _is_of_page(path, folder):
         return PlainTextResponse('there is no such file', 404)
     nonce = secrets.token_urlsafe(16)
     text = path.read_text(encoding='utf-8').replace(_NONCE, nonce) \
         if path.suffix == '.html' else path.read_bytes()
     return Response(text, headers=_headers(nonce, address), media_type=_TYPES[path.suffix])
+
+
+def _is_of_page(path: Path, folder: Path) -> bool:
+    try:
+        found = path.resolve()
+        return found.is_relative_to(folder) and found.is_file() and found.suffix in _TYPES
+    except (OSError, ValueError):  # a name that is too long, or no name
+        return False
 
 
 def _headers(nonce: str, address: Address) -> Mapping[str, str]:

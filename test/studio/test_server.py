@@ -92,7 +92,7 @@ def test_only_the_page_with_its_token_is_answered(url: str) -> None:
         assert what in get(url, place.path + name)[2]
     for name in ('../server.py', '../../bag/page.js', 'page.js', '..%2fserver.py',
                  'vendor/../../server.py', 'vendor', 'none.js', 'vendor/SHA256SUMS',
-                 '/etc/passwd'):
+                 '/etc/passwd', '%00', 'x' * 5000):
         assert get(url, place.path + name)[0] in (403, 404), name
 
 
@@ -226,6 +226,11 @@ def test_a_folder_gives_no_file_outside_and_no_link_pipe_or_large_file(
             found.write(name, BUNDLE, stamp)
     assert (inside / 'large.yaml').stat().st_size > MOST_BYTES
     assert found.names() == [] and (tmp_path / 'b.yaml').read_text() == BUNDLE
+
+
+def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r'cannot write .*too long'):
+        Folder(tmp_path).write('x' * 300 + '.yaml', BUNDLE, None)
 
 
 def test_a_write_keeps_the_permissions_and_leaves_nothing_else(tmp_path: Path) -> None:
