@@ -34,7 +34,9 @@ from fret_monitor.importing.draft import free_name
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, MessageLayout
-from fret_monitor.model.diagnostics import CompileError, counted, Source, Text
+from fret_monitor.model.diagnostics import (
+    CompileError, counted, Problems, refuse, Source, Text,
+)
 from fret_monitor.model.names import name_fault
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.values import ValueType
@@ -99,14 +101,16 @@ class SeenTopic:
             if self.longest_gap else 0.0
 
 
-def recorded_topics(paths: Sequence[Path]) -> list[SeenTopic]:
+def recorded_topics(paths: Sequence[Path], problems: Problems) -> list[SeenTopic]:
     """
     Return the topics of recordings that have fields of numbers, by name.
+
+    Those of messages without a definition that can be read are left out, with a warning.
 
     Raises
     ------
     CompileError
-        if a recording or the definition of a message cannot be read.
+        if a recording cannot be read, or no topic has fields of numbers.
     """
     found: dict[str, SeenTopic] = {}
     for path in paths:
@@ -114,8 +118,16 @@ def recorded_topics(paths: Sequence[Path]) -> list[SeenTopic]:
             for name, types in recording.types.items():
                 if name not in found and len(types) == 1:
                     (kind,) = types
-                    found[name] = SeenTopic(name, kind, *fields_of(recording.find_message(kind)))
-    return [topic for _, topic in sorted(found.items()) if topic.fields or topic.arrays]
+                    try:
+                        fields = fields_of(recording.find_message(kind))
+                    except CompileError as error:
+                        problems.warning(f'{name} is left out: {error.diagnostics[0].title}')
+                        fields = [], []
+                    found[name] = SeenTopic(name, kind, *fields)
+    topics = [topic for _, topic in sorted(found.items()) if topic.fields or topic.arrays]
+    if not topics:
+        refuse('no topic with numbers was recorded')
+    return topics
 
 
 def fields_of(layout: MessageLayout) -> tuple[list[SeenField], list[str]]:

@@ -67,7 +67,12 @@ def run(options: Namespace) -> int:
     if options.live:
         return _of_graph(options)
     from fret_monitor.bag.first_bundle import recorded_topics, survey
-    topics = _chosen(options, recorded_topics(options.bag), 'was recorded')
+    problems = Problems()
+    try:
+        found = recorded_topics(options.bag, problems)
+    finally:
+        print_diagnostics(problems.warnings)
+    topics = _chosen(options, found, 'was recorded')
     with progress('new', is_printing=options.output is None) as report:
         survey(options.bag, topics, report)
     return _write(options, topics, ', '.join(path.name for path in options.bag))

@@ -19,8 +19,11 @@ import io
 from pathlib import Path
 
 from bag.recordings import FLOAT, START, TYPES, write
+from fret_monitor.bag.recording import Recording
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
+from fret_monitor.messages.layout import MessageLayout
+from fret_monitor.model.diagnostics import refuse
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -166,3 +169,25 @@ def test_what_cannot_be_made_is_refused(tmp_path: Path,
         assert main(['new', '--bag', *arguments]) == 1
         assert message in capsys.readouterr().err
     assert target.read_text() == 'mine'
+
+
+def test_topics_without_a_definition_are_left_out_and_texts_alone_are_no_bundle(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    real, target = Recording.find_message, tmp_path / 'new.yaml'
+
+    def find_message(recording: Recording, kind: str) -> MessageLayout:
+        if kind == BOOL:
+            refuse("no messages of a package 'std_msgs' were found")
+        return real(recording, kind)
+
+    monkeypatch.setattr(Recording, 'find_message', find_message)
+    bag = str(recording(tmp_path / 'run'))
+    assert main(['new', '--bag', bag, '--all', '-o', str(target)]) == 0
+    assert "warning: /enable is left out: no messages of a package 'std_msgs' were found" in (
+        capsys.readouterr().err)
+    assert '/enable' not in target.read_text(encoding='utf-8')
+    with Writer(tmp_path / 'text', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection('/note', 'std_msgs/msg/String', typestore=TYPES)
+    assert main(['new', '--bag', str(tmp_path / 'text'), '--all']) == 1
+    assert 'no topic with numbers was recorded' in capsys.readouterr().err
