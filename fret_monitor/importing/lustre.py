@@ -311,7 +311,7 @@ class _Equation:
 
 
 @dataclass
-class _Node:
+class _NodeDeclaration:
     """A node during parsing; `types` are those of all its names."""
 
     name: str
@@ -360,11 +360,11 @@ class _NodeReader(_ContractReader):
         return CalledNode(parameters, node.outputs[0].name, node.types,
                           {key: item.text for key, item in node.equations.items()})
 
-    def _node(self) -> _Node:
+    def _node(self) -> _NodeDeclaration:
         name = self._name("the node's name")
         inputs = [*self._declarations(VariableRole.INPUT)]
         self._expect('returns')
-        node = _Node(name, inputs, [*self._declarations(VariableRole.OUTPUT)])
+        node = _NodeDeclaration(name, inputs, [*self._declarations(VariableRole.OUTPUT)])
         variables = [*inputs, *node.outputs]
         while (token := self._take()).text != 'let':
             if token.text == 'var':
@@ -386,7 +386,7 @@ class _NodeReader(_ContractReader):
             self._expect(';')
             yield from (ComponentVariable(name, VariableRole.INTERNAL, kind) for name in found)
 
-    def _statement(self, node: _Node, token: _Token) -> None:
+    def _statement(self, node: _NodeDeclaration, token: _Token) -> None:
         """Parse an equation, an assertion, a property, or what `--%REALIZABLE` lists."""
         comment, self._comment = self._comment, ''
         if token.text == _PROPERTY:
@@ -411,7 +411,7 @@ class _NodeReader(_ContractReader):
             elif token.text != ',':
                 self._refuse(token, "a variable, ',' or ';' was expected")
 
-    def _required(self, node: _Node) -> _Contract:
+    def _required(self, node: _NodeDeclaration) -> _Contract:
         """Return the requirements of a node, and as variables the equations that are none."""
         found = _Contract(node.name, f'{self._file}, {node.name}')
         equations = dict(node.equations)

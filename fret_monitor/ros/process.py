@@ -183,9 +183,10 @@ def skip_generator() -> None:
 
 def _spin(executor: SingleThreadedExecutor, node: Node, is_over: Any) -> None:
     """Spin until the future is done; a response that the middleware does not send is logged."""
-    while not is_over.done():
+    while True:
         try:
             executor.spin_until_future_complete(is_over)
+            return
         except _rclpy.RCLError as error:
             if 'send response' not in str(error):
                 raise
