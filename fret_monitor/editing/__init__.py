@@ -38,6 +38,8 @@ changed are not read again |
 gates), and links from what is read to what reads it |
 | `sentence_form(edited, id)` | the fields of a FRETish sentence; `with_sentence(edited, id, \
 fields)`: a `TextEdit` that writes them |
+| `blank_form()`, `with_requirement(edited, id, fields)` | the fields of no sentence yet; a \
+`TextEdit` that writes a new requirement |
 | `folds(text)`, `formatted(text)` | lines that can be folded; the text in the usual indentation |
 
 `read_file` is as `read_source`: it has the texts of other open files, such as of `signals`.
@@ -56,17 +58,19 @@ from fret_monitor.editing.fixes import fixes, QuickFix
 from fret_monitor.editing.folding import FoldedLines, folds
 from fret_monitor.editing.formatting import formatted
 from fret_monitor.editing.hover import hover, HoverText
+from fret_monitor.editing.new_requirement import with_requirement
 from fret_monitor.editing.picture import Picture, picture, PictureKind, PictureNode
 from fret_monitor.editing.positions import EditorPosition, PositionMap
 from fret_monitor.editing.references import definition, references, rename
 from fret_monitor.editing.sentence_form import (
-    sentence_form, sentence_of, SentenceField, with_sentence,
+    blank_form, sentence_form, sentence_of, SentenceField, with_sentence,
 )
 from fret_monitor.elaboration.memory import RequirementMemory
 
 __all__ = [
-    'code_of', 'complete', 'definition', 'EditedBundle', 'EditorPosition', 'fixes', 'FoldedLines',
-    'folds', 'formatted', 'hover', 'HoverText', 'looks_like_a_bundle', 'picture', 'Picture',
-    'PictureKind', 'PictureNode', 'PositionMap', 'Proposal', 'ProposalKind', 'QuickFix',
-    'read_edited', 'references', 'rename', 'RequirementMemory', 'RunningTopics', 'sentence_form',
-    'sentence_of', 'SentenceField', 'TextEdit', 'unchecked', 'with_edits', 'with_sentence']
+    'blank_form', 'code_of', 'complete', 'definition', 'EditedBundle', 'EditorPosition',
+    'fixes', 'FoldedLines', 'folds', 'formatted', 'hover', 'HoverText', 'looks_like_a_bundle',
+    'picture', 'Picture', 'PictureKind', 'PictureNode', 'PositionMap', 'Proposal',
+    'ProposalKind', 'QuickFix', 'read_edited', 'references', 'rename', 'RequirementMemory',
+    'RunningTopics', 'sentence_form', 'sentence_of', 'SentenceField', 'TextEdit', 'unchecked',
+    'with_edits', 'with_requirement', 'with_sentence']

@@ -68,6 +68,11 @@ class EditedBundle:
     def _readable(self) -> tuple[Source, Node | None]:
         return mended(self.source)
 
+    @property
+    def tree(self) -> Node | None:
+        """Its tree, as far as it is YAML."""
+        return self._readable[1]
+
     @cached_property
     def bundle(self) -> Bundle | None:
         """What can be used of it; None if nothing can."""
@@ -105,7 +110,7 @@ class EditedBundle:
 
     def place_at(self, offset: int) -> OutlinePlace:
         """Return where an offset of the text is."""
-        return place_at(self.source, self._readable[1], offset)
+        return place_at(self.source, self.tree, offset)
 
     @property
     def is_signals(self) -> bool:

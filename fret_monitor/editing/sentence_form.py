@@ -50,7 +50,12 @@ def sentence_form(edited: EditedBundle, id: str) -> tuple[SentenceField, ...]:
     except CompileError:
         return ()
     texts = _texts(sentence)
-    return tuple(SentenceField(name, texts[name], _words(name)) for name in FIELDS)
+    return tuple(item._replace(text=texts[item.name]) for item in blank_form())
+
+
+def blank_form() -> tuple[SentenceField, ...]:
+    """Return the fields of a sentence in which nothing is written yet."""
+    return tuple(SentenceField(name, '', _words(name)) for name in FIELDS)
 
 
 def _texts(sentence: Sentence) -> dict[str, str]:

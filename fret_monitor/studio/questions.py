@@ -40,8 +40,8 @@ from fret_monitor.bag.required import require_rosbags
 from fret_monitor.build import compile_monitor, generate_monitor, Reading
 from fret_monitor.bundle.source_file import ReadFile
 from fret_monitor.editing import (
-    code_of, complete, EditedBundle, fixes, formatted, hover, picture, PositionMap, read_edited,
-    RequirementMemory, sentence_form, with_sentence,
+    blank_form, code_of, complete, EditedBundle, fixes, formatted, hover, picture, PositionMap,
+    read_edited, RequirementMemory, sentence_form, with_edits, with_requirement, with_sentence,
 )
 from fret_monitor.logic.expansion import expanded
 from fret_monitor.logic.formula import Binary, BinaryOperator
@@ -82,6 +82,7 @@ class Questions:
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
             'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
             'plan': self._plan, 'form': self._form, 'reword': self._reword,
+            'draft': self._draft,
             'explain': self._explain, 'simulate': self._simulate, 'example': self._example,
             'why': self._why, 'recording': self._recording, 'taken': self._taken,
             'prepare': self._prepare}
@@ -179,13 +180,28 @@ class Questions:
             for item in found.nodes]}
 
     def _form(self, question: Question) -> Answer:
-        return [item._asdict() for item in sentence_form(self._edited(question), question['id'])]
+        """Return the fields of a requirement; of a new one without an id."""
+        fields = blank_form() if question['id'] is None else \
+            sentence_form(self._edited(question), question['id'])
+        return [item._asdict() for item in fields]
 
     def _reword(self, question: Question) -> Answer:
         """Return the edit that writes the fields of a form into the text."""
         edited = self._edited(question)
         edit = with_sentence(edited, question['id'], question['fields'])
         return {'text': edit.text, **Utf16(edited.source.text).range(edit.place)}
+
+    def _draft(self, question: Question) -> Answer:
+        """Return the edit that adds a requirement, the text with it, and what is wrong with it."""
+        edited = self._edited(question)
+        edit = with_requirement(edited, question['id'], question['fields'])
+        whole = with_edits(edited.source.text, [edit])
+        after = self._edited({**question, 'text': whole})
+        known = {(item.title, item.label) for item in edited.diagnostics}
+        return {'text': edit.text, **Utf16(edited.source.text).range(edit.place), 'whole': whole,
+                'problems': [': '.join(filter(None, (item.title, item.label)))
+                             for item in after.diagnostics
+                             if (item.title, item.label) not in known]}
 
     def _plan(self, question: Question) -> Answer:
         found = self._edited(question).reading

@@ -67,6 +67,12 @@ def test_axe_finds_nothing_serious(tmp_path: Path, is_dark: bool, width: int) ->
         page.wait("!!document.querySelector('.lane[aria-label^=SLOW] rect.is-true')")
         page.get(AXE.read_text(encoding='utf-8') + '; 0')
         assert found(page) == []
+        # With the form of a new requirement.
+        page.click('#new-requirement')
+        page.wait("document.activeElement.id === 'new-id'")
+        page.type('SLOW')
+        page.see('#new-problems li')
+        assert found(page) == []
         # With a mistake in the text, and while a monitor is looked for.
         page.get("document.querySelector('#live-connect').click()")
         page.wait("document.querySelectorAll('#live-rows .lane').length > 0")

@@ -201,6 +201,43 @@ def test_a_recording_its_reasons_the_picture_and_the_form(tmp_path: Path) -> Non
         assert page.problems == []
 
 
+@needs_browser
+def test_a_new_requirement_is_written_from_a_form(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(RECORDED)
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.see(f'{ANSWER} rect')
+        page.wait("document.querySelector('#field-component')?.value === 'pump'")
+        page.click('#new-requirement')
+        page.wait("document.activeElement.id === 'new-id'")
+        assert page.get("document.querySelector('#new-component').value") == 'pump'
+        page.type('ANSWER')
+        problems = "document.querySelector('#new-problems').textContent"
+        page.wait(f'{problems}.includes("already")')
+        assert page.get("document.querySelector('#new-add').disabled")
+        page.type('-2')
+        for name, text in (('condition', 'when flow > 3'), ('timing', 'always'),
+                           ('response', 'levl >= 0')):
+            page.get(f"document.querySelector('#new-{name}').focus()")
+            page.type(text)
+        page.wait(f'{problems}.includes("levl")')
+        page.get("document.querySelector('#new-response').select()")
+        page.type('level >= 0')
+        page.see('#meaning figure')
+        assert not page.text('#new-problems') and 'flow > 3' in page.text('#meaning dl')
+        page.key('Enter')
+        page.wait("document.querySelector('#requirement')?.value === 'ANSWER-2'")
+        page.see('.lane[aria-label^="ANSWER-2"] rect')
+        assert 'fretish: "when flow > 3 the pump shall always satisfy level >= 0"' in page.text(
+            '.cm-content')
+        page.wait("document.querySelector('#field-response')?.value === 'level >= 0'")
+        page.click('#new-requirement')
+        page.wait("document.activeElement.id === 'new-id' && !document.activeElement.value")
+        page.click('#meaning form button[type=button]')
+        page.wait("document.querySelector('#requirement')?.value === 'ANSWER-2'")
+        assert page.problems == []
+
+
 HOLD = """
 const { send } = WebSocket.prototype;
 [window.held, window.sockets] = [[], new Set()];

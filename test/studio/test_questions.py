@@ -91,6 +91,22 @@ def test_an_explanation_is_that_of_explain(tmp_path: Path) -> None:
     assert json.loads(json.dumps(found)) == json.loads(json.dumps(as_dict(expected[0])))
 
 
+def test_a_new_requirement_is_tried_before_it_is_written(tmp_path: Path) -> None:
+    text = BUNDLE.replace('mode = DRIVE', 'mode = DRIV')  # a mistake elsewhere
+    fields = {'component': 'robot', 'timing': 'always', 'response': 'spee < 1'}
+    found = ask(tmp_path, 'draft', text, id='D', fields=fields)
+    assert len(found['problems']) == 1 and "'spee'" in found['problems'][0]
+    fields['response'] = 'speed < 1'
+    found = ask(tmp_path, 'draft', text, id='D', fields=fields)
+    assert found['problems'] == []
+    assert found['whole'] == text[:found['from']] + found['text'] + text[found['to']:]
+    found = ask(tmp_path, 'draft', id='D', fields=fields)
+    assert ask(tmp_path, 'explain', found['whole'], id='D')['text'] == \
+        'the robot shall always satisfy speed < 1'
+    assert 'already' in refusal(tmp_path, 'draft', id='C', fields=fields)
+    assert [item['text'] for item in ask(tmp_path, 'form', id=None)] == [''] * 6
+
+
 TRACE = {'speed': [[0, 0.25], [4, 2.0], [9, 'nan'], [10, 1.0]],
          'hot': [[0, False], [2, True], [8, False]], 'mode': [[0, 'IDLE'], [5, 'DRIVE']]}
 

@@ -44,7 +44,7 @@ for (const name of ['write', 'read', 'try', 'recordings', 'picture', 'live']) {
 at('problems').setAttribute('aria-label', words.problems(1, 0));
 
 const ask = (what, question = {}) => talk.ask(what, {
-  ...question, name: file.name ?? 'new.yaml', text: editor.text });
+  name: file.name ?? 'new.yaml', text: editor.text, ...question });
 const editor = new Editor(at('editor'), {
   ask, changed, moved: (offset) => meaning.follow(offset), save });
 const meaning = new Meaning(at('meaning'), ask, (offset) => editor.go(offset),

@@ -15,7 +15,8 @@
 // What a requirement means, with examples.
 
 import { h, show, svg } from './dom.js';
-import { Form } from './form.js';
+import { Form, NewForm } from './form.js';
+import { OUTDATED } from './talk.js';
 import { words } from './words.js';
 
 const CELL = 12;
@@ -29,6 +30,12 @@ export class Meaning {
   #shownId = null;
   #go;
   #form;
+  #new;
+  #edit;
+  #wanted = null; // what was just written
+  #isNew = false; // what is shown is a new requirement
+  #add = h('button', { type: 'button', id: 'new-requirement', onclick: () => this.#begin() },
+    words.newRequirement);
   #isSentence = false;
   #body = h('div', { 'aria-live': 'polite' });
   #select = h('select', { id: 'requirement' });
@@ -36,6 +43,9 @@ export class Meaning {
   // `go(offset)` shows a place in the editor, `edit` is as of the form.
   constructor(place, ask, go, edit) {
     this.#form = new Form(ask, edit);
+    this.#new = new NewForm(ask, (text, id) => this.#explainNew(text, id),
+      (found, id) => this.#end(found, id));
+    this.#edit = edit;
     this.#place = place;
     this.#ask = ask;
     this.#go = go;
@@ -45,25 +55,64 @@ export class Meaning {
       if (found) this.#go(found.from);
       this.#explain();
     });
-    show(place, h('p', { class: 'faint' }, words.noBundle));
+    this.#showNone();
+  }
+
+  #showNone() {
+    show(this.#place, h('p', { class: 'faint' }, words.noBundle), this.#add);
+  }
+
+  #begin() {
+    this.#isNew = true;
+    show(this.#place, this.#new.element, this.#body);
+    this.#new.begin(this.#form.component);
+  }
+
+  // Write the new requirement; null: there is none.
+  #end(found, id) {
+    this.#isNew = false;
+    if (found) {
+      this.#wanted = id;
+      this.#edit(found);
+    }
+    this.#showNone();
+    if (this.#bundle) this.use(this.#bundle);
+  }
+
+  async #explainNew(text, id) {
+    if (!text) {
+      show(this.#body);
+      return;
+    }
+    try {
+      const found = await this.#ask('explain', { id, text });
+      if (this.#isNew) show(this.#body, ...this.#shown(found));
+    } catch (error) {
+      if (this.#isNew && error.message !== OUTDATED) show(this.#body, h('p', {}, error.message));
+    }
   }
 
   use(bundle) {
     this.#bundle = bundle;
+    if (this.#isNew) return;
     const ids = bundle.requirements.map((item) => item.id);
-    if (!ids.includes(this.#id)) this.#id = ids[0] ?? null;
+    this.#id = [this.#wanted, this.#id, ids[0]].find((id) => ids.includes(id)) ?? null;
     show(this.#select, ...ids.map((id) => h('option', { value: id }, id)));
     this.#select.value = this.#id ?? '';
     if (!this.#place.contains(this.#select)) {
       show(this.#place, h('label', {}, words.requirement, ' ', this.#select),
-        this.#form.element, this.#body);
+        ' ', this.#add, this.#form.element, this.#body);
+    }
+    if (this.#id === this.#wanted) {
+      this.#wanted = null;
+      this.#go(bundle.requirements.find((item) => item.id === this.#id).from);
     }
     this.#explain();
   }
 
   // Show the requirement in which an offset of the text is.
   follow(offset) {
-    if (!this.#bundle) return;
+    if (!this.#bundle || this.#isNew) return;
     const found = this.#bundle.requirements.filter((item) => item.from <= offset).at(-1);
     if (!found || found.id === this.#id) return;
     this.#id = found.id;
@@ -82,9 +131,9 @@ export class Meaning {
     this.#isSentence = await this.#form.use(id);
     try {
       const found = await this.#ask('explain', { id });
-      if (id === this.#id) show(this.#body, ...this.#shown(found));
+      if (id === this.#id && !this.#isNew) show(this.#body, ...this.#shown(found));
     } catch (error) {
-      if (error.message !== 'outdated') show(this.#body, h('p', {}, error.message));
+      if (error.message !== OUTDATED) show(this.#body, h('p', {}, error.message));
     }
   }
 

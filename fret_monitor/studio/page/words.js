@@ -115,6 +115,7 @@ export const words = {
   pictureNode: (kind, name, detail, sources, targets, level) => [
     `${kind} ${name}`, detail, sources && `reads ${sources}`, targets && `read by ${targets}`,
     level].filter(Boolean).join('; '),
+  newRequirement: 'New requirement', newId: 'Id', addRequirement: 'Write it into the bundle',
   form: 'Fields of the sentence; what is written here is written into the text',
   fieldNames: { scope: 'scope', condition: 'condition', component: 'component',
     probability: 'probability', timing: 'timing', response: 'response' },
