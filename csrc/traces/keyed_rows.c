@@ -27,19 +27,19 @@ enum {LEAST_ROOM = 1 << 16};
 // ---- text --------------------------------------------------------------------------------------
 
 // Room for more bytes; NULL if there is none.
-static char * grown(struct fm_keyed_rows * rows, uint64_t more)
+static char * grown(struct fm_keyed_rows * rows, struct fm_keyed_text * text, uint64_t more)
 {
-  if (rows->room - rows->length < more) {
-    const uint64_t room = 2 * (rows->length + more) + LEAST_ROOM;
-    char * const text = realloc(rows->text, (size_t)room);
-    if (text == NULL) {
+  if (text->room - text->length < more) {
+    const uint64_t room = 2 * (text->length + more) + LEAST_ROOM;
+    char * const bytes = realloc(text->text, (size_t)room);
+    if (bytes == NULL) {
       rows->is_short = true;
       return NULL;
     }
-    rows->text = text;
-    rows->room = room;
+    text->text = bytes;
+    text->room = room;
   }
-  return rows->text + rows->length;
+  return text->text + text->length;
 }
 
 static bool needs_quotes(const struct fm_key * key)
@@ -71,20 +71,50 @@ static char * write_key(char * at, const struct fm_key * key)
   return at;
 }
 
-// Write a row with the keys and cells of `rows`.
-static void write_row(struct fm_keyed_rows * rows, int64_t label)
+// Begin a row with a label and the keys of `rows`, with room for more bytes. Returns its end; NULL
+// if memory is short.
+static char * write_head(
+  struct fm_keyed_rows * rows, struct fm_keyed_text * text, int64_t label, uint64_t more)
 {
-  uint64_t most = FM_CSV_LABEL_BYTES + 2 * (uint64_t)rows->n_cells + 1;
+  uint64_t most = FM_CSV_LABEL_BYTES + more;
   for (uint32_t v = 0; v < rows->n_variables; ++v) {
     most += 2 * (uint64_t)rows->shown[v].size + 3;
   }
-  char * at = grown(rows, most);
+  char * at = grown(rows, text, most);
+  if (at != NULL) {
+    at += fm_csv_verdicts(&label, rows->is_timed, NULL, 0, 1, at) - 1;  // without the line feed
+    for (uint32_t v = 0; v < rows->n_variables; ++v) {
+      at = write_key(at, &rows->shown[v]);
+    }
+  }
+  return at;
+}
+
+static void end_line(struct fm_keyed_text * text, char * at)
+{
+  *at++ = '\n';
+  text->length = (uint64_t)(at - text->text);
+}
+
+// Write the margins of the cells.
+static void write_margins(struct fm_keyed_rows * rows, int64_t label)
+{
+  const uint64_t bytes = rows->n_cells * sizeof(*rows->margins);
+  char * const at = rows->margins == NULL ? NULL : write_head(rows, &rows->heads, label, 1);
+  char * const found = at == NULL ? NULL : grown(rows, &rows->found, bytes);
+  if (found != NULL) {
+    end_line(&rows->heads, at);
+    memcpy(found, rows->margins, bytes);
+    rows->found.length += bytes;
+  }
+}
+
+// Write a row with the keys and cells of `rows`.
+static void write_row(struct fm_keyed_rows * rows, int64_t label)
+{
+  char * at = write_head(rows, &rows->text, label, 2 * (uint64_t)rows->n_cells + 1);
   if (at == NULL) {
     return;
-  }
-  at += fm_csv_verdicts(&label, rows->is_timed, NULL, 0, 1, at) - 1;  // without the line feed
-  for (uint32_t v = 0; v < rows->n_variables; ++v) {
-    at = write_key(at, &rows->shown[v]);
   }
   for (uint32_t c = 0; c < rows->n_cells; ++c) {
     *at++ = ',';
@@ -92,9 +122,9 @@ static void write_row(struct fm_keyed_rows * rows, int64_t label)
       *at++ = (char)('0' + rows->cells[c]);
     }
   }
-  *at++ = '\n';
-  rows->length = (uint64_t)(at - rows->text);
+  end_line(&rows->text, at);
   rows->n_rows += 1;
+  write_margins(rows, label);
 }
 
 // ---- verdicts ----------------------------------------------------------------------------------
@@ -128,41 +158,69 @@ static void count(
   }
 }
 
-// Put the verdicts of a scope into the cells, and those that were shown last. Returns whether they
-// are others than before.
-static bool show(struct fm_keyed_rows * rows, const struct fm_stepped * place)
+// What of a scope is not as it was shown last.
+struct changes
+{
+  bool of_verdicts;
+  bool of_margins;
+};
+
+// Put a margin into its cell, and that which was shown last. Returns whether it has changed.
+static bool show_margin(
+  const struct fm_keyed_rows * rows, const struct fm_keyed_scope * scope,
+  const struct fm_evaluator * evaluator, uint32_t slot, uint32_t requirement)
+{
+  if (rows->margins == NULL || verdict_of(evaluator, requirement) == FM_NO_VERDICT) {
+    return false;
+  }
+  const struct fm_margin margin = fm_evaluator_margin(evaluator, requirement);
+  double * const before = &scope->margins[(uint64_t)slot * scope->n + requirement];
+  const bool has_changed = memcmp(before, &margin.value, sizeof(*before)) != 0;
+  *before = margin.value;
+  rows->margins[scope->places[requirement]] = margin;
+  return has_changed;
+}
+
+// Put the verdicts and margins of a scope into the cells, and those that were shown last.
+static struct changes show(struct fm_keyed_rows * rows, const struct fm_stepped * place)
 {
   const struct fm_keyed_scope * scope = scope_of(rows, place->kind);
   const struct fm_evaluator * evaluator = fm_scopes_look(rows->scopes, place->kind, place->slot);
   uint8_t * const before = before_of(rows, place);
-  bool has_changed = false;
+  struct changes changes = {false, false};
   for (uint32_t r = 0; r < scope->n; ++r) {
     const uint8_t verdict = verdict_of(evaluator, r);
-    has_changed = has_changed || verdict != before[r];
+    changes.of_verdicts |= verdict != before[r];
+    changes.of_margins |= show_margin(rows, scope, evaluator, place->slot, r);
     before[r] = verdict;
     rows->cells[scope->places[r]] = (char)verdict;
   }
-  return has_changed;
+  return changes;
 }
 
 // As `show`, of all kinds with the instance of a key.
-static bool show_all(struct fm_keyed_rows * rows, const struct fm_stepped * place)
+static struct changes show_all(struct fm_keyed_rows * rows, const struct fm_stepped * place)
 {
   const uint32_t base = scope_of(rows, place->kind)->base;
-  bool has_changed = false;
+  struct changes changes = {false, false};
   for (uint32_t k = 0; place->kind != FM_BUNDLE && k < rows->n_kinds; ++k) {
     if (rows->kinds[k].base == base) {
       struct fm_stepped own = *place;
       own.kind = k;
-      has_changed = show(rows, &own) || has_changed;
+      const struct changes found = show(rows, &own);
+      changes.of_verdicts |= found.of_verdicts;
+      changes.of_margins |= found.of_margins;
     }
   }
-  return place->kind == FM_BUNDLE ? show(rows, place) : has_changed;
+  return place->kind == FM_BUNDLE ? show(rows, place) : changes;
 }
 
 static void clear_cells(struct fm_keyed_rows * rows)
 {
   memset(rows->cells, FM_NO_VERDICT, rows->n_cells);
+  for (uint32_t c = 0; rows->margins != NULL && c < rows->n_cells; ++c) {
+    rows->margins[c].comparison = FM_NO_MARGIN;
+  }
 }
 
 static void count_all(struct fm_keyed_rows * rows, int64_t label)
@@ -240,24 +298,29 @@ static uint32_t take_events(struct fm_keyed_rows * rows)
 
 // ---- rows --------------------------------------------------------------------------------------
 
-// A row of its own for an instance, or the bundle, if its verdicts have changed.
+// A row of its own for an instance, or the bundle, if its verdicts have changed, or its margins.
 static void write_other(
   struct fm_keyed_rows * rows, const struct fm_stepped * place, int64_t time)
 {
   uint8_t bytes[FM_MOST_KEY_BYTES];
   const struct fm_keyed_scope * scope = scope_of(rows, place->kind);
   clear_cells(rows);
-  if (!show_all(rows, place)) {
+  const struct changes changes = show_all(rows, place);
+  if (!changes.of_verdicts && !changes.of_margins) {
     return;
   }
-  count_all(rows, time);
   memset(rows->shown, 0, rows->n_variables * sizeof(*rows->shown));
   if (place->kind != FM_BUNDLE) {
     rows->shown[scope->variable].bytes = bytes;
     rows->shown[scope->variable].size =
       (uint32_t)fm_scopes_key(rows->scopes, place->kind, place->slot, bytes);
   }
-  write_row(rows, time);
+  if (changes.of_verdicts) {
+    count_all(rows, time);
+    write_row(rows, time);
+  } else {
+    write_margins(rows, time);
+  }
 }
 
 // Of the events of an instance, which may have stepped in several kinds.
@@ -401,10 +464,15 @@ void fm_keyed_rows_take(struct fm_keyed_rows * rows)
   }
 }
 
+static void free_text(struct fm_keyed_text * text)
+{
+  free(text->text);
+  *text = (struct fm_keyed_text) {NULL, 0, 0};
+}
+
 void fm_keyed_rows_free(struct fm_keyed_rows * rows)
 {
-  free(rows->text);
-  rows->text = NULL;
-  rows->length = 0;
-  rows->room = 0;
+  free_text(&rows->text);
+  free_text(&rows->heads);
+  free_text(&rows->found);
 }

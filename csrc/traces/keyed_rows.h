@@ -20,7 +20,11 @@
 /// there is a row for each other scope whose verdicts have changed, by kind and slot, the bundle
 /// last, and for what is due between the rows. A cell is empty where nothing is known.
 ///
-/// Not thread-safe. `text` is allocated; when memory is short, rows are left out, and `is_short`.
+/// Margins have a label with keys (a head) and n_cells margins for each of these rows, and under
+/// FM_TIMED also for each time at which only margins have changed.
+///
+/// Not thread-safe. The texts and margins are allocated; when memory is short, rows are left out,
+/// and `is_short`.
 
 #ifndef KEYED_ROWS_H_
 #define KEYED_ROWS_H_
@@ -32,6 +36,7 @@ extern "C" {
 #endif
 
 #define FM_NO_VERDICT 2
+#define FM_NO_MARGIN 2147483647  // in place of a comparison: the cell is empty
 
 /// A column of values. The caller owns what it points to.
 struct fm_keyed_column
@@ -52,6 +57,15 @@ struct fm_keyed_scope
   uint32_t n;               // requirements that are shown
   const uint32_t * places;  // of each: its cell in a row
   uint8_t * before;         // a slot: n verdicts that were shown last; at first FM_NO_VERDICT
+  double * margins;         // a slot: n margins that were shown last; NULL: none are wanted
+};
+
+/// What is written; `text` is freed by fm_keyed_rows_free.
+struct fm_keyed_text
+{
+  char * text;
+  uint64_t length;  // in bytes
+  uint64_t room;
 };
 
 struct fm_keyed_rows
@@ -65,6 +79,7 @@ struct fm_keyed_rows
   struct fm_stepped * events;       // room for as many as the scopes keep
   uint32_t * own;                   // a kind: room for the slot of a row's key
   char * cells;                     // room for n_cells
+  struct fm_margin * margins;       // room for n_cells; NULL: none are wanted
   struct fm_key * shown;            // room for n_variables
   const uint32_t * receptions;      // inputs of the bundle that say that a row is for all
   uint32_t n_receptions;
@@ -79,9 +94,9 @@ struct fm_keyed_rows
   uint64_t * violations;            // a cell
   int64_t * first;                  // a cell: the label of its first violation, if there is one
   uint64_t n_rows;                  // that were written
-  char * text;                      // of rows, `length` bytes; freed by fm_keyed_rows_free
-  uint64_t length;
-  uint64_t room;
+  struct fm_keyed_text text;        // of rows
+  struct fm_keyed_text heads;       // of rows of margins
+  struct fm_keyed_text found;       // n_cells struct fm_margin for each head
   bool is_short;
 };
 
@@ -92,7 +107,7 @@ FM_EXPORT void fm_keyed_rows_take(struct fm_keyed_rows * rows);
 /// Take what is due by a time, after all rows.
 FM_EXPORT void fm_keyed_rows_advance(struct fm_keyed_rows * rows, int64_t until);
 
-/// Free the text.
+/// Free the texts.
 FM_EXPORT void fm_keyed_rows_free(struct fm_keyed_rows * rows);
 
 #ifdef __cplusplus

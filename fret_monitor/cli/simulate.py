@@ -57,8 +57,6 @@ def run(options: Namespace) -> int:
     """Run the monitors over a trace; return 1 at a violation with --fail-on-violation."""
     compiled = start(existing_bundle(options.bundle), constants=dict(options.constants),
                      takes_instances=True, margins=options.margins is not None)
-    if options.margins is not None and compiled.monitor.manifest.variables:
-        refuse("--margins does not take bundles with 'for_each' yet")
     if not options.json:
         print_diagnostics(compiled.warnings)
     if options.until is not None and compiled.monitor.manifest.policy is not Policy.TIMED:

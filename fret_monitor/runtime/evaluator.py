@@ -141,7 +141,8 @@ class Margin:
     comparison: int
 
 
-def _margin(found: CData) -> Margin:
+def margin_of(found: CData) -> Margin:
+    """Return a `struct fm_margin`."""
     return Margin(found.value, found.distance, found.instant, found.comparison)
 
 
@@ -354,7 +355,7 @@ class Evaluator:
         room = ffi.new('struct fm_margin[]', _TABLE_ROWS * width)
         for instants, verdicts, count in self._rows(
                 self.native_rows(columns, times), until, room):
-            yield instants, verdicts, [_margin(room[place]) for place in range(count * width)]
+            yield instants, verdicts, [margin_of(room[place]) for place in range(count * width)]
 
     def _rows(self, rows: 'NativeRows', until: int | None,
               margins: CData) -> Iterator[tuple['array[int]', bytes, int]]:
@@ -372,7 +373,7 @@ class Evaluator:
     def closest(self, requirement: int) -> tuple[Margin, int] | None:
         """Return the least margin of a requirement and the time of its step; None: none known."""
         found = self._library.fm_evaluator_closest(self.pointer, requirement)
-        return (_margin(found.margin), found.at) if found.is_known else None
+        return (margin_of(found.margin), found.at) if found.is_known else None
 
     def forget_closest(self) -> None:
         """Forget the least margins."""
@@ -541,7 +542,7 @@ class MarginLanes:
         found: list[Margin | None] = []
         before: Margin | None = None
         for place in range(requirement * self._n, (requirement + 1) * self._n):
-            least, last = _margin(self._least[place]), _margin(self._last[place])
+            least, last = margin_of(self._least[place]), margin_of(self._last[place])
             known = [item for item in (before, least) if item and not math.isnan(item.value)]
             found.append(min(known, key=lambda item: item.value, default=None))
             before = before if math.isnan(last.value) else last

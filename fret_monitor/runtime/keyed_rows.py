@@ -16,17 +16,22 @@
 
 from array import array
 from collections.abc import Sequence
+import csv
 from dataclasses import dataclass
+from io import StringIO
+import math
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CData
+from fret_monitor.runtime.evaluator import Margin, margin_of
 from fret_monitor.runtime.scopes import most_instances, Scopes
 
 
 _NO_VERDICT = ffi.integer_const('FM_NO_VERDICT')
+_NO_MARGIN = ffi.integer_const('FM_NO_MARGIN')
 
 
 @dataclass(frozen=True)
@@ -55,16 +60,17 @@ class KeyedBlock:
 
 
 class KeyedRows:
-    """Steps scopes with rows; the text of the verdicts is taken by `text`."""
+    """Steps scopes with rows; the text of the verdicts is taken by `take_text`."""
 
     def __init__(self, scopes: Scopes, cells: Sequence[Sequence[int]],
                  columns: Sequence[KeyedColumn], receptions: Sequence[int], *,
-                 are_times: bool) -> None:
+                 are_times: bool, has_margins: bool = False) -> None:
         """
         Prepare to run scopes.
 
         `cells` has, for each kind and last for the bundle, the place of each requirement in a row.
-        `receptions` are inputs of the bundle that are true in each row for all.
+        `receptions` are inputs of the bundle that are true in each row for all. The monitor has
+        margins if they are wanted.
         """
         manifest = scopes.monitor.manifest
         variables, kinds = manifest.variables, manifest.kinds
@@ -76,11 +82,14 @@ class KeyedRows:
         self._kept: list[Any] = [scopes, native]
         for place, (own, most) in enumerate(zip(cells, slots, strict=True)):
             before = bytes([_NO_VERDICT]) * (most * len(own) + 1)
-            parts = ffi.new('uint32_t[]', [*own, 0]), ffi.new('uint8_t[]', before)
+            margins = ffi.new('double[]', [math.nan] * (most * len(own) + 1)) \
+                if has_margins else ffi.NULL
+            parts = ffi.new('uint32_t[]', [*own, 0]), ffi.new('uint8_t[]', before), margins
             native[place] = {
                 'variable': kinds[place].variables[0] if place < len(kinds) else 0,
                 'base': manifest.base_of(place) if place < len(kinds) else place,
-                'n_slots': most, 'n': len(own), 'places': parts[0], 'before': parts[1]}
+                'n_slots': most, 'n': len(own), 'places': parts[0], 'before': parts[1],
+                'margins': margins}
             self._kept.append(parts)
         self._rows: Any = ffi.new('struct fm_keyed_rows *', {
             'scopes': scopes.pointer, 'kinds': native, 'n_kinds': len(kinds),
@@ -89,6 +98,8 @@ class KeyedRows:
             'events': self._new('struct fm_stepped[]', 2 * sum(slots) + 4),
             'own': self._new('uint32_t[]', len(kinds) + 1),
             'cells': self._new('char[]', self.n_cells + 1),
+            'margins': self._new('struct fm_margin[]', self.n_cells + 1)
+            if has_margins else ffi.NULL,
             'shown': self._new('struct fm_key[]', len(variables)),
             'receptions': self._new('uint32_t[]', [*receptions, 0]),
             'violations': self._new('uint64_t[]', self.n_cells + 1),
@@ -118,13 +129,28 @@ class KeyedRows:
         """Take what is due by a time."""
         self._library.fm_keyed_rows_advance(self._rows, until)
 
-    def text(self) -> str:
-        """Return the rows of verdicts since the last call; raises `NativeError` without memory."""
-        found = ffi.buffer(self._rows.text, self._rows.length)[:] if self._rows.length else b''
-        self._library.fm_keyed_rows_free(self._rows)
-        if self._rows.is_short:
+    def take_text(self) -> tuple[str, list[list[str]], list[Margin | None]]:
+        """
+        Return the rows of verdicts since the last call.
+
+        Return also what begins the rows of margins, and a margin for each cell of these rows, None
+        of those that are empty.
+
+        Raises
+        ------
+        NativeError
+            if memory was short.
+        """
+        rows = self._rows
+        text, heads = _text(rows.text), _text(rows.heads)
+        found = ffi.cast('struct fm_margin *', rows.found.text)
+        count = rows.found.length // ffi.sizeof('struct fm_margin')
+        margins = [None if item.comparison == _NO_MARGIN else margin_of(item)
+                   for item in (found[0:count] if count else ())]
+        self._library.fm_keyed_rows_free(rows)
+        if rows.is_short:
             raise NativeError('there is no memory for the rows of verdicts')
-        return found.decode(errors='replace')
+        return text, list(csv.reader(StringIO(heads, newline=''))), margins
 
     @property
     def count(self) -> int:
@@ -152,3 +178,7 @@ def joined_keys(columns: Sequence[CData], count: int) -> CData:
     for place, keys in enumerate(columns):
         ffi.memmove(found + place * count, keys, count * ffi.sizeof('struct fm_key'))
     return found
+
+
+def _text(found: CData) -> str:
+    return ffi.buffer(found.text, found.length)[:].decode(errors='replace') if found.length else ''

@@ -15,7 +15,7 @@
 """Margins over a trace as CSV (docs/margins.md)."""
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 import csv
 import math
 from typing import Any, TextIO
@@ -44,25 +44,35 @@ class MarginTable:
         self._has_times = has_times
         self._writer = csv.writer(out, lineterminator='\n')
         self._steps = 0
-        self._writer.writerow([TIME if self._is_timed else 'step', *_HEADING])
+        self._writer.writerow([TIME if self._is_timed else 'step',
+                               *(item.name for item in manifest.variables), *_HEADING])
+        # The requirements in the order of their columns, each with the manifest of its scope.
+        scopes = {item.id: scope for scope in (
+            manifest, *(kind.manifest for kind in manifest.kinds)) for item in scope.requirements}
+        self._columns = [(name, scopes[name]) for name in (
+            manifest.ids or [item.id for item in manifest.requirements])]
         self.before = b''  # the last verdicts
 
     def write(self, times: Sequence[int], margins: Sequence[Margin]) -> None:
         """Write the margins of steps, those of all requirements for each of the times."""
-        ids = [item.id for item in self._manifest.requirements]
-        for row, time in enumerate(times):
-            label = seconds_text(time) if self._is_timed else str(self._steps + row)
-            found = margins[row * len(ids):(row + 1) * len(ids)]
-            self._writer.writerows(
-                [label, name, *self._cells(margin)]
-                for name, margin in zip(ids, found, strict=True))
+        labels = map(seconds_text, times) if self._is_timed else \
+            map(str, range(self._steps, self._steps + len(times)))
+        self.write_rows(([label] for label in labels), margins)
         self._steps += len(times)
 
-    def _cells(self, margin: Margin) -> list[str]:
+    def write_rows(self, heads: Iterable[list[str]], margins: Sequence[Margin | None]) -> None:
+        """Write the margins of rows that begin with labels and keys; None: of no requirement."""
+        width = len(self._columns)
+        for row, head in enumerate(heads):
+            found = zip(self._columns, margins[row * width:(row + 1) * width], strict=True)
+            self._writer.writerows([*head, name, *self._cells(scope, margin)]
+                                   for (name, scope), margin in found if margin is not None)
+
+    def _cells(self, manifest: Manifest, margin: Margin) -> list[str]:
         if not math.isfinite(margin.value):
             return ['' if math.isnan(margin.value) else repr(margin.value), '', '', '', '']
-        comparison = self._manifest.comparisons[margin.comparison]
-        names = ' '.join(self._manifest.inputs[index].name for index in comparison.inputs)
+        comparison = manifest.comparisons[margin.comparison]
+        names = ' '.join(manifest.inputs[index].name for index in comparison.inputs)
         at = seconds_text(margin.instant) if self._has_times else str(margin.instant)
         return [repr(margin.value), repr(margin.distance), comparison.text, names, at]
 

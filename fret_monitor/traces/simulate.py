@@ -89,7 +89,7 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
     with open_trace(trace) as file, writing as out, writing_margins as margins_out:
         if monitor.manifest.variables:
             return _run_scopes(monitor, str(trace), file, out, until,
-                               partial(_report, file, progress), library)
+                               partial(_report, file, progress), library, margins_out)
         evaluator = Evaluator(for_trace(monitor), library=library)
         reader = TraceReader(str(trace), file, monitor.manifest.inputs,
                              _time_column(monitor.manifest), evaluator.library)
@@ -99,11 +99,12 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
 
 
 def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until: int | None,
-                report: Callable[[int], None], library: Path | None) -> Summary:
+                report: Callable[[int], None], library: Path | None,
+                margins_out: TextIO | None) -> Summary:
     # Imported here: bundles without instances do not need it.
     from fret_monitor.traces.simulate_scopes import ScopedRun
     scopes = Scopes(for_trace(monitor), library=library)
-    return ScopedRun(monitor, name, file, out, report, scopes).run(until)
+    return ScopedRun(monitor, name, file, out, report, scopes, margins_out).run(until)
 
 
 def _time_column(manifest: Manifest) -> TimeColumn:

@@ -32,6 +32,7 @@ from fret_monitor.runtime.keyed_rows import KeyedColumn, KeyedRows
 from fret_monitor.runtime.scopes import BUNDLE, Scopes
 from fret_monitor.traces.csv_trace import LAST_TICK, seconds_text, TIME, TimeColumn
 from fret_monitor.traces.keyed_trace import KeyedTraceReader
+from fret_monitor.traces.margin_table import MarginTable
 from fret_monitor.traces.summary import Beyond, Summary
 
 
@@ -39,7 +40,8 @@ class ScopedRun:
     """Feeds the rows of a trace to scopes, and writes the verdicts of those that step."""
 
     def __init__(self, monitor: Monitor, name: str, file: BinaryIO, out: TextIO,
-                 report: Callable[[int], None], scopes: Scopes) -> None:
+                 report: Callable[[int], None], scopes: Scopes,
+                 margins_out: TextIO | None = None) -> None:
         """Read the heading of the trace; errors as `KeyedTraceReader`."""
         self._manifest: Manifest = monitor.manifest
         self._scopes = scopes
@@ -54,8 +56,10 @@ class ScopedRun:
             TimeColumn.OPTIONAL if has_forget else TimeColumn.IGNORED, scopes.library)
         receptions = [index for index, item in enumerate(self._manifest.inputs)
                       if item.source is InputSource.RECEIVED]
+        self._table = None if margins_out is None else MarginTable(
+            self._manifest, margins_out, has_times=self._trace.has_times)
         self._rows = KeyedRows(scopes, _cells(self._manifest), self._trace.columns, receptions,
-                               are_times=is_timed)
+                               are_times=is_timed, has_margins=margins_out is not None)
 
     def run(self, until: int | None) -> Summary:
         """Take all rows, and under `timed` what comes until a time after them."""
@@ -66,15 +70,21 @@ class ScopedRun:
         count = 0
         for block in self._trace.keyed_blocks():
             self._rows.take(block, count)
-            self._out.write(self._rows.text())
+            self._write()
             count += len(block.times)
             last = block.times[-1]
             self._report(count)
         if until is not None and last is not None:
             self._check_until(until, last)
             self._rows.advance(until)
-            self._out.write(self._rows.text())
+            self._write()
         return self._summary()
+
+    def _write(self) -> None:
+        text, heads, margins = self._rows.take_text()
+        self._out.write(text)
+        if self._table is not None:
+            self._table.write_rows(heads, margins)
 
     def _check_until(self, until: int, last: int) -> None:
         if until - self._trace.first > LAST_TICK:

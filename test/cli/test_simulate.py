@@ -616,13 +616,25 @@ requirements: [{id: R, ptltl: "H[0,2] (x <= 5)"}]
     assert here.run('simulate', bundle, '--trace', trace).status == 0
 
 
-def test_margins_of_instances_are_refused(here: Here) -> None:
+def test_margins_of_instances_have_their_keys(here: Here) -> None:
     bundle = here.file('robots.yaml', """format: 1
-for_each: {robot: [a, b]}
-inputs: {x: {topic: "/{robot}/x", type: std_msgs/msg/Float64}}
-requirements: [{id: R, ptltl: "x <= 5.0"}]
+for_each: {robot: {most: 2}}
+inputs:
+  x: {topic: "/{robot}/x", type: std_msgs/msg/Float64, scale: 2}
+  most: {topic: most, type: std_msgs/msg/Float64}
+requirements:
+  - {id: R, ptltl: "H (x <= most)"}
+  - {id: MOST, ptltl: "most < 9.0"}
 """)
-    done = here.run('simulate', bundle, '--trace', here.file('trace.csv', 'robot,x\na,1\n'),
-                    '--margins', here.folder / 'margins.csv')
-    assert (done.status, done.out) == (1, '')
-    assert "--margins does not take bundles with 'for_each' yet" in done.err
+    trace = here.file('trace.csv', 'robot,x,most\n"a,b",1,5\nc,7,\n,,2\n"a,b",0.5,\nd,1,\n')
+    table = here.folder / 'margins.csv'
+    done = here.run('simulate', bundle, '--trace', trace, '--margins', table)
+    assert done.status == 0
+    assert done.out == 'step,robot,R,MOST\n0,"a,b",1,1\n1,c,0,1\n2,,,1\n3,"a,b",1,1\n4,d,,1\n'
+    assert table.read_text().splitlines() == [
+        'step,robot,requirement,margin,distance,comparison,inputs,at',
+        '0,"a,b",R,2.0,4.0,x <= most,x most,0', '0,"a,b",MOST,4.0,4.0,most < 9.0,most,0',
+        '1,c,R,-1.0,-2.0,x <= most,x most,1', '1,c,MOST,4.0,4.0,most < 9.0,most,1',
+        '2,,MOST,7.0,7.0,most < 9.0,most,2',
+        '3,"a,b",R,0.5,1.0,x <= most,x most,2', '3,"a,b",MOST,7.0,7.0,most < 9.0,most,3',
+        '4,d,MOST,7.0,7.0,most < 9.0,most,4']

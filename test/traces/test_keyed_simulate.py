@@ -14,17 +14,19 @@
 
 """Traces with keys: each instance is a plain bundle on what concerns its key."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import csv
 from dataclasses import replace
 from io import BytesIO
+import math
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from fret_monitor.build import build_specification
+from fret_monitor.logic import margins as reference
 from fret_monitor.logic.formula import Formula, Over, postorder, variables
-from fret_monitor.logic.specification import InstanceAggregate, Specification
+from fret_monitor.logic.specification import InstanceAggregate, Property, Specification
 from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.model.manifest import ManifestInput, ManifestVariable
 from fret_monitor.model.policies import OverInstances, Policy
@@ -33,13 +35,14 @@ from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.keyed_rows import KeyedColumn
 from fret_monitor.runtime.scopes import BUNDLE
+from fret_monitor.start import start
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text, TimeColumn
 from fret_monitor.traces.keyed_trace import KeyedTraceReader
 from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
 from keyed import (
-    Known, known, lives, owner_of, random_bundle, random_rows, Row, step_table,
-    timed_aggregates, timed_life,
+    bundle_values, Known, known, lives, owner_of, random_bundle, random_rows, Row, step_table,
+    timed_aggregates, timed_life, with_aggregates,
 )
 import pytest
 from traces.timed_traces import timed
@@ -90,6 +93,130 @@ def test_each_instance_is_the_plain_bundle_on_its_rows(
                        *(item.id for item in specification.properties)]
     assert found == [[str(number), *(key or '' for key in row.keys), *cells]
                      for number, (row, cells) in enumerate(zip(rows, expected, strict=True))]
+
+
+def of_definition(item: Property, numbers: list[int], values: list[dict[str, Any]],
+                  ) -> Iterator[tuple[int, tuple[float, set[int]]]]:
+    """Yield the margin at each row at which all inputs have values, and what rows decide it."""
+    read = {*(one.name for one in variables(item.formula)), *(
+        one.name for _, equation in item.feedback for one in variables(equation))}
+    ready = [(number, row) for number, row in zip(numbers, values, strict=True)
+             if all(row.get(name) is not None for name in read)]
+    trace = {name: [row[name] for _, row in ready] for name in read} or {'': [0] * len(ready)}
+    found = reference.margins(item.formula, trace, {}, item.feedback) if ready else []
+    for (number, _), margin in zip(ready, found, strict=True):
+        yield number, (margin.value, {ready[step][0] for _, step in margin.deciding})
+
+
+def margin_cells(specification: Specification,
+                 rows: list[Row]) -> dict[tuple[int, str], tuple[float, set[int]]]:
+    """Return the margins of rows, by row and requirement, and which rows may decide them."""
+    by_variable = {item.name: lives(specification, rows, place)
+                   for place, item in enumerate(specification.instance_variables)}
+    values = bundle_values(specification, rows, by_variable)
+    cells: dict[tuple[int, str], tuple[float, set[int]]] = {}
+    for item in specification.properties:
+        owner = owner_of(specification, item.inputs)
+        if owner is None:
+            cells |= {(number, item.id): found for number, found in of_definition(
+                item, [*range(len(rows))], values)}
+        place = [one.name for one in specification.instance_variables].index(owner) \
+            if owner else 0
+        for life in by_variable[owner] if owner else []:
+            cells |= {(number, item.id): found for number, found in of_definition(
+                item, life.rows, with_aggregates(specification, life, values))
+                if rows[number].keys[place] == life.key}
+    return cells
+
+
+@pytest.mark.parametrize(('policy', 'levels'), [(Policy.EVERY_MESSAGE, 2), (Policy.PERIODIC, 1)])
+def test_margins_of_each_instance_are_those_of_its_rows(
+        tmp_path: Path, policy: Policy, levels: int) -> None:
+    rng = Random(f'margins {policy}')
+    specification = replace(random_bundle(rng, [replace(FOUND, forget=0), OTHER], levels=levels),
+                            policy=policy, has_margins=True)
+    rows = random_rows(rng, specification, 100)
+    write_rows(specification, rows, tmp_path / 'trace.csv')
+    simulate(build_specification(specification).monitor, tmp_path / 'trace.csv',
+             tmp_path / 'out.csv', margins=tmp_path / 'margins.csv')
+    expected = margin_cells(specification, rows)
+    with (tmp_path / 'margins.csv').open(newline='', encoding='utf-8') as file:
+        found = list(csv.DictReader(file))
+    assert {(int(line['step']), line['requirement']) for line in found} == {*expected}
+    for line in found:
+        value, deciding = expected[int(line['step']), line['requirement']]
+        assert float(line['margin']) == value
+        assert [line[item.name] for item in specification.instance_variables] == [
+            key or '' for key in rows[int(line['step'])].keys]
+        assert not math.isfinite(value) or int(line['at']) in deciding
+    assert sum(math.isfinite(value) for value, _ in expected.values()) > 100
+
+
+TIMED = """format: 1
+evaluation: {policy: timed, unit: 1}
+inputs:
+  x: {topic: "KEYx", type: std_msgs/msg/Float64, max_rate: 20}
+  y: {topic: y, type: std_msgs/msg/Float64, max_rate: 20}
+requirements:
+  - {id: WITHIN, ptltl: "O[1,4] (x < y)"}
+  - {id: SINCE, ptltl: "(x > -1.0) S[0,3] (y > 0.5)"}
+"""
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_under_timed_margins_of_a_key_are_those_of_a_bundle_for_it(
+        tmp_path: Path, seed: int) -> None:
+    rng = Random(seed)
+    rows = [(0.0, 'a', 0.25, 0.5)]
+    for _ in range(40):
+        key = rng.choice(['a', 'b', ''])
+        rows.append((rows[-1][0] + rng.choice([0.25, 1, 2.5]), key, rng.gauss(0, 1),
+                     rng.gauss(0, 1) if not key or rng.random() < 0.3 else math.nan))
+    until = rows[-1][0] + 6
+    keyed = margin_rows(tmp_path, 'for_each: {robot: {most: 2}}\n' + TIMED.replace(
+        'KEY', '/{robot}/'), rows, until)
+    assert len({time for time, *_ in keyed} - {time for time, *_ in rows}) > 10
+    for key in ('a', 'b'):
+        begin = next(time for time, name, *_ in rows if name == key)
+        y = 0.5
+        own: list[tuple[float, str, float, float]] = []
+        for time, name, x, given in rows:
+            y = y if math.isnan(given) else given
+            if time >= begin and (name == key or not math.isnan(given)):
+                own.append((time, '', x if name == key else math.nan, y))
+        plain = margin_rows(tmp_path, TIMED.replace('KEY', ''), own, until)
+        shown = {(time, item): value for time, name, item, value in keyed if name == key}
+        by_time: dict[float, dict[str, float]] = {}
+        for time, _, item, value in plain:
+            by_time.setdefault(time, {})[item] = value
+        last: dict[str, float] = {}
+        wanted: dict[tuple[float, str], float] = {}
+        for time, values in by_time.items():
+            if values != last or any(time == row[0] and key == row[1] for row in rows):
+                wanted |= {(time, item): value for item, value in values.items()}
+            last = values
+        assert shown == wanted
+
+
+def margin_rows(tmp_path: Path, bundle: str, rows: list[tuple[float, str, float, float]],
+                until: float) -> list[tuple[float, str, str, float]]:
+    """Return times, keys, requirements and margins; NaN is an input that keeps its value."""
+    (tmp_path / 'bundle.yaml').write_text(bundle)
+    is_keyed = bundle.startswith('for_each')
+    before = math.nan
+    with (tmp_path / 'trace.csv').open('w') as file:
+        file.write(f'time,{"robot," if is_keyed else ""}x,y\n')
+        for time, key, x, y in rows:
+            before = before if math.isnan(x) else x
+            cells = [key, cell(x) if key else '', '' if math.isnan(y) else cell(y)] \
+                if is_keyed else [cell(before), cell(y)]
+            file.write(','.join([f'{time:g}', *cells]) + '\n')
+    monitor = start(tmp_path / 'bundle.yaml', takes_instances=True, margins=True).monitor
+    simulate(monitor, tmp_path / 'trace.csv', tmp_path / 'out.csv', until=round(until * 1e9),
+             margins=tmp_path / 'margins.csv')
+    with (tmp_path / 'margins.csv').open(newline='') as found:
+        return [(float(line['time']), line.get('robot', ''), line['requirement'],
+                 float(line['margin'])) for line in csv.DictReader(found)]
 
 
 @pytest.mark.parametrize('seed', range(3))
