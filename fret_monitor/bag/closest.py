@@ -22,8 +22,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import json
 from typing import Any
 
-from fret_monitor.bag.results import aligned, by_text, shown_text
-from fret_monitor.model.diagnostics import counted
+from fret_monitor.bag.results import aligned, by_text
+from fret_monitor.model.diagnostics import counted, printable
 
 _MOST_SHOWN = 5  # recordings of a requirement
 
@@ -45,7 +45,7 @@ def _ranking(contents: Sequence[Mapping[str, Any]], key: str, least: str, heads:
             if key in item:
                 found.setdefault(name, []).append((content['bag'], item[key]))
     rows = [('requirement', 'recording', key, *heads)]
-    rows += [(shown_text(name), shown_text(bag), *cells(item))
+    rows += [(printable(name), printable(bag), *cells(item))
              for name, items in found.items() for bag, item in sorted(
                  items, key=lambda item: float(item[1][least]))[:_MOST_SHOWN]]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]

@@ -23,8 +23,8 @@ from fractions import Fraction
 import json
 from typing import Any
 
-from fret_monitor.bag.results import aligned, figures_json, shown_text
-from fret_monitor.model.diagnostics import counted, refuse
+from fret_monitor.bag.results import aligned, figures_json
+from fret_monitor.model.diagnostics import counted, printable, refuse
 from fret_monitor.model.probability import Probability
 from fret_monitor.runtime.probability import Figures, PooledTest
 
@@ -91,6 +91,6 @@ def required_of(lines: Iterable[str]) -> dict[str, str]:
 def _row(name: str, required: str, item: Figures) -> Sequence[str]:
     shown = item.verdict.upper() if item.verdict == 'refuted' else item.verdict
     more = '-' if item.verdict != 'open' else '?' if item.more is None else f'{item.more:,}'
-    return (shown_text(name), required, shown, f'{item.trials:,}', f'{item.failures:,}',
+    return (printable(name), required, shown, f'{item.trials:,}', f'{item.failures:,}',
             f'{item.estimate:.6g}' if item.trials else '-', f'{item.low:.6g} .. {item.high:.6g}',
             more)

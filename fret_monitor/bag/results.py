@@ -22,7 +22,8 @@ from xml.etree import ElementTree
 
 from fret_monitor.bag.check import RecordingResult
 from fret_monitor.bag.findings import Closest, Findings, Slack
-from fret_monitor.model.diagnostics import counted
+from fret_monitor.bag.results_file import meanings_of
+from fret_monitor.model.diagnostics import counted, printable
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.times import seconds, short_seconds
 from fret_monitor.runtime.evaluator import Violation
@@ -35,12 +36,14 @@ _CONTROLS = {chr(k): '?' for k in range(32) if chr(k) not in '\t\n\r'}
 
 def json_line(result: RecordingResult) -> str:
     """Return the result as a line of JSON (docs/recordings.md)."""
+    meanings = meanings_of(result.manifest)
     return json.dumps({
         'bag': str(result.path),
         'recorded': sum(result.recorded.values()),
         'read': sum(result.read.values()),
         **({} if result.is_trace else {'checksums': result.has_checksums}),
         'requirements': {item.id: {
+            'meaning': meanings[item.id],
             'verdict': item.verdict,
             'violations': item.violations,
             'occurrences': item.occurrences,
@@ -139,7 +142,7 @@ def table(result: RecordingResult) -> str:
 
 def _row(item: Findings, start: int) -> tuple[str, str, str, str, str]:
     never = ', never triggered' if item.verdict and item.triggered is False else ''
-    return (shown_text(item.id), verdict_of(item) + never, f'{item.occurrences:,}',
+    return (printable(item.id), verdict_of(item) + never, f'{item.occurrences:,}',
             '-' if item.first is None else f'{short_seconds(item.first - start)} s',
             f'{short_seconds(item.longest)} s' if item.occurrences else '-')
 
@@ -166,17 +169,12 @@ def _slack_cells(item: Findings, start: int) -> tuple[str, str, str]:
 
 def by_text(comparison: str, distance: float) -> str:
     """Return what decides a margin: a comparison, and its distance in its own unit."""
-    return f'{shown_text(comparison)} ({distance:.6g})'
+    return f'{printable(comparison)} ({distance:.6g})'
 
 
 def _first_instances(item: Findings) -> list[Findings]:
     """Return the violated instances of a requirement that are shown, by their keys."""
     return [found for _, found in sorted(item.instances.items())[:_MOST_INSTANCES]]
-
-
-def shown_text(text: str) -> str:
-    """Return a text without characters that a terminal obeys."""
-    return ''.join(item if item.isprintable() else '?' for item in text)
 
 
 def aligned(row: Sequence[str], widths: Sequence[int], words: int = 2) -> str:
@@ -240,6 +238,8 @@ def _properties(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield 'triggered', 'true' if found['triggered'] else 'false'
     if 'probability' in found:
         yield from _figures(found['probability'])
+    if 'meaning' in found:
+        yield 'meaning', found['meaning']
 
 
 def _figures(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

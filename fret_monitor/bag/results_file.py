@@ -19,12 +19,27 @@ A name that is not UTF-8 is written with escapes of JSON, so that it is read aga
 """
 
 from collections.abc import Sequence
+import hashlib
 import json
 import os
 from pathlib import Path
 
 from fret_monitor.model.diagnostics import CompileError, refuse
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.output import refuse_overwriting
+
+_MEANING_DIGITS = 16
+
+
+def meanings_of(manifest: Manifest) -> dict[str, str]:
+    """
+    Return a hash of what each requirement says, by id: of its text, formula and policy.
+
+    Results carry it, so that those of an earlier text of a requirement are known as such.
+    """
+    step = f'{manifest.policy.value} {manifest.period}'
+    return {item.id: hashlib.sha256('\0'.join([step, item.text, item.formula]).encode(
+        'utf-8', 'surrogatepass')).hexdigest()[:_MEANING_DIGITS] for item in manifest.numbered}
 
 
 def failed_line(path: object, errors: Sequence[str]) -> str:

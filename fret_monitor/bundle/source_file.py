@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
+from fret_monitor.model.bundle_files import refuse_irregular
 from fret_monitor.model.diagnostics import refuse, Source, Span
 from fret_monitor.model.names import LONGEST_PATH, shown
 
@@ -32,8 +33,9 @@ def read_source(path: Path, max_bytes: int = MAX_BYTES) -> Source:
     Raises
     ------
     CompileError
-        if there is no such file, or it cannot be read as such a text.
+        if there is no such file, it is a named pipe or a device, or no such text.
     """
+    refuse_irregular(path)
     try:
         with path.open('rb') as file:
             data = file.read(max_bytes + 1)

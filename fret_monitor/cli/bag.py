@@ -28,12 +28,12 @@ from typing import TYPE_CHECKING
 from fret_monitor.bag.required import require_rosbags
 from fret_monitor.cli.columns import columns
 from fret_monitor.cli.constants import add_constants
-from fret_monitor.cli.terminal import progress
+from fret_monitor.cli.terminal import print_diagnostics, progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
     CompileError, counted, Problems, refuse, require_packages, Text,
 )
-from fret_monitor.model.output import open_output, refuse_overwriting
+from fret_monitor.model.output import open_output, refuse_existing, refuse_overwriting
 from fret_monitor.model.policies import Stamp
 from fret_monitor.native.errors import NativeError
 
@@ -109,6 +109,7 @@ def _add_output(parser: ArgumentParser) -> None:
                         'imported as a new file, with their verdicts')
     output.add_argument('--columns', metavar='ROLE=HEAD', type=columns, default={},
                         help='the columns of TABLE, as for `import`')
+    output.add_argument('--force', action='store_true', help='overwrite NEW of --fill')
     output.add_argument('--dask', metavar='ADDRESS',
                         help='check recordings on a Dask cluster; local: --jobs workers here')
     output.add_argument('--results', metavar='FILE.jsonl', type=Path,
@@ -142,6 +143,7 @@ def _run(options: Namespace, lines: dict[str, str]) -> int:
     if options.fill is not None:
         table, new = options.fill
         refuse_overwriting(new, [table, *_files_of_bundle(bundle)])
+        refuse_existing(new, force=options.force)
         if new.suffix.lower() != table.suffix.lower():
             refuse(f"'{new}' is not written as '{table}' is", help='give it the same ending')
         from fret_monitor.importing.filled import check_fillable
@@ -194,13 +196,13 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
     status = 0
     folder = _report_folder(options)
     results = None if options.results is None else ResultsFile(options.results)
-    texts: dict[str, str] = {}
+    texts: Mapping[str, str] = {}
     found_so_far = _counted(
         _outcomes(options, bundle, selection, folder, results), len(options.bags))
     for outcome in _in_order(found_so_far, options.bags):
         lines[recording_key(outcome.path)] = outcome.line
         if outcome.result is not None:
-            texts = {item.id: item.text for item in outcome.result.manifest.requirements}
+            texts = {item.id: item.text for item in outcome.result.manifest.numbered}
         _print(outcome, selection, is_json=options.json)
         content = json.loads(outcome.line)
         is_violated = any(item['verdict'] is False for item in content['requirements'].values())
@@ -219,10 +221,12 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
         from fret_monitor.bag.closest import closest_table
         if ranking := closest_table(found):
             print(ranking, flush=True)
+    if options.junit is not None or options.fill is not None:
+        texts = texts or _texts_of(bundle, selection, found)
     if options.junit is not None:
         _write_junit(options, bundle, selection, found, texts, figures)
     if options.fill is not None:
-        _fill(options, bundle, found)
+        _fill(options, bundle, found, texts)
     if folder is not None:
         from fret_monitor.bag.index import index_page
         with open_output(folder / 'index.html') as file:
@@ -242,23 +246,32 @@ def _print_pooled(lines: Sequence[str], found: 'Mapping[str, Figures]', *,
           pooled_table(found, required_of(lines), len(lines)), flush=True)
 
 
-def _fill(options: Namespace, bundle: Path, found: Sequence[str]) -> None:
+def _texts_of(bundle: Path, selection: 'Selection', found: Sequence[str]) -> Mapping[str, str]:
+    """Return the texts of requirements by id, where all recordings were checked before."""
+    from fret_monitor.bag.check import requirement_texts
+    judged = [item['bag'] for item in map(json.loads, found) if item['requirements']]
+    return requirement_texts(bundle, Path(judged[0]), selection) if judged else {}
+
+
+def _fill(options: Namespace, bundle: Path, found: Sequence[str],
+          texts: Mapping[str, str]) -> None:
     """Write the table of the requirements with their verdicts in the recordings."""
     from fret_monitor.bag.results import HEADS, verdicts_of
     from fret_monitor.importing.filled import filled
     table, new = options.fill
-    data = filled(table, HEADS, verdicts_of(found), options.columns)
+    verdicts = verdicts_of(found)
+    if not verdicts:
+        refuse(f"'{new}' is not written: no recording was judged")
+    problems = Problems()
+    data = filled(table, HEADS, verdicts, texts, options.columns, problems)
+    print_diagnostics(problems.warnings)
     with open_output(new, [table, bundle]) as file:
         file.buffer.write(data)
 
 
 def _write_junit(options: Namespace, bundle: Path, selection: 'Selection', found: Sequence[str],
                  texts: Mapping[str, str], figures: 'Mapping[str, Figures]') -> None:
-    from fret_monitor.bag.check import requirement_texts
     from fret_monitor.bag.results import junit
-    judged = [item['bag'] for item in map(json.loads, found) if item['requirements']]
-    if judged and not texts:  # all were checked before
-        texts = requirement_texts(bundle, Path(judged[0]), selection)
     with open_output(options.junit) as file:
         file.write(junit(found, texts, bundle.stem, is_partial=selection.is_partial,
                          pooled=figures))

@@ -23,6 +23,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from fret_monitor.bag.results_file import meanings_of
 from fret_monitor.build import generate_monitor, GeneratedKind, GeneratedMonitor, read
 from fret_monitor.cli.analyze import NEEDED, quick_warnings
 from fret_monitor.cli.constants import add_constants
@@ -37,7 +38,8 @@ from fret_monitor.logic.specification import (
 )
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import (
-    by_place, CompileError, counted, Diagnostic, missing_packages, Problems, Text,
+    by_place, CompileError, counted, Diagnostic, missing_packages, printable, Problems,
+    Text,
 )
 from fret_monitor.model.manifest import ManifestAction, ManifestVariable
 from fret_monitor.model.policies import InputSource, Policy, Stamp
@@ -173,18 +175,21 @@ def _as_dict(item: _Checked, traced: Evidence | None) -> dict[str, object]:
 def _links(item: _Checked, generated: GeneratedMonitor, traced: Evidence) -> Iterator[Link]:
     """Yield what is known of each requirement, in the bundle's order."""
     topics = {signal.name: signal.topic for signal in _inputs(generated)}
+    meanings = meanings_of(generated.manifest)
     for found in _requirements(generated):
         id_ = found.item.id
+        meaning = meanings.get(id_, '')
         yield Link(id_, item.sources.get(id_, id_), found.inputs,
                    [*dict.fromkeys(topic for name in found.inputs if (topic := topics.get(name)))],
-                   traced.tests.get(id_, ()), traced.recordings.get(id_, ()))
+                   traced.tests.get(id_, ()), traced.seen(id_, meaning),
+                   traced.outdated(id_, meaning))
 
 
 def _traced(item: _Checked, generated: GeneratedMonitor, traced: Evidence) -> Iterator[str]:
     links = [*_links(item, generated, traced)]
     yield from (f'{item.path}: {counted(len(links), "requirement")}', '')
-    yield from _table([*table(links, traced)])
-    lines = [*gaps(links, traced)]
+    yield from _table([tuple(map(printable, row)) for row in table(links, traced)])
+    lines = [*map(printable, gaps(links, traced))]
     yield from ['', *lines] if lines else []
 
 

@@ -27,7 +27,7 @@ from threading import Event, Thread
 from time import monotonic
 from typing import TextIO
 
-from fret_monitor.model.diagnostics import Diagnostic
+from fret_monitor.model.diagnostics import Diagnostic, printable
 from fret_monitor.model.progress import no_progress, Progress
 
 _STYLES = {
@@ -121,8 +121,7 @@ class _ProgressLine:
 
     def _text(self, now: float) -> str:
         part = self._part
-        item = ''.join(char if char.isprintable() else '\ufffd' for char in self._item)
-        text = ' '.join(filter(None, [f'{self._verb}:', item]))
+        text = ' '.join(filter(None, [f'{self._verb}:', printable(self._item)]))
         if not part:
             return f'{text}, {_clock(now - self._start)}'
         left = (now - self._measured_from) * (1 - part) / part

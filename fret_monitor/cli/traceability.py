@@ -23,8 +23,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
+from fret_monitor.bag.results_file import recording_key
 from fret_monitor.bundle.source_file import read_source
 from fret_monitor.importing.json_text import mapping
 from fret_monitor.importing.xml_text import parsed_xml
@@ -41,10 +42,12 @@ class Seen:
     """
     What a recording says of a requirement.
 
+    `meaning` is that of the requirement that was judged, as of `meanings_of`; '' in other files.
     `verdict` is None if it was not judged; `triggered` is None if that was not asked.
     """
 
     recording: str
+    meaning: str
     verdict: bool | None
     triggered: bool | None
 
@@ -58,17 +61,37 @@ class Seen:
 
 @dataclass(frozen=True)
 class Evidence:
-    """The traces of tests and what recordings say, by the ids of requirements."""
+    """
+    The traces of tests and what recordings say, by the ids of requirements.
+
+    Of a recording of which several results are given, the last one counts.
+    """
 
     tests: Mapping[str, Sequence[str]]
     recordings: Mapping[str, Sequence[Seen]]
     n_recordings: int
     has_tests: bool
 
+    def seen(self, id_: str, meaning: str) -> tuple[Seen, ...]:
+        """Return what recordings say of a requirement with this meaning."""
+        found = {recording_key(item.recording): item for item in self.recordings.get(id_, ())
+                 if item.meaning == meaning}
+        return tuple(found.values())
+
+    def outdated(self, id_: str, meaning: str) -> tuple[str, ...]:
+        """Return the recordings of which only results of another requirement are there."""
+        known = {recording_key(item.recording) for item in self.seen(id_, meaning)}
+        return tuple(dict.fromkeys(item.recording for item in self.recordings.get(id_, ())
+                                   if recording_key(item.recording) not in known))
+
 
 @dataclass(frozen=True)
 class Link:
-    """A requirement: its id in its source, what it reads, and what exercised it."""
+    """
+    A requirement: its id in its source, what it reads, and what exercised it.
+
+    `outdated` are the recordings that were judged for another requirement of this id.
+    """
 
     id: str
     source: str
@@ -76,6 +99,7 @@ class Link:
     topics: Sequence[str]
     tests: Sequence[str]
     seen: Sequence[Seen]
+    outdated: Sequence[str] = ()
 
     @property
     def is_triggered(self) -> bool | None:
@@ -111,7 +135,7 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
                 tests.setdefault(requirement, []).append(name)
             continue
         for bag, found in _results(source, path, problems):
-            bags[bag] = None
+            bags[recording_key(bag)] = None
             for id_, item in found.items():
                 seen.setdefault(id_, []).append(item)
     return Evidence(tests, seen, len(bags), has_tests)
@@ -135,7 +159,8 @@ def _results(source: Source, path: Path,
     for start, line in _lines(source.text):
         try:
             content = json.loads(line)
-            found = {str(id_): Seen(str(content['bag']), item['verdict'], item.get('triggered'))
+            found = {str(id_): Seen(str(content['bag']), str(item.get('meaning', '')),
+                                    item['verdict'], item.get('triggered'))
                      for id_, item in content['requirements'].items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             problems.warning(f'{path}: this line has no results of a recording',
@@ -144,8 +169,12 @@ def _results(source: Source, path: Path,
         is_any = True
         yield str(content['bag']), found
     if not is_any:
-        refuse(f'{shown(str(path))} has no results', help='give what `bag --results FILE` or `bag '
-               '--junit FILE` has written, or the folder of `tests`')
+        _refuse_without_results(path)
+
+
+def _refuse_without_results(path: Path) -> NoReturn:
+    refuse(f'{shown(str(path))} has no results', help='give what `bag --results FILE` or `bag '
+           '--junit FILE` has written, or the folder of `tests`')
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
@@ -157,17 +186,21 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 
 def _junit(source: Source, path: Path) -> Iterator[tuple[str, dict[str, Seen]]]:
-    for suite in parsed_xml(source.text, path).iter('testsuite'):
+    suites = [*parsed_xml(source.text, path).iter('testsuite')]
+    if not any(item.get('name') == 'meaning' for suite in suites
+               for item in suite.iter('property')):
+        _refuse_without_results(path)
+    for suite in suites:
         bag = suite.get('name', '')
         found: dict[str, Seen] = {}
         for case in suite.iter('testcase'):
             kinds = {child.tag for child in case}
-            triggered = {item.get('value') == 'true' for item in case.iter('property')
-                         if item.get('name') == 'triggered'}
+            said = {item.get('name'): item.get('value', '') for item in case.iter('property')}
             verdict = None if 'skipped' in kinds else 'failure' not in kinds
             if 'error' not in kinds:
                 found[case.get('name', '')] = Seen(
-                    bag, verdict, triggered.pop() if triggered else None)
+                    bag, said.get('meaning', ''), verdict,
+                    said['triggered'] == 'true' if 'triggered' in said else None)
         yield bag, found
 
 
@@ -202,13 +235,22 @@ def _verdict(item: Link) -> str:
 
 def gaps(links: Sequence[Link], found: Evidence) -> Iterator[str]:
     """Yield lines that name the requirements that nothing exercised, or of which it is unknown."""
-    never = [item.id for item in links if item.is_triggered is False]
-    unknown = [item.id for item in links if item.is_triggered is None]
+    judged = [item for item in links if item.verdict is not None]
+    never = [item.id for item in judged if item.is_triggered is False]
+    unknown = [item.id for item in judged if item.is_triggered is None]
+    open_ = [item.id for item in links if item.verdict is None]
     untested = [item.id for item in links if not item.tests]
-    if found.n_recordings and never:
-        yield f'never triggered in {counted(found.n_recordings, "recording")}: {", ".join(never)}'
+    recordings = counted(found.n_recordings, 'recording')
+    if found.n_recordings and open_:
+        yield f'not judged in {recordings}: {", ".join(open_)}'
+    if never:
+        yield f'never triggered in {recordings}: {", ".join(never)}'
     if unknown:
         yield f'triggered or not? `bag --triggers` finds out: {", ".join(unknown)}'
+    for item in links:
+        if item.outdated:
+            yield (f'{item.id}: results of another text or formula are left out: '
+                   f'{_named(item.outdated)}')
     if found.has_tests and untested:
         yield f'without a test: {", ".join(untested)}'
 
@@ -218,4 +260,5 @@ def as_dict(item: Link) -> dict[str, Any]:
     return {'id': item.id, 'source': item.source, 'inputs': [*item.inputs],
             'topics': [*item.topics], 'tests': [*item.tests], 'triggered': item.is_triggered,
             'recordings': [{'bag': seen.recording, 'verdict': seen.verdict,
-                            'triggered': seen.is_exercised} for seen in item.seen]}
+                            'triggered': seen.is_exercised} for seen in item.seen],
+            'outdated': [*item.outdated]}

@@ -30,7 +30,7 @@ from fret_monitor.model.diagnostics import (
     CompileError, counted, Diagnostic, did_you_mean, Level, Problems, refuse, Source,
 )
 from fret_monitor.model.names import fret_name, handler_name, HANDLER_PREFIX, shown
-from fret_monitor.model.output import open_output, refuse_overwriting
+from fret_monitor.model.output import open_output, refuse_existing, refuse_overwriting
 from fret_monitor.traces.csv_trace import trace_text
 
 _LONGEST_NAME = 100
@@ -217,18 +217,10 @@ def write_bundles(found: Sequence[Imported], *, force: bool = False,
     for item in found:
         for path in (item.path, *(trace for trace, _ in item.traces)):
             refuse_overwriting(path, read)
-        if not force and _is_there(item.path):
-            refuse(f'{shown(str(item.path))} exists', help='--force overwrites it')
+        refuse_existing(item.path, force=force)
     for item in found:
         for path, text in (*item.traces, (item.path, item.text)):
             _write(path, text)
-
-
-def _is_there(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False  # writing the file will report the invalid name
 
 
 def _write(path: Path, text: str) -> None:

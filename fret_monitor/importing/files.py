@@ -49,6 +49,7 @@ from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
 from fret_monitor.importing.xml_format import read_xml, XmlFormat
+from fret_monitor.model.bundle_files import refuse_irregular
 from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, handler_fault, handler_name, shown
 
@@ -118,6 +119,7 @@ def _is_xml(path: Path) -> bool:
 
 def _read(path: Path, problems: Problems, options: ImportOptions
           ) -> tuple[list[ImportedComponent], list[Connection]]:
+    refuse_irregular(path)
     kind, columns = path.suffix.lower(), options.columns
     if kind == WORKBOOK or kind in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
         return read_table(path, MAX_BYTES, columns, problems), []

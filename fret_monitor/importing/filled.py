@@ -27,7 +27,10 @@ import re
 from typing import TYPE_CHECKING
 from xml.dom import minidom
 
+from fret_monitor.importing.component import Wording
+from fret_monitor.importing.draft import free_name, written_name
 from fret_monitor.importing.files import ImportOptions, MAX_BYTES, read_files
+from fret_monitor.importing.parsed_wording import names_in, parse_wording, rename
 from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE
 from fret_monitor.importing.tables import (
@@ -35,13 +38,15 @@ from fret_monitor.importing.tables import (
 )
 from fret_monitor.importing.workbook import write_cells
 from fret_monitor.importing.xml_text import refuse_document_types
+from fret_monitor.model.bundle_files import refuse_irregular
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
-from fret_monitor.model.names import shown
+from fret_monitor.model.names import fret_name, shown
 
 if TYPE_CHECKING:
     from xml.dom.minidom import Document, Element
 
-_MISSING = 'not monitored'
+_MISSING, _OTHER = 'not monitored', 'text differs'
+_MOST_NAMED = 20
 _DECLARATION = re.compile(r'\s*<\?xml[^>]*\?>')  # its encoding was that of the bytes
 
 
@@ -54,6 +59,7 @@ def check_fillable(path: Path) -> None:
     CompileError
         if the file is no table and no ReqIF.
     """
+    refuse_irregular(path)
     kind = path.suffix.lower()
     if kind == ARCHIVE:
         refuse(f'{shown(str(path))} is an archive, in which no results are written',
@@ -67,20 +73,28 @@ def check_fillable(path: Path) -> None:
 
 
 def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]],
-           columns: Mapping[str, str]) -> bytes:
+           texts: Mapping[str, str], columns: Mapping[str, str], problems: Problems) -> bytes:
     """
     Return the content of a table with further columns; `columns` are as of `read_table`.
 
-    `results` has the cells of each requirement by its id in the bundle; a requirement of the table
-    that has none is 'not monitored' in the first of the columns.
+    `results` and `texts` have the cells and the text of each requirement by its id in the bundle.
+    A requirement of the table that has none is 'not monitored' in the first of the columns; one
+    that has another text there gets no result, and is reported.
 
     Raises
     ------
     CompileError
         if the file is no table or ReqIF, or cannot be read.
     """
-    rows = {label: tuple(results.get(id_, (_MISSING,)))
-            for label, id_ in _ids_of_rows(path, columns).items()}
+    rows: dict[str, tuple[str, ...]] = {}
+    other: list[str] = []
+    for label, (id_, wordings) in _rows_of(path, columns).items():
+        if id_ in results and not _has_text(wordings, texts.get(id_, '')):
+            rows[label] = (_OTHER,)
+            other.append(f'{label.removeprefix(f"{path.name}, ")} ({shown(id_)})')
+        else:
+            rows[label] = tuple(results.get(id_, (_MISSING,)))
+    _report_others(path, other, problems)
     if path.suffix.lower() == WORKBOOK:
         return write_cells(path, MAX_BYTES, heads, rows)
     text = decoded(path, MAX_BYTES)
@@ -89,19 +103,49 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
     return _filled_csv(text, path, heads, rows)
 
 
-def _ids_of_rows(path: Path, columns: Mapping[str, str]) -> dict[str, str]:
-    """Return the id of each row's requirement, by the label of the row."""
+def _report_others(path: Path, rows: Sequence[str], problems: Problems) -> None:
+    if rows:
+        more = f' and {len(rows) - _MOST_NAMED:,} more' if len(rows) > _MOST_NAMED else ''
+        problems.warning(
+            f'{shown(path.name)}: the text is not the one that was judged: '
+            f'{", ".join(rows[:_MOST_NAMED])}{more}', None, '',
+            f"the verdict there is '{_OTHER}'; import the table again, or write there what the "
+            'bundle has')
+
+
+def _rows_of(path: Path, columns: Mapping[str, str]) -> dict[str, tuple[str, list[Wording]]]:
+    """Return the id of each row's requirement and its wordings, by the label of the row."""
     options = ImportOptions(columns)
     read = [(item, wording) for component in read_files([path], Problems(), options).components
             for item in component.requirements for wording in item.wordings]
     written = {wording.label: item.id for item, wording in read}
     same = {(item.source or item.id, wording.text): item.id for item, wording in read}
     text = decoded(path, MAX_BYTES) if path.suffix.lower() != WORKBOOK else ''
-    return {wording.label: written.get(wording.label)
-            or same.get((item.id, wording.text), item.id)
-            for component in read_table(path, MAX_BYTES, columns, Problems(),
-                                        text if is_reqif(text) else None)
-            for item in component.requirements for wording in item.wordings}
+    found: dict[str, tuple[str, list[Wording]]] = {}
+    for component in read_table(path, MAX_BYTES, columns, Problems(),
+                                text if is_reqif(text) else None):
+        for item in component.requirements:
+            for wording in item.wordings:
+                label = wording.label
+                id_ = written.get(label) or same.get((item.id, wording.text), item.id)
+                found.setdefault(label, (id_, []))[1].append(wording)
+    return found
+
+
+def _has_text(wordings: Sequence[Wording], text: str) -> bool:
+    """Whether one of the wordings of a row is the text of a requirement in the bundle."""
+    wanted = ' '.join(text.split())
+    return any(wanted == ' '.join(item.text.split()) for item in wordings) or any(
+        wanted == _renamed(item) for item in wordings)
+
+
+def _renamed(wording: Wording) -> str:
+    """Return a text with the names that `import` gives to what has the name of an operator."""
+    reading = parse_wording(wording)
+    taken = {fret_name(name) for name in names_in(reading)}
+    new = {fret_name(name): free_name(name, taken) for name in names_in(reading)
+           if written_name(name) is None}
+    return ' '.join(rename(reading, new).wording.text.split()) if new else wording.text
 
 
 def places_of(head: Sequence[str], wanted: Sequence[str]) -> list[int]:

@@ -32,6 +32,7 @@ BUNDLE_HELP = "a file, package://PKG/PATH, or the name of a file in this package
 
 _SCHEME = 'package://'
 _OWN = 'fret_monitor'
+_SHELL_PIPES = ('/dev/stdin', '/dev/null')
 _MISSPELLED = 0.9  # similar packages are often two packages, of which one is not installed
 
 
@@ -64,23 +65,38 @@ def refuse_missing(path: Path) -> None:
     """
     Raise `CompileError` if there is no such file: where it was searched, and what is there.
 
-    A named pipe is refused too: to open it would wait for a process that writes to it.
+    Raises it for a named pipe or a device too, as `refuse_irregular`.
     """
     try:
-        status = path.stat()
+        path.stat()
     except (FileNotFoundError, NotADirectoryError):
         pass
     except (OSError, ValueError):
         return  # reading it gives the reason
     else:
-        # The shell's `<(command)` is a pipe without a name, and its writer is there.
-        if stat.S_ISFIFO(status.st_mode) and not os.path.realpath(path).startswith('/proc/'):
-            refuse(f'{shown(str(path), LONGEST_PATH)} is a named pipe, not a file')
+        refuse_irregular(path)
         return
     folders = [path.parent, *(config_folders() if _is_name(path) else ())]
     place = '' if path.is_absolute() else ' in ' + ' nor in '.join(
         [_working_directory(), *map(str, folders[1:])])
     refuse(f'there is no file {shown(str(path), LONGEST_PATH)}{place}', help=_near(path, folders))
+
+
+def refuse_irregular(path: Path) -> None:
+    """
+    Raise `CompileError` if there is a named pipe or a device: reading it could wait for ever.
+
+    The pipes of the shell, `<(command)` and `/dev/stdin`, have no name, and a writer that is
+    there. What does not exist, or cannot be reached, is left to whoever opens it.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return
+    is_shell = str(path) in _SHELL_PIPES or os.path.realpath(path).startswith('/proc/')
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or is_shell):
+        kind = 'named pipe' if stat.S_ISFIFO(mode) else 'device'
+        refuse(f'{shown(str(path), LONGEST_PATH)} is a {kind}, not a file')
 
 
 def _working_directory() -> str:

@@ -165,7 +165,7 @@ class Diagnostic:
         place = '' if self.span is None else \
             f'{self.span.source.name}:{self.span.line}:{self.span.column}: '
         parts = [f'{place}{self.title}', self.label, ' '.join(self.help.split())]
-        return '; '.join(part for part in parts if part)
+        return printable('; '.join(part for part in parts if part))
 
     def render(self, paint: Paint = _plain) -> str:
         """Render as `file:line:column: error: title`, the line, a caret, and the help."""
@@ -173,7 +173,7 @@ class Diagnostic:
 
     def _lines(self, paint: Paint) -> Iterable[str]:
         level = self.level.value
-        title = f'{paint(f"{level}:", level)} {paint(self.title, "title")}'
+        title = f'{paint(f"{level}:", level)} {paint(_lines_of(self.title), "title")}'
         if self.span is None:
             yield title
             margin = ''
@@ -183,12 +183,13 @@ class Diagnostic:
             margin = ' ' * len(str(line))
             yield from _excerpt(self.span, self.label, lambda text: paint(text, level))
         for number, text in enumerate(self.help.splitlines()):
-            yield f'{margin}   {paint("= help:", "help") if number == 0 else "       "} {text}'
+            head = paint('= help:', 'help') if number == 0 else '       '
+            yield f'{margin}   {head} {printable(text)}'
 
 
 def _excerpt(span: Span, label: str, paint: Callable[[str], str]) -> Iterable[str]:
     line, column = span.source.position(span.start)
-    text = _printable(span.source.line(line))
+    text = printable(span.source.line(line))
     width = max(1, min(span.end - span.start, len(text) - column + 1))
     first = max(0, column - 1 - _MAX_SHOWN // 2) if len(text) > _MAX_SHOWN else 0
     shown = text[first:first + _MAX_SHOWN]
@@ -199,13 +200,21 @@ def _excerpt(span: Span, label: str, paint: Callable[[str], str]) -> Iterable[st
     pad = ' ' * _cells(before)
     carets = paint('^' * max(1, _cells(marked)))
     yield f' {line} | {head}{shown}{tail}'
-    yield f' {" " * len(str(line))} | {pad}{carets} {label}'.rstrip()
+    yield f' {" " * len(str(line))} | {pad}{carets} {printable(label)}'.rstrip()
 
 
-def _printable(text: str) -> str:
-    """Replace each character that would shift the caret or control the terminal by one other."""
+def printable(text: str) -> str:
+    """
+    Replace each character that would shift a caret or control the terminal by one other.
+
+    Texts of users go through it wherever they are printed on one line.
+    """
     return ''.join(' ' if char == '\t' else char if char.isprintable() else '\ufffd'
                    for char in text)
+
+
+def _lines_of(text: str) -> str:
+    return '\n'.join(map(printable, text.split('\n')))
 
 
 def _cells(text: str) -> int:

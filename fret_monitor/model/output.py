@@ -49,6 +49,30 @@ def refuse_overwriting(path: Path, read: Iterable[Path] = ()) -> None:
                help='remove the link, or name that file itself')
 
 
+def refuse_existing(path: Path, *, force: bool) -> None:
+    """
+    Refuse to write where something is: without `force` anything, with it what is no file.
+
+    A pipe could wait for ever for its reader. Standard output and error are no files that could
+    be lost.
+
+    Raises
+    ------
+    CompileError
+        as said; a path that cannot be reached is left to whoever writes there.
+    """
+    try:
+        if str(path) in _STREAMS or not path.exists():
+            return
+        is_file = path.is_file()
+    except (OSError, ValueError):
+        return
+    if not is_file:
+        refuse(f"cannot write '{path}': it is no file", help='name another file to write')
+    if not force:
+        refuse(f"'{path}' exists", help='--force overwrites it')
+
+
 def _is_file_or_missing(path: Path) -> bool:
     try:
         return path.is_file() or not path.exists()

@@ -14,6 +14,7 @@
 
 """`fret-monitor import` as users run it."""
 
+import os
 from pathlib import Path
 
 from fret_monitor.cli.main import main
@@ -140,6 +141,21 @@ def test_a_bundle_is_overwritten_only_with_force(
     assert 'exists' in capsys.readouterr().err
     assert main(['import', str(file), '-o', str(bundle), '--force']) == 0
     assert bundle.read_text() != 'mine'
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize('name', ['pipe.json', 'pipe.xlsx', 'pipe.csv', 'pipe.reqifz'])
+def test_a_named_pipe_is_neither_read_nor_written(
+        name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    pipe, xml = tmp_path / name, tmp_path / 'a.xml'
+    os.mkfifo(pipe)
+    xml.write_text('<a/>')
+    for words in ([pipe], [xml, '--format', pipe]):
+        assert main(['import', *map(str, words)]) == 1
+        assert f"{name}' is a named pipe, not a file" in capsys.readouterr().err
+    assert main(['import', str(file), '-o', str(pipe), '--force']) == 1
+    assert f"cannot write '{pipe}': it is no file" in capsys.readouterr().err
 
 
 def test_the_imported_file_is_not_overwritten_even_with_force(

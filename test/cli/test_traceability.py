@@ -16,6 +16,7 @@
 
 from functools import partial
 import json
+import os
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -140,11 +141,64 @@ def test_the_table_says_what_was_never_triggered_and_what_is_not_known(here: Her
     assert 'never' not in '\n'.join(lines)
 
 
+def test_only_the_last_results_of_the_same_text_count(here: Here) -> None:
+    bundle, results = here.file('rover.yaml', BUNDLE), here.folder / 'r.jsonl'
+    junit = here.folder / 'j.xml'
+    *_, broken = traces(here.folder)
+    for _ in range(2):
+        here.run('bag', bundle, broken, '--results', results, '--junit', junit, '--triggers')
+    lines = results.read_text()
+    results.write_text(lines + lines)  # as of a recording that was judged twice
+    trace = ('check', bundle, '--trace', results, junit)
+    assert here.run(*trace).out.count(str(broken)) == 5
+    here.file('rover.yaml', BUNDLE.replace('speed < 9.0', 'speed < 99.0').replace('LEFT', 'NEW'))
+    said = here.run(*trace)
+    rows = {line.split()[0]: line for line in said.out.splitlines() if line}
+    assert rows['IN'].split()[-3:] == ['-', 'not', 'judged']
+    assert f'IN: results of another text or formula are left out: {broken}' in said.out
+    assert 'not judged in 1 recording: IN, NEW\n' in said.out and 'never' not in said.out
+    assert 'in no bundle here: LEFT' in said.err
+    found = {item['id']: item for item in json.loads(
+        here.run(*trace, '--json').out)['bundles'][0]['trace']}
+    assert found['IN']['recordings'] == [] and found['IN']['outdated'] == [str(broken)]
+    assert len(found['WHEN']['recordings']) == 1 and found['WHEN']['outdated'] == []
+
+
+def test_a_constant_that_changes_a_requirement_makes_its_results_old(here: Here) -> None:
+    text = BUNDLE.replace('inputs:', 'constants: {TOP: 20.0}\ninputs:')
+    bundle = here.file('rover.yaml', text.replace('speed <= 20.0', 'speed <= TOP'))
+    results = here.folder / 'r.jsonl'
+    *_, broken = traces(here.folder)
+    here.run('bag', bundle, broken, '--results', results, '--constant', 'TOP=5.0')
+    said = here.run('check', bundle, '--trace', results)
+    assert 'ALWAYS: results of another text or formula are left out' in said.out
+    said = here.run('check', bundle, '--trace', results, '--constant', 'TOP=5.0')
+    assert 'are left out' not in said.out and said.out.count('violated') == 4
+
+
+def test_texts_of_results_do_not_control_the_terminal(here: Here) -> None:
+    bundle, results = here.file('rover.yaml', BUNDLE), here.folder / 'r.jsonl'
+    quiet, *_ = traces(here.folder)
+    here.run('bag', bundle, quiet, '--results', results)
+    line = json.loads(results.read_text())
+    line['bag'] = 'x\x1b[31m\nred'
+    line['requirements']['gone\x1b[31m'] = line['requirements']['IN']
+    results.write_text(json.dumps(line))
+    said = here.run('check', bundle, '--trace', results)
+    assert 'x\ufffd[31m\ufffdred' in said.out and 'gone\ufffd' in said.err
+    assert '\x1b' not in said.out + said.err
+
+
 def test_files_that_are_no_results_are_refused(here: Here) -> None:
     bundle = here.file('rover.yaml', BUNDLE)
     bomb = here.file('bomb.xml', '<!DOCTYPE a [<!ENTITY b "cc">]><testsuites>&b;</testsuites>')
     wrong = here.file('wrong.jsonl', '[1]\n{"bag": 1}\n')
+    foreign = here.file('foreign.xml', '<testsuites><testsuite name="pytest"><testcase name="IN"/>'
+                        '</testsuite></testsuites>')
+    pipe = here.folder / 'pipe.jsonl'
+    os.mkfifo(pipe)
     for path, message in ((bomb, 'declares a document type'), (wrong, 'has no results'),
+                          (foreign, 'has no results'), (pipe, 'is a named pipe'),
                           (here.folder, 'tests.json'), (here.folder / 'none', 'none')):
         done = here.run('check', bundle, '--trace', path)
         assert (done.status, message in done.err) == (1, True), done.err

@@ -16,6 +16,7 @@
 
 from collections.abc import Sequence
 import csv
+import os
 from pathlib import Path
 import zipfile
 
@@ -197,6 +198,58 @@ def test_what_cannot_be_filled_is_refused(table: str, new: str, message: str, bu
     assert checked(tmp_path, bundle, '--fill', str(tmp_path / table), str(tmp_path / new)) == 1
     assert message in capsys.readouterr().err
     assert bundle.read_text(encoding='utf-8') == BUNDLE
+
+
+@pytest.mark.parametrize('ending', ENDINGS)
+def test_a_row_whose_text_was_changed_gets_no_verdict(
+        ending: str, bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, new = tmp_path / f'out.{ending}', tmp_path / f'new.{ending}'
+    assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 0
+    bundle.write_text(BUNDLE.replace('speed <= 2.0', 'speed <= 99.0'), encoding='utf-8')
+    assert checked(tmp_path, bundle, '--fill', str(out), str(new)) == 0
+    said = capsys.readouterr().err
+    assert told(new, bundle) == {**VERDICTS, '010': ('text differs', '')}
+    row = 'object-1' if ending == 'reqif' else 'row 2'
+    assert f"'{out.name}': the text is not the one that was judged: {row} ('010')\n" in said
+
+
+def test_a_text_with_the_name_of_an_operator_is_the_one_that_was_judged(tmp_path: Path) -> None:
+    table, new = tmp_path / 'table.csv', tmp_path / 'new.csv'
+    table.write_text('ID,Requirement\nR,the rover shall always  satisfy H <= 2.0\n')
+    target, trace = tmp_path / 'rover.yaml', tmp_path / 'trace.csv'
+    trace.write_text('time,H_value\n0,1\n')
+    assert main(['import', str(table), '-o', str(target)]) == 0
+    assert main(['bag', str(target), str(trace), '--fill', str(table), str(new)]) == 0
+    assert rows_of(new)[1][2] == 'satisfied'
+
+
+def test_without_a_judged_recording_nothing_is_written(
+        bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, new = tmp_path / 'out.csv', tmp_path / 'new.csv'
+    assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 0
+    fill = ('--fill', str(out), str(new))
+    assert main(['bag', str(bundle), str(tmp_path / 'gone.csv'), *fill]) == 1
+    bundle.write_text(BUNDLE.replace('{type: bool}', '{}'), encoding='utf-8')
+    assert checked(tmp_path, bundle, *fill) == 1
+    assert "new.csv' is not written: no recording was judged" in capsys.readouterr().err
+    assert not new.exists()
+
+
+def test_what_exists_is_filled_only_with_force_and_a_pipe_never(
+        bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, new, pipe = (tmp_path / f'{name}.csv' for name in ('out', 'new', 'pipe'))
+    os.mkfifo(pipe)
+    assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 0
+    new.write_text('mine')
+    for path, message in ((new, "new.csv' exists"), (pipe, "pipe.csv': it is no file")):
+        assert checked(tmp_path, bundle, '--fill', str(out), str(path)) == 1
+        assert message in capsys.readouterr().err
+    assert new.read_text() == 'mine'
+    assert checked(tmp_path, bundle, '--fill', str(out), str(new), '--force') == 0
+    assert told(new, bundle) == VERDICTS
+    for places in ((out, pipe), (pipe, tmp_path / 'other.csv')):
+        assert checked(tmp_path, bundle, '--force', '--fill', *map(str, places)) == 1
+    assert "pipe.csv' is a named pipe, not a file" in capsys.readouterr().err
 
 
 def test_the_ending_says_what_is_exported(bundle: Path, tmp_path: Path,

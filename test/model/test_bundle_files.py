@@ -30,6 +30,12 @@ def test_a_named_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
             existing_bundle(str(tmp_path / name))
 
 
+def test_a_device_is_refused_and_what_the_shell_opens_is_not() -> None:
+    with pytest.raises(CompileError, match="'/dev/zero' is a device, not a file"):
+        existing_bundle('/dev/zero')
+    assert existing_bundle('/dev/stdin') == Path('/dev/stdin')
+
+
 def test_a_pipe_of_the_shell_is_a_bundle() -> None:
     reading, writing = os.pipe()
     try:
