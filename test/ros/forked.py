@@ -25,6 +25,7 @@ import atexit
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 import ctypes
+import faulthandler
 from functools import cache
 import gc
 from importlib import import_module
@@ -246,6 +247,7 @@ def _run(files: Sequence[int], module: str, arguments: list[str], targets: Seque
         os.dup2(source, target)
     for source in {*files}:
         os.close(source)
+    faulthandler.enable()
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)

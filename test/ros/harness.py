@@ -97,7 +97,7 @@ class NodeProcess:
         self.process = subprocess.Popen(
             [sys.executable, '-c', START.format(name), '--ros-args', *arguments],
             stdin=subprocess.DEVNULL, stdout=self._file, stderr=subprocess.STDOUT, cwd=folder,
-            env={**forked.environment(), **(environment or {})})
+            env={**forked.environment(), 'PYTHONFAULTHANDLER': '1', **(environment or {})})
 
     @property
     def output(self) -> str:
@@ -123,6 +123,8 @@ class NodeProcess:
         try:
             return self.process.wait(patience)
         except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)  # faulthandler writes where its threads are
+            sleep(1.0)
             output = self.output
             self.kill()
             raise AssertionError(f'{self.name} did not end:\n{output}') from None
