@@ -23,9 +23,10 @@ from pathlib import Path
 import re
 import shlex
 import sys
+from threading import Event
 import traceback
 from types import ModuleType
-from typing import Any, cast
+from typing import cast
 
 from fret_monitor.model.output import drop_output
 from fret_monitor.ros.settings.parameters import (
@@ -39,7 +40,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 _WIDTH = 80
@@ -181,12 +181,15 @@ def skip_generator() -> None:
     sys.modules.setdefault('rosidl_generator_py.generate_py_impl', cast(ModuleType, None))
 
 
-def _spin(executor: SingleThreadedExecutor, node: Node, is_over: Any) -> None:
-    """Spin until the future is done; a response that the middleware does not send is logged."""
-    while True:
+def _spin(executor: SingleThreadedExecutor, node: Node, is_over: Event) -> None:
+    """
+    Spin until the event is set; a response that the middleware does not send is logged.
+
+    Not `spin_until_future_complete`, which gives the future another callback at each message.
+    """
+    while not is_over.is_set():
         try:
-            executor.spin_until_future_complete(is_over)
-            return
+            executor.spin_once()
         except _rclpy.RCLError as error:
             if 'send response' not in str(error):
                 raise
@@ -203,8 +206,9 @@ def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        is_over: Any = Future()
-        with stop.waking(lambda: is_over.set_result(None)):
+        is_over = Event()
+        wake = node.create_guard_condition(is_over.set)
+        with stop.waking(wake.trigger):
             _spin(executor, node, is_over)
     except Exception:  # noqa: B902  whatever it is, launch must not take it for a refusal
         traceback.print_exc()

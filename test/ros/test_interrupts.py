@@ -242,3 +242,41 @@ with StopRequest().interruptible():
 def test_a_signal_after_a_block_without_interruptions_takes_effect_at_once() -> None:
     done = forked.run(AFTER_A_BLOCK, timeout=60)
     assert (done.returncode, done.stdout) == (0, ''), done.stderr
+
+
+# Tells by how many bytes the process grows while a thousand callbacks run.
+CALLBACKS = """
+import gc, os, signal, sys, tracemalloc
+from fret_monitor.ros.signals import StopRequest
+from fret_monitor.ros.process import run
+from rclpy.node import Node
+
+sizes = []
+
+def make():
+    node = Node('many')
+    calls = []
+
+    def call():
+        calls.append(None)
+        if len(calls) in (500, 1500):
+            gc.collect()
+            sizes.append(tracemalloc.get_traced_memory()[0])
+            calls.append(None)
+        if len(sizes) == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    node.create_timer(1e-5, call)
+    tracemalloc.start()
+    return node
+
+status = run('monitor', make, StopRequest())
+print(sizes[1] - sizes[0])
+sys.exit(status)
+"""
+
+
+def test_a_node_does_not_grow_with_the_callbacks_of_its_executor(domain: int) -> None:
+    done = forked.run(CALLBACKS, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < 30_000  # a list of the calls, no object for each of them
