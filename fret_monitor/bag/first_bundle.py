@@ -32,7 +32,7 @@ from fret_monitor.bag.check import AnyBatch, compiled, read_bundle, run, Selecti
 from fret_monitor.bag.recording import Batch, Recording
 from fret_monitor.importing.draft import free_name
 from fret_monitor.language.fretish import parse_fretish
-from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.installed import find_message, nested_layout
 from fret_monitor.messages.layout import ArrayKind, MessageLayout
 from fret_monitor.model.diagnostics import (
     CompileError, counted, Problems, refuse, Source, Text,
@@ -47,25 +47,30 @@ MOST_FIELDS = 200
 """Fields of a topic that are offered."""
 
 _PARTS = 32
+_EXACT = 2 ** 53
 _LEAST_TIMEOUT = 0.001  # s, of an input
 _OMITTED = ('std_msgs/msg/Header', 'builtin_interfaces/msg/Time',
             'builtin_interfaces/msg/Duration')
+_TEXTS = ('string', 'wstring')
 _SCALARS = {**{kind.value: kind for kind in ValueType}, 'byte': ValueType.UINT8,
             'char': ValueType.UINT8}
 
 
 @dataclass
 class SeenField:
-    """A field of numbers; `least` and `most` are what was seen, NaN if nothing was."""
+    """A field; `least` and `most` are of the numbers seen, NaN if none was; `has_nan`: NaN was."""
 
     path: str
     type: ValueType
     name: str = ''
     least: float = math.nan
     most: float = math.nan
+    has_nan: bool = False
 
     def note(self, parts: Iterable[WindowPart]) -> None:
         """Note the least and greatest values of parts of a recording."""
+        parts = [*parts]
+        self.has_nan |= any(part.has_nan for part in parts)
         found = [value for part in parts for value in (part.least, part.most)
                  if not math.isnan(value)]
         found += [value for value in (self.least, self.most) if not math.isnan(value)]
@@ -75,7 +80,11 @@ class SeenField:
 
 @dataclass
 class SeenTopic:
-    """A topic: its fields of numbers, its messages, and what has passed between them (ns)."""
+    """
+    A topic: its fields of numbers, its messages, and what has passed between them (ns).
+
+    `is_installed`: its message definition is here, and not only in a recording.
+    """
 
     name: str
     type: str
@@ -85,6 +94,7 @@ class SeenTopic:
     intervals: int = 0
     lasted: int = 0
     longest_gap: int = 0
+    is_installed: bool = True
 
     def note(self, times: Sequence[int]) -> None:
         """Note the times of the messages of a recording."""
@@ -105,7 +115,8 @@ def recorded_topics(paths: Sequence[Path], problems: Problems) -> list[SeenTopic
     """
     Return the topics of recordings that have fields of numbers, by name.
 
-    Those of messages without a definition that can be read are left out, with a warning.
+    Left out with a warning are those without numbers, those of several types, and those of
+    messages without a definition that can be read.
 
     Raises
     ------
@@ -113,21 +124,40 @@ def recorded_topics(paths: Sequence[Path], problems: Problems) -> list[SeenTopic
         if a recording cannot be read, or no topic has fields of numbers.
     """
     found: dict[str, SeenTopic] = {}
+    types: dict[str, set[str]] = {}
     for path in paths:
         with Recording(path) as recording:
-            for name, types in recording.types.items():
-                if name not in found and len(types) == 1:
-                    (kind,) = types
-                    try:
-                        fields = fields_of(recording.find_message(kind))
-                    except CompileError as error:
-                        problems.warning(f'{name} is left out: {error.diagnostics[0].title}')
-                        fields = [], []
-                    found[name] = SeenTopic(name, kind, *fields)
-    topics = [topic for _, topic in sorted(found.items()) if topic.fields or topic.arrays]
+            for name, kinds in recording.types.items():
+                types.setdefault(name, set()).update(kinds)
+                if name not in found and len(kinds) == 1:
+                    (kind,) = kinds
+                    found[name] = _recorded_topic(name, kind, recording, problems)
+    several = sorted(name for name, kinds in types.items() if len(kinds) > 1)
+    for name in several:
+        problems.warning(f'{name} is left out: it was recorded as '
+                         + ' and '.join(sorted(types[name])))
+    single = [topic for name, topic in sorted(found.items()) if name not in several]
+    topics = [topic for topic in single if topic.fields or topic.arrays]
     if not topics:
         refuse('no topic with numbers was recorded')
+    without = [topic.name for topic in single if topic not in topics]
+    if without:
+        problems.warning(f'left out, as they have no numbers: {", ".join(without)}')
     return topics
+
+
+def _recorded_topic(name: str, kind: str, recording: Recording, problems: Problems) -> SeenTopic:
+    """Return a topic with its fields; without any, and a warning, if its messages are unknown."""
+    try:
+        topic = SeenTopic(name, kind, *fields_of(recording.find_message(kind)))
+    except CompileError as error:
+        problems.warning(f'{name} is left out: {error.diagnostics[0].title}')
+        return SeenTopic(name, kind, [], [])
+    try:
+        find_message(kind)
+    except CompileError:
+        topic.is_installed = False
+    return topic
 
 
 def fields_of(layout: MessageLayout) -> tuple[list[SeenField], list[str]]:
@@ -141,7 +171,8 @@ def fields_of(layout: MessageLayout) -> tuple[list[SeenField], list[str]]:
         for item in message.fields:
             path = f'{prefix}{item.name}'
             if item.type.array is not ArrayKind.NONE:
-                arrays.append(path)
+                if item.type.base not in _TEXTS:
+                    arrays.append(path)
             elif item.type.base in _SCALARS:
                 found.append(SeenField(path, _SCALARS[item.type.base]))
             elif item.type.is_message and item.type.base not in _OMITTED:
@@ -158,20 +189,32 @@ def survey(paths: Sequence[Path], topics: Sequence[SeenTopic],
     Raises
     ------
     CompileError
-        if a recording cannot be read, or a topic has another type in one of them.
+        if a recording cannot be read.
     NativeError
         if there is no C compiler, or it fails.
     """
     _name_fields(topics)
-    seen = [topic for topic in topics if topic.fields]
-    if not seen:
-        return
-    with TemporaryDirectory() as folder:
-        probe = Path(folder) / 'probe.yaml'
-        probe.write_text(_probe(seen), encoding='utf-8')
-        for path in paths:
-            with Recording(path) as recording:
+    for path in paths:
+        with Recording(path) as recording, TemporaryDirectory() as folder:
+            seen = [topic for topic in topics if _can_read(topic, recording)]
+            for topic in topics:
+                if topic not in seen:
+                    topic.messages += recording.recorded[topic.name]
+            if seen:
+                probe = Path(folder) / 'probe.yaml'
+                probe.write_text(_probe(seen), encoding='utf-8')
                 _survey_one(probe, recording, seen, progress)
+
+
+def _can_read(topic: SeenTopic, recording: Recording) -> bool:
+    """Whether a recording has a topic with fields of numbers, and its message definition."""
+    if not topic.fields or topic.name not in recording.types:
+        return False
+    try:
+        recording.find_message(topic.type)
+    except CompileError:
+        return False
+    return True
 
 
 def _probe(topics: Sequence[SeenTopic]) -> str:
@@ -241,9 +284,17 @@ def bundle_text(topics: Sequence[SeenTopic], source: str) -> str:
     return '\n'.join([
         f'# Made by `fret-monitor new` from {" ".join(source.split())}.',
         '# Behind each input is what was seen of it. Delete what you do not need.',
+        *_not_installed(topics),
         'format: 1', 'evaluation: {policy: timed}   # durations are times', '',
         'inputs:', *(line for topic in topics for line in _topic(topic)),
         *_examples([item for topic in topics for item in topic.fields]), ''])
+
+
+def _not_installed(topics: Sequence[SeenTopic]) -> Iterator[str]:
+    types = dict.fromkeys(topic.type for topic in topics if not topic.is_installed)
+    if types:
+        yield (f'# Only in the recording, not installed here: {", ".join(types)}. `bag` takes '
+               'them from there; `check` and `monitor` need them.')
 
 
 def _topic(topic: SeenTopic) -> Iterator[str]:
@@ -265,12 +316,18 @@ def _pace(topic: SeenTopic) -> str:
 
 def _range(item: SeenField) -> str:
     if math.isnan(item.least):
-        return 'no value was seen'
+        return 'always NaN' if item.has_nan else 'no value was seen'
     if item.type is ValueType.BOOL:
         return ' and '.join(dict.fromkeys('true' if value else 'false'
                                           for value in (item.least, item.most)))
     least, most = f'{item.least:.6g}', f'{item.most:.6g}'
-    return f'always {least}' if least == most else f'{least} to {most}'
+    nan = ' and NaN' if item.has_nan else ''
+    # Integers beyond 2^53 were read as the next float64.
+    is_exact = not item.type.is_integer or max(abs(item.least), abs(item.most)) < _EXACT
+    if least != most:
+        return f'{least} to {most}{nan}'
+    is_one = is_exact and not nan and item.least == item.most
+    return f'always {least}' if is_one else f'{"" if is_exact else "about "}{least}{nan}'
 
 
 def _examples(fields: Sequence[SeenField]) -> Iterator[str]:
@@ -303,7 +360,7 @@ def _limits(item: SeenField) -> tuple[str, str]:
 
 def _not_less(item: SeenField) -> int:
     """Return a whole number that is at least what was seen, which was read as a float64."""
-    if abs(item.most) < 2 ** 53:
+    if abs(item.most) < _EXACT:
         return math.ceil(item.most)
     greatest = (2 ** 64 if item.type is ValueType.UINT64 else 2 ** 63) - 1
     return min(math.ceil(math.nextafter(item.most, math.inf)), greatest)

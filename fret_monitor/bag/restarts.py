@@ -53,17 +53,22 @@ def restarts(storages: Sequence[Any]) -> list[Restart]:
     if _are_consecutive(storages) and all(
             isinstance(item, Sqlite3Reader) and _is_in_order(item) for item in storages):
         return []
-    last: dict[str, int] = {}
+    ended: dict[tuple[str, str], int] = {}  # of the files before, by topic and type
     found: dict[str, list[Restart]] = {}
     for storage in storages:
-        names = {item.id: item.topic for item in storage.connections}
+        topics = {item.id: (item.topic, item.msgtype) for item in storage.connections}
+        last: dict[int, int] = {}  # a file may have several connections of a topic side by side
         for number, times in _times(storage):
-            name = names.get(number, '')
+            topic = topics.get(number, ('', ''))
             known = [time for time in times if time <= LAST_TIME]  # the others are left out
-            for before, after in _steps_back(last.get(name), known) if known else ():
-                found.setdefault(name, []).append(
-                    Restart(name, storage.path.name, before, after))
-            last.update({name: known[-1]} if known else {})
+            before_them = last.get(number, ended.get(topic))
+            for before, after in _steps_back(before_them, known) if known else ():
+                found.setdefault(topic[0], []).append(
+                    Restart(topic[0], storage.path.name, before, after))
+            last.update({number: known[-1]} if known else {})
+        for number, time in last.items():
+            topic = topics.get(number, ('', ''))
+            ended[topic] = max(time, ended.get(topic, time))
     return max(found.values(), key=len, default=[])  # each restart shows in many topics
 
 

@@ -23,17 +23,18 @@ contract `p => q` becomes an implication. Other sections (STRUCT, for instance) 
 
 C2PO binds some operators otherwise than `mltl`: `->`, `xor` and `<->` alike and from the left, `!`
 and the operators over time tighter than comparisons. What this could change is reported, and left
-out: parentheses make it the same in both.
+out, with what reads it: parentheses make it the same in both.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 import re
 
 from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.component import (
     ComponentRequirement, ComponentVariable, ImportedComponent, VariableRole, Wording,
 )
-from fret_monitor.model.diagnostics import Problems, Source, Text
+from fret_monitor.model.diagnostics import Diagnostic, Level, Problems, Source, Text
 
 _SECTION = re.compile(r'^[ \t]*(INPUT|DEFINE|ATOMIC|STRUCT|ENUM|FTSPEC|PTSPEC)\b', re.MULTILINE)
 _COMMENT = re.compile(r'--[^\n]*')
@@ -66,8 +67,6 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
         if declared:
             variables += [ComponentVariable(one.strip(), VariableRole.INPUT, declared[2])
                           for one in declared[1].split(',')]
-        elif (defined or section in ('FTSPEC', 'PTSPEC')) and (reason := _other_meaning(text)):
-            problems.warning(f'{file}: a formula is left out', place, *reason)
         elif defined:
             wording = _wording(written, defined.end(), f'{file}, {defined[1]}')
             variables.append(
@@ -78,7 +77,42 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
         else:
             problems.warning(f'{file}: a part of the section {section} is left out', place,
                              'cannot be read', 'INPUT has names and types, DEFINE expressions')
-    return ImportedComponent(name, '', tuple(variables), tuple(requirements), (file,))
+    variables, unread = _read_alike(variables, problems)
+    names = {item.name for item in variables}
+    unread |= {item.id: 'it is the name of a formula: DEFINE gives names that formulas read'
+               for item in requirements if item.id not in names}
+    return ImportedComponent(name, '', tuple(variables), tuple(
+        replace(item, wordings=tuple(_faulty(one, unread) for one in item.wordings))
+        for item in requirements), (file,))
+
+
+def _read_alike(variables: Sequence[ComponentVariable], problems: Problems
+                ) -> tuple[list[ComponentVariable], dict[str, str]]:
+    """Return the variables without definitions that are left out, and why these are, by name."""
+    unread: dict[str, str] = {}
+    left = [*variables]
+    while wrong := [item for item in left for one in item.assignments
+                    if _faulty(one, unread).fault is not None]:
+        for item in wrong:
+            fault = _faulty(item.assignments[0], unread).fault
+            assert fault is not None
+            problems.warning(fault.title, fault.span, fault.label, fault.help)
+            unread[item.name] = 'its definition is left out'
+            left.remove(item)
+    return left, unread
+
+
+def _faulty(wording: Wording, unread: Mapping[str, str]) -> Wording:
+    """Return a wording with its fault, if C2PO reads it otherwise, or it reads what is unread."""
+    label, help_ = _other_meaning(wording.text) or ('', '')
+    title = 'C2PO reads it otherwise'
+    if not label:
+        name = next((word for word in _LEXEME.findall(wording.text) if word in unread), '')
+        if not name:
+            return wording
+        title, label = f"it reads '{name}': {unread[name]}", ''
+    place = wording.place.span if wording.place else None
+    return replace(wording, fault=Diagnostic(title, place, label, help_, Level.WARNING))
 
 
 def _requirement(section: str, text: Text, file: str, number: int) -> ComponentRequirement:

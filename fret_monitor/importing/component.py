@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from fret_monitor.bundle.bundle import Language
-from fret_monitor.model.diagnostics import Span, Text
+from fret_monitor.model.diagnostics import Diagnostic, Span, Text
 
 
 class VariableRole(Enum):
@@ -49,13 +49,15 @@ class Wording:
     The text of a property or definition, in the first of `languages` that parses it.
 
     `label` is its place for messages, such as `fsm.json, FSM-001, ptLTL`; `place` has that of each
-    character in a file, if it is written there as it is.
+    character in a file, if it is written there as it is. `fault` is why it must not be read,
+    though it could be: it would say something else.
     """
 
     languages: tuple[Language, ...]
     text: str
     label: str
     place: Text | None = None
+    fault: Diagnostic | None = None
 
 
 @dataclass(frozen=True)

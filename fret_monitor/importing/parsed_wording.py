@@ -57,6 +57,8 @@ def parse_wording(wording: Wording) -> ParsedWording:
 def _parsed(wording: Wording) -> ParsedWording:
     text = Text.whole(Source(wording.label, wording.text)) if wording.place is None else \
         _of_its_own(wording.place)
+    if wording.fault is not None:
+        return ParsedWording(wording, wording.languages[0], text, None, (wording.fault,))
     failed: list[ParsedWording] = []
     for language in wording.languages:
         try:

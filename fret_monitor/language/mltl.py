@@ -60,6 +60,7 @@ def _explain(text: Text, lexemes: Sequence[Lexeme], index: int) -> Diagnostic | 
 
 
 class _MltlBuilder(smv.SmvBuilder):
+    one_number_help = 'write [0,{0}] for up to {1}, [{0},{0}] for exactly {1}'
     foreign = _WRITE | {'UI': 'write p U[0,n] (p & q)'}
 
 

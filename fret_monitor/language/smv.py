@@ -125,6 +125,7 @@ class SmvBuilder(_lalr.ExpressionBuilder):
     """Builds the tree of a formula with bounds in square brackets."""
 
     foreign: Mapping[str, str] = _FOREIGN
+    one_number_help = 'write [0,{0}] for the last {1}, [={0}] for exactly {1} ago'
 
     def window(self, parts: list[Any]) -> Bound:
         low, high = self._end(parts[1]), self._end(parts[3])
@@ -143,12 +144,10 @@ class SmvBuilder(_lalr.ExpressionBuilder):
         if isinstance(end, Duration):
             time = end.span.written
             refuse('a bound must have two times, or a relation', place, 'this is one time',
-                   f'write [0, {time}] for the last {time}, [={time}] for exactly {time} ago')
+                   self.one_number_help.format(time, time).replace('[0,', '[0, '))
         number = end if isinstance(end, str) else 'n'
         refuse('a bound must have two numbers, or a relation', place,
-               'this is one number',
-               f'write [0,{number}] for the last {number} steps, '
-               f'[={number}] for exactly {number} steps ago')
+               'this is one number', self.one_number_help.format(number, f'{number} steps'))
 
     def _end(self, part: Any) -> str | Expression:
         return bound_end(self.finish(part))

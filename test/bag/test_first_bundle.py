@@ -24,8 +24,10 @@ from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.messages.layout import MessageLayout
 from fret_monitor.model.diagnostics import refuse
+import numpy
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 SECOND = 10 ** 9
 TWIST, BOOL = 'geometry_msgs/msg/Twist', 'std_msgs/msg/Bool'
@@ -119,6 +121,76 @@ def test_what_a_bundle_cannot_say_is_not_written(tmp_path: Path) -> None:
             '\n# ', '\n').removeprefix('# '), encoding='utf-8')
         assert main(['check', str(target)]) == 0
         assert main(['bag', str(target), str(bag)]) == 0 or name == 'until_value'
+
+
+def test_what_is_always_the_same_was_seen_to_be(tmp_path: Path) -> None:
+    kind, target = 'std_msgs/msg/UInt64', tmp_path / 'new.yaml'
+    with Writer(tmp_path / 'run', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        big = writer.add_connection('/big', kind, typestore=TYPES)
+        number = writer.add_connection('/x', FLOAT, typestore=TYPES)
+        for k in range(4):
+            data = TYPES.serialize_cdr(TYPES.types[kind](2 ** 64 - 1 - k), kind)
+            writer.write(big, START + k, data)
+            value = float('inf') if k % 2 else float('nan')
+            writer.write(number, START + k, TYPES.serialize_cdr(TYPES.types[FLOAT](value), FLOAT))
+    nan = write(tmp_path / 'nan', [('y', 0, float('nan'))])
+    assert main(['new', '--bag', str(tmp_path / 'run'), str(nan), '--all', '-o', str(target)]) == 0
+    ranges = dict(line.strip().split(': {', 1) for line in target.read_text().splitlines()
+                  if 'field: data' in line)
+    assert {name: line.partition('# ')[2] for name, line in ranges.items()} == {
+        'big': 'about 1.84467e+19', 'x': 'inf and NaN', 'y': 'always NaN'}
+
+
+ODD = 'odd_msgs/msg/Odd'
+
+
+def odd(folder: Path, definition: str = 'float64 x') -> Path:
+    """Write a recording of a type that is installed nowhere."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg(definition, ODD))
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        own = writer.add_connection('/odd', ODD, typestore=types)
+        for k in range(3):
+            values = [float(k)] if definition == 'float64 x' else [numpy.array([1.0]), []]
+            message = types.types[ODD](*values)
+            writer.write(own, START + k, types.serialize_cdr(message, ODD))
+    return folder
+
+
+def test_each_recording_has_its_own_message_types(tmp_path: Path) -> None:
+    target = tmp_path / 'new.yaml'
+    bags = [str(recording(tmp_path / 'run')), str(odd(tmp_path / 'odd'))]
+    assert main(['new', '--bag', *bags, '--all', '-o', str(target)]) == 0
+    text = target.read_text(encoding='utf-8')
+    assert f'odd_x: {{topic: /odd, type: {ODD}, field: x, timeout: 0.001}}   # 0 to 2\n' in text
+    assert '# /base/cmd_vel: 21 messages, 1.82 a second, longest gap 1.5 s\n' in text
+    assert f'not installed here: {ODD}. `bag` takes them' in text
+
+
+def test_topics_of_two_types_and_without_numbers_are_left_out_and_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target, path = tmp_path / 'new.yaml', tmp_path / 'two'
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for kind in (FLOAT, BOOL):
+            one = writer.add_connection('/x', kind, typestore=TYPES)
+            for k in range(3):  # the types alternate in time
+                data = TYPES.serialize_cdr(TYPES.types[kind](1), kind)
+                writer.write(one, START + k * SECOND + (kind == BOOL), data)
+    once = write(tmp_path / 'once', [('/enable', 0, 1.0)])
+    bags = [str(recording(tmp_path / 'run')), str(path), str(once)]
+    assert main(['new', '--bag', *bags, '--all', '-o', str(target)]) == 0
+    said = capsys.readouterr().err
+    assert f'warning: /enable is left out: it was recorded as {BOOL} and {FLOAT}\n' in said
+    assert f'warning: /x is left out: it was recorded as {BOOL} and {FLOAT}\n' in said
+    assert 'warning: left out, as they have no numbers: /note\n' in said
+    assert '/x' not in target.read_text() and '/enable' not in target.read_text()
+
+
+def test_messages_of_arrays_alone_are_counted(tmp_path: Path) -> None:
+    target, bag = tmp_path / 'new.yaml', odd(tmp_path / 'odd', 'float64[] x\nstring[] names')
+    assert main(['new', '--bag', str(bag), '--all', '-o', str(target)]) == 0
+    text = target.read_text(encoding='utf-8')
+    assert '# /odd: 3 messages\n  # an array: field: "x[0]"' in text and 'names' not in text
 
 
 class Terminal(io.StringIO):

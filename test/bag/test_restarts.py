@@ -19,13 +19,13 @@ from pathlib import Path
 from random import Random
 
 import apsw
-from bag.recordings import Message, START, write
+from bag.recordings import FLOAT, Message, START, TYPES, write
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
 from fret_monitor.bag.restarts import times_of_chunk
 from fret_monitor.model.diagnostics import CompileError
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore, Stores
 import yaml
@@ -62,6 +62,20 @@ def test_two_runs_in_one_file_are_refused_with_the_place(
     assert '1 restart: in bag.' in str(error.value)
     assert (f'a message of /level at {START // SECOND + 3}.900000000 s is followed by one at '
             f'{START // SECOND + 1}.000000000 s') in str(error.value)
+
+
+@pytest.mark.parametrize('storage', [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_two_types_of_one_topic_are_no_restart(tmp_path: Path, storage: StoragePlugin) -> None:
+    path, other = tmp_path / 'bag', 'std_msgs/msg/Bool'
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        connections = [(writer.add_connection('/level', kind, typestore=TYPES), kind)
+                       for kind in (FLOAT, other)]
+        for k in range(40):
+            one, kind = connections[k % 2]
+            data = TYPES.serialize_cdr(TYPES.types[kind](0), kind)
+            writer.write(one, START + k * SECOND, data)
+    result = checked(tmp_path, path)
+    assert sum(result.read.values()) == 20 and other in result.errors[0]
 
 
 @pytest.mark.parametrize(('storage', 'compression'), STORAGES)

@@ -65,6 +65,24 @@ def test_a_specification_becomes_a_bundle(tmp_path: Path) -> None:
     assert '# left out' in text or '#  left out' in text
 
 
+def test_what_is_left_out_is_a_comment_and_nothing_reads_it(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = ('INPUT a, b, c: bool;\nDEFINE\n  chain = a -> b -> c;\n  more = chain && a;\nFTSPEC\n'
+            '  eq: G[0,1] a == b;\n  lab: eq && c;\n  def: more || b;\n  kept: a;\n'
+            '  a -> F[0,2] c;\n')
+    target = tmp_path / 'a.yaml'
+    assert main(['import', str(written(tmp_path, text)), '-o', str(target)]) == 0
+    said = capsys.readouterr()
+    assert '2 requirements (3 left out), 2 inputs' in said.out
+    assert [item.id for item in read(target).specification.properties] == ['kept', 'FT5']
+    bundle = target.read_text(encoding='utf-8')
+    for line in ('left out: eq (C2PO reads it otherwise)', 'mltl: G[0,1] a == b',
+                 "left out: lab (it reads 'eq': it is the name of a formula",
+                 "left out: def (it reads 'more': its definition is left out)"):
+        assert f'  #  {line}' in bundle or f'  #      {line}' in bundle
+    assert 'only a comment: eq' in bundle and ' eq:' not in bundle and ' chain:' not in bundle
+
+
 def test_what_is_left_out_has_its_reason(tmp_path: Path) -> None:
     found, = import_bundles([written(tmp_path)], tmp_path / 'a.yaml')
     (requirement, reason), = found.draft.left_out
@@ -102,7 +120,7 @@ def test_a_formula_that_c2po_reads_otherwise_is_left_out(formula: str, reason: s
     found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
     assert [item.id for item in found.draft.requirements] == ['kept']
     (place, label), = [(item.span, item.label) for item in found.warnings
-                       if 'left out' in item.title]
+                       if 'otherwise' in item.title]
     assert place is not None and place.line == 3 and reason in label
 
 
@@ -119,7 +137,7 @@ def test_what_both_read_alike_is_kept(formula: str, tmp_path: Path) -> None:
 def test_a_definition_that_c2po_reads_otherwise_is_left_out(tmp_path: Path) -> None:
     text = 'INPUT a, b, c: bool;\nDEFINE\n  chain = a -> b -> c;\nFTSPEC\n  a;\n'
     found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
-    assert [item.span.line for item in found.warnings if 'left out' in item.title and item.span] \
+    assert [item.span.line for item in found.warnings if 'otherwise' in item.title and item.span] \
         == [3]
 
 
