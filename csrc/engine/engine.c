@@ -312,8 +312,13 @@ uint64_t fm_engine_states(
 void fm_engine_take_margins(struct fm_engine * engine, double * out)
 {
   fm_engine_lock(engine);
-  for (uint32_t r = 0; r < engine->n_requirements; ++r) {
+  for (uint32_t r = 0; r < engine->numbers[0]; ++r) {
     out[r] = fm_evaluator_take_margin(engine->options.evaluator, r);
+  }
+  for (uint32_t k = 0; k < engine->n_kinds; ++k) {
+    for (uint32_t r = engine->numbers[k]; r < engine->numbers[k + 1]; ++r) {
+      out[r] = fm_scopes_take_margin(engine->options.scopes, k, r - engine->numbers[k]);
+    }
   }
   fm_engine_unlock(engine);
 }

@@ -52,7 +52,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 32u
+#define FM_ENGINE_ABI 33u
 
 struct fm_engine;
 
@@ -264,7 +264,8 @@ FM_EXPORT uint64_t fm_engine_states(
   struct fm_requirement_state * out);
 
 /// Take the least margin of each requirement since the last call, as fm_evaluator_take_margin:
-/// `out` has room for all of them. Without instances. O(requirements).
+/// `out` has room for all of them; of instances the least of all (fm_scopes_take_margin).
+/// O(requirements), with instances O(requirements x log n).
 FM_EXPORT void fm_engine_take_margins(struct fm_engine * engine, double * out);
 
 /// Keep each message that is delivered from now on in a black box, and note there when a

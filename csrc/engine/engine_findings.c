@@ -92,13 +92,13 @@ void fm_engine_update_states_locked(struct fm_engine * engine)
 
 void fm_engine_queue_of_locked(
   struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
-  const struct fm_outbox_scope * scope, uint32_t first, int64_t later)
+  const struct fm_outbox_scope * scope, int64_t later)
 {
   const uint32_t n_details = engine->outbox.n_details;
   for (uint32_t k = 0; k < n; ++k) {
     struct fm_violation violation = found[k];
     violation.stamp = fm_later(violation.stamp, later);
-    violation.requirement += first;
+    violation.requirement += scope->first;
     fm_outbox_add(&engine->outbox, &violation, scope);
     note_occurrence_locked(engine, &violation);
   }
@@ -111,9 +111,9 @@ void fm_engine_queue_of_locked(
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   const struct fm_outbox_scope scope =
-  {engine->options.evaluator, engine->options.monitor, {NULL, 0}};
+  {engine->options.evaluator, engine->options.monitor, {NULL, 0}, 0};
   if (n > 0) {
-    fm_engine_queue_of_locked(engine, engine->found, n, &scope, 0, later);
+    fm_engine_queue_of_locked(engine, engine->found, n, &scope, later);
   }
 }
 

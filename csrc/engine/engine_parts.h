@@ -206,11 +206,10 @@ void fm_engine_begin_violation_locked(struct fm_engine * engine, uint32_t requir
 /// Keep what locks and the gate depend on, if it has changed. O(requirements + inputs).
 void fm_engine_note_conditions_locked(struct fm_engine * engine);
 
-/// Queue violations of a scope; `later` is added to their stamps. `first` is the number of the
-/// scope's first requirement.
+/// Queue violations of a scope; `later` is added to their stamps.
 void fm_engine_queue_of_locked(
   struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
-  const struct fm_outbox_scope * scope, uint32_t first, int64_t later);
+  const struct fm_outbox_scope * scope, int64_t later);
 
 /// Queue the violations of engine->found; `later` is added to their stamps.
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);

@@ -62,12 +62,11 @@ static void queue_of_scope_locked(
     fm_scopes_key(scopes, stepped->kind, stepped->slot, key);
   const struct fm_outbox_scope scope = {
     fm_scopes_look(scopes, stepped->kind, stepped->slot), monitor_of(engine, stepped->kind),
-    {key, (uint32_t)size}};
-  const uint32_t first = first_number(engine, stepped->kind);
-  fm_engine_queue_of_locked(engine, violations, n, &scope, first, later_locked(engine));
+    {key, (uint32_t)size}, first_number(engine, stepped->kind)};
+  fm_engine_queue_of_locked(engine, violations, n, &scope, later_locked(engine));
   for (uint32_t k = 0; stepped->kind != FM_BUNDLE && k < n; ++k) {
     const uint32_t r = violations[k].requirement;
-    note_violated_locked(engine, first + r, fm_scopes_violated(scopes, stepped->kind, r));
+    note_violated_locked(engine, scope.first + r, fm_scopes_violated(scopes, stepped->kind, r));
   }
 }
 

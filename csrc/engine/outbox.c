@@ -189,10 +189,11 @@ static void add_detail(
     quota->suppressed += violation->is_recovery ? 0u : 1u;
     return;
   }
+  const uint32_t own = violation->requirement - scope->first;
   const struct fm_detail detail = {
     *violation, quota->suppressed, quota->violations,
-    fm_evaluator_requirement_counts(scope->evaluator, violation->requirement).test,
-    fm_evaluator_beyond(scope->evaluator, violation->requirement)};
+    fm_evaluator_requirement_counts(scope->evaluator, own).test,
+    fm_evaluator_beyond(scope->evaluator, own)};
   const size_t inputs_bytes = (size_t)scope->monitor->inputs_bytes;
   const uint32_t place = (outbox->detail_begin + outbox->n_details) % outbox->detail_slots;
   uint8_t * slot = outbox->details + place * outbox->detail_slot_bytes;

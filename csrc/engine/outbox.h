@@ -63,6 +63,7 @@ struct fm_outbox_scope
   const struct fm_evaluator * evaluator;
   const struct fm_monitor * monitor;
   struct fm_key key;           // of an instance; size 0: the bundle's scope
+  uint32_t first;              // the number of its first requirement
 };
 
 struct fm_outbox

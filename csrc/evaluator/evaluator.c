@@ -450,7 +450,7 @@ struct fm_margin fm_evaluator_margin(
 void fm_evaluator_forget_closest(struct fm_evaluator * evaluator)
 {
   for (uint32_t r = 0; r < evaluator->monitor->n_requirements; ++r) {
-    evaluator->requirements[r].closest.is_known = false;
+    evaluator->nearest[r].closest.is_known = false;
   }
 }
 
@@ -466,28 +466,35 @@ struct fm_closest fm_evaluator_closest(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
   return requirement < evaluator->monitor->n_requirements ?
-         evaluator->requirements[requirement].closest : no_closest;
+         evaluator->nearest[requirement].closest : no_closest;
 }
 
 struct fm_closest fm_evaluator_beyond(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
   return requirement < evaluator->monitor->n_requirements ?
-         evaluator->requirements[requirement].beyond : no_closest;
+         evaluator->nearest[requirement].beyond : no_closest;
+}
+
+double fm_margin_now(const struct fm_evaluator * evaluator, uint32_t requirement)
+{
+  const uint32_t group = evaluator->monitor->requirements[requirement].group;
+  return evaluator->instance.groups[group].stale > 0 ? no_closest.margin.value :
+         fm_evaluator_margin(evaluator, requirement).value;
+}
+
+double fm_take_recent(struct fm_evaluator * evaluator, uint32_t requirement, double now)
+{
+  struct fm_closest * recent = &evaluator->requirements[requirement].recent;
+  const double found = recent->is_known ? recent->margin.value : now;
+  *recent = (struct fm_closest) {{now, now, 0, -1}, 0, now == now};
+  return found;
 }
 
 double fm_evaluator_take_margin(struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  if (requirement >= evaluator->monitor->n_requirements) {
-    return (double)NAN;
-  }
-  struct fm_closest * recent = &evaluator->requirements[requirement].recent;
-  const uint32_t group = evaluator->monitor->requirements[requirement].group;
-  const struct fm_margin now = evaluator->instance.groups[group].stale > 0 ?
-    no_closest.margin : fm_evaluator_margin(evaluator, requirement);
-  const double found = recent->is_known ? recent->margin.value : now.value;
-  *recent = (struct fm_closest) {now, 0, now.value == now.value};
-  return found;
+  return requirement >= evaluator->monitor->n_requirements ? no_closest.margin.value :
+         fm_take_recent(evaluator, requirement, fm_margin_now(evaluator, requirement));
 }
 
 struct fm_requirement_counts fm_evaluator_requirement_counts(

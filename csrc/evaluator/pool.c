@@ -19,6 +19,7 @@
 #include <string.h>
 
 #include "due.h"
+#include "fret_windows.h"
 
 // ---- layout ------------------------------------------------------------------------------------
 
@@ -28,6 +29,9 @@ struct layout
   uint64_t evaluator;
   uint64_t violated;
   uint64_t unknown;
+  uint64_t nearest;
+  uint64_t margins;
+  uint64_t heaps;
   uint64_t keys;
   uint64_t due;
   uint64_t lasts;
@@ -47,6 +51,10 @@ static struct layout lay_out(
     fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
   layout.unknown =
     fm_block_append(&layout.block, options->monitor->n_requirements, sizeof(uint64_t));
+  const uint64_t n_margins = options->margins == NULL ? 0 : options->monitor->n_requirements;
+  layout.nearest = fm_block_append(&layout.block, most * n_margins, sizeof(struct fm_nearest));
+  layout.margins = fm_block_append(&layout.block, n_margins, sizeof(struct fm_heap));
+  layout.heaps = fm_block_append(&layout.block, n_margins * fm_heap_bytes(most), 1);
   layout.keys = fm_block_append(&layout.block, has_keys ? fm_keys_bytes(most) : 0, 1);
   layout.due = fm_block_append(&layout.block, fm_heap_bytes(most), 1);
   layout.lasts = fm_block_append(&layout.block, most, sizeof(int64_t));
@@ -65,6 +73,17 @@ uint64_t fm_pool_bytes(
   }
   const struct layout layout = lay_out(options, most, has_keys);
   return layout.block.fits ? layout.block.bytes : 0;
+}
+
+static void make_margins(
+  struct fm_pool * pool, char * bytes, const struct layout * layout, uint32_t most)
+{
+  pool->own_nearest = pool->evaluator->nearest;
+  pool->nearest = (struct fm_nearest *)(void *)(bytes + layout->nearest);
+  pool->margins = (struct fm_heap *)(void *)(bytes + layout->margins);
+  for (uint32_t r = 0; r < pool->evaluator->monitor->n_requirements; ++r) {
+    pool->margins[r] = fm_heap_make(bytes + layout->heaps + r * fm_heap_bytes(most), most);
+  }
 }
 
 bool fm_pool_make(
@@ -92,6 +111,9 @@ bool fm_pool_make(
   pool->unknown = (uint64_t *)(void *)(bytes + layout.unknown);
   pool->forget = made->forget;
   pool->entered = FM_NO_SLOT;
+  if (options->margins != NULL) {
+    make_margins(pool, bytes, &layout, made->most);
+  }
   return true;
 }
 
@@ -138,6 +160,50 @@ static struct fm_instance instance_at(const struct fm_pool * pool, uint32_t slot
   instance.state = moved(pool, blank->state, block);
   return instance;
 }
+
+// ---- margins -----------------------------------------------------------------------------------
+
+static struct fm_nearest * nearest_of(const struct fm_pool * pool, uint32_t slot)
+{
+  return pool->nearest + (uint64_t)slot * pool->evaluator->monitor->n_requirements;
+}
+
+// Keep the instances in the order of their present margins, where these are known.
+static void order_margins(const struct fm_pool * pool, uint32_t slot)
+{
+  for (uint32_t r = 0; r < pool->evaluator->monitor->n_requirements; ++r) {
+    const double margin = fm_margin_now(pool->evaluator, r);
+    if (margin != margin) {
+      fm_heap_remove(&pool->margins[r], slot);
+    } else {
+      fm_heap_set(&pool->margins[r], slot, fm_key_f64(margin, false));
+    }
+  }
+}
+
+static void begin_margins(const struct fm_pool * pool, uint32_t slot)
+{
+  const uint32_t n = pool->evaluator->monitor->n_requirements;
+  memset(nearest_of(pool, slot), 0, n * sizeof(struct fm_nearest));
+}
+
+static void end_margins(const struct fm_pool * pool, uint32_t slot)
+{
+  for (uint32_t r = 0; r < pool->evaluator->monitor->n_requirements; ++r) {
+    fm_heap_remove(&pool->margins[r], slot);
+  }
+}
+
+double fm_pool_take_margin(struct fm_pool * pool, uint32_t requirement)
+{
+  fm_pool_leave(pool);
+  const struct fm_heap * heap = &pool->margins[requirement];
+  const uint32_t first = fm_heap_first(heap);
+  const int64_t key = first == UINT32_MAX ? FM_NAN_KEY : heap->words[first];
+  return fm_take_recent(pool->evaluator, requirement, fm_of_key_f64(key, false));
+}
+
+// ---- counters ----------------------------------------------------------------------------------
 
 static void count_unknown(struct fm_pool * pool, const struct fm_instance * instance, uint64_t by)
 {
@@ -191,6 +257,7 @@ void fm_pool_enter(
   evaluator->wake = !evaluator->instance.time->has_begun ? INT64_MIN :
     pool->due.n > 0 && pool->due.places[slot] != 0 ? pool->due.words[slot] : FM_NEVER;
   evaluator->is_exact = false;
+  evaluator->nearest = pool->nearest == NULL ? evaluator->nearest : nearest_of(pool, slot);
   pool->entered = slot;
   count(pool, UINT64_MAX);
   tell_time(evaluator, time);
@@ -241,6 +308,9 @@ static void enter_blank(struct fm_pool * pool)
 {
   pool->entered = FM_NO_SLOT;
   pool->evaluator->instance = pool->blank;
+  if (pool->nearest != NULL) {
+    pool->evaluator->nearest = pool->own_nearest;
+  }
 }
 
 void fm_pool_leave(struct fm_pool * pool)
@@ -248,6 +318,9 @@ void fm_pool_leave(struct fm_pool * pool)
   if (pool->entered != FM_NO_SLOT) {
     note_due(pool);
     count(pool, 1);
+    if (pool->nearest != NULL) {
+      order_margins(pool, pool->entered);
+    }
     enter_blank(pool);
   }
 }
@@ -270,6 +343,9 @@ void fm_pool_begin(struct fm_pool * pool, uint32_t slot)
   memcpy(block_of(pool, slot), pool->blank.time, (size_t)pool->block_bytes);
   pool->counts.begun += 1;
   pool->counts.alive += 1;
+  if (pool->nearest != NULL) {
+    begin_margins(pool, slot);
+  }
   count_unknown(pool, &pool->blank, 1);  // of which it is a copy
 }
 
@@ -296,5 +372,8 @@ bool fm_pool_end(struct fm_pool * pool, uint32_t slot)
   pool->counts.alive -= 1;
   pool->turns[slot] = 0;
   fm_heap_remove(&pool->due, slot);
+  if (pool->nearest != NULL) {
+    end_margins(pool, slot);
+  }
   return has_deadline(pool, slot);
 }

@@ -45,6 +45,9 @@ struct fm_pool
   uint64_t * violated;   // a requirement: the instances whose violation goes on
   uint64_t * unknown;    // a requirement: the instances of which it is not known (states.h)
   bool counts_unknown;   // these are counted
+  struct fm_nearest * nearest;  // an instance: one for each requirement; NULL: no margins
+  struct fm_nearest * own_nearest;  // of the evaluator, while no instance is entered
+  struct fm_heap * margins;  // a requirement: its instances by their present margins, if known
   bool is_short;         // a key found no room since start or reset: nothing is known of it
   uint64_t overflows;    // of fm_monitor.overflows, of all instances but the one entered
   int64_t forget;        // ns; 0: never
@@ -98,6 +101,10 @@ FM_INTERNAL int64_t fm_pool_deadline(struct fm_pool * pool);
 /// The changes of all instances that found no room in a queue, since start or reset, also of those
 /// that have ended; and the messages of which a rate had too many. O(queues).
 FM_INTERNAL uint64_t fm_pool_overflows(const struct fm_pool * pool);
+
+/// The least margin of a requirement of any instance since the last call, as
+/// fm_evaluator_take_margin. It leaves the instance that is entered. O(log n).
+FM_INTERNAL double fm_pool_take_margin(struct fm_pool * pool, uint32_t requirement);
 
 /// When the instance that is entered ends; FM_NEVER. O(1).
 FM_INTERNAL int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot);

@@ -17,6 +17,7 @@
 
 #include "scopes.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "due.h"
@@ -418,6 +419,19 @@ const struct fm_evaluator * fm_scopes_look(
     return NULL;
   }
   return fm_scopes_enter_slot(scopes, kind, slot);
+}
+
+double fm_scopes_take_margin(struct fm_scopes * scopes, uint32_t kind, uint32_t requirement)
+{
+  struct fm_pool * pool = kind < scopes->n_kinds ? &scopes->kinds[kind].pool : NULL;
+  const bool is_there = pool != NULL && pool->margins != NULL &&
+    requirement < pool->evaluator->monitor->n_requirements;
+  return is_there ? fm_pool_take_margin(pool, requirement) : (double)NAN;
+}
+
+void fm_scopes_log_closest(struct fm_scopes * scopes, struct fm_closest_log * log)
+{
+  scopes->closest = log;
 }
 
 struct fm_evaluator * fm_scopes_bundle(struct fm_scopes * scopes)

@@ -88,6 +88,26 @@ struct fm_scopes_options
   uint32_t most_stepped;   // how many events fm_scopes_stepped keeps
 };
 
+/// The least margin that a requirement of an instance had, which has ended.
+struct fm_closest_record
+{
+  struct fm_closest closest;
+  uint32_t kind;
+  uint32_t requirement;
+  uint32_t key_size;
+  uint8_t key[FM_MOST_KEY_BYTES];
+};
+
+/// Where scopes write these; the caller owns all of it. `missed` counts those for which there was
+/// no room.
+struct fm_closest_log
+{
+  struct fm_closest_record * records;
+  uint32_t room;
+  uint32_t n;
+  uint64_t missed;
+};
+
 struct fm_scopes;
 
 /// Bytes of memory that scopes with these options need; 0 if a monitor's ABI is not FM_ABI, or
@@ -182,6 +202,14 @@ FM_EXPORT void fm_scopes_clear(struct fm_scopes * scopes);
 /// Valid until the next call. NULL: there is none. O(log n).
 FM_EXPORT const struct fm_evaluator * fm_scopes_look(
   struct fm_scopes * scopes, uint32_t kind, uint32_t slot);
+
+/// Take the least margin of a requirement of any instance of a kind since the last call, the
+/// present ones included; a NaN if none is known, and for an index out of range. O(log n).
+FM_EXPORT double fm_scopes_take_margin(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
+
+/// Write the least margins of instances that end to a log, which outlives this use; NULL: to none.
+FM_EXPORT void fm_scopes_log_closest(struct fm_scopes * scopes, struct fm_closest_log * log);
 
 /// The evaluator of the bundle's scope.
 FM_EXPORT struct fm_evaluator * fm_scopes_bundle(struct fm_scopes * scopes);

@@ -155,6 +155,24 @@ static void take_due_in(
   fm_pool_leave(&scopes->kinds[kind].pool);
 }
 
+// Log how close an instance came that ends.
+static void log_closest(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  struct fm_closest_log * log = scopes->closest;
+  const struct fm_evaluator * ended = fm_scopes_enter_slot(scopes, kind, slot);
+  for (uint32_t r = 0; r < ended->monitor->n_requirements; ++r) {
+    if (ended->nearest[r].closest.is_known && log->n == log->room) {
+      log->missed += 1;
+    } else if (ended->nearest[r].closest.is_known) {
+      struct fm_closest_record * record = &log->records[log->n];
+      *record = (struct fm_closest_record) {ended->nearest[r].closest, kind, r, 0, {0}};
+      record->key_size =
+        (uint32_t)fm_keys_copy(scopes->kinds[kind].pool.keys, slot, record->key);
+      log->n += 1;
+    }
+  }
+}
+
 // In all kinds with the key, of which `kind` has taken what is due.
 static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
 {
@@ -168,6 +186,9 @@ static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot
   for (uint32_t k = kind; k < scopes->n_kinds; ++k) {
     if (have_same_keys(scopes, k, kind)) {
       fm_scopes_report(scopes, FM_SCOPE_ENDED, k, slot, instant, 0);
+      if (scopes->closest != NULL) {
+        log_closest(scopes, k, slot);
+      }
       fm_pool_leave(&scopes->kinds[k].pool);
       fm_scopes_uncount(scopes, k, slot);
       is_open = fm_pool_end(&scopes->kinds[k].pool, slot) || is_open;

@@ -70,6 +70,7 @@ struct fm_scopes
   struct fm_stepped * stepped;
   fm_scopes_sink sink;
   void * context;
+  struct fm_closest_log * closest;  // NULL: none
   struct fm_scopes_message message;
   struct fm_evaluator_options options;  // of the bundle's scope, with these topics
   uint32_t n_kinds;

@@ -46,7 +46,8 @@ static void judge(
   const bool * verdicts = evaluator->instance.verdicts;
   const bool compared = verdicts[cell->report == FM_OCCURRENCE ? cell->occurrence : requirement];
   cell->violations += verdicts[requirement] ? 0u : 1u;
-  cell->beyond.is_known = cell->beyond.is_known && (compared || !*previous);
+  struct fm_closest * beyond = &evaluator->nearest[requirement].beyond;
+  beyond->is_known = beyond->is_known && (compared || !*previous);
   if (!compared && (*previous || cell->report == FM_EVERY_STEP)) {
     cell->announced += 1;
     announce(report, requirement, step, false);
@@ -164,15 +165,15 @@ static void note_margins(struct fm_evaluator * evaluator, uint32_t g, int64_t in
   const struct fm_group * group = &evaluator->monitor->groups[g];
   for (uint32_t k = 0; evaluator->margins != NULL && k < group->n_requirements; ++k) {
     const uint32_t r = group->requirements[k];
-    struct fm_requirement_cell * cell = &evaluator->requirements[r];
-    keep_less(&cell->closest, fm_margin_in(evaluator, r), instant);
-    keep_less(&cell->recent, fm_margin_in(evaluator, r), instant);
+    struct fm_nearest * nearest = &evaluator->nearest[r];
+    keep_less(&nearest->closest, fm_margin_in(evaluator, r), instant);
+    keep_less(&evaluator->requirements[r].recent, fm_margin_in(evaluator, r), instant);
     if (evaluator->lanes != NULL) {
       draw(evaluator->lanes, r, fm_margin_in(evaluator, r), instant);
     }
     if (!evaluator->instance.previous[r]) {
       keep_less(
-        &cell->beyond, margin_at(evaluator, evaluator->margins->occurrences[r]), instant);
+        &nearest->beyond, margin_at(evaluator, evaluator->margins->occurrences[r]), instant);
     }
   }
 }

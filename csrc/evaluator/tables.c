@@ -27,6 +27,7 @@ struct layout
 {
   uint64_t inputs;
   uint64_t requirements;
+  uint64_t nearest;
   uint64_t topics;
   uint64_t rates;
   uint64_t steps_before;
@@ -111,6 +112,8 @@ static struct layout lay_out(const struct fm_evaluator_options * options)
   layout.inputs = fm_block_append(&layout.block, monitor->n_inputs, sizeof(struct fm_input_cell));
   layout.requirements =
     fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct fm_requirement_cell));
+  layout.nearest =
+    fm_block_append(&layout.block, monitor->n_requirements, sizeof(struct fm_nearest));
   layout.topics = fm_block_append(&layout.block, options->n_topics, sizeof(struct fm_topic_cell));
   layout.rates = fm_block_append(&layout.block, monitor->n_inputs, sizeof(uint32_t));
   layout.steps_before = fm_block_append(&layout.block, monitor->n_groups, sizeof(uint64_t));
@@ -272,6 +275,7 @@ static void place_parts(
 {
   evaluator->inputs = (struct fm_input_cell *)(void *)(memory + layout->inputs);
   evaluator->requirements = (struct fm_requirement_cell *)(void *)(memory + layout->requirements);
+  evaluator->nearest = (struct fm_nearest *)(void *)(memory + layout->nearest);
   evaluator->topics = (struct fm_topic_cell *)(void *)(memory + layout->topics);
   evaluator->rates = (uint32_t *)(void *)(memory + layout->rates);
   evaluator->steps_before = (uint64_t *)(void *)(memory + layout->steps_before);

@@ -61,8 +61,13 @@ struct fm_requirement_cell
   uint64_t announced;
   uint32_t occurrence;  // the verdict whose falls are occurrences
   enum fm_report report;
+  struct fm_closest recent;  // since it was taken, of all instances
+};
+
+/// The least margins of a requirement of an instance.
+struct fm_nearest
+{
   struct fm_closest closest;
-  struct fm_closest recent;  // since it was taken
   struct fm_closest beyond;  // of the last violation
 };
 
@@ -84,6 +89,7 @@ struct fm_evaluator
   struct fm_instance instance;
   struct fm_input_cell * inputs;
   struct fm_requirement_cell * requirements;
+  struct fm_nearest * nearest;  // a requirement
   struct fm_topic_cell * topics;
   uint32_t * rates;         // inputs whose source is FM_RATE
   uint64_t * steps_before;  // a group: steps that its instance no longer counts
@@ -100,6 +106,14 @@ struct fm_evaluator
   bool has_measures;        // an input is measured
   bool reports_recoveries;
 };
+
+/// The present margin of a requirement; a NaN if it is not known, or a stale input violates it.
+/// O(1).
+FM_INTERNAL double fm_margin_now(const struct fm_evaluator * evaluator, uint32_t requirement);
+
+/// Take the least margin of a requirement since the last call, at which it was `now`. O(1).
+FM_INTERNAL double fm_take_recent(
+  struct fm_evaluator * evaluator, uint32_t requirement, double now);
 
 /// Whether the evaluator itself computes the values of an input. O(1).
 FM_INTERNAL bool fm_is_measured(enum fm_source source);

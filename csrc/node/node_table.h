@@ -34,11 +34,6 @@
 /// The topic of the violations of a requirement, as written.
 #define FM_HANDLER_TOPIC(table, requirement) \
   ((table)->report.topics[(table)->report.n_topics + (requirement)].name)
-
-/// The topic of its margins, as written, of a bundle that is compiled with margins.
-#define FM_MARGIN_TOPIC(table, requirement) \
-  ((table)->report.topics[ \
-    (table)->report.n_used - (table)->report.n_requirements + (requirement)].name)
 #define FM_HANDLER "copilot/handlerprop"  // what the topics of violations begin with
 
 /// The function that returns the type support of a message type, for the table: it is declared

@@ -95,28 +95,52 @@ static rmw_qos_profile_t latched(void)
   return profile;
 }
 
-static bool advertise_verdicts(struct fm_session * session)
+// Close the publishers of all requirements, those that were opened.
+static void withdraw_each(const struct fm_session * session, rcl_publisher_t ** publishers)
+{
+  const uint32_t n = *publishers == NULL ? 0 : session->table->report.n_requirements;
+  for (uint32_t k = 0; k < n; ++k) {
+    fm_publisher_close(session->node, &(*publishers)[k]);
+  }
+  free(*publishers);
+  *publishers = NULL;
+}
+
+// Advertise a topic for each requirement, which the function names. Returns the publishers; NULL,
+// with the error logged, if one cannot be made.
+static rcl_publisher_t * advertise_each(
+  const struct fm_session * session, const rosidl_message_type_support_t * type,
+  const char * (* topic_of)(const struct fm_report_requirement *))
 {
   const struct fm_report_table * table = &session->table->report;
   const rmw_qos_profile_t profile = latched();
-  session->verdicts = calloc(table->n_requirements + (size_t)1, sizeof(*session->verdicts));
-  bool is_good = session->verdicts != NULL;
+  rcl_publisher_t * publishers = calloc(table->n_requirements + (size_t)1, sizeof(*publishers));
+  bool is_good = publishers != NULL;
   for (uint32_t k = 0; is_good && k < table->n_requirements; ++k) {
     is_good = fm_publisher_open(
-      session->node, &session->verdicts[k], ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool),
-      table->requirements[k].verdict_topic, &profile);
+      session->node, &publishers[k], type, topic_of(&table->requirements[k]), &profile);
   }
-  return is_good;
+  if (!is_good) {
+    withdraw_each(session, &publishers);
+  }
+  return publishers;
 }
 
-static void withdraw_verdicts(struct fm_session * session)
+static const char * verdict_topic(const struct fm_report_requirement * requirement)
 {
-  const uint32_t n = session->verdicts == NULL ? 0 : session->table->report.n_requirements;
-  for (uint32_t k = 0; k < n; ++k) {
-    fm_publisher_close(session->node, &session->verdicts[k]);
-  }
-  free(session->verdicts);
-  session->verdicts = NULL;
+  return requirement->verdict_topic;
+}
+
+static const char * margin_topic(const struct fm_report_requirement * requirement)
+{
+  return requirement->margin_topic;
+}
+
+static bool advertise_verdicts(struct fm_session * session)
+{
+  session->verdicts = advertise_each(
+    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool), verdict_topic);
+  return session->verdicts != NULL;
 }
 
 static bool advertise_all(struct fm_session * session)
@@ -143,37 +167,28 @@ static bool advertise_all(struct fm_session * session)
          fm_node_actions_begin(&session->actions, session->node, session->table);
 }
 
-// Refuse margins where there are none; returns whether they may be published.
-static bool check_margins(const struct fm_session * session)
+static bool has_margins(const struct fm_report_table * table)
 {
-  const struct fm_node_table * table = session->table;
-  const char * reason = table->gate != NULL ? FM_WORDS_NO_MARGINS_OF_GATES :
-    table->report.n_kinds > 0 ? FM_WORDS_NO_MARGINS_OF_KEYS :
-    table->scope.margins == NULL ? FM_WORDS_NO_MARGINS : NULL;
-  if (reason != NULL) {
-    fm_log(session->node, FM_ERROR, "%s", reason);
+  bool has_all = true;
+  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+    has_all = has_all && table->requirements[k].margin_topic[0] != '\0';
   }
-  return reason == NULL;
+  return has_all;
 }
 
+// Advertise the margins; false, with the error logged, where there are none.
 static bool advertise_margins(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  const rmw_qos_profile_t profile = latched();
-  session->margins = calloc(table->report.n_requirements + (size_t)1, sizeof(*session->margins));
-  if (session->margins == NULL) {
+  const char * reason = table->gate != NULL ? FM_WORDS_NO_MARGINS_OF_GATES :
+    !has_margins(&table->report) ? FM_WORDS_NO_MARGINS : NULL;
+  if (reason != NULL) {
+    fm_log(session->node, FM_ERROR, "%s", reason);
     return false;
   }
-  for (; session->n_margins < table->report.n_requirements; ++session->n_margins) {
-    if (!fm_publisher_open(
-        session->node, &session->margins[session->n_margins],
-        ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64),
-        FM_MARGIN_TOPIC(table, session->n_margins), &profile))
-    {
-      return false;
-    }
-  }
-  return true;
+  session->margins = advertise_each(
+    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64), margin_topic);
+  return session->margins != NULL;
 }
 
 // Resolve the names of the gate.
@@ -209,7 +224,7 @@ bool fm_session_configure(
   if (session->shown_names == NULL || !fm_node_blackbox_begin(
       &session->blackbox, node, table, session->topic_names, &settings->blackbox) ||
     !name_gate(session) || !refuse_merged(session) || !advertise_all(session) ||
-    (settings->has_margins && !(check_margins(session) && advertise_margins(session))))
+    (settings->has_margins && !advertise_margins(session)))
   {
     fm_session_release(session);
     return false;
@@ -226,13 +241,8 @@ void fm_session_release(struct fm_session * session)
   free(session->handlers);
   session->handlers = NULL;
   session->n_handlers = 0;
-  withdraw_verdicts(session);
-  for (uint32_t k = 0; k < session->n_margins; ++k) {
-    fm_publisher_close(session->node, &session->margins[k]);
-  }
-  free(session->margins);
-  session->margins = NULL;
-  session->n_margins = 0;
+  withdraw_each(session, &session->verdicts);
+  withdraw_each(session, &session->margins);
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
@@ -411,14 +421,15 @@ static bool start_announcer(struct fm_session * session)
 {
   const uint32_t n_locks = session->table->report.n_locks;
   void ** publishers = handles_of(session->handlers, session->n_handlers);
-  void ** margins = handles_of(session->margins, session->n_margins);
+  const uint32_t n_margins = session->margins == NULL ? 0 : session->n_handlers;
+  void ** margins = handles_of(session->margins, n_margins);
   struct fm_lock * locks = calloc(n_locks + (size_t)1, sizeof(*locks));
   bool is_started = publishers != NULL && margins != NULL && locks != NULL;
   if (is_started) {
     fm_node_actions_locks(&session->actions, locks);
     is_started = fm_announcer_start(
       &session->announcer, session->engine, fm_node_middleware(), publishers,
-      session->n_handlers, locks, n_locks, session->n_margins > 0 ? margins : NULL);
+      session->n_handlers, locks, n_locks, n_margins > 0 ? margins : NULL);
   }
   free(publishers);
   free(margins);

@@ -52,7 +52,6 @@ struct fm_session
   uint32_t n_handlers;
   rcl_publisher_t * verdicts;         // a requirement; NULL: they are not published
   rcl_publisher_t * margins;          // a requirement; NULL: they are not published
-  uint32_t n_margins;
   rcl_publisher_t details;
   struct fm_node_actions actions;
   struct fm_node_blackbox blackbox;

@@ -245,6 +245,13 @@ static void add_values(struct fm_status * status, const struct described * item)
   fm_text_free(&text);
 }
 
+static const char * comparison_of(const struct described * item, int64_t number)
+{
+  const struct fm_report_table * table = item->reporter->table;
+  return (item->scope.kind == FM_BUNDLE ? table->comparisons :
+         table->kinds[item->scope.kind].comparisons)[number].text;
+}
+
 static void add_margin(struct fm_status * status, const struct described * item)
 {
   const struct fm_margin * margin = &item->detail->beyond.margin;
@@ -259,8 +266,7 @@ static void add_margin(struct fm_status * status, const struct described * item)
   fm_status_value(status, OF_MARGIN[DISTANCE], "%s", fm_text_get(&text));
   fm_text_clear(&text);
   fm_status_value(
-    status, OF_MARGIN[COMPARISON], "%s",
-    item->reporter->table->comparisons[margin->comparison].text);
+    status, OF_MARGIN[COMPARISON], "%s", comparison_of(item, margin->comparison));
   fm_text_add_seconds(&text, margin->instant);
   fm_status_value(status, OF_MARGIN[DECIDED_AT], "%s", fm_text_get(&text));
   fm_text_free(&text);

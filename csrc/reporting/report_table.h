@@ -75,6 +75,7 @@ struct fm_report_requirement
   const char * text;      // title, or sentence or formula, in one line
   const char * sentence;  // of the log: title and text
   const char * verdict_topic;  // on which its verdict is published, if that is wanted
+  const char * margin_topic;   // and its margin; "": it has none
   uint32_t kind;          // index of a fm_report_kind; FM_BUNDLE: the bundle's scope
   const uint32_t * inputs;  // of that scope
   uint32_t n_inputs;
@@ -83,6 +84,12 @@ struct fm_report_requirement
   int64_t horizon;        // its verdict is about so many steps ago; FM_TIMED: ns
   bool is_warning;        // its severity; otherwise error
   bool shows_verdict;     // in /diagnostics: it reports occurrences
+};
+
+/// A comparison that decides margins, as written; a struct fm_margin has its index.
+struct fm_report_comparison
+{
+  const char * text;
 };
 
 /// A set of requirements of which there is one for each key of an instance variable (kinds.h).
@@ -96,12 +103,7 @@ struct fm_report_kind
   uint32_t n_inputs;
   uint32_t most;                  // instances at one time
   bool has_base;                  // its instances are those of a kind before it
-};
-
-/// A comparison that decides margins, as written; a struct fm_margin has its index.
-struct fm_report_comparison
-{
-  const char * text;
+  const struct fm_report_comparison * comparisons;
 };
 
 /// A constant of the bundle, with the value that was compiled in, as written.

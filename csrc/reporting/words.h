@@ -72,8 +72,6 @@
 #define FM_WORDS_NO_MARGINS \
   "parameter 'margins': the monitor was compiled without margins: name the bundle, -p spec:=FILE"
 #define FM_WORDS_NO_MARGINS_OF_GATES "parameter 'margins': a gate has no margins"
-#define FM_WORDS_NO_MARGINS_OF_KEYS \
-  "parameter 'margins': not for bundles with 'for_each' yet"
 #define FM_WORDS_BLACKBOX \
   "a folder to which the last messages of all topics are written at each violation; empty: none " \
   "are kept; read by `configure`"

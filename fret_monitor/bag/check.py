@@ -49,7 +49,7 @@ from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED
 from fret_monitor.runtime.evaluator import (
-    Evaluator, NEVER, RequirementCounts, Violation, violation as violation_of,
+    Evaluator, Margin, NEVER, RequirementCounts, Violation, violation as violation_of,
 )
 from fret_monitor.runtime.reporting import LogLevel, Reporter, ReportTable, StatusRecord
 from fret_monitor.runtime.scopes import KindCounts, Scopes
@@ -288,6 +288,7 @@ class _Run:
             for item, variable in zip(
                 self._manifest.numbered, self._manifest.variable_of, strict=True)]
         self._trials = self._evaluator.log_trials() if self._manifest.tests else None
+        self._ended = self._scopes.log_closest() if self._scopes and selection.margins else None
         self._fit = None if isinstance(recording, Trace) else MessageFit(
             self._manifest.topics, recording.find_message)
 
@@ -296,8 +297,6 @@ class _Run:
         if self._manifest.variables and self._recording.is_trace:
             refuse('`bag` does not run a trace with a bundle with for_each',
                    help='fret-monitor simulate does')
-        if self._manifest.variables and self._selection.margins:
-            refuse("--margins does not take bundles with 'for_each' yet")
 
     def result(self) -> RecordingResult:
         manifest, recording, selection = self._manifest, self._recording, self._selection
@@ -339,16 +338,34 @@ class _Run:
 
     def _note_closest(self) -> None:
         """Note the least margins of what was judged."""
-        comparisons = self._manifest.comparisons if self._selection.margins else ()
-        for index, findings in enumerate(self._findings if comparisons else ()):
-            found = None if index in self._unread else self._evaluator.closest(index)
-            if found is not None and math.isfinite(found[0].value):
-                margin, step = found
-                comparison = comparisons[margin.comparison]
-                findings.closest = Closest(
-                    margin.value, margin.distance, comparison.text,
-                    tuple(self._manifest.inputs[place].name for place in comparison.inputs),
-                    margin.instant, step)
+        for index, _ in enumerate(self._findings if self._selection.margins else ()):
+            kind, place = _scope_of(self._manifest, index)
+            if kind is not None and self._scopes is not None:
+                for key, margin, step in self._scopes.closest(kind, place):
+                    self._note_margin(index, margin, step, key)
+            elif found := self._evaluator.closest(index):
+                self._note_margin(index, *found)
+
+    def _take_closest(self) -> None:
+        """Note the least margins of instances that have ended."""
+        for kind, place, key, margin, step in self._ended.take() if self._ended else ():
+            item = self._manifest.kinds[kind]
+            if self._is_judging and place < item.n_reported:
+                index = len(self._manifest.requirements) + place + sum(
+                    before.n_reported for before in self._manifest.kinds[:kind])
+                self._note_margin(index, margin, step, key)
+
+    def _note_margin(self, index: int, margin: Margin, step: int,
+                     key: bytes | None = None) -> None:
+        """Note a least margin of a requirement; of the instance of a key."""
+        kind, _ = _scope_of(self._manifest, index)
+        scope = self._manifest if kind is None else self._manifest.kinds[kind].manifest
+        if index not in self._unread and math.isfinite(margin.value):
+            comparison = scope.comparisons[margin.comparison]
+            self._findings[index].note_closest(Closest(
+                margin.value, margin.distance, comparison.text,
+                tuple(scope.inputs[place].name for place in comparison.inputs),
+                margin.instant, step), key)
 
     def _in_order(self) -> tuple[Findings, ...]:
         """Return the findings in the bundle's order."""
@@ -564,6 +581,8 @@ class _Run:
                 begin + self._manifest.reorder, most=self._most))
             self._engine.reset()
         self._evaluator.forget_closest()
+        if self._scopes is not None:
+            self._scopes.forget_closest()
         self._before = list(map(self._counts, range(len(self._findings))))
         self._is_judging = True
         self._begin = begin
@@ -612,8 +631,12 @@ class _Run:
                     each.change(violation, detail)
             self._report_judged(first_steps, NEVER)
             self._want_details()
-            self._take_trials()
+            self._take_logs()
+        self._take_logs()
+
+    def _take_logs(self) -> None:
         self._take_trials()
+        self._take_closest()
 
     def _take_trials(self) -> None:
         """Note the trials that were decided."""
@@ -681,7 +704,7 @@ class _Run:
                 if count:
                     self._warnings.append(f'{counted(count, "message")} of {topic.name} {what}')
         self._complain_of_instances()
-        self._complain_of_trials()
+        self._complain_of_logs()
         if not self._recording.is_trace:
             self._complain_of_transforms()
         times = self._evaluator.time_counts()
@@ -691,10 +714,13 @@ class _Run:
         if overflows := self._scopes.overflows() if self._scopes else times.overflows:
             self._errors.append(overflow_text(overflows))
 
-    def _complain_of_trials(self) -> None:
+    def _complain_of_logs(self) -> None:
         if self._trials is not None and self._trials.missed:
             self._errors.append(f'{counted(self._trials.missed, "trial")} found no room and are '
                                 'not counted')
+        if self._ended is not None and self._ended.missed:
+            self._errors.append(f'{counted(self._ended.missed, "least margin")} of instances that '
+                                'ended found no room and do not count')
 
     def _complain_of_instances(self) -> None:
         for place, kind in self._manifest.bases if self._scopes else ():

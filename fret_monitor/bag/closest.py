@@ -55,7 +55,7 @@ def _ranking(contents: Sequence[Mapping[str, Any]], key: str, least: str, heads:
 
 def _closest_cells(found: Mapping[str, Any]) -> tuple[str, ...]:
     return (f'{found["margin"]:.6g}', str(found['at']),
-            by_text(found['comparison'], found['distance']))
+            by_text(found['comparison'], found['distance'], found.get('key', '')))
 
 
 def _slack_cells(found: Mapping[str, Any]) -> tuple[str, ...]:

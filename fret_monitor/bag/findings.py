@@ -14,8 +14,8 @@
 
 """What was found about a requirement in a recording: its occurrences, and those by key."""
 
-from dataclasses import dataclass, field
-from operator import itemgetter
+from dataclasses import dataclass, field, replace
+from operator import attrgetter, itemgetter
 
 from fret_monitor.model.probability import Probability
 from fret_monitor.runtime.probability import Figures, PooledTest, runs_of
@@ -30,7 +30,7 @@ class Closest:
     The least margin of a requirement (docs/margins.md), and the time of its step (ns).
 
     `distance` is that of the `comparison` that decides, which reads `inputs`; `at` is the time
-    (ns) at which it had it.
+    (ns) at which it had it. `key` is the instance that had it, such as `robot=alpha`, or ''.
     """
 
     margin: float
@@ -39,6 +39,7 @@ class Closest:
     inputs: tuple[str, ...]
     at: int
     step: int
+    key: str = ''
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ class Findings:
     Of one with a `probability`, `trials` are the times (ns) of the trials, and whether each
     failed; `figures` is what the test of this recording alone has found.
 
-    `closest` is None without margins, and where no comparison of numbers decides.
+    `closest` is None without margins, and where no comparison of numbers decides. Of instances it
+    is the least of all; `closest_of` has that of each, by key.
 
     `slack` is that of a sentence with a deadline, None if no response came or was late. `waiting`
     is the time (ns) of a trigger whose response has time beyond the end of the recording.
@@ -96,6 +98,7 @@ class Findings:
     trials: list[tuple[int, bool]] = field(default_factory=list)
     figures: Figures | None = None
     closest: Closest | None = None
+    closest_of: dict[bytes, Closest] = field(default_factory=dict)
     slack: Slack | None = None
     waiting: int | None = None
     triggered: bool | None = None
@@ -111,9 +114,22 @@ class Findings:
             return self
         found = self.instances.get(key)
         if found is None:
-            shown = key.decode(errors='backslashreplace')
-            found = self.instances[key] = Findings(f'{self.id}[{self.variable}={shown}]', False)
+            found = self.instances[key] = Findings(f'{self.id}[{self.shown_key(key)}]', False)
         return found
+
+    def shown_key(self, key: bytes) -> str:
+        """Return the key of an instance with its variable."""
+        return f'{self.variable}={key.decode(errors="backslashreplace")}'
+
+    def note_closest(self, found: Closest, key: bytes | None = None) -> None:
+        """Note a least margin, of the instance of a key."""
+        if key is not None:
+            found = replace(found, key=self.shown_key(key))
+            before = self.closest_of.get(key)
+            self.closest_of[key] = found if before is None else \
+                min(before, found, key=attrgetter('margin'))
+        if self.closest is None or found.margin < self.closest.margin:
+            self.closest = found
 
     def begin(self, stamp: int) -> None:
         """Note that a violation begins."""

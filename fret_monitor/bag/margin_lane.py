@@ -43,7 +43,7 @@ def margin_section(item: Findings, margins: Sequence[Margin | None], manifest: M
     if item.closest is not None:
         found = item.closest
         yield (f'<p>Closest: margin {found.margin:.6g} at {short_seconds(found.at - start)} s, by '
-               f'{escaped(by_text(found.comparison, found.distance))}.</p>')
+               f'{escaped(by_text(found.comparison, found.distance, found.key))}.</p>')
     decided = _deciding(margins)
     if decided:
         yield table(('decides the margin', 'shade', 'of the time'), [

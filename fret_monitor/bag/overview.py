@@ -134,7 +134,7 @@ class Overview:
 
     def watch(self, engine: Engine, batch: AnyBatch) -> None:
         """Take the values of messages or rows."""
-        if self._manifest.margins and self._margins is None:
+        if self._manifest.has_margins and self._margins is None:
             self._margins = engine.evaluator.draw_margins(self._begin, self._end, _LANE_PARTS)
         batch.add_to(self.thinning, engine)
 
@@ -188,8 +188,10 @@ class Overview:
         return found
 
     def margins(self, index: int) -> list[Margin | None]:
-        """Return the least margin of a requirement in each part; [] without margins."""
-        return [] if self._margins is None else self._margins.lane(self._numbers[index])
+        """Return the least margin of a requirement in each part; [] without, and of instances."""
+        number = self._numbers[index]
+        return [] if self._margins is None or number >= len(self._manifest.requirements) \
+            else self._margins.lane(number)
 
     def of_instances(self, index: int) -> Mapping[bytes, str]:
         """Return the lanes of the instances that violated a requirement, by key."""

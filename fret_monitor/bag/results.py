@@ -16,7 +16,9 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
+from dataclasses import replace
 import json
+from operator import attrgetter
 from typing import Any, TextIO
 from xml.etree import ElementTree
 
@@ -52,6 +54,9 @@ def json_line(result: RecordingResult) -> str:
             **({'instances': _instances(item)} if item.variable else {}),
             **_probability(item),
             **({'closest': _closest(item.closest)} if item.closest else {}),
+            **({'closest_of': {_shown(key): _closest(found)
+                               for key, found in sorted(item.closest_of.items())}}
+               if item.closest_of else {}),
             **({'slack': _slack(item.slack)} if item.slack else {}),
             **({} if item.waiting is None else {'waiting': seconds(item.waiting)}),
             **({} if item.triggered is None else {'triggered': item.triggered}),
@@ -66,15 +71,20 @@ def json_line(result: RecordingResult) -> str:
 
 def _instances(item: Findings) -> dict[str, dict[str, object]]:
     """Return the instances of a requirement that were violated, by key."""
-    return {key.decode(errors='backslashreplace'): {
+    return {_shown(key): {
         'occurrences': found.occurrences,
         'first': None if found.first is None else seconds(found.first),
     } for key, found in sorted(item.instances.items())}
 
 
+def _shown(key: bytes) -> str:
+    return key.decode(errors='backslashreplace')
+
+
 def _closest(found: Closest) -> dict[str, object]:
     return {'margin': found.margin, 'distance': found.distance, 'comparison': found.comparison,
-            'inputs': list(found.inputs), 'at': seconds(found.at), 'step': seconds(found.step)}
+            'inputs': list(found.inputs), 'at': seconds(found.at), 'step': seconds(found.step),
+            **({'key': found.key} if found.key else {})}
 
 
 def _slack(found: Slack) -> dict[str, object]:
@@ -128,6 +138,8 @@ def table(result: RecordingResult) -> str:
                   *(_closest_cells(each.closest, result.start) if has_closest else ()),
                   *(_slack_cells(each, result.start) if has_slack else ()))
                  for each in (item, *_first_instances(item))]
+        rows += [(f'{printable(item.id)}[{printable(found.key)}]', '-', '', '', '',
+                  *_closest_cells(found, result.start)) for found in _others(item)]
         if len(item.instances) > _MOST_INSTANCES:
             more = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
             rows.append((f'{item.id}[{item.variable}=...]', f'{more} more', '', '', ''))
@@ -152,7 +164,7 @@ def _closest_cells(found: Closest | None, start: int) -> tuple[str, str, str]:
     if found is None:
         return '-', '-', '-'
     return (f'{found.margin:.6g}', f'{short_seconds(found.at - start)} s',
-            by_text(found.comparison, found.distance))
+            by_text(found.comparison, found.distance, found.key))
 
 
 def _slack_cells(item: Findings, start: int) -> tuple[str, str, str]:
@@ -167,14 +179,23 @@ def _slack_cells(item: Findings, start: int) -> tuple[str, str, str]:
             '-' if found.until is None else f'{short_seconds(found.until - start)} s')
 
 
-def by_text(comparison: str, distance: float) -> str:
-    """Return what decides a margin: a comparison, and its distance in its own unit."""
-    return f'{printable(comparison)} ({distance:.6g})'
+def by_text(comparison: str, distance: float, key: str = '') -> str:
+    """Return what decides a margin: a comparison, its distance in its own unit, an instance."""
+    of = f' of {printable(key)}' if key else ''
+    return f'{printable(comparison)} ({distance:.6g}){of}'
 
 
 def _first_instances(item: Findings) -> list[Findings]:
     """Return the violated instances of a requirement that are shown, by their keys."""
-    return [found for _, found in sorted(item.instances.items())[:_MOST_INSTANCES]]
+    return [replace(found, closest=item.closest_of.get(key))
+            for key, found in sorted(item.instances.items())[:_MOST_INSTANCES]]
+
+
+def _others(item: Findings) -> list[Closest]:
+    """Return how close other instances came that are shown, the closest first."""
+    found = [closest for key, closest in sorted(item.closest_of.items())
+             if key not in item.instances]
+    return sorted(found, key=attrgetter('margin'))[:max(0, _MOST_INSTANCES - len(item.instances))]
 
 
 def aligned(row: Sequence[str], widths: Sequence[int], words: int = 2) -> str:
@@ -228,8 +249,9 @@ def junit(lines: Iterable[str], texts: Mapping[str, str], bundle: str, *,
 def _properties(found: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what is said of a requirement beside its verdict."""
     if 'closest' in found:
-        for key in ('margin', 'distance', 'comparison', 'at'):
-            yield f'closest.{key}', str(found['closest'][key])
+        for key in ('margin', 'distance', 'comparison', 'at', 'key'):
+            if key in found['closest']:
+                yield f'closest.{key}', str(found['closest'][key])
     for key, value in found.get('slack', {}).items():
         yield f'slack.{key}', 'never' if value is None else str(value)
     if 'waiting' in found:

@@ -113,7 +113,9 @@ def _deadlines(reading: Reading, find: FindMessage) -> Iterator[_Deadline]:
     bundle, specification = reading.bundle, reading.specification
     if bundle is None:
         return
-    items = {item.id: item for item in specification.properties}
+    of_instances = {item.name for item in specification.signals if item.variables}
+    items = {item.id: item for item in specification.properties
+             if of_instances.isdisjoint(item.inputs)}
     sentences = {name: sentence for name, sentence in sentences_of(bundle, items).items()
                  if has_deadline(sentence)}
     found = with_texts(bundle, [

@@ -372,9 +372,14 @@ class Manifest:
 
     @property
     def margin_topics(self) -> tuple[str, ...]:
-        """The topic of the margins of each requirement; () without margins."""
-        return tuple(margin_topic(item.handler) for item in self.requirements) \
-            if self.margins else ()
+        """The topic of the margins of each requirement, as numbered; () without margins."""
+        return tuple(margin_topic(item.handler) for item in self.numbered) \
+            if self.has_margins else ()
+
+    @property
+    def has_margins(self) -> bool:
+        """Whether it is compiled with margins."""
+        return any((self.margins, *(kind.manifest.margins for kind in self.kinds)))
 
     @property
     def numbered(self) -> tuple[ManifestRequirement, ...]:

@@ -98,18 +98,19 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
         'inputs': _structs('fm_report_input', map(_input, manifest.inputs)),
         'requirements': _structs('fm_report_requirement', ({
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
-            'verdict_topic': verdict_topic(item.handler),
+            'verdict_topic': verdict_topic(item.handler), 'margin_topic': margins,
             'kind': NONE if kind is None else kind,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
             'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,
             'shows_verdict': item.report is Report.OCCURRENCE and kind is None}
-            for item, kind in zip(manifest.numbered, manifest.kind_of, strict=True))),
+            for item, kind, margins in zip(
+                manifest.numbered, manifest.kind_of,
+                manifest.margin_topics or repeat(''), strict=False))),
         'kinds': _structs('fm_report_kind', (
             _kind(manifest, place) for place, _ in enumerate(manifest.kinds))),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),
-        'comparisons': _structs('fm_report_comparison', (
-            {'text': item.text} for item in manifest.comparisons)),
+        'comparisons': _comparisons(manifest),
     }
     return Members({
         'bundle': bundle or manifest.name, 'component': manifest.component,
@@ -146,8 +147,13 @@ def _kind(manifest: Manifest, place: int) -> dict[str, Value]:
             _listed('inputs', manifest.keyed(place, topic))
             for topic in range(len(manifest.topics)))),
         'has_base': manifest.base_of(place) != place,
+        'comparisons': _comparisons(kind.manifest),
         'shared': Elements('uint32_t', tuple(
             NONE if item is None else item for item in kind.shared))}
+
+
+def _comparisons(manifest: Manifest) -> Elements:
+    return _structs('fm_report_comparison', ({'text': item.text} for item in manifest.comparisons))
 
 
 def _variable(manifest: Manifest, topic: ManifestTopic) -> str:

@@ -48,7 +48,6 @@ VERDICTS = 'whether the verdict of each requirement is published on copilot/verd
 MARGINS = 'whether margins are published on copilot/margin, and shown with violations; read by `configure`'
 NO_MARGINS = "parameter 'margins': the monitor was compiled without margins: name the bundle, -p spec:=FILE"
 NO_MARGINS_OF_GATES = "parameter 'margins': a gate has no margins"
-NO_MARGINS_OF_KEYS = "parameter 'margins': not for bundles with 'for_each' yet"
 BLACKBOX = 'a folder to which the last messages of all topics are written at each violation; empty: none are kept; read by `configure`'
 BLACKBOX_SECONDS = 'seconds of messages before a violation that a file has; read by `configure`'
 BLACKBOX_BYTES = 'memory for the last messages, in bytes, for each bundle; read by `configure`'

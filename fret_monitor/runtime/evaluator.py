@@ -146,6 +146,11 @@ def margin_of(found: CData) -> Margin:
     return Margin(found.value, found.distance, found.instant, found.comparison)
 
 
+def closest_of(found: CData) -> tuple[Margin, int] | None:
+    """Return a `struct fm_closest`: the margin and the time of its step; None: none is known."""
+    return (margin_of(found.margin), found.at) if found.is_known else None
+
+
 class Evaluator:
     """
     Runs a monitor: takes values and the time, steps the groups that are due, returns violations.
@@ -372,8 +377,7 @@ class Evaluator:
 
     def closest(self, requirement: int) -> tuple[Margin, int] | None:
         """Return the least margin of a requirement and the time of its step; None: none known."""
-        found = self._library.fm_evaluator_closest(self.pointer, requirement)
-        return (margin_of(found.margin), found.at) if found.is_known else None
+        return closest_of(self._library.fm_evaluator_closest(self.pointer, requirement))
 
     def forget_closest(self) -> None:
         """Forget the least margins."""

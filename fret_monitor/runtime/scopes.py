@@ -32,8 +32,8 @@ from fret_monitor.native import evaluator_library, LibraryError, load_evaluator,
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, MonitorKind
 from fret_monitor.runtime.evaluator import (
-    Evaluator, EvaluatorOptions, input_counts, InputCounts, NEVER, requirement_counts,
-    RequirementCounts,
+    closest_of, Evaluator, EvaluatorOptions, input_counts, InputCounts, Margin, margin_of, NEVER,
+    requirement_counts, RequirementCounts,
 )
 
 BUNDLE = 2**32 - 1
@@ -42,6 +42,7 @@ BUNDLE = 2**32 - 1
 _KEYED = 2**32 - 1
 _NO_SLOT = 2**32 - 1
 _MOST_KEY_BYTES = 255
+_MOST_LOGGED = 8192
 
 
 class Event(IntEnum):
@@ -152,6 +153,33 @@ class Scopes:
     def _blank(self, kind: int) -> CData:
         return self.library.fm_scopes_look(self.pointer, kind, _NO_SLOT)
 
+    def closest(self, kind: int, index: int) -> Iterator[tuple[bytes, Margin, int]]:
+        """Yield the least margin of a requirement of each instance: key, margin, step's time."""
+        for slot in self._slots(kind):
+            found = closest_of(self.library.fm_evaluator_closest(
+                self.library.fm_scopes_look(self.pointer, kind, slot), index))
+            if found is not None:
+                yield self.key(kind, slot), *found
+
+    def forget_closest(self) -> None:
+        """Forget the least margins of all instances."""
+        for kind, _ in enumerate(self.monitor.kinds):
+            for slot in self._slots(kind):
+                self.library.fm_evaluator_forget_closest(
+                    self.library.fm_scopes_look(self.pointer, kind, slot))
+
+    def _slots(self, kind: int) -> Iterator[int]:
+        slot = self.library.fm_scopes_next(self.pointer, kind, 0)
+        while slot != _NO_SLOT:
+            yield slot
+            slot = self.library.fm_scopes_next(self.pointer, kind, slot + 1)
+
+    def log_closest(self) -> 'ClosestLog':
+        """Return a log of the least margins of instances that end from now on."""
+        self._log = ClosestLog()
+        self.library.fm_scopes_log_closest(self.pointer, self._log.pointer)
+        return self._log
+
     def begin_row(self, is_for_all: bool, now: int) -> None:
         """Begin a row of a trace: a step of all scopes that it is for."""
         self.library.fm_scopes_begin_row(self.pointer, is_for_all, now)
@@ -227,6 +255,29 @@ class Scopes:
         """Return the counters of the instances of a kind."""
         found = self.library.fm_scopes_counts(self.pointer, kind)
         return KindCounts(found.alive, found.begun, found.ended, found.open, found.beyond)
+
+
+class ClosestLog:
+    """A `struct fm_closest_log`, which scopes write to."""
+
+    def __init__(self) -> None:
+        """Allocate room."""
+        self._records = ffi.new('struct fm_closest_record[]', _MOST_LOGGED)
+        self.pointer: CData = ffi.new('struct fm_closest_log *', {
+            'records': self._records, 'room': _MOST_LOGGED})
+
+    @property
+    def missed(self) -> int:
+        """How many found no room since the log was made."""
+        return int(self.pointer.missed)
+
+    def take(self) -> list[tuple[int, int, bytes, Margin, int]]:
+        """Return what was logged since the last call: kind, requirement, key, and as `closest`."""
+        found = [(item.kind, item.requirement, bytes(item.key[0:item.key_size]),
+                  margin_of(item.closest.margin), item.closest.at)
+                 for item in self._records[0:self.pointer.n]] if self.pointer.n else []
+        self.pointer.n = 0
+        return found
 
 
 def _places(inputs: Any) -> list[CData]:

@@ -16,21 +16,25 @@
 
 from collections.abc import Iterator, Sequence
 from csv import DictReader
+from dataclasses import replace
 from io import StringIO
+import json
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from bag.recordings import START, statuses_of, TYPES, verdicts_of
+from cli.command import run
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
-from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.findings import Closest, Findings
 from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.bag.report import check_and_report
 from fret_monitor.bag.results import ChangesCsv
 from fret_monitor.bag.violations import open_violations
 from fret_monitor.cli.main import main
 from fret_monitor.model.policies import Policy
+from fret_monitor.model.times import seconds
 import numpy
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -132,10 +136,11 @@ def record(path: Path, found: Sequence[Message]) -> Path:
 
 
 def judged(folder: Path, name: str, text: str, found: Sequence[Message],
-           more: int = 0) -> RecordingResult:
+           more: int = 0, margins: bool = False) -> RecordingResult:
     file = folder / f'{name}.yaml'
     file.write_text(text, encoding='utf-8')
-    selection = Selection(may_miss=True, until=Moment(Anchor.END, more) if more else None)
+    selection = Selection(may_miss=True, until=Moment(Anchor.END, more) if more else None,
+                          margins=margins)
     with unoptimised():
         return check_recording(file, record(folder / f'{name}_bag', found), selection)
 
@@ -289,6 +294,68 @@ def test_an_instance_of_a_found_key_begins_with_its_first_message(
         instance = by_id[item.id].instances.get(key.encode(), Findings(item.id))
         assert outline(instance) == outline(item), item.id
     assert sum(item.occurrences for item in plain.findings) > 5
+
+
+@pytest.mark.parametrize(('policy', 'variable'), some([
+    (Policy.TIMED, 'joint'), (Policy.EVERY_MESSAGE, 'robot'), (Policy.PERIODIC, 'track')], 2))
+def test_the_margins_of_an_instance_are_those_of_a_plain_bundle_on_its_slice(
+        policy: Policy, variable: str, tmp_path: Path) -> None:
+    found = list(messages(Random(f'{policy} {variable} margins'), KEYS))
+
+    def with_rates(text: str) -> str:
+        return text.replace('{topic:', '{max_rate: 1000, topic:')
+
+    whole = judged(tmp_path, 'all', with_rates(bundle(
+        policy, [variable, 'frame'], f'[{", ".join(KEYS[:2])}]')), found, margins=True)
+    by_id = {item.id: item for item in whole.findings}
+    assert whole.errors == ()
+    known: list[Closest] = []
+    for key in KEYS[:2]:
+        plain = judged(tmp_path, f'plain_{key}', with_rates(bundle(policy, [variable], '', key)),
+                       slice_of(found, variable, key), margins=True)
+        for item in plain.findings:
+            instance = by_id[item.id].closest_of.get(key.encode())
+            expected = item.closest and replace(item.closest, key=f'{variable}={key}')
+            assert instance == expected, (key, item.id)
+            known += [expected] if expected else []
+    assert len(known) > 8
+    for item in whole.findings:
+        assert item.closest == min(item.closest_of.values(), key=lambda found: found.margin,
+                                   default=None)
+
+
+def test_the_least_margin_of_a_key_is_that_of_all_its_instances(tmp_path: Path) -> None:
+    file = tmp_path / 'bundle.yaml'
+    file.write_text(f"""format: 1
+for_each: {{robot: {{most: 2, forget: 2}}}}
+inputs: {{x: {{topic: "/{{robot}}/speed", type: {FLOAT}, scale: 2}}}}
+requirements:
+  - {{id: LOW, ptltl: "x < 10"}}
+""")
+    path = record(tmp_path / 'bag', [
+        (round(second * 1e9), f'/{key}/speed', FLOAT, TYPES.types[FLOAT](value), frozenset([key]))
+        for second, key, value in [
+            (0, 'a', 7.0), (1, 'b', 3.0), (1.5, 'a', 6.0), (3.25, 'b', 12.0), (3.5, 'b', 2.0),
+            (5, 'a', 9.0), (5.6, 'c', 0.0), (10, 'b', 1.0), (10.5, 'c', 8.5)]])
+    junit, results = tmp_path / 'junit.xml', tmp_path / 'results.jsonl'
+    done = run('bag', file, path, '--margins', '--junit', junit, '--results', results)
+    assert done.err == ''
+    lines = [line.split() for line in done.out.splitlines() if 'LOW' in line]
+    assert lines[0][-7:] == ['-1', '3.25', 's', 'x', '<', '10.0', '(-2)', 'of', 'robot=b'][-7:]
+    assert [line[:1] + line[-7:] for line in lines[1:]] == [
+        ['LOW[robot=b]', 's', 'x', '<', '10.0', '(-2)', 'of', 'robot=b'],
+        ['LOW[robot=a]', 's', 'x', '<', '10.0', '(1)', 'of', 'robot=a'],
+        ['LOW[robot=c]', 's', 'x', '<', '10.0', '(1.5)', 'of', 'robot=c']]
+    found = json.loads(results.read_text())['requirements']['LOW']
+    assert {key: (item['margin'], item['at']) for key, item in found['closest_of'].items()} == {
+        'a': (0.5, seconds(START + 5 * 10**9)), 'b': (-1.0, seconds(START + 325 * 10**7)),
+        'c': (0.75, seconds(START + 105 * 10**8))}
+    assert (found['closest']['margin'], found['closest']['key']) == (-1.0, 'robot=b')
+    assert '<property name="closest.key" value="robot=b"' in junit.read_text()
+    part = check_recording(file, path, Selection(
+        margins=True, begin=Moment(Anchor.START, 4 * 10**9)))
+    assert {key: item.margin for key, item in part.findings[0].closest_of.items()} == {
+        b'a': 0.5, b'b': 4.5, b'c': 0.75}
 
 
 READERS = (  # NEAR: how many are near; MANY: in how many of them

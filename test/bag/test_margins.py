@@ -27,12 +27,10 @@ from bundles import write_bundle
 from cli.command import run
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Anchor, Moment
-from fret_monitor.model.diagnostics import CompileError
 from fret_monitor.native.monitor import load
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.start import start
 from fret_monitor.traces.simulate import for_trace
-import pytest
 
 BUNDLE = """
 format: 1
@@ -109,17 +107,6 @@ def test_several_recordings_are_ranked_and_results_have_the_margins(tmp_path: Pa
     assert [(item.get('name'), item.get('value')) for item in case.iter('property')][:3] == [
         ('closest.margin', '-1.5'), ('closest.distance', '-3.0'),
         ('closest.comparison', 'x <= 10.0')]
-
-
-def test_bundles_with_instances_are_refused(tmp_path: Path) -> None:
-    bundle = write_bundle(tmp_path, """
-format: 1
-for_each: {robot: [a, b]}
-inputs: {x: {topic: "/{robot}/x", type: std_msgs/msg/Float64}}
-requirements: [{id: R, ptltl: "x <= 5.0"}]
-""")
-    with pytest.raises(CompileError, match='for_each'):
-        check_recording(bundle, trace(tmp_path, ROWS), Selection(margins=True))
 
 
 LANE = """

@@ -60,6 +60,7 @@ class Face:
 
     name: str
     process: NodeProcess
+    ids: tuple[str, ...] = IDS
     margins: defaultdict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     ended: list[tuple[str, int, str, str, str]] = field(default_factory=list)
 
@@ -68,7 +69,7 @@ class Face:
         make, prefix = partner.node.create_subscription, f'/{self.name}/copilot'
         made = [make(DiagnosticArray, f'{prefix}/violations', self._take_detail, RELIABLE), *(
             make(Float64, f'{prefix}/margin/{name}', partial(self._take, name), LATCHED)
-            for name in IDS)]
+            for name in self.ids)]
         return lambda: all(item.get_publisher_count() == 1 for item in made)
 
     def _take(self, name: str, message: Float64) -> None:
@@ -84,7 +85,7 @@ class Face:
 
     def shows(self, margins: Sequence[float]) -> bool:
         """Whether the last message of each requirement has its margin."""
-        return all(self.margins[name][-1:] == [found] for name, found in zip(IDS, margins))
+        return all(self.margins[name][-1:] == [found] for name, found in zip(self.ids, margins))
 
 
 def simulated(bundle: Path) -> list[list[float]]:
@@ -174,11 +175,73 @@ def error_in_c(program: Path) -> str:
 
 FOR_EACH = """
 format: 1
-for_each: {robot: [alpha, beta]}
+for_each: {robot: {most: 3}}
 inputs:
   current: {topic: "/{robot}/current", type: std_msgs/msg/Float64}
-requirements: [{id: NOW, ptltl: "current < 20"}]
+requirements:
+  - {id: SOFAR, ptltl: "H (current < 20)", report: occurrence}
+  - {id: MOST, ptltl: "max(robot: current) < 22"}
+  - {id: NOW, ptltl: "current < 20"}
 """
+SENT = [('alpha', 10.0), ('beta', 18.0), ('alpha', 24.0), ('beta', 21.0), ('alpha', 12.0),
+        ('beta', 15.0)]
+ENDED_OF_KEYS = [
+    (f'{name}[robot={key}]', step, margin, margin, 'current < 20.0')
+    for key, step, margin in (('alpha', 2, '-4.0'), ('beta', 2, '-1.0'))
+    for name in ('SOFAR', 'NOW')]
+
+
+def least_of_all(bundle: Path) -> list[list[float]]:
+    """Return the margins after each message, of all robots the least."""
+    trace, table = bundle.with_name('trace.csv'), bundle.with_name('margins.csv')
+    trace.write_text('\n'.join(['robot,current', *(f'{key},{x}' for key, x in SENT)]) + '\n')
+    assert main(['simulate', str(bundle), '--trace', str(trace), '--margins', str(table)]) == 0
+    present: dict[tuple[str, str], float] = {}
+    found: list[list[float]] = []
+    rows = [line.split(',') for line in table.read_text().splitlines()[1:]]
+    for number, _ in enumerate(SENT):
+        present |= {(row[2], '' if row[2] == 'MOST' else row[1]): float(row[3])
+                    for row in rows if row[0] == str(number)}
+        found.append([min(value for (item, _), value in present.items() if item == name)
+                      for name in ('SOFAR', 'MOST', 'NOW')])
+    return found
+
+
+def test_of_instances_both_nodes_publish_the_least_margin_and_details_name_the_key(
+    partner: Partner, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    bundle = write_bundle(tmp_path, FOR_EACH)
+    expected = least_of_all(bundle)
+    assert [row[2] for row in expected] == [10.0, 2.0, -4.0, -4.0, -1.0, 5.0]
+    capsys.readouterr()
+    ids = ('SOFAR', 'MOST', 'NOW')
+    native = ExportedNode(Path(program_of(bundle, '-p', 'margins:=true')),
+                          '-r', '__ns:=/native', '-p', 'margins:=true')
+    try:
+        with started('monitor', '-p', f'spec:={bundle}', '-p', 'margins:=true',
+                     '-r', '__ns:=/python') as node:
+            faces = [Face('python', node, ids), Face('native', native, ids)]
+            are_advertised = [face.listen(partner) for face in faces]
+            wait_until(lambda: all(is_ready() for is_ready in are_advertised), 'publishers')
+            publishers = {key: partner.publisher(Float64, f'/{key}/current')
+                          for key in ('alpha', 'beta')}
+            partner.wait_for_subscriptions(2, *publishers.values())
+            for (key, current), margins in zip(SENT, expected):
+                publishers[key].publish(Float64(data=current))
+                for face in faces:
+                    wait_until(lambda: face.shows(margins),  # noqa: B023
+                               f'{face.name}: {margins}')
+            for face in faces:
+                assert dict(face.margins) == {name: changes([row[place] for row in expected])
+                                              for place, name in enumerate(ids)}
+                wait_until(lambda: len(face.ended) == 5, 'ends')  # noqa: B023
+                assert [item for item in face.ended if item[0] != 'MOST'] == ENDED_OF_KEYS
+                line = '[step 2, margin -1.0 by current < 20.0 (-1.0): current = 15.0]'
+                wait_until(lambda: line in face.process.output, line)  # noqa: B023
+    finally:
+        native.kill()
+
+
 GATED = """
 format: 1
 inputs:
@@ -196,8 +259,7 @@ def test_margins_are_refused_where_there_are_none(
     assert words.NO_MARGINS in refusal(partner, library=str(tmp_path / 'out'))
     assert words.NO_MARGINS in error_in_c(exported_bundle(bundle))
     keyed = write_bundle(tmp_path, FOR_EACH, 'keyed.yaml')
-    assert words.NO_MARGINS_OF_KEYS in refusal(partner, spec=str(keyed))
-    assert words.NO_MARGINS_OF_KEYS in error_in_c(exported_bundle(keyed))
+    assert words.NO_MARGINS in error_in_c(exported_bundle(keyed))
     gated = write_bundle(tmp_path, GATED, 'gated.yaml')
     assert words.NO_MARGINS_OF_GATES in refusal(partner, GateNode, spec=str(gated))
     assert words.NO_MARGINS_OF_GATES in error_in_c(exported_bundle(gated, NodePart('safe')))

@@ -110,9 +110,7 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
 
 def _refuse_without_margins(manifests: Sequence[Manifest]) -> None:
     for manifest in manifests:
-        if manifest.variables:
-            raise Refusal(words.NO_MARGINS_OF_KEYS)
-        if not manifest.margins:
+        if not manifest.has_margins:
             raise Refusal(words.NO_MARGINS)
 
 
