@@ -14,6 +14,7 @@
 
 """What was found about a requirement in a recording: its occurrences, and those by key."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter, itemgetter
 
@@ -78,7 +79,8 @@ class Findings:
     is the least of all; `closest_of` has that of each, by key.
 
     `slack` is that of a sentence with a deadline, None if no response came or was late. `waiting`
-    is the time (ns) of a trigger whose response has time beyond the end of the recording.
+    is the time (ns) of a trigger whose response has time beyond the end of the recording. `slacks`
+    are those of the first `MOST_KEPT` triggers whose responses did not come at once.
 
     `triggered`: whether its trigger came; None if that was not asked.
     """
@@ -100,6 +102,7 @@ class Findings:
     closest: Closest | None = None
     closest_of: dict[bytes, Closest] = field(default_factory=dict)
     slack: Slack | None = None
+    slacks: Sequence[Slack] = ()
     waiting: int | None = None
     triggered: bool | None = None
 

@@ -77,13 +77,18 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str =
         from fret_monitor.bag.report import check_and_report
         page = reports / page_name(path)
         check = partial(check_and_report, bundle, path, selection, page, progress=progress)
-    return outcome_of(path, also_asked(check, bundle, path, selection), settings, page)
+    return outcome_of(path, also_asked(check, bundle, path, selection, has_page=page is not None),
+                      settings, page)
 
 
 def also_asked(check: Callable[[], RecordingResult], bundle: Path, path: Path,
-               selection: Selection) -> Callable[[], RecordingResult]:
-    """Return a check that also finds out the slack, and whether triggers came, if asked."""
-    if selection.margins:
+               selection: Selection, *, has_page: bool = False) -> Callable[[], RecordingResult]:
+    """
+    Return a check that also finds out the slack, and whether triggers came, if asked.
+
+    A check that writes a page knows the slack: it is in the page.
+    """
+    if selection.margins and not has_page:
         from fret_monitor.bag.slack import with_slack  # both need the parser
         check = partial(with_slack, check, bundle, path, selection)
     if selection.triggers:

@@ -31,12 +31,14 @@ from fret_monitor.bag.check import (
 from fret_monitor.bag.curve import probability_section
 from fret_monitor.bag.evidence import Occurrence, Plot
 from fret_monitor.bag.evidence_by_key import evidence_by_key
-from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.findings import Findings, Slack
 from fret_monitor.bag.margin_lane import margin_row, margin_section
 from fret_monitor.bag.overview import Overview, Stretch
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import verdict_of
+from fret_monitor.bag.slack import add_slack
+from fret_monitor.bag.slack_section import slack_of, slack_section, slack_text
 from fret_monitor.build import Reading
 from fret_monitor.elaboration.signals import FindMessage
 from fret_monitor.explain.report import Meaning, meanings
@@ -90,6 +92,8 @@ def examine(
         overview = Overview(monitor, result.end, stretch)
         result = run(monitor, recording, selection, changes=[overview],
                      watch=overview.watch, progress=progress)
+    if selection.margins:
+        add_slack(result, reading, recording, find, selection)
     found = meanings(reading, find)
     occurrences, drawn = evidence_by_key(
         reading, found, recording, selection, result, overview.starts)
@@ -197,12 +201,13 @@ class RecordingReport:
             yield from probability_section(item)
             yield from margin_section(item, self._overview.margins(index), self._manifest,
                                       self.result.start)
+            yield from slack_section(item, self._since)
             for number, occurrence in enumerate(
                     self.occurrences[index], 1 + self._count_before(index)):
                 key = occurrence.start.key
                 of = '' if key is None else f' of {item.instances[key].id}'
-                yield from self._figure(
-                    f'Occurrence {number}{of}', occurrence, place, requirement.horizon)
+                yield from self._figure(f'Occurrence {number}{of}', occurrence, place,
+                                        requirement.horizon, slack_of(item, occurrence))
                 place += 1
             yield from self._others(index)
             yield '</article>'
@@ -224,9 +229,12 @@ class RecordingReport:
         return (f'<p><strong>{counted(item.occurrences, "occurrence")}</strong>{steps}, '
                 f'the longest {short_seconds(item.longest)} s.</p>')
 
-    def _figure(self, title: str, item: Occurrence, place: int, horizon: int) -> Iterator[str]:
+    def _figure(self, title: str, item: Occurrence, place: int, horizon: int,
+                slack: Slack | None) -> Iterator[str]:
         yield '<figure><figcaption>'
         yield from self._open(item) if item.is_open else self._occurred(title, item)
+        if slack is not None:
+            yield f'<br>Slack: {slack_text(slack)}.'
         if horizon and not item.is_open:
             yield f'<br>It is about {self._about(item, horizon)}.'
         yield (f'</figcaption><svg data-occurrence="{place}" role="img" '

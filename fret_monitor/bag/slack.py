@@ -20,15 +20,17 @@ response is waited for.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from fret_monitor.bag.check import (
-    compiled, opened, read_bundle, RecordingResult, run, Selection,
+    AnyRecording, compiled, opened, read_bundle, RecordingResult, run, Selection,
 )
 from fret_monitor.bag.evidence import beside
-from fret_monitor.bag.findings import Slack
+from fret_monitor.bag.findings import MOST_KEPT, Slack
 from fret_monitor.build import Reading
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.fretish import has_deadline, required_so_far
@@ -39,8 +41,11 @@ from fret_monitor.logic.formula import Formula
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Report, Stale
+from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.reporting import StatusRecord
+from fret_monitor.traces.csv_trace import parse_seconds, TIME
+from fret_monitor.traces.simulate import simulate
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,13 @@ class _Wait:
     until: int | None
 
 
-_Found = tuple[Slack | None, int | None]  # as in `Findings`: slack, waiting
+@dataclass(frozen=True)
+class Found:
+    """As in `Findings`: the least slack, a trigger that waits, and the slack of each trigger."""
+
+    slack: Slack | None
+    waiting: int | None
+    slacks: tuple[Slack, ...] = ()
 
 
 def with_slack(check: Callable[[], RecordingResult], bundle: Path, path: Path,
@@ -80,28 +91,55 @@ def with_slack(check: Callable[[], RecordingResult], bundle: Path, path: Path,
         as `check_recording`.
     """
     result = check()
-    found = _slack_of_all(bundle, path, replace(selection, margins=False))
-    for item in result.findings:
-        item.slack, item.waiting = found.get(item.id, (None, None))
+    with opened(path) as (recording, find):
+        add_slack(result, read_bundle(bundle, selection, find), recording, find, selection)
     return result
 
 
-def _slack_of_all(bundle: Path, path: Path, selection: Selection) -> dict[str, _Found]:
-    """Return by id the slack of the sentences with a deadline."""
-    with opened(path) as (recording, find):
-        reading = read_bundle(bundle, selection, find)
-        specification = reading.specification
-        deadlines = list(_deadlines(reading, find))
-        if not deadlines:
-            return {}
-        # A response counts as it came, also while an input is silent.
-        monitor = compiled(replace(reading, specification=replace(
-            specification, properties=tuple(lane for each in deadlines for lane in each.lanes),
-            signals=tuple(replace(item, stale=Stale.WARN) for item in specification.signals),
-            actions=(), gates=()))).monitor
-        waits = _Waits(_scale(specification))
-        result = run(monitor, recording, selection, changes=[waits], checks_remaps=False)
-    return {each.item.id: waits.found(each, result) for each in deadlines}
+def add_slack(result: RecordingResult, reading: Reading, recording: AnyRecording,
+              find: FindMessage, selection: Selection) -> None:
+    """Add the slack of the sentences with a deadline to what was found in a recording."""
+    deadlines = list(_deadlines(reading, find))
+    if not deadlines:
+        return
+    waits = _Waits(_scale(reading.specification))
+    lanes = run(_lanes_monitor(reading, deadlines), recording, replace(selection, margins=False),
+                changes=[waits], checks_remaps=False)
+    steps = {item.id: item.violations for item in lanes.findings}
+    found = {each.item.id: waits.found(each, lanes.end, steps) for each in deadlines}
+    for item in result.findings:
+        if item.id in found:
+            own = found[item.id]
+            item.slack, item.waiting, item.slacks = own.slack, own.waiting, own.slacks
+
+
+def slack_of_trace(reading: Reading, find: FindMessage, trace: Path,
+                   until: int | None = None) -> dict[str, Found]:
+    """
+    Return by id the slack of the sentences with a deadline in a trace, as `simulate` takes it.
+
+    Triggers and responses are numbers of rows, under `timed` times (ns).
+    """
+    deadlines = list(_deadlines(reading, find))
+    if not deadlines:
+        return {}
+    waits = _Waits(_scale(reading.specification))
+    with TemporaryDirectory() as folder:
+        table = Path(folder, 'verdicts.csv')
+        summary = simulate(_lanes_monitor(reading, deadlines), trace, table, until=until)
+        with table.open(newline='', encoding='utf-8') as file:
+            last = waits.take_table(csv.DictReader(file), [*summary.violations])
+    end = last if until is None else until
+    return {each.item.id: waits.found(each, end, summary.violations) for each in deadlines}
+
+
+def _lanes_monitor(reading: Reading, deadlines: Sequence[_Deadline]) -> Monitor:
+    """Compile the lanes; a response counts as it came, also while an input is silent."""
+    specification = reading.specification
+    return compiled(replace(reading, specification=replace(
+        specification, properties=tuple(lane for each in deadlines for lane in each.lanes),
+        signals=tuple(replace(item, stale=Stale.WARN) for item in specification.signals),
+        has_margins=False, actions=(), gates=()))).monitor
 
 
 def _scale(specification: Specification) -> TimeScale:
@@ -147,15 +185,16 @@ def _lane(name: str, meant: Property, formula: Formula, item: Property,
 
 
 class _Waits:
-    """Finds the longest wait for a response of each sentence."""
+    """Finds how long each response of each sentence was waited for."""
 
     wants_details = False
 
     def __init__(self, scale: TimeScale) -> None:
         self._scale = scale
-        self._open: dict[str, Violation] = {}
+        self._open: dict[str, tuple[int, int]] = {}  # lanes: the step and the time since which
         self._over: Counter[str] = Counter()  # how long all waits together were that are over
         self._longest: dict[str, _Wait] = {}
+        self._all: dict[str, list[_Wait]] = {}  # the first `MOST_KEPT` that are over
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin a run."""
@@ -166,42 +205,66 @@ class _Waits:
 
     def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take that a wait begins, or that it is over."""
-        name = self._names[violation.requirement]
-        if not violation.is_recovery:
-            self._open[name] = violation
+        self._note(self._names[violation.requirement], not violation.is_recovery,
+                   violation.step, violation.stamp)
+
+    def take_table(self, rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> int:
+        """Take the verdicts of the lanes in a table; return the step or time of its last row."""
+        at = 0
+        for row in rows:
+            at = parse_seconds(row[TIME]) if self._scale.is_timed else int(row['step'])
+            for name in names:
+                is_violated = row[name] == '0'
+                if row[name] and is_violated != (name in self._open):
+                    self._note(name, is_violated, at, at)
+        return at
+
+    def _note(self, name: str, is_begin: bool, step: int, time: int) -> None:
+        if is_begin:
+            self._open[name] = step, time
             return
-        begin = self._open.pop(name)
-        length = violation.stamp - begin.stamp if self._scale.is_timed else \
-            violation.step - begin.step
+        begin_step, begin = self._open.pop(name)
+        length = time - begin if self._scale.is_timed else step - begin_step
+        wait = _Wait(length, begin, time)
         self._over[name] += length
         if name not in self._longest or length > self._longest[name].length:
-            self._longest[name] = _Wait(length, begin.stamp, violation.stamp)
+            self._longest[name] = wait
+        kept = self._all.setdefault(name, [])
+        if len(kept) < MOST_KEPT:
+            kept.append(wait)
 
     def end(self, time: int) -> None:
         """End the run."""
 
-    def found(self, deadline: _Deadline, result: RecordingResult) -> _Found:
-        """Return the slack of a sentence, and since when one is waited for with time left."""
+    def found(self, deadline: _Deadline, end: int, steps: Mapping[str, int | None]) -> Found:
+        """
+        Return the slack of a sentence, and since when one is waited for with time left.
+
+        `end` is that of the run (ns), and `steps` are those at which each lane was violated.
+        """
         waits, at_once = (item.id for item in deadline.lanes)
-        wait, last = self._longest.get(waits), self._last(waits, result)
+        wait, last = self._longest.get(waits), self._last(waits, end, steps)
+        kept = self._all.get(waits, [])
         waiting = None
         if last is not None and last.length <= deadline.bound:
             waiting = last.trigger
-        elif last is not None and (wait is None or last.length > wait.length):
-            wait = last
+        elif last is not None:
+            kept = [*kept, last]
+            wait = last if wait is None or last.length > wait.length else wait
         if wait is None and at_once in self._open:
-            stamp = self._open[at_once].stamp
-            wait = _Wait(0, stamp, stamp)
-        return None if wait is None else self._slack(deadline.bound, wait), waiting
+            _, time = self._open[at_once]
+            wait = _Wait(0, time, time)
+        slacks = tuple(self._slack(deadline.bound, item) for item in kept)
+        return Found(None if wait is None else self._slack(deadline.bound, wait), waiting, slacks)
 
-    def _last(self, name: str, result: RecordingResult) -> _Wait | None:
+    def _last(self, name: str, end: int, steps: Mapping[str, int | None]) -> _Wait | None:
         """Return the wait that is not over when a run ends: how long it is at least."""
-        begin = self._open.get(name)
-        if begin is None:
+        if name not in self._open:
             return None
-        steps = next(item.violations for item in result.findings if item.id == name)
-        length = result.end + 1 - begin.stamp if steps is None else steps - self._over[name]
-        return _Wait(length, begin.stamp, None)
+        _, begin = self._open[name]
+        length = end + 1 - begin if self._scale.is_timed else \
+            (steps[name] or 0) - self._over[name]
+        return _Wait(length, begin, None)
 
     def _slack(self, bound: int, wait: _Wait) -> Slack:
         left = bound - wait.length

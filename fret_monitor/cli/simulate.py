@@ -15,13 +15,16 @@
 """`simulate BUNDLE --trace FILE.csv`: run the compiled monitors over a trace."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Mapping
 import os
 from pathlib import Path
 import sys
+from typing import TYPE_CHECKING
 
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import painted, print_diagnostics, progress
+from fret_monitor.messages.installed import find_message
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
 from fret_monitor.model.diagnostics import counted, refuse
 from fret_monitor.model.manifest import Manifest
@@ -31,6 +34,9 @@ from fret_monitor.start import start
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
+
+if TYPE_CHECKING:
+    from fret_monitor.bag.slack import Found
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -68,19 +74,22 @@ def run(options: Namespace) -> int:
     with progress('simulate', is_printing=verdicts is None) as report:
         summary = simulate(compiled.monitor, options.trace, verdicts, compiled.sources,
                            options.until, report, margins=options.margins)
+    slacks = _slacks(options) if options.margins else {}
     is_timed = compiled.monitor.manifest.policy is Policy.TIMED
     horizons = _horizons(compiled.monitor.manifest)
     for name, horizon in horizons.items():
         print(f'{name}: known {known_text(horizon, is_timed=is_timed)}', file=sys.stderr)
+    for name, found in slacks.items() if verdicts is None else ():
+        print(f'{name}: {_slack_text(found, is_timed)}', file=sys.stderr)
     for item in summary.beyond:
         print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' beyond most: {item.most} "
               'not evaluated', file=sys.stderr)
     if summary.overflows:
         print(overflow_text(summary.overflows), file=sys.stderr)
     if options.json:
-        print_document(_as_dict(summary, is_timed, horizons), compiled.warnings)
+        print_document(_as_dict(summary, is_timed, horizons, slacks), compiled.warnings)
     elif verdicts is not None:
-        print(_shown(summary, is_timed, horizons))
+        print(_shown(summary, is_timed, horizons, slacks))
     return 1 if options.fail_on_violation and any(summary.violations.values()) else 0
 
 
@@ -98,7 +107,33 @@ def _horizons(manifest: Manifest) -> dict[str, int]:
             if item.horizon}
 
 
-def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int]) -> str:
+def _slacks(options: Namespace) -> 'dict[str, Found]':
+    """Return the slack of the sentences with a deadline, by id."""
+    from fret_monitor.bag.slack import slack_of_trace  # it needs the parser
+    from fret_monitor.build import read
+    reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
+                   takes_instances=True)
+    found = slack_of_trace(reading, find_message, options.trace, options.until)
+    return {name: item for name, item in found.items()
+            if item.slack is not None or item.waiting is not None}
+
+
+def _when(at: int, is_timed: bool) -> str:
+    return f'{seconds_text(at)} s' if is_timed else f'step {at:,}'
+
+
+def _slack_text(found: 'Found', is_timed: bool) -> str:
+    """Return the least slack in words."""
+    slack = found.slack
+    if slack is None:
+        return f'the trigger at {_when(found.waiting or 0, is_timed)} waits for its response'
+    until = 'no response' if slack.until is None else f'response at {_when(slack.until, is_timed)}'
+    return (f'least slack {slack.left:.6g} {slack.unit}, trigger at '
+            f'{_when(slack.trigger, is_timed)}, {until}')
+
+
+def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int],
+           slacks: 'Mapping[str, Found]') -> str:
     noun = 'row' if is_timed else 'step'
     lines = [counted(summary.steps, noun)]
     for name, count in summary.violations.items():
@@ -114,11 +149,13 @@ def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int]) -> str:
             lines.append(f'{name}: {painted("satisfied", "satisfied", sys.stdout)}')
         else:
             lines.append(f'{name}: not judged')
+        if name in slacks:
+            lines.append(f'{name}: {_slack_text(slacks[name], is_timed)}')
     return '\n'.join(lines)
 
 
-def _as_dict(summary: Summary, is_timed: bool,
-             horizons: dict[str, int]) -> dict[str, object]:
+def _as_dict(summary: Summary, is_timed: bool, horizons: dict[str, int],
+             slacks: 'Mapping[str, Found]') -> dict[str, object]:
     def requirement(name: str, count: int) -> dict[str, object]:
         first = summary.first.get(name)
         when: dict[str, object] = {
@@ -128,8 +165,21 @@ def _as_dict(summary: Summary, is_timed: bool,
             about = first - horizons[name]
             when['about_time' if is_timed else 'about_step'] = \
                 seconds_text(about) if is_timed else about
-        return {'id': name, 'violations': count, **when}
+        own = _slack_dict(slacks[name], is_timed) if name in slacks else {}
+        return {'id': name, 'violations': count, **when, **own}
 
     return {'rows' if is_timed else 'steps': summary.steps,
             'requirements': [requirement(*item) for item in summary.violations.items()],
             **({'overflows': summary.overflows} if summary.overflows else {})}
+
+
+def _slack_dict(found: 'Found', is_timed: bool) -> dict[str, object]:
+    def instant(at: int | None) -> object:
+        return at if at is None or not is_timed else seconds_text(at)
+
+    slack, waiting = found.slack, found.waiting
+    return {
+        **({} if slack is None else {'slack': {
+            'left': slack.left, 'unit': slack.unit, 'trigger': instant(slack.trigger),
+            'until': instant(slack.until)}}),
+        **({} if waiting is None else {'waiting': instant(waiting)})}

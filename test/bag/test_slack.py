@@ -15,6 +15,7 @@
 """`bag --margins`: how much time was left until the deadlines of FRETish sentences."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 import json
 from math import ceil
@@ -30,6 +31,7 @@ from fret_monitor.bag.check import (
 )
 from fret_monitor.bag.findings import Findings, Slack
 from fret_monitor.bag.fleet import also_asked
+from fret_monitor.bag.slack import slack_of_trace
 from fret_monitor.bag.trace import Trace
 from fret_monitor.messages.installed import find_message
 import pytest
@@ -193,3 +195,86 @@ def test_recordings_are_ranked_by_their_slack(tmp_path: Path) -> None:
         ('LAND', 'late.csv', '2', 'steps', '1.000000000', '2.000000000'),
         ('FAST', 'late.csv', '-1', 'steps', '3.000000000', '6.000000000'),
         ('FAST', 'early.csv', '1', 'steps', '3.000000000', '4.000000000')]
+
+
+@pytest.mark.parametrize('unit', HEAD)
+def test_simulate_finds_the_slack_that_bag_finds(unit: str, tmp_path: Path) -> None:
+    bundle = bundle_of(tmp_path, HEAD[unit], ((key, text.format(f'{BOUND} {unit}'))
+                                              for key, text in SENTENCES.items()), 'bundle.yaml')
+    rng, path, n = Random(f'{unit} simulate'), tmp_path / 'trace.csv', 0
+    reading = read_bundle(bundle, Selection(), find_message)
+    scale = 1 if unit == 'seconds' else SECOND  # a step of simulate is a row, a second apart
+
+    def scaled(item: Slack) -> Slack:
+        until = None if item.until is None else item.until * scale
+        return replace(item, trigger=item.trigger * scale, until=until)
+
+    for _ in range(3):
+        path.write_text('\n'.join(['time,m,p,r', *rows(rng, unit)]) + '\n')
+        with unoptimised():
+            found = slack_of_trace(reading, find_message, path)
+            expected = with_slack(bundle, path).findings
+        for item in expected:
+            own = found[item.id]
+            assert own.slack is None if item.slack is None else (
+                own.slack is not None and scaled(own.slack) == item.slack)
+            assert item.waiting == (None if own.waiting is None else own.waiting * scale)
+            assert [*map(scaled, own.slacks)] == [*item.slacks]
+            n += len(item.slacks)
+    assert n > 5
+
+
+def test_each_trigger_that_is_not_answered_at_once_has_its_slack(tmp_path: Path) -> None:
+    bundle = bundle_of(tmp_path, HEAD['ticks'], iter([
+        ('UPON', SENTENCES['UPON'].format(f'{BOUND} ticks'))]), 'bundle.yaml')
+    rng, path = Random(7), tmp_path / 'trace.csv'
+    found = [(rng.random() < 0.4, rng.random() < 0.15) for _ in range(80)]
+    found += [(False, True), (True, False), *[(False, False)] * BOUND]  # the last one: no answer
+    path.write_text('\n'.join(['time,m,p,r', *(
+        f'{k},0,{p:d},{r:d}' for k, (p, r) in enumerate(found))]) + '\n')
+    waits: list[tuple[int, int | None]] = []
+    for k, (p, r) in enumerate(found):
+        is_waiting = bool(waits) and waits[-1][1] is None
+        if is_waiting and r:
+            waits[-1] = waits[-1][0], k
+        elif not is_waiting and not r and p and not (k and found[k - 1][0]):
+            waits.append((k, None))
+    item, = with_slack(bundle, path).findings
+    expected = [(BOUND - ((len(found) if until is None else until) - trigger), trigger * SECOND,
+                 None if until is None else until * SECOND) for trigger, until in waits]
+    assert [(each.left, each.trigger, each.until) for each in item.slacks] == expected
+    assert len(expected) > 5 and expected[-1] == (-1, 81 * SECOND, None)
+
+
+def test_simulate_says_the_slack_of_a_trace(tmp_path: Path) -> None:
+    bundle, path = write_bundle(tmp_path, LANDING), tmp_path / 'run.csv'
+    path.write_text('\n'.join(ROWS) + '\n')
+    table = tmp_path / 'margins.csv'
+    lines = ['LAND: least slack 2 steps, trigger at step 1, response at step 2',
+             'FAST: least slack -1 steps, trigger at step 3, response at step 6']
+    done = run('simulate', bundle, '--trace', path, '--margins', table)
+    assert done.err.splitlines() == lines
+    done = run('simulate', bundle, '--trace', path, '--margins', table, '--verdicts',
+               tmp_path / 'verdicts.csv')
+    assert [line for line in done.out.splitlines() if 'slack' in line] == lines
+    found = json.loads(run('simulate', bundle, '--trace', path, '--margins', table, '--json').out)
+    land, low, fast = found['requirements']
+    assert land['slack'] == {'left': 2, 'unit': 'steps', 'trigger': 1, 'until': 2}
+    assert land['waiting'] == 6 and not {'slack', 'waiting'} & {*low}
+    assert fast['slack']['left'] == -1 and 'waiting' not in fast
+    assert 'slack' not in run('simulate', bundle, '--trace', path, '--json').out
+
+
+def test_a_report_has_the_least_slacks_and_that_of_each_occurrence(tmp_path: Path) -> None:
+    bundle, path, report = (write_bundle(tmp_path, LANDING), tmp_path / 'run.csv',
+                            tmp_path / 'report.html')
+    path.write_text('\n'.join(ROWS) + '\n')
+    assert run('bag', bundle, path, '--margins', '--report', report).status == 0
+    land, low, fast = report.read_text().split('<article')[1:]
+    assert '<p>Least slack: 2 steps.</p>' in land
+    assert 'slack' not in low.split('</article>')[0].lower()
+    assert '<p>Least slack: -1 steps.</p>' in fast
+    assert '<td>3 s</td><td>6 s</td><td>-1 steps</td>' in fast
+    assert '<br>Slack: -1 steps.' in fast
+    assert run('bag', bundle, path, '--report', report).status == 0
+    assert 'lack' not in report.read_text().split('<article', 1)[1].split('</article>')[0]
