@@ -411,9 +411,11 @@ class Evaluator:
         """Return in which rows a message of a measured input came; NULL: in all."""
         inputs = self.monitor.manifest.inputs
         item = inputs[index]
+        if not item.source.is_measured:
+            return ffi.NULL
         for other, column in zip(inputs, columns, strict=True):
-            if item.source.is_measured and other.source is InputSource.RECEIVED \
-                    and other.topic == item.topic and item.topic and column is not None:
+            if other.source is InputSource.RECEIVED and item.topic and column is not None \
+                    and other.topic == item.topic:
                 return ffi.from_buffer(column)
         return ffi.NULL
 

@@ -16,8 +16,9 @@
 The page of `fret-monitor studio`: write requirements, read what they mean, try them on a trace.
 
 `server.py` answers the browser, `folder.py` reads and writes the bundles of one folder,
-`process.py` runs the questions of a page in processes that can be ended (`questions.py`). The
-page itself is in `page/`. No meaning of its own: all answers are from `editing`, `explain` and
-the compiled monitors. A running monitor is watched by another process (`live.py`, `watching.py`),
-which evaluates nothing.
+`process.py` runs the questions of a page in processes that can be ended (`questions.py`);
+`drawn_trace.py` runs a bundle on a trace, part by part. The page itself is in `page/`. No
+meaning of its own: all answers are from `editing`, `explain` and the compiled monitors. A
+running monitor is watched by another process (`live.py`, `watching.py`), which evaluates
+nothing.
 """

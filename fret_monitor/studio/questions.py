@@ -21,15 +21,10 @@ Offsets are in UTF-16 units, as those of JavaScript. A value over the steps of a
 of `[first step, value]`, one for each change.
 """
 
-from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-import csv
 from dataclasses import replace
-from functools import lru_cache
-from itertools import islice
 import json
-import math
 from pathlib import Path
 import resource
 import sys
@@ -37,7 +32,7 @@ import tempfile
 from typing import Any, TypeAlias
 
 from fret_monitor.bag.required import require_rosbags
-from fret_monitor.build import compile_monitor, generate_monitor, Reading
+from fret_monitor.build import Reading
 from fret_monitor.bundle.source_file import ReadFile
 from fret_monitor.editing import (
     blank_form, code_of, complete, EditedBundle, fixes, formatted, hover, picture, PositionMap,
@@ -48,20 +43,20 @@ from fret_monitor.logic.formula import Binary, BinaryOperator
 from fret_monitor.logic.scopes import one_instance
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import InputSource, Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library
-from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.errors import NativeError
-from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.studio.drawn_trace import CompiledPart, DrawnTrace, parts_of
 from fret_monitor.studio.folder import Folder
 from fret_monitor.studio.plan import plan
-from fret_monitor.studio.values import column, nanoseconds, packed, Refused, runs, seconds, shown
+from fret_monitor.studio.values import column, nanoseconds, Refused, runs, seconds, shown, start
 
 Question: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Any
 
 MOST_STEPS = 100_000
+_MOST_PARTS = 64  # that are kept beside those of the present text
 _MEMORY = 3_000_000_000
 _FIXED = 5  # diagnostics for which fixes are looked for: each way is tried
 _MOST_KEYS = 4  # listed ones, of which a trace has inputs
@@ -77,7 +72,9 @@ class Questions:
         self._folder = Folder(folder)
         self._last: tuple[tuple[str, str], EditedBundle] | None = None
         self._memory = RequirementMemory()
-        self._compiled = lru_cache(maxsize=4)(self._compile)
+        self._is_ready = False  # what all bundles share is compiled
+        self._compiled: dict[Specification, CompiledPart] = {}
+        self._divided: dict[tuple[str, str, bool], tuple[Specification, ...]] = {}
         self._answers: dict[str, Callable[[Question], Answer]] = {
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
             'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
@@ -212,31 +209,49 @@ class Questions:
     # What compiles.
 
     def _prepare(self, question: Question) -> Answer:
-        """Compile what all bundles share: the first time after an installation, it takes long."""
-        evaluator_library()
+        """
+        Compile something that the next question needs; return whether there is more.
+
+        First what all bundles share: after an installation, it takes long.
+        """
+        if not self._is_ready:
+            evaluator_library()
+            self._is_ready = True
+        parts = self._parts(question) if question.get('text') else ()
+        missing = [part for part in parts if part not in self._compiled]
+        if missing:
+            self._compiled[missing[0]] = CompiledPart(missing[0])
+        return len(missing) > 1
 
     def _explain(self, question: Question) -> Answer:
         from fret_monitor.explain.report import as_dict, explain
         found, _ = explain(self._reading(question), [question['id']])
         return as_dict(found[0])
 
-    def _compile(self, name: str, text: str,
-                 has_margins: bool) -> tuple[CompiledMonitor, Specification]:
-        reading = self._traced({'name': name, 'text': text})
-        reading = replace(reading, specification=replace(
-            reading.specification, has_margins=has_margins))
-        return compile_monitor(generate_monitor(reading)), reading.specification
+    def _parts(self, question: Question) -> tuple[Specification, ...]:
+        key = question['name'], question['text'], bool(question.get('margins'))
+        if key not in self._divided:
+            self._divided = {key: parts_of(replace(
+                self._traced(question).specification, has_margins=key[2]))}
+        return self._divided[key]
 
     def _simulate(self, question: Question) -> Answer:
-        has_margins = bool(question.get('margins'))
-        compiled, specification = self._compiled(
-            question['name'], question['text'], has_margins)
-        found: dict[str, Any] = {'csv': None, 'margins': None}
-        if question.get('csv') or has_margins:
-            with self._trace(question, specification) as trace:
-                found['csv'] = trace.read_text(encoding='utf-8')
-                found['margins'] = _margins(compiled, trace) if has_margins else None
-        return {**found, 'verdicts': _verdicts(compiled, specification, question)}
+        while self._prepare(question):
+            pass
+        specification = self._traced(question).specification
+        trace = DrawnTrace(question['values'], _steps(question), nanoseconds(
+            question.get('period')) if specification.policy is Policy.TIMED else 0)
+        parts = self._parts(question)
+        found = [self._compiled[part].lanes(trace) for part in parts]
+        for unused in [part for part in self._compiled if part not in parts][:-_MOST_PARTS]:
+            del self._compiled[unused]
+        csv = None
+        if question.get('csv'):
+            with self._trace(question, specification) as path:
+                csv = path.read_text(encoding='utf-8')
+        return {'csv': csv, **{
+            kind: {name: lane for lanes in found for name, lane in getattr(lanes, kind).items()}
+            for kind in ('verdicts', 'margins')}}
 
     @contextmanager
     def _trace(self, question: Question, specification: Specification) -> Iterator[Path]:
@@ -396,7 +411,8 @@ def _input(signal: Signal) -> Answer:
         'numbers': [index if isinstance(number, str) else number
                     for index, (_, number) in enumerate(signal.values)],
         'topic': signal.topic or '', 'message': signal.message_type or '',
-        'initial': None if signal.initial is None else shown(signal.initial, signal)}
+        'initial': shown(start(signal), signal) if signal.initial is not None
+        or signal.source is InputSource.RECEIVED else None}
 
 
 def _requirement(item: Property, places: Utf16) -> Answer:
@@ -411,53 +427,6 @@ def _steps(question: Question) -> int:
     if not 1 <= steps <= MOST_STEPS:
         raise Refused(f'a trace has 1 to {MOST_STEPS:,} steps')
     return steps
-
-
-def _verdicts(compiled: CompiledMonitor, specification: Specification,
-              question: Question) -> dict[str, list[tuple[float, int]]]:
-    """Return the changes of each verdict, as `simulate` finds them, without a file."""
-    from fret_monitor.traces.simulate import for_trace
-    steps, monitor = _steps(question), for_trace(compiled.monitor)
-    period = nanoseconds(question.get('period')) if specification.policy is Policy.TIMED else 1
-    columns = [packed(signal, question['values'].get(signal.name, []), steps)
-               for signal in specification.signals]
-    rows = Evaluator(monitor).rows(columns, array('q', range(0, steps * period, period)))
-    scale = 10**9 if specification.policy is Policy.TIMED else 1
-    return _changes(rows, [item.id for item in monitor.manifest.requirements], scale)
-
-
-def _changes(rows: Iterable[tuple['array[int]', bytes]], ids: Sequence[str],
-             scale: int) -> dict[str, list[tuple[float, int]]]:
-    """Return the changes of each verdict: at which step, or at how many seconds."""
-    found: dict[str, list[tuple[float, int]]] = {name: [] for name in ids}
-    before = b''
-    for instants, verdicts in rows:
-        for place, instant in enumerate(instants):
-            row = verdicts[place * len(ids):(place + 1) * len(ids)]
-            if row == before:
-                continue
-            for number, (name, verdict) in enumerate(zip(ids, row, strict=True)):
-                if not before or before[number] != verdict:
-                    found[name].append((instant if scale == 1 else instant / scale, verdict))
-            before = row
-    return found
-
-
-def _margins(compiled: CompiledMonitor,
-             trace: Path) -> dict[str, list[tuple[float, float | str, str]]]:
-    """Return the changes of each margin, with the comparison that decides."""
-    from fret_monitor.traces.simulate import simulate
-    path = trace.with_name('margins.csv')
-    simulate(compiled.monitor, trace, trace.with_name('verdicts.csv'), margins=path)
-    found: dict[str, list[tuple[float, float | str, str]]] = {}
-    with path.open(encoding='utf-8', newline='') as file:
-        for when, name, margin, _, comparison, *_ in islice(csv.reader(file), 1, None):
-            changes = found.setdefault(name, [])
-            value = float(margin) if margin else math.nan
-            shown_value = value if math.isfinite(value) else margin or 'nan'
-            if not changes or changes[-1][1:] != (shown_value, comparison):
-                changes.append((float(when), shown_value, comparison))
-    return found
 
 
 def main() -> int:

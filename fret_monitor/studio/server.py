@@ -245,11 +245,17 @@ class Talk:
                 return await self._live.end()
             case 'reset':
                 return await self._live.tell({'reset': str(question['node'])})
-        if do in _COMPILED:
-            await self._slow.ask({'do': 'prepare'}, lambda: True, _PREPARING_S)
+
+        def is_wanted() -> bool:
+            return bool(self._newest[do] == question['number'])
+
+        if do in _COMPILED:  # part by part, so that other questions have their turn
+            prepare = {**question, 'do': 'prepare'} if do == 'simulate' else {'do': 'prepare'}
+            while await self._slow.ask(prepare, is_wanted, _PREPARING_S):
+                pass
         process = self._slow if do in _SLOW else \
             self._recordings if do in _OF_RECORDINGS else self._quick
-        return await process.ask(question, lambda: self._newest[do] == question['number'])
+        return await process.ask(question, is_wanted)
 
     async def _watch(self) -> None:
         """Tell the page when its file was changed by somebody else, or a recording has come."""

@@ -19,11 +19,13 @@ A value over the steps of a trace is a list of `[first step, value]`, one for ea
 """
 
 from array import array
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise, repeat
 from typing import Any, TypeAlias
 
 from fret_monitor.logic.specification import Signal
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
 
 Changes: TypeAlias = Sequence[tuple[int, bool | int | float | str]]
@@ -47,12 +49,15 @@ def column(signal: Signal, changes: Changes, steps: int) -> Iterator[bool | int 
         yield from repeat(value, count)
 
 
-def packed(signal: Signal, changes: Changes, steps: int) -> 'array[Any]':
-    """Return the values of an input at each step, as `Evaluator.rows` takes them."""
+def packed(signal: Signal, changes: Changes, steps: int, rows: Sequence[int]) -> 'array[Any]':
+    """Return the values of an input at some of the steps, as `Evaluator.rows` takes them."""
     found: array[Any] = array(signal.type.typecode)
+    place = step = 0
     for value, count in _stretches(signal, changes, steps):
+        step += count
+        before, place = place, bisect_left(rows, step)
         try:
-            found.extend(array(signal.type.typecode, [value]) * count)
+            found.extend(array(signal.type.typecode, [value]) * (place - before))
         except OverflowError:
             raise Refused(f'{signal.name} is of type {signal.type.value}: {value} is no value '
                           'of it') from None
@@ -64,14 +69,17 @@ def _stretches(signal: Signal, changes: Changes,
     """Yield the values of an input, each with the number of steps for which it holds."""
     found = [(int(first), _value(signal, value)) for first, value in changes if first < steps]
     if not found or found[0][0] != 0:
-        found.insert(0, (0, _start(signal)))
+        found.insert(0, (0, start(signal)))
     for (first, value), (after, _) in pairwise([*found, (steps, 0)]):
         yield value, after - first
 
 
-def _start(signal: Signal) -> bool | int | float:
+def start(signal: Signal) -> bool | int | float:
+    """Return the value that an input has until another one is drawn."""
     if signal.initial is not None:
         return signal.initial
+    if signal.source is InputSource.RECEIVED:
+        return True  # a step is a message
     return False if signal.type is ValueType.BOOL else \
         0.0 if signal.type.is_float else 0
 

@@ -348,7 +348,7 @@ def test_a_question_that_takes_too_long_is_ended_and_the_next_is_answered(
         assert not [*tmp_path.glob('fret_monitor-*')]
         # What all bundles share is compiled for longer than that.
         answering = Answering(tmp_path, limit_s=0.001)
-        assert await answering.ask({'do': 'prepare'}, lambda: True, 300) is None
+        assert await answering.ask({'do': 'prepare'}, lambda: True, 300) is False
         await answering.end()
         answering = Answering(tmp_path)
         with pytest.raises(Unanswered, match=OUTDATED):

@@ -22,6 +22,9 @@ from typing import Any
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.explain.report import as_dict, explain
+from fret_monitor.logic.specification import Specification
+from fret_monitor.studio import drawn_trace
+from fret_monitor.studio.drawn_trace import CompiledPart
 from fret_monitor.studio.questions import Questions, Utf16
 import pytest
 
@@ -129,6 +132,90 @@ def test_verdicts_are_those_of_simulate(tmp_path: Path, text: str) -> None:
         for label, *cells in rows:
             now = changes.get(float(label), now)
             assert now == int(cells[number]), (name, label)
+
+
+MIXED = """\
+format: 1
+evaluation: {policy: timed}
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float64, max_rate: 50}
+  hot: {topic: hot, type: std_msgs/msg/Bool, max_rate: 50}
+  scan: {topic: scan, type: std_msgs/msg/Float64, field: rate(1 s), max_rate: 50}
+  front: {topic: front, type: std_msgs/msg/Float64}
+actions: {stop: {lock: {topic: e_stop}}}
+gates:
+  drive: {from: a, to: b, type: std_msgs/msg/Float64, keep: [NEAR], otherwise: drop}
+requirements:
+  - {id: MEAN, ptltl: "meanOver(0.5 s, x) <= 0.75"}
+  - {id: ONCE, ptltl: "O[0.15 s, 0.35 s] hot -> x < 1.5"}
+  - {id: NEAR, ptltl: "front > 0.5", on_violation: [stop]}
+  - {id: HELD, ptltl: "heldAt(hot, x) < 0.5"}
+  - {id: BUSY, ptltl: "timeOver(1 s, x > 0.5) <= 0.75"}
+  - {id: SOON, fretish: upon hot the robot shall within 0.25 seconds satisfy x > 1.75}
+  - {id: SCANS, ptltl: "scan >= 5"}
+"""
+COUNTED = MIXED.replace('timed', 'every_message').replace('0.15 s, 0.35 s', '1, 3').replace(
+    '0.25 seconds', '2 ticks').replace('0.5 s', '5').replace(
+    'timeOver(1 s, x > 0.5) <= 0.75', 'countOver(9, x > 0.5) <= 6')
+
+
+@pytest.mark.parametrize('text', [MIXED, COUNTED], ids=['timed', 'steps'])
+def test_parts_of_a_bundle_have_the_verdicts_of_the_whole(
+    tmp_path: Path, text: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(drawn_trace, '_IN_PART', 3)
+    path, trace, verdicts = (tmp_path / name for name in ('b.yaml', 'trace.csv', 'verdicts.csv'))
+    path.write_text(text)
+    questions, seen = Questions(tmp_path), set()
+    for values in (  # one after the other, by the same compiled parts
+            {'x': [[0, 0.25], [4, 2.0], [13, 0.5]], 'hot': [[0, False], [2, True], [8, False]],
+             'front': [[0, 1.0], [20, 0.0], [25, 1.0]], 'scan': [[0, 9.0], [7, 1.0]]},
+            {'x': [[0, 2.0], [1, 0.0]], 'hot': [[3, True], [4, False], [9, True]],
+             'x_received': [[5, False], [30, True]]},
+            {'x': [[0, 2.0], [1, 0.0]], 'hot': [[3, True], [4, False]],
+             'x_received': [[5, False], [30, True]]}):
+        question = {'name': 'b.yaml', 'text': text, 'steps': 40, 'period': 0.1, 'values': values}
+        found = questions.answer({'do': 'simulate', 'csv': True, **question})['answer']
+        trace.write_text(found['csv'])
+        assert main(['simulate', str(path), '--trace', str(trace),
+                     '--verdicts', str(verdicts)]) == 0
+        heading, *rows = [line.split(',') for line in verdicts.read_text().splitlines()]
+        for number, name in enumerate(heading[1:], start=1):
+            changes = {float(row[0]): int(row[number]) for place, row in enumerate(rows)
+                       if not place or rows[place - 1][number] != row[number]}
+            assert dict(found['verdicts'][name]) == changes, name
+            seen |= {(name, value) for value in changes.values()}
+    assert len(seen) == 14  # each requirement was satisfied, and violated
+
+
+def test_a_change_of_a_requirement_compiles_its_part_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(drawn_trace, '_IN_PART', 3)
+    compiled: list[tuple[str, ...]] = []
+
+    class Noted(CompiledPart):
+
+        def __init__(self, part: Specification) -> None:
+            compiled.append(tuple(item.id for item in part.properties))
+            super().__init__(part)
+
+    monkeypatch.setattr('fret_monitor.studio.questions.CompiledPart', Noted)
+    questions = Questions(tmp_path)
+
+    def simulate(text: str) -> dict[str, Any]:
+        question = {'name': 'b.yaml', 'text': text, 'steps': 9, 'values': {}}
+        while questions.answer({'do': 'prepare', **question})['answer']:
+            pass
+        return dict(questions.answer({'do': 'simulate', **question})['answer']['verdicts'])
+
+    simulate(COUNTED)
+    assert sorted(sum(compiled, ())) == sorted(
+        ['MEAN', 'ONCE', 'NEAR', 'HELD', 'BUSY', 'SOON', 'SCANS'])
+    compiled.clear()
+    assert simulate(f'# x\n{COUNTED}'.replace('front > 0.5', 'front < 0.5'))['NEAR'] == [(0, 1)]
+    assert simulate(COUNTED)['NEAR'] == [(0, 0)]
+    assert len(compiled) == 1 and 'NEAR' in compiled[0] and len(compiled[0]) < 7
 
 
 @pytest.mark.parametrize('text', [BUNDLE, TIMED], ids=['steps', 'timed'])
