@@ -18,7 +18,8 @@ Check recordings beside merely reading them, and beside a script that evaluates 
 Each row is a recording. `raw` is the time to read its messages with `rosbags`; `ours` is that of
 `fret-monitor bag` after the start, in the same process, in interleaved rounds; a ratio is the
 median of the rounds'. The script deserialises with `rosbags` and evaluates the same formula with
-reelay, where it is installed. Memory is the growth of the largest resident size.
+reelay, where it is installed. Memory is the growth of the largest resident size. `bag --margins`
+is compared with `bag`, start included, in the same way.
 
     python -m bench.bags
 """
@@ -36,6 +37,7 @@ import time
 from typing import Any
 
 from fret_monitor.bag.check import check_recording, Selection
+from fret_monitor.bag.fleet import asked
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
@@ -49,7 +51,7 @@ LARGE_ITEMS = 131_072  # of 8 bytes: 1 MiB
 BUNDLE = """format: 1
 evaluation: {policy: timed}
 inputs:
-  value: {topic: value, type: TYPE, field: FIELD}
+  value: {topic: value, type: TYPE, field: FIELD, max_rate: 2000}
 requirements:
 """
 KEYS = 1000
@@ -67,6 +69,10 @@ KEYED_INPUTS = {
                  'where: "header.frame_id = {robot}"',
 }
 REQUIREMENT = '  - {id: R-%d, ptltl: "H (value > 0.9%d -> O[0, 100 ms] value < 0.5)"}\n'
+MARGINS = {
+    'formulas': REQUIREMENT,
+    'deadlines': '  - {id: R-%d, fretish: "upon value > 0.9%d the robot shall within 100 '
+                 'milliseconds satisfy value < 0.5"}\n'}
 
 
 def main() -> int:
@@ -84,6 +90,13 @@ def main() -> int:
         for storage in StoragePlugin:
             for name in KEYED_INPUTS:
                 print(keyed_row(folder, storage, name, 200_000), flush=True)
+        print()
+        print('| small messages | without | --margins | ratio | and --triggers | ratio |')
+        print('|---|---|---|---|---|---|')
+        for storage in StoragePlugin:
+            for count in (10_000, 300_000):
+                for kind in MARGINS:
+                    print(margins_row(folder, storage, kind, count), flush=True)
         print()
         print(memory(folder))
         print(processes(folder))
@@ -187,6 +200,25 @@ def compared(name: str, spec: Path, path: Path, none: Path, count: int) -> str:
     raw, mine = (median(column) * 1e6 / count for column in zip(*pairs))
     ratio = median(one / other for other, one in pairs)
     return f'| {name} | {count:,} | {raw:.2f} us | {mine:.2f} us | {ratio:.2f} |'
+
+
+def margins_row(folder: Path, storage: StoragePlugin, kind: str, count: int) -> str:
+    """Compare checking with margins, and with margins and triggers, with checking."""
+    path, spec = recording(folder, storage, SMALL, count), folder / f'{kind}.yaml'
+    spec.write_text(BUNDLE.replace('TYPE', SMALL).replace('FIELD', 'data') + ''.join(
+        MARGINS[kind] % (number, number) for number in range(REQUIREMENTS)), encoding='utf-8')
+    selections = [Selection(), Selection(margins=True), Selection(margins=True, triggers=True)]
+
+    def took(selection: Selection) -> float:
+        return seconds(lambda: check_recording(spec, path, selection, asides=asked))
+
+    for selection in selections:
+        took(selection)  # compiles
+    rounds = [[took(selection) for selection in selections] for _ in range(ROUNDS)]
+    without, closest, both = (f'{median(column):.3f} s' for column in zip(*rounds))
+    ratios = [f'{median(each[place] / each[0] for each in rounds):.2f}' for place in (1, 2)]
+    return (f'| {storage.name.lower()}, {count:,}, {kind} | {without} | {closest} | {ratios[0]} | '
+            f'{both} | {ratios[1]} |')
 
 
 def resident() -> int:

@@ -46,20 +46,35 @@ from fret_monitor.native.errors import NativeError
 
 if TYPE_CHECKING:
     from fret_monitor.build import GeneratedMonitor, Reading
+    from fret_monitor.elaboration.signals import FindMessage
 
 _NOTES = 'bundles'
 _MOST_NOTES = 1000  # beyond this the least recently used are removed
 
 
+@dataclass(frozen=True)
+class Variant:
+    """
+    What is compiled in place of a bundle's own requirements.
+
+    `make` makes it of what was read, and of a function that finds message types; the cache knows
+    it by its `name`.
+    """
+
+    name: str
+    make: Callable[['Reading', 'FindMessage'], 'Reading']
+
+
 def start(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
           constants: Mapping[str, Text] | None = None,
           part: NodePart | None = None, takes_instances: bool = False,
-          margins: bool = False) -> CompiledMonitor:
+          margins: bool = False, variant: Variant | None = None) -> CompiledMonitor:
     """
     Return a compiled bundle, or a part of one, with the library of the evaluator.
 
     `policy`, `period` (seconds) and `constants` override the bundle's; `takes_instances` is as in
-    `build.read`. With `margins`, its steps compute margins too.
+    `build.read`. With `margins`, its steps compute margins too. With a `variant`, that is
+    compiled.
 
     Raises
     ------
@@ -69,7 +84,8 @@ def start(path: Path, *, policy: Policy | None = None, period: Fraction | None =
         if there is no C compiler, it fails, or the cache is not safe to use.
     """
     return _start(path, _Overrides(policy, period, constants or {}, part,
-                                   takes_instances=takes_instances, margins=margins))
+                                   takes_instances=takes_instances, margins=margins,
+                                   variant=variant))
 
 
 def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identity: str, *,
@@ -90,7 +106,8 @@ def start_program(path: Path, make: Callable[['GeneratedMonitor'], Path], identi
 
 def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | None = None,
                 constants: Mapping[str, Text] | None = None,
-                part: NodePart | None = None) -> Manifest:
+                part: NodePart | None = None, margins: bool = False,
+                variant: Variant | None = None) -> Manifest:
     """
     Return the manifest of a bundle or a part of one, as `start` would; needs no compiler.
 
@@ -99,7 +116,8 @@ def manifest_of(path: Path, *, policy: Policy | None = None, period: Fraction | 
     CompileError
         with all problems of the bundle.
     """
-    overrides = _Overrides(policy, period, constants or {}, part, takes_instances=True)
+    overrides = _Overrides(policy, period, constants or {}, part, takes_instances=True,
+                           margins=margins, variant=variant)
     try:
         note = _note(path, overrides)
         found = _recall(note, path) if note else None
@@ -128,6 +146,7 @@ class _Overrides:
     takes_instances: bool = False
     name: str | None = None
     margins: bool = False
+    variant: Variant | None = None
 
     def read(self, path: Path) -> 'Reading':
         from fret_monitor.build import read, with_name
@@ -136,12 +155,15 @@ class _Overrides:
         if self.margins:
             reading = replace(reading, specification=replace(
                 reading.specification, has_margins=True))
+        if self.variant is not None:
+            reading = self.variant.make(reading, find_message)
         return reading if self.name is None else with_name(reading, self.name)
 
     def texts(self) -> Iterator[str]:
         """Yield all that distinguishes these overrides from others."""
         yield from (repr(self.policy), repr(self.period), repr(self.part), self.program,
-                    repr(self.takes_instances), repr(self.name), repr(self.margins))
+                    repr(self.takes_instances), repr(self.name), repr(self.margins),
+                    repr(self.variant and self.variant.name))
         for name, text in sorted(self.constants.items()):
             yield from (name, text.source.name, text.value)
 

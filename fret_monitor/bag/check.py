@@ -53,7 +53,7 @@ from fret_monitor.runtime.evaluator import (
 )
 from fret_monitor.runtime.reporting import LogLevel, Reporter, ReportTable, StatusRecord
 from fret_monitor.runtime.scopes import KindCounts, Scopes
-from fret_monitor.start import manifest_of, start
+from fret_monitor.start import start, Variant
 
 if TYPE_CHECKING:  # a bundle in the cache needs no parser
     from fret_monitor.build import Reading
@@ -152,9 +152,31 @@ Watch = Callable[[Engine, AnyBatch], None]
 """Takes all messages or rows that are read, before the engine does."""
 
 
+@dataclass(frozen=True)
+class Aside:
+    """
+    Another monitor of the same inputs, for what is asked beside the verdicts.
+
+    It takes the same messages. `note` puts what it found into the findings of the bundle.
+    """
+
+    monitor: Monitor
+    note: Callable[[RecordingResult, Sequence[Findings]], None]
+    changes: Sequence[Changes] = ()
+
+
+MakeAsides = Callable[[Path, Selection, 'FindMessage'], Iterator[Aside]]
+"""Yields the asides of a bundle; errors as of `check_recording`."""
+
+
+def no_asides(bundle: Path, selection: Selection, find: 'FindMessage') -> Iterator[Aside]:
+    """Yield nothing."""
+    yield from ()
+
+
 def check_recording(
     bundle: Path, path: Path, selection: Selection, *, changes: Sequence[Changes] = (),
-    progress: Progress = no_progress,
+    progress: Progress = no_progress, asides: MakeAsides = no_asides,
 ) -> RecordingResult:
     """
     Run a bundle over a recording.
@@ -167,8 +189,9 @@ def check_recording(
         if the bundle cannot be compiled.
     """
     with opened(path) as (recording, find):
-        monitor = _compiled(bundle, selection, find).monitor
-        return run(monitor, recording, selection, changes=changes, progress=progress)
+        monitor = variant_of(bundle, selection, find, OCCURRENCES).monitor
+        return run(monitor, recording, selection, changes=changes, progress=progress,
+                   asides=[*asides(bundle, selection, find)])
 
 
 @contextmanager
@@ -183,42 +206,80 @@ def opened(path: Path) -> Iterator[tuple[AnyRecording, 'FindMessage']]:
 
 def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
         changes: Sequence[Changes] = (), watch: Watch | None = None,
-        progress: Progress = no_progress, checks_remaps: bool = True) -> RecordingResult:
+        progress: Progress = no_progress, checks_remaps: bool = True,
+        asides: Sequence[Aside] = ()) -> RecordingResult:
     """
-    Run a monitor over a recording; raises `CompileError` if they do not fit.
+    Run a monitor over a recording, and with it what is asked beside: the recording is read once.
 
-    Without `checks_remaps`, topics may be renamed that the monitor does not have.
+    Without `checks_remaps`, topics may be renamed that the monitor does not have. Raises
+    `CompileError` if it does not fit the recording.
     """
-    return _Run(monitor, recording, selection, changes, watch, progress, checks_remaps).result()
+    result, *found = _results(recording, [
+        _Run(monitor, recording, selection, changes, watch, progress, checks_remaps),
+        *(_Run(item.monitor, recording, replace(selection, margins=False), item.changes, None,
+               no_progress, checks_remaps=False, is_aside=True) for item in asides)])
+    for item, of_aside in zip(asides, found, strict=True):
+        item.note(of_aside, result.findings)
+    return result
 
 
-def _compiled(bundle: Path, selection: Selection, find: 'FindMessage') -> CompiledMonitor:
-    """Compile a bundle for the message definitions of a recording."""
+def _results(recording: AnyRecording, runs: Sequence['_Run']) -> list[RecordingResult]:
+    """Give each batch of a recording to all runs."""
+    for each in runs:
+        each.begin()
+    sources = {source: None for each in runs for source in each.wanted}
+    for each in runs:
+        each.route([*sources])
+    try:
+        for batch in recording.batches(
+                {source: place for place, source in enumerate(sources)}, runs[0].read_until):
+            for each in runs:
+                each.take(batch)
+    except DamagedRecording as error:
+        for each in runs:
+            each.cut_off(error)
+    return [each.end() for each in runs]
+
+
+def variant_of(bundle: Path, selection: Selection, find: 'FindMessage',
+               variant: Variant) -> CompiledMonitor:
+    """Compile a variant of a bundle for the message definitions of a recording."""
     if selection.stamp is None:
         try:
-            manifest = manifest_of(bundle, constants=selection.constants)
+            found = start(bundle, constants=selection.constants, takes_instances=True,
+                          margins=selection.margins, variant=variant)
         except CompileError:
             pass  # perhaps its messages are only in the recording
         else:
-            types = {item.message_type for item in manifest.topics}
-            if all(item.report is Report.OCCURRENCE for item in manifest.numbered) and all(
-                    fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
-                return start(bundle, constants=selection.constants, takes_instances=True,
-                             margins=selection.margins)
-    return compiled(read_bundle(bundle, selection, find))
+            types = {item.message_type for item in found.manifest.topics}
+            if all(fingerprint(find(name)) == fingerprint(find_message(name)) for name in types):
+                return found
+    return compiled(variant.make(_read(bundle, selection, find), find))
 
 
 def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage',
                 read_file: 'ReadFile | None' = None) -> 'Reading':
     """Read a bundle for a recording; all requirements report occurrences."""
+    return OCCURRENCES.make(_read(bundle, selection, find, read_file), find)
+
+
+def _read(bundle: Path, selection: Selection, find: 'FindMessage',
+          read_file: 'ReadFile | None' = None) -> 'Reading':
     from fret_monitor.build import read
     from fret_monitor.bundle.source_file import read_source
     reading = read(bundle, stamp=selection.stamp, constants=selection.constants,
                    find_message=find, takes_instances=True, read_file=read_file or read_source)
-    properties = tuple(replace(item, report=Report.OCCURRENCE)
-                       for item in reading.specification.properties)
     return replace(reading, specification=replace(
-        reading.specification, properties=properties, has_margins=selection.margins))
+        reading.specification, has_margins=selection.margins))
+
+
+def _with_occurrences(reading: 'Reading', _: 'FindMessage') -> 'Reading':
+    return replace(reading, specification=replace(reading.specification, properties=tuple(
+        replace(item, report=Report.OCCURRENCE) for item in reading.specification.properties)))
+
+
+OCCURRENCES = Variant('occurrences', _with_occurrences)
+"""The requirements of a bundle, which all report occurrences."""
 
 
 def requirement_texts(bundle: Path, path: Path, selection: Selection) -> dict[str, str]:
@@ -240,9 +301,10 @@ class _Run:
 
     def __init__(self, monitor: Monitor, recording: AnyRecording, selection: Selection,
                  changes: Sequence[Changes], watch: Watch | None,
-                 progress: Progress, checks_remaps: bool) -> None:
+                 progress: Progress, checks_remaps: bool, is_aside: bool = False) -> None:
         self._recording = recording
         self._checks_remaps = checks_remaps
+        self._is_aside = is_aside  # nobody asks what is still open
         self._selection = selection
         self._changes = changes
         self._watch = watch
@@ -287,6 +349,7 @@ class _Run:
             Findings(item.id, variable=variable, probability=item.probability)
             for item, variable in zip(
                 self._manifest.numbered, self._manifest.variable_of, strict=True)]
+        self.wanted: dict[tuple[str, str], list[Target]] = {}
         self._trials = self._evaluator.log_trials() if self._manifest.tests else None
         self._ended = self._scopes.log_closest() if self._scopes and selection.margins else None
         self._fit = None if isinstance(recording, Trace) else MessageFit(
@@ -298,14 +361,14 @@ class _Run:
             refuse('`bag` does not run a trace with a bundle with for_each',
                    help='fret-monitor simulate does')
 
-    def result(self) -> RecordingResult:
+    def begin(self) -> None:
+        """Get ready for the first batch."""
         manifest, recording, selection = self._manifest, self._recording, self._selection
         if recording.end > LAST_TIME:
             refuse(f"'{recording.path}' ends at {recording.end} ns: nanoseconds since 1970 must "
                    f'not exceed {LAST_TIME}, which is in the year 2261')
-        wanted: dict[tuple[str, str], list[Target]] = {}
         for source, target in self._wanted():
-            wanted.setdefault(source, []).append(target)
+            self.wanted.setdefault(source, []).append(target)
         begin = _at(selection.begin, recording, recording.start)
         self._is_part = selection.begin is not None
         if recording.is_trace:  # its time begins with the first row
@@ -313,15 +376,28 @@ class _Run:
             begin = max(begin, recording.start)
         last = min(_at(selection.end, recording, recording.end), recording.end)
         self._check_part(begin, last)
-        is_limited = last < recording.end
-        end = self._end(last)
+        self._is_limited = last < recording.end
+        self._begin, self._last_time = begin, last
         self._leave_out(self._missing)
         for each in self._changes:
-            each.begin(begin, end, manifest)
-        self._play(wanted, begin, last if is_limited else None)
-        if not is_limited:
-            last = self._last(last)
-            end = self._end(last)
+            each.begin(begin, self._end(last), manifest)
+        if not self._is_part:  # stamps may be before the first reception
+            self._judge_from(begin)
+        if not recording.is_trace:
+            self._engine.advance(min(begin, recording.start))
+
+    @property
+    def read_until(self) -> int | None:
+        """The time (ns) up to which the recording is read; None: to its end."""
+        return self._last_time + self._manifest.reorder if self._is_limited else None
+
+    def end(self) -> RecordingResult:
+        """Return what was found, once the last batch was taken."""
+        manifest, recording, begin = self._manifest, self._recording, self._begin
+        if not self._is_judging:
+            self._judge_from(begin)
+        last = self._last_time if self._is_limited else self._last(self._last_time)
+        end = self._end(last)
         self._take(self._engine.advance_all(end + manifest.reorder, most=self._most))
         for each in self._changes:
             each.end(end)
@@ -329,7 +405,7 @@ class _Run:
         self._finish(end)
         self._complain()
         read = dict(zip(self._names, self._read))
-        if not is_limited:
+        if not self._is_limited:
             self._compare(read)
         return RecordingResult(
             recording.path, manifest, self._recorded, read, self._in_order(),
@@ -519,46 +595,38 @@ class _Run:
         self._missing.add(index)
         (self._warnings if self._selection.may_miss else self._errors).append(text)
 
-    def _play(self, wanted: Mapping[tuple[str, str], Sequence[Target]], begin: int,
-              last: int | None) -> None:
-        most = max(1, sum(self._recorded.values()))
-        reorder = self._manifest.reorder
-        if not self._is_part:  # stamps may be before the first reception
-            self._judge_from(begin)
+    def route(self, sources: Sequence[tuple[str, str]]) -> None:
+        """Say which recorded topics are read, in the order of their numbers."""
         if not self._recording.is_trace:
-            self._engine.advance(min(begin, self._recording.start))
-        try:
-            for batch in self._batches(wanted, None if last is None else last + reorder):
-                if self._fit is not None and isinstance(batch, Batch):
-                    self._leave_out(self._fit.look_at(batch))
-                if self._watch is not None:
-                    self._watch(self._engine, batch)
-                if not self._is_judging:
-                    before = batch.before(begin + reorder)
-                    self._deliver(before)
-                    if len(before.times) < len(batch.times):
-                        self._judge_from(begin)
-                        self._deliver(batch.after(len(before.times)))
-                else:
-                    self._deliver(batch)
-                self._latest = max(self._latest, batch.times[-1])
-                self._progress(sum(self._read) / most, self._recording.path.name)
-        except DamagedRecording as error:
-            self._is_cut_off = True
-            self._errors.append(f'the recording cannot be read to its end: {error}')
-        if not self._is_judging:
-            self._judge_from(begin)
+            self._routes = Routes([self.wanted.get(source, ()) for source in sources])
 
-    def _batches(self, wanted: Mapping[tuple[str, str], Sequence[Target]],
-                 last: int | None) -> Iterator[AnyBatch]:
-        if isinstance(self._recording, Trace):
-            yield from self._recording.batches(
-                {source: found[0][0] for source, found in wanted.items()}, last)
-            return
-        routes = Routes([*wanted.values()])
-        numbers = {source: place for place, source in enumerate(wanted)}
-        for batch in self._recording.batches(numbers, last):
-            yield routes.deliver(batch)
+    def take(self, batch: AnyBatch) -> None:
+        """Take messages or rows, as `Recording.batches` yields them."""
+        if isinstance(batch, Batch):
+            batch = self._routes.deliver(batch)
+            if not batch.times:
+                return
+        if self._fit is not None and isinstance(batch, Batch) and (
+                misfits := self._fit.look_at(batch)):
+            self._leave_out(misfits)
+        if self._watch is not None:
+            self._watch(self._engine, batch)
+        if not self._is_judging:
+            before = batch.before(self._begin + self._manifest.reorder)
+            self._deliver(before)
+            if len(before.times) < len(batch.times):
+                self._judge_from(self._begin)
+                self._deliver(batch.after(len(before.times)))
+        else:
+            self._deliver(batch)
+        self._latest = max(self._latest, batch.times[-1])
+        self._progress(sum(self._read) / max(1, sum(self._recorded.values())),
+                       self._recording.path.name)
+
+    def cut_off(self, error: DamagedRecording) -> None:
+        """Note that the recording cannot be read to its end."""
+        self._is_cut_off = True
+        self._errors.append(f'the recording cannot be read to its end: {error}')
 
     def _leave_out(self, topics: Iterable[int]) -> None:
         """Judge no requirement that reads one of these topics."""
@@ -585,7 +653,6 @@ class _Run:
             self._scopes.forget_closest()
         self._before = list(map(self._counts, range(len(self._findings))))
         self._is_judging = True
-        self._begin = begin
         self._unjudged = [index for index in range(len(self._findings))
                           if index not in self._unread]
 
@@ -610,15 +677,21 @@ class _Run:
 
     def _take(self, found: Iterable[list[Violation]]) -> None:
         for batch in found:
+            if self._is_aside:
+                self._pass_on(batch)
+                continue
             details = list(self._details()) if self._wants_details else []
             details.reverse()
-            changed = {(violation.stamp, violation.requirement) for violation in batch}
-            first_steps = deque(item for item in self._first_steps() if item not in changed)
+            first_steps = deque(self._first_steps())
+            if first_steps:
+                changed = {(violation.stamp, violation.requirement) for violation in batch}
+                first_steps = deque(item for item in first_steps if item not in changed)
             for violation in batch:
                 # Both are queued together; a detail is missing if its queue was full.
                 has_detail = bool(details) and details[-1][0] == violation
                 detail = details.pop()[1] if has_detail else None
-                self._report_judged(first_steps, violation.stamp)
+                if first_steps:
+                    self._report_judged(first_steps, violation.stamp)
                 findings = self._findings[violation.requirement].of(violation.key)
                 if not self._is_judging or violation.requirement in self._unread or (
                         violation.is_recovery and findings.since is None):
@@ -637,6 +710,13 @@ class _Run:
     def _take_logs(self) -> None:
         self._take_trials()
         self._take_closest()
+
+    def _pass_on(self, found: Iterable[Violation]) -> None:
+        """Pass on what an aside finds; its occurrences are not kept."""
+        for violation in found if self._is_judging else ():
+            if violation.requirement not in self._unread:
+                for each in self._changes:
+                    each.change(violation, None)
 
     def _take_trials(self) -> None:
         """Note the trials that were decided."""
@@ -661,7 +741,8 @@ class _Run:
         """Set the verdicts."""
         is_timed = self._manifest.policy is Policy.TIMED
         all_counts = list(map(self._counts, range(len(self._findings))))
-        due = {} if not is_timed else self._open_instances() if self._scopes else self._open()
+        due = {} if not is_timed or self._is_aside else \
+            self._open_instances() if self._scopes else self._open()
         for index, (findings, before) in enumerate(zip(self._findings, self._before)):
             counts = all_counts[index]
             if index in self._unread:

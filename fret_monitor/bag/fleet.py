@@ -30,19 +30,26 @@ import json
 import logging
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from fret_monitor import __version__
-from fret_monitor.bag.check import check_recording, RecordingResult, Selection
+from fret_monitor.bag.check import (
+    Aside, check_recording, OCCURRENCES, RecordingResult, Selection,
+)
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import json_line
 from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
+from fret_monitor.bag.slack import slack_asides
+from fret_monitor.bag.triggers import trigger_asides
 from fret_monitor.bag.workers import workers
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, Problems, refuse
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.errors import NativeError
 from fret_monitor.start import manifest_of
+
+if TYPE_CHECKING:
+    from fret_monitor.elaboration.signals import FindMessage
 
 _Check = Callable[..., 'Outcome']
 _BLOCK = 1 << 20
@@ -72,29 +79,21 @@ def check_one(bundle: Path, path: Path, selection: Selection, *, settings: str =
     check: Callable[[], RecordingResult]
     page = None
     if reports is None:
-        check = partial(check_recording, bundle, path, selection, progress=progress)
+        check = partial(check_recording, bundle, path, selection, progress=progress, asides=asked)
     else:
         from fret_monitor.bag.report import check_and_report
         page = reports / page_name(path)
-        check = partial(check_and_report, bundle, path, selection, page, progress=progress)
-    return outcome_of(path, also_asked(check, bundle, path, selection, has_page=page is not None),
-                      settings, page)
+        check = partial(check_and_report, bundle, path, selection, page, progress=progress,
+                        asides=asked)
+    return outcome_of(path, check, settings, page)
 
 
-def also_asked(check: Callable[[], RecordingResult], bundle: Path, path: Path,
-               selection: Selection, *, has_page: bool = False) -> Callable[[], RecordingResult]:
-    """
-    Return a check that also finds out the slack, and whether triggers came, if asked.
-
-    A check that writes a page knows the slack: it is in the page.
-    """
-    if selection.margins and not has_page:
-        from fret_monitor.bag.slack import with_slack  # both need the parser
-        check = partial(with_slack, check, bundle, path, selection)
+def asked(bundle: Path, selection: Selection, find: 'FindMessage') -> Iterator[Aside]:
+    """Yield what finds out the slack, and whether triggers came, if a selection asks."""
+    if selection.margins:
+        yield from slack_asides(bundle, selection, find)
     if selection.triggers:
-        from fret_monitor.bag.triggers import with_triggers
-        check = partial(with_triggers, check, bundle, path, selection)
-    return check
+        yield from trigger_asides(bundle, selection, find)
 
 
 def outcome_of(path: Path, check: Callable[[], RecordingResult], settings: str = '',
@@ -126,7 +125,8 @@ def _failed(path: Path, error: str) -> Outcome:
 def settings_of(bundle: Path, selection: Selection) -> str:
     """Return a hash of what, beside a recording, decides about its results."""
     try:
-        read = [manifest_of(bundle, constants=selection.constants).bundle_hash]
+        read = [manifest_of(bundle, constants=selection.constants, margins=selection.margins,
+                            variant=OCCURRENCES).bundle_hash]
     except CompileError:  # perhaps its messages are only in the recordings
         read = _written(bundle)
     constants = sorted((name, text.value) for name, text in selection.constants.items())

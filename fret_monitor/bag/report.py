@@ -20,13 +20,15 @@ The recording is read once for the verdicts, and once more for what is drawn aro
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 import math
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from fret_monitor.bag.check import (
-    AnyRecording, Changes, compiled, opened, read_bundle, RecordingResult, run, Selection,
+    AnyRecording, Aside, Changes, compiled, MakeAsides, no_asides, opened, read_bundle,
+    RecordingResult, run, Selection,
 )
 from fret_monitor.bag.curve import probability_section
 from fret_monitor.bag.evidence import Occurrence, Plot
@@ -37,7 +39,7 @@ from fret_monitor.bag.overview import Overview, Stretch
 from fret_monitor.bag.page import badge, document, escaped, LEGEND, table
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import verdict_of
-from fret_monitor.bag.slack import add_slack
+from fret_monitor.bag.slack import slack_asides_of
 from fret_monitor.bag.slack_section import slack_of, slack_section, slack_text
 from fret_monitor.build import Reading
 from fret_monitor.elaboration.signals import FindMessage
@@ -58,8 +60,8 @@ _FOXGLOVE = 'https://app.foxglove.dev/~/view?time='
 
 
 def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path, *,
-                     changes: Sequence[Changes] = (),
-                     progress: Progress = no_progress) -> RecordingResult:
+                     changes: Sequence[Changes] = (), progress: Progress = no_progress,
+                     asides: MakeAsides = no_asides) -> RecordingResult:
     """
     Run a bundle over a recording and write a report; errors as of `check_recording`.
 
@@ -68,7 +70,7 @@ def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path,
     with opened(path) as (recording, find):
         reading = read_bundle(bundle, selection, find)
         report = examine(bundle, reading, recording, find, selection, changes=changes,
-                         progress=progress)
+                         progress=progress, asides=asides)
     with open_output(file, [bundle, *reading.paths, *files_of(path)]) as output:
         output.write(report.page())
     return report.result
@@ -77,23 +79,26 @@ def check_and_report(bundle: Path, path: Path, selection: Selection, file: Path,
 def examine(
     bundle: Path, reading: Reading, recording: AnyRecording, find: FindMessage,
     selection: Selection, *, stretch: Stretch | None = None, changes: Sequence[Changes] = (),
-    progress: Progress = no_progress,
+    progress: Progress = no_progress, asides: MakeAsides = no_asides,
 ) -> 'RecordingReport':
     """
     Run a bundle over a recording and return its report; `reading` is as of `read_bundle`.
 
-    With a `stretch` it shows that part of the judged time. `bundle` is only named.
+    With a `stretch` it shows that part of the judged time. `bundle` is only named. `asides` need
+    not find the slack.
     """
+    def beside() -> list[Aside]:
+        slack = slack_asides_of(reading, find) if selection.margins else ()
+        return [*slack, *asides(bundle, replace(selection, margins=False), find)]
+
     monitor = compiled(reading).monitor
     overview = Overview(monitor, stretch=stretch)
     result = run(monitor, recording, selection, changes=[*changes, overview],
-                 watch=overview.watch, progress=progress)
+                 watch=overview.watch, progress=progress, asides=beside())
     if result.end > overview.until:  # the recording is longer than its metadata says
         overview = Overview(monitor, result.end, stretch)
         result = run(monitor, recording, selection, changes=[overview],
-                     watch=overview.watch, progress=progress)
-    if selection.margins:
-        add_slack(result, reading, recording, find, selection)
+                     watch=overview.watch, progress=progress, asides=beside())
     found = meanings(reading, find)
     occurrences, drawn = evidence_by_key(
         reading, found, recording, selection, result, overview.starts)

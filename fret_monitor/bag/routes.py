@@ -51,11 +51,11 @@ class Routes:
     """Delivers messages of numbered recorded topics to the topics of a bundle."""
 
     def __init__(self, targets: Sequence[Sequence[Target]]) -> None:
-        """Deliver to `targets`, by the number of the recorded topic."""
+        """Deliver to `targets`, by the number of the recorded topic; one may have none."""
         self._targets = targets
         self._are_single = all(len(found) == 1 for found in targets)
-        self._topics = [found[0][0] for found in targets]
-        self._keys = [found[0][1] for found in targets]
+        self._topics = [topic for found in targets for topic, _ in found]
+        self._keys = [key for found in targets for _, key in found]
         self._sizes = [len(key) for key in self._keys]
         self._has_keys = any(key for found in targets for _, key in found)
         self._is_plain = self._are_single and not self._has_keys \

@@ -15,67 +15,46 @@
 """
 Whether the trigger of each requirement came in a recording: without it, a verdict says little.
 
-The recording is read once more, by a monitor of its own, whose requirements are violated at each
-trigger.
+A monitor beside the bundle's has requirements that are violated at each trigger (`deadlines.py`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fret_monitor.bag.check import (
-    compiled, opened, read_bundle, RecordingResult, run, Selection,
-)
-from fret_monitor.bag.evidence import beside
-from fret_monitor.build import Reading
-from fret_monitor.elaboration.signals import FindMessage
-from fret_monitor.explain.report import meanings
-from fret_monitor.logic.formula import variables
-from fret_monitor.logic.propositions import untriggered
-from fret_monitor.logic.specification import Property
+from fret_monitor.bag.check import Aside, RecordingResult, Selection, variant_of
+from fret_monitor.bag.findings import Findings
 from fret_monitor.model.diagnostics import refuse
+from fret_monitor.start import Variant
+
+if TYPE_CHECKING:  # what is in the cache needs no parser
+    from fret_monitor.build import Reading
+    from fret_monitor.elaboration.signals import FindMessage
 
 
-def with_triggers(check: Callable[[], RecordingResult], bundle: Path, path: Path,
-                  selection: Selection) -> RecordingResult:
+def trigger_asides(bundle: Path, selection: Selection, find: 'FindMessage') -> Iterator[Aside]:
     """
-    Return what `check` finds in a recording, with whether triggers came, if `selection` asks.
+    Yield the monitor that finds out whether triggers came.
 
-    A requirement without a condition or a scope is triggered where it is judged.
-
-    Raises
-    ------
-    CompileError
-        if the bundle has instances; as `check_recording`.
+    A requirement without a condition or a scope is triggered where it is judged. Raises
+    `CompileError` if the bundle has instances.
     """
-    result = check()
-    if selection.triggers:
-        came = _triggered(bundle, path, selection)
-        for item in result.findings:
-            item.triggered = item.verdict is not None and came.get(item.id, True)
-    return result
+    monitor = variant_of(bundle, replace(selection, margins=False), find, _DENIALS).monitor
+    if monitor.manifest.variables:
+        refuse("--triggers does not take bundles with 'for_each' yet")
+    yield Aside(monitor, _note)
 
 
-def _triggered(bundle: Path, path: Path, selection: Selection) -> dict[str, bool]:
-    """Return by id whether the trigger came; requirements without one are not in it."""
-    with opened(path) as (recording, find):
-        reading = read_bundle(bundle, replace(selection, margins=False), find)
-        if reading.specification.instance_variables:
-            refuse("--triggers does not take bundles with 'for_each' yet")
-        asked = tuple(_denials(reading, find))
-        if not asked:
-            return {}
-        monitor = compiled(replace(reading, specification=replace(
-            reading.specification, properties=asked, actions=(), gates=()))).monitor
-        found = run(monitor, recording, replace(selection, margins=False), checks_remaps=False)
-    return {item.id: item.verdict is False for item in found.findings}
+def _note(result: RecordingResult, findings: Sequence[Findings]) -> None:
+    came = {item.id: item.verdict is False for item in result.findings}
+    for item in findings:
+        item.triggered = item.verdict is not None and came.get(item.id, True)
 
 
-def _denials(reading: Reading, find: FindMessage) -> Iterator[Property]:
-    """Yield requirements that are violated where those of a bundle are triggered."""
-    known = meanings(reading, find)
-    for item in reading.specification.properties:
-        denial = known[item.id].denial or untriggered(item)
-        if denial is not None and variables(denial):
-            yield replace(beside(denial, item, reading.specification), on_violation=(), on_end=(),
-                          horizon=0, probability=None)
+def _make(reading: 'Reading', find: 'FindMessage') -> 'Reading':
+    from fret_monitor.bag.deadlines import with_denials
+    return with_denials(reading, find)
+
+
+_DENIALS = Variant('denials', _make)

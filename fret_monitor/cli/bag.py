@@ -372,13 +372,13 @@ def _checked(options: Namespace, bundle: Path, paths: Sequence[Path], selection:
              folder: Path | None, settings: str) -> Iterator['Outcome']:
     """Check recordings, in the way that the options say."""
     from fret_monitor.bag.fleet import (
-        also_asked, check_all, check_on_cluster, check_one, outcome_of, page_name,
+        check_all, check_on_cluster, check_one, outcome_of, page_name,
     )
     if _has_files(options, folder) and paths:
         page = None if folder is None else folder / page_name(paths[0])
-        yield outcome_of(paths[0], also_asked(
-            lambda: _with_changes(options, bundle, selection, page or options.report), bundle,
-            paths[0], selection), settings, page)
+        yield outcome_of(
+            paths[0], lambda: _with_changes(options, bundle, selection, page or options.report),
+            settings, page)
     elif options.dask is not None:
         require_packages('--dask', {'distributed': 'distributed'})
         yield from check_on_cluster(bundle, paths, selection, address=options.dask,
@@ -397,6 +397,7 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
                   page: Path | None) -> 'RecordingResult':
     """Check a recording, and write what happens in it to `page` and as the options say."""
     from fret_monitor.bag.check import Changes, check_recording
+    from fret_monitor.bag.fleet import asked
     from fret_monitor.bag.report import check_and_report
     from fret_monitor.bag.results import ChangesCsv
     from fret_monitor.bag.violations import open_violations
@@ -411,10 +412,11 @@ def _with_changes(options: Namespace, bundle: Path, selection: 'Selection',
         path = options.bags[0]
         report = stack.enter_context(progress('bag'))
         if page is None:
-            result = check_recording(bundle, path, selection, changes=changes, progress=report)
+            result = check_recording(
+                bundle, path, selection, changes=changes, progress=report, asides=asked)
         else:
             result = check_and_report(
-                bundle, path, selection, page, changes=changes, progress=report)
+                bundle, path, selection, page, changes=changes, progress=report, asides=asked)
         if mcap is None or not mcap.without_details:
             return result
         return replace(result, warnings=(*result.warnings, (

@@ -279,7 +279,8 @@ def csrc_includes() -> list[str]:
     return [f'-I{csrc_directory() / room}' for room in CSRC_ROOMS]
 
 
-def evaluator_files() -> dict[str, str]:
+@cache
+def evaluator_files() -> Mapping[str, str]:
     """Return the sources of the evaluator's library and all headers, by file name."""
     csrc = csrc_directory()
     headers = [path for room in CSRC_ROOMS if room != 'node'

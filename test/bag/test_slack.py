@@ -16,11 +16,13 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 import json
 from math import ceil
 from pathlib import Path
 from random import Random
+import subprocess
+import sys
+from typing import Any
 from xml.etree import ElementTree
 
 from bundles import write_bundle
@@ -30,9 +32,9 @@ from fret_monitor.bag.check import (
     check_recording, compiled, read_bundle, RecordingResult, run as judge, Selection,
 )
 from fret_monitor.bag.findings import Findings, Slack
-from fret_monitor.bag.fleet import also_asked
+from fret_monitor.bag.fleet import asked
 from fret_monitor.bag.slack import slack_of_trace
-from fret_monitor.bag.trace import Trace
+from fret_monitor.bag.trace import RowBatch, Trace
 from fret_monitor.messages.installed import find_message
 import pytest
 
@@ -89,7 +91,7 @@ def rows(rng: Random, unit: str) -> Iterator[str]:
 def with_slack(bundle: Path, path: Path, selection: Selection | None = None) -> RecordingResult:
     """Check a recording as `bag --margins` does."""
     chosen = selection or Selection(margins=True)
-    return also_asked(partial(check_recording, bundle, path, chosen), bundle, path, chosen)()
+    return check_recording(bundle, path, chosen, asides=asked)
 
 
 @pytest.mark.parametrize('unit', HEAD)
@@ -181,6 +183,40 @@ def test_the_slack_of_a_bundle_with_a_period_is_in_seconds(tmp_path: Path) -> No
     land, _, fast = with_slack(bundle, path).findings
     assert land.slack == Slack(0.75, 's', 1 * SECOND, 2 * SECOND)
     assert fast.slack == Slack(-0.25, 's', 3 * SECOND, 6 * SECOND)
+
+
+def test_margins_and_triggers_take_one_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bundle, path = write_bundle(tmp_path, LANDING), tmp_path / 'run.csv'
+    path.write_text('\n'.join(ROWS) + '\n')
+    readings: list[Trace] = []
+
+    def batches(trace: Trace, *of: Any) -> Iterator[RowBatch]:
+        readings.append(trace)
+        return original(trace, *of)
+
+    original = Trace.batches
+    monkeypatch.setattr(Trace, 'batches', batches)
+    found = with_slack(bundle, path, Selection(margins=True, triggers=True)).findings
+    assert len(readings) == 1
+    assert [(item.slack is None, item.triggered) for item in found] == [
+        (False, True), (True, True), (False, True)]
+
+
+def test_what_was_compiled_before_needs_no_parser(tmp_path: Path) -> None:
+    bundle, path = write_bundle(tmp_path, LANDING), tmp_path / 'run.csv'
+    path.write_text('\n'.join(ROWS) + '\n')
+    run('bag', bundle, path, '--margins', '--triggers')
+    script = ('import sys\nfrom fret_monitor.cli.main import main\nmain(sys.argv[1:])\n'
+              'print(*sys.modules)')
+    done = subprocess.run(
+        [sys.executable, '-c', script, 'bag', bundle, path, '--margins', '--triggers'],
+        capture_output=True, text=True, check=True)
+    assert '2 steps, open' in done.stdout
+    modules = done.stdout.splitlines()[-1].split()
+    assert 'fret_monitor.bag.slack' in modules
+    assert {'fret_monitor.build', 'fret_monitor.bag.deadlines', 'lark'}.isdisjoint(modules)
 
 
 def test_recordings_are_ranked_by_their_slack(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@
 
 """`bag --triggers` and `check --trace`: which requirements were exercised, and by what."""
 
-from functools import partial
 import json
 import os
 from pathlib import Path
@@ -24,7 +23,7 @@ from bag.recordings import write
 from bundles import write_bundle
 from cli.command import Here
 from fret_monitor.bag.check import check_recording, Selection
-from fret_monitor.bag.triggers import with_triggers
+from fret_monitor.bag.fleet import asked
 from fret_monitor.model.diagnostics import CompileError
 import pytest
 
@@ -64,16 +63,14 @@ def traces(folder: Path) -> list[Path]:
 def test_a_trigger_came_where_a_condition_held(text: str, tmp_path: Path) -> None:
     bundle, selection = write_bundle(tmp_path, text), Selection(triggers=True)
     for path in traces(tmp_path):
-        check = partial(check_recording, bundle, path, selection)
-        result = with_triggers(check, bundle, path, selection)
+        result = check_recording(bundle, path, selection, asides=asked)
         assert {item.id for item in result.findings if item.triggered} == CAME[path.stem]
         assert all(item.triggered or item.verdict for item in result.findings)
 
 
 def test_without_the_option_nothing_is_said_of_triggers(tmp_path: Path) -> None:
     bundle, (quiet, *_) = write_bundle(tmp_path, BUNDLE), traces(tmp_path)
-    result = with_triggers(lambda: check_recording(bundle, quiet, Selection()), bundle, quiet,
-                           Selection())
+    result = check_recording(bundle, quiet, Selection(), asides=asked)
     assert {item.triggered for item in result.findings} == {None}
 
 
@@ -81,8 +78,7 @@ def test_a_requirement_that_is_not_judged_is_not_triggered(tmp_path: Path) -> No
     bundle = write_bundle(tmp_path, BUNDLE)
     bag = write(tmp_path / 'run', [('odom', 0, 1.0), ('odom', 1, 1.0)])
     selection = Selection(may_miss=True, triggers=True)
-    result = with_triggers(lambda: check_recording(bundle, bag, selection), bundle, bag,
-                           selection)
+    result = check_recording(bundle, bag, selection, asides=asked)
     assert {item.id: item.triggered for item in result.findings} == {
         'WHEN': False, 'IN': False, 'LEFT': False, 'ALWAYS': True, 'MLTL': False}
 
@@ -97,7 +93,19 @@ requirements: [{id: R, ptltl: "x <= 5.0"}]
     bag = write(tmp_path / 'run', [('/a/x', 0, 1.0), ('/b/x', 1, 1.0)])
     selection = Selection(triggers=True)
     with pytest.raises(CompileError, match='for_each'):
-        with_triggers(lambda: check_recording(bundle, bag, selection), bundle, bag, selection)
+        check_recording(bundle, bag, selection, asides=asked)
+
+
+def test_a_silent_input_is_no_trigger(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, """
+format: 1
+evaluation: {policy: timed}
+inputs: {x: {topic: x, type: std_msgs/msg/Float64, timeout: 1, stale: violate}}
+requirements: [{id: R, ptltl: "H (x > 7.0 -> x < 9.0)"}]
+""")
+    bag = write(tmp_path / 'run', [('x', 0, 1.0), ('x', 8 * 10**9, 1.0)])
+    found, = check_recording(bundle, bag, Selection(triggers=True), asides=asked).findings
+    assert found.verdict is False and found.triggered is False
 
 
 def test_a_table_names_what_exercised_each_requirement(here: Here) -> None:
