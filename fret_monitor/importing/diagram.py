@@ -196,7 +196,8 @@ def _states(source: Source, start: int, problems: Problems) -> Diagram:
 
 # DOT
 
-_TOKEN = re.compile(r'\s+|//[^\n]*|/\*.*?\*/|^\#[^\n]*|(?P<token>"(?:\\.|[^"\\])*"|->|--|'
+# What is opened and not closed goes to the end, so that each character is read once.
+_TOKEN = re.compile(r'\s+|//[^\n]*|/\*.*?(?:\*/|\Z)|^\#[^\n]*|(?P<token>"(?:\\.|[^"\\])*"?|->|--|'
                     r'-?(?:\d+(?:\.\d*)?|\.\d+)|\w+|[{}\[\]=;,:]|.)', re.DOTALL | re.MULTILINE)
 
 

@@ -21,6 +21,7 @@ checked by `specify`, which also elaborates bundles, so the written bundle is va
 contains the first valid wording of each requirement; the other valid ones are compared with it.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -547,10 +548,14 @@ class _Drafter:
     def _comparisons(self, usable: Sequence[Sequence[_Usable]]
                      ) -> Iterator[Comparison]:
         for requirement, found in zip(self._component.requirements, usable, strict=True):
-            alike = [(reading.wording.label, meaning) for reading, meaning in found
+            alike = [(reading, meaning) for reading, meaning in found
                      if meaning.horizon == found[0][1].horizon]  # a step has one verdict
-            if len(alike) > 1:
-                yield Comparison(requirement.id, tuple(alike))
+            labels = Counter(reading.wording.label for reading, _ in alike)
+            named = tuple((reading.wording.label if labels[reading.wording.label] == 1 else
+                           f'{reading.wording.label}, {reading.language.value}', meaning)
+                          for reading, meaning in alike)
+            if len(named) > 1:
+                yield Comparison(requirement.id, named)
 
     def _warn(self, diagnostics: Iterable[Diagnostic]) -> None:
         self._problems.extend(replace(item, level=Level.WARNING) for item in diagnostics)

@@ -28,6 +28,7 @@ from fret_monitor.bundle.bundle import Language
 from fret_monitor.importing.draft import Draft, DraftDefinition, DraftInput, DraftRequirement
 
 _WIDTH = 96
+_MOST_QUOTED = 10_000  # characters of what is left out
 _WORD = re.compile(r'[A-Za-z_/~][A-Za-z0-9_./~%-]*')
 _NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?')
 # Other YAML parsers read these as Booleans or null.
@@ -181,7 +182,9 @@ def _left_out(draft: Draft) -> Iterator[str]:
     for item, reason in draft.left_out:
         yield from _commented(f'left out: {item.id} ({reason})', '  #  ')
         for wording in item.wordings[:1]:
-            yield from _commented(f'{wording.languages[0].value}: {wording.text}', '  #      ')
+            more = '...' if len(wording.text) > _MOST_QUOTED else ''
+            yield from _commented(f'{wording.languages[0].value}: {wording.text[:_MOST_QUOTED]}'
+                                  f'{more}', '  #      ')
 
 
 def _notes(draft: Draft) -> Iterator[str]:

@@ -22,7 +22,6 @@ handler get new ids. A requirement without a component (FRET could not parse its
 added to the component of its project, if there is only one.
 """
 
-from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,12 +42,13 @@ from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE, unpacked
 from fret_monitor.importing.state_machine import component_of, DiagramOptions
 from fret_monitor.importing.tables import (
-    has_heads, read_rows, read_table, SUFFIXES, WORKBOOK,
+    decoded, encoding_of, has_heads, read_rows, read_table, SUFFIXES, WORKBOOK,
 )
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
 )
 from fret_monitor.importing.xml_format import read_xml, XmlFormat
+from fret_monitor.importing.xml_text import MAX_XML
 from fret_monitor.model.bundle_files import refuse_irregular
 from fret_monitor.model.diagnostics import did_you_mean, Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, handler_fault, handler_name, shown
@@ -112,9 +112,22 @@ def read_files(paths: Sequence[Path], problems: Problems,
 def _is_xml(path: Path) -> bool:
     try:
         with path.open('rb') as file:
-            return file.read(_BEGIN_BYTES).removeprefix(BOM_UTF8).lstrip().startswith(b'<')
+            begin = file.read(_BEGIN_BYTES)
     except (OSError, ValueError):
         return True  # reading it will report why
+    return begin.decode(encoding_of(begin), 'replace').lstrip().startswith('<')
+
+
+def _source(path: Path) -> Source:
+    """Return a file that is in UTF-8, or in another encoding by its mark or declaration."""
+    try:
+        with path.open('rb') as file:
+            encoding = encoding_of(file.read(_BEGIN_BYTES))
+    except (OSError, ValueError):
+        encoding = ''  # reading it will report why
+    if encoding in ('', 'utf-8-sig'):
+        return read_source(path, MAX_BYTES)
+    return Source(str(path), decoded(path, MAX_BYTES))
 
 
 def _read(path: Path, problems: Problems, options: ImportOptions
@@ -124,9 +137,9 @@ def _read(path: Path, problems: Problems, options: ImportOptions
     if kind == WORKBOOK or kind in SUFFIXES and (columns or has_heads(path, MAX_BYTES)):
         return read_table(path, MAX_BYTES, columns, problems), []
     if kind == ARCHIVE:
-        return [item for name, text in unpacked(path, MAX_BYTES)
+        return [item for name, text in unpacked(path, MAX_XML)
                 for item in read_table(path, MAX_BYTES, columns, problems, text, name)], []
-    source = read_source(path, MAX_BYTES)
+    source = _source(path)
     content = source.text.lstrip()
     if content[:1] in ('{', '['):
         return _read_json(source, path, problems)

@@ -19,6 +19,7 @@ The file stays as it is, with further columns (attributes, in ReqIF) at the end;
 names that it has already are written anew. Rows are found by the ids that `import` gives them.
 """
 
+from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 import csv
 import io
@@ -34,10 +35,10 @@ from fret_monitor.importing.parsed_wording import names_in, parse_wording, renam
 from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE
 from fret_monitor.importing.tables import (
-    decoded, delimiter, encoding_of, read_table, SUFFIXES, WORKBOOK,
+    decoded, encoding_of, read_table, split_separator, SUFFIXES, WORKBOOK,
 )
 from fret_monitor.importing.workbook import write_cells
-from fret_monitor.importing.xml_text import refuse_document_types
+from fret_monitor.importing.xml_text import refuse_hostile
 from fret_monitor.model.bundle_files import refuse_irregular
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, shown
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from xml.dom.minidom import Document, Element
 
 _MISSING, _OTHER = 'not monitored', 'text differs'
+_TEXT_COLUMNS = 2  # the verdict and the recording; the others have numbers
 _MOST_NAMED = 20
 _DECLARATION = re.compile(r'\s*<\?xml[^>]*\?>')  # its encoding was that of the bytes
 
@@ -96,7 +98,7 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
             rows[label] = tuple(results.get(id_, (_MISSING,)))
     _report_others(path, other, problems)
     if path.suffix.lower() == WORKBOOK:
-        return write_cells(path, MAX_BYTES, heads, rows)
+        return write_cells(path, MAX_BYTES, heads, rows, heads[_TEXT_COLUMNS:])
     text = decoded(path, MAX_BYTES)
     if is_reqif(text):
         return _filled_reqif(text, path, heads, rows)
@@ -159,7 +161,7 @@ def places_of(head: Sequence[str], wanted: Sequence[str]) -> list[int]:
 
 def _filled_csv(text: str, path: Path, heads: Sequence[str],
                 rows: Mapping[str, Sequence[str]]) -> bytes:
-    sign = delimiter(text.lstrip())
+    before, text, sign = split_separator(text)
     read = list(csv.reader(io.StringIO(text, newline=''), delimiter=sign, strict=True))
     first = next(number for number, cells in enumerate(read) if any(map(str.strip, cells)))
     places = places_of(read[first], heads)
@@ -170,23 +172,27 @@ def _filled_csv(text: str, path: Path, heads: Sequence[str],
             for place, cell in zip(places, (*added, *[''] * len(places)), strict=False):
                 cells[place] = cell
     file = io.StringIO(newline='')
+    file.write(before)
     csv.writer(file, delimiter=sign, lineterminator='\r\n' if '\r\n' in text else '\n'
                ).writerows(read)
-    return file.getvalue().encode(encoding_of(path))
+    begin = path.read_bytes()[:len(BOM_UTF8)]
+    encoding = encoding_of(begin)
+    return file.getvalue().encode(
+        'utf-8' if encoding == 'utf-8-sig' and begin != BOM_UTF8 else encoding)
 
 
 # ReqIF
 
 def _filled_reqif(text: str, path: Path, heads: Sequence[str],
                   rows: Mapping[str, Sequence[str]]) -> bytes:
-    refuse_document_types(text, path)
+    refuse_hostile(text, path)
     document = minidom.parseString(_DECLARATION.sub('', text.lstrip('\ufeff')).encode())
-    kinds = document.getElementsByTagName('SPEC-OBJECT-TYPE')
+    kinds = _named(document, 'SPEC-OBJECT-TYPE')
     identifiers = {item.getAttribute('IDENTIFIER'): {
         head: _attribute(document, item, head) for head in heads} for item in kinds}
-    for item in document.getElementsByTagName('SPEC-OBJECT'):
+    for item in _named(document, 'SPEC-OBJECT'):
         added = rows.get(f'{path.name}, {item.getAttribute("IDENTIFIER")}')
-        kind = next((_text(part) for part in item.getElementsByTagName('SPEC-OBJECT-TYPE-REF')),
+        kind = next((_text(part) for part in _named(item, 'SPEC-OBJECT-TYPE-REF')),
                     '')
         if added is not None and kind in identifiers:
             for head, cell in zip(heads, (*added, *[''] * len(heads)), strict=False):
@@ -199,7 +205,7 @@ def _filled_reqif(text: str, path: Path, heads: Sequence[str],
 
 def _attribute(document: 'Document', kind: 'Element', head: str) -> str:
     """Return the identifier of a type's attribute for a column; add it if there is none."""
-    for item in kind.getElementsByTagName('ATTRIBUTE-DEFINITION-STRING'):
+    for item in _named(kind, 'ATTRIBUTE-DEFINITION-STRING'):
         if item.getAttribute('LONG-NAME') == head:
             return item.getAttribute('IDENTIFIER')
     identifier = f'fret-monitor-{kind.getAttribute("IDENTIFIER")}-{"-".join(head.split())}'
@@ -214,9 +220,9 @@ def _attribute(document: 'Document', kind: 'Element', head: str) -> str:
 
 def _string_type(document: 'Document') -> str:
     """Return the identifier of a data type for texts; add it if there is none."""
-    for item in document.getElementsByTagName('DATATYPE-DEFINITION-STRING'):
+    for item in _named(document, 'DATATYPE-DEFINITION-STRING'):
         return item.getAttribute('IDENTIFIER')
-    content = document.getElementsByTagName('REQ-IF-CONTENT')[0]
+    content = _named(document, 'REQ-IF-CONTENT')[0]
     new = _child(document, _part(document, content, 'DATATYPES'), 'DATATYPE-DEFINITION-STRING')
     for name, value in (('IDENTIFIER', 'fret-monitor-string'), ('LONG-NAME', 'String'),
                         ('MAX-LENGTH', '32000')):
@@ -227,9 +233,9 @@ def _string_type(document: 'Document') -> str:
 
 def _set_value(document: 'Document', item: 'Element', identifier: str, text: str) -> None:
     values = _part(document, item, 'VALUES')
-    for old in values.getElementsByTagName('ATTRIBUTE-VALUE-STRING'):
+    for old in _named(values, 'ATTRIBUTE-VALUE-STRING'):
         if any(_text(part) == identifier for part in
-               old.getElementsByTagName('ATTRIBUTE-DEFINITION-STRING-REF')):
+               _named(old, 'ATTRIBUTE-DEFINITION-STRING-REF')):
             old.setAttribute('THE-VALUE', text)
             return
     new = _child(document, values, 'ATTRIBUTE-VALUE-STRING')
@@ -241,24 +247,37 @@ def _set_value(document: 'Document', item: 'Element', identifier: str, text: str
 
 def _change(element: 'Element', document: 'Document') -> None:
     """Give an element the time of change that the standard requires: that of the file."""
-    time = next((_text(item) for item in document.getElementsByTagName('CREATION-TIME')), '')
+    time = next((_text(item) for item in _named(document, 'CREATION-TIME')), '')
     element.setAttribute('LAST-CHANGE', time or '2000-01-01T00:00:00Z')
 
 
 def _part(document: 'Document', element: 'Element', name: str) -> 'Element':
     """Return a part of an element; it comes first where it is new, as the standard has it."""
     for child in element.childNodes:
-        if isinstance(child, minidom.Element) and child.tagName == name:
+        if isinstance(child, minidom.Element) and child.localName == name:
             return child
-    new = document.createElement(name)
+    new = _new(document, name)
     element.insertBefore(new, element.firstChild)
     return new
 
 
 def _child(document: 'Document', element: 'Element', name: str) -> 'Element':
-    new = document.createElement(name)
+    new = _new(document, name)
     element.appendChild(new)
     return new
+
+
+def _new(document: 'Document', name: str) -> 'Element':
+    """Return a new element in the namespace of the file, with its prefix."""
+    root = document.documentElement
+    assert root is not None
+    prefix = f'{root.prefix}:' if root.prefix else ''
+    return document.createElementNS(root.namespaceURI, prefix + name)
+
+
+def _named(parent: 'Document | Element', name: str) -> 'list[Element]':
+    """Return the elements of a name below, in whichever namespace."""
+    return parent.getElementsByTagNameNS('*', name)
 
 
 def _text(element: 'Element') -> str:

@@ -24,6 +24,7 @@ without what the standard leaves optional.
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+import re
 from xml.etree.ElementTree import Element
 
 from fret_monitor.importing.xml_text import name_of, parsed_xml, spoken_text
@@ -38,11 +39,13 @@ IDENTIFIER = 'spec-object identifier'
 
 _TITLES = ('reqif.chaptername', 'reqif.name', 'title', 'name', 'object heading')
 _HEAD_CHARS = 10_000
+_ROOT = re.compile(r'<(?:[\w.-]+:)?REQ-IF[\s>]')
 
 
 def is_reqif(text: str) -> bool:
     """Whether a text is a ReqIF file."""
-    return '<REQ-IF' in text[:_HEAD_CHARS] and text.lstrip()[:1] == '<'
+    begin = text[:_HEAD_CHARS].removeprefix('\ufeff').lstrip()
+    return begin[:1] == '<' and _ROOT.search(begin) is not None
 
 
 def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:

@@ -18,12 +18,12 @@ from pathlib import Path
 import zipfile
 import zlib
 
+from fret_monitor.importing.archive import blocks_of, parts_of
 from fret_monitor.importing.tables import decoded_bytes
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.names import shown
 
 SUFFIX = '.reqifz'
-_MOST_PARTS = 10_000
 _BROKEN = (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError, OSError,
            ValueError)
 
@@ -40,13 +40,10 @@ def unpacked(path: Path, max_bytes: int) -> list[tuple[str, str]]:
     name = shown(str(path))
     try:
         with zipfile.ZipFile(path) as file:
-            parts = [part for part in file.infolist() if part.filename.lower().endswith('.reqif')]
-            if len(file.infolist()) > _MOST_PARTS or (
-                    sum(part.file_size for part in parts) > max_bytes):
-                refuse(f'{name} unpacks to more than {max_bytes // 2 ** 20} MiB, or has more than '
-                       f'{_MOST_PARTS:,} files')
-            found = [(part.filename, decoded_bytes(file.read(part), f'{name}, {part.filename}'))
-                     for part in parts]
+            found = [(part.filename, decoded_bytes(b''.join(blocks_of(file, part)),
+                                                   f'{name}, {shown(part.filename)}'))
+                     for part in parts_of(file, name, max_bytes)
+                     if part.filename.lower().endswith('.reqif')]
     except _BROKEN as error:
         refuse(f'{name} cannot be read as a ZIP archive: {" ".join(str(error).split())}')
     if not found:

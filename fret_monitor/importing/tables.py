@@ -35,7 +35,9 @@ from fret_monitor.importing.parsed_wording import parse_wording
 from fret_monitor.importing.reqif_file import IDENTIFIER, reqif_rows, SECTION
 from fret_monitor.importing.workbook import sheets
 from fret_monitor.language.sentence import Sentence
-from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse
+from fret_monitor.model.diagnostics import (
+    CompileError, Diagnostic, did_you_mean, Level, Problems, refuse,
+)
 from fret_monitor.model.names import shown
 
 MAX_ROWS = 100_000
@@ -62,8 +64,14 @@ _FOUND_HEADS = {**_HEADS, **{name: (name,) for name in _LANGUAGES},
 
 _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
 _QUOTED = re.compile('"[^"]*"')
+_BEGIN_BYTES = 1000
+# Of the encodings that XML may declare, those of one byte a character; expat knows no others.
+_DECLARED = re.compile(
+    rb'<\?xml[^>]*encoding\s*=\s*["\'](iso-8859-\d{1,2}|windows-125\d|us-ascii)["\']', re.I)
+_SEPARATOR = re.compile('\ufeff?"?sep=([^\r\n])"?\r?\n')  # Excel's own hint
 _FIRST_ROW = re.compile(r'(?:"[^"]*"|[^"\n])*')
 _MANY = 12
+_LONGEST_TEXT = 100_000  # characters; FRET's formulas have some thousand
 
 
 @dataclass(frozen=True)
@@ -86,9 +94,13 @@ class _Table:
 
 def has_heads(path: Path, max_bytes: int) -> bool:
     """Whether the first row of a file names columns of ids and texts."""
-    text = decoded(path, max_bytes).lstrip()
-    reader = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter(text))
-    return _is_head(next(reader, []))
+    _, text, sign = split_separator(decoded(path, max_bytes))
+    first = _FIRST_ROW.match(text.lstrip())
+    reader = csv.reader(io.StringIO(first[0] if first else '', newline=''), delimiter=sign)
+    try:
+        return _is_head(next(reader, []))
+    except csv.Error:
+        return False
 
 
 def _is_head(cells: Iterable[str]) -> bool:
@@ -168,7 +180,7 @@ def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
 
 
 def decoded(path: Path, max_bytes: int) -> str:
-    """Return the text of a file in UTF-8, or in UTF-16 with a byte order mark."""
+    """Return the text of a file, as `decoded_bytes`."""
     name = shown(str(path))
     try:
         with path.open('rb') as file:
@@ -181,25 +193,37 @@ def decoded(path: Path, max_bytes: int) -> str:
 
 
 def decoded_bytes(data: bytes, name: str) -> str:
-    """Return a text in UTF-8, or in UTF-16 with a byte order mark; `name` is that of its file."""
-    encoding = _encoding(data[:2])
+    """
+    Return the text of a file; `name` is that of the file, in quotes.
+
+    It is in UTF-16 with a byte order mark, in what the declaration of XML says, or in UTF-8.
+    """
+    encoding = encoding_of(data[:_BEGIN_BYTES])
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
         line = data.count(b'\n', 0, error.start) + 1
         refuse(f'{name} is not {encoding.upper().removesuffix("-SIG")}: line {line}',
-               help="save it as 'CSV UTF-8'")
+               help='save it in UTF-8' if data.lstrip()[:1] == b'<' else "save it as 'CSV UTF-8'")
 
 
-def _encoding(begin: bytes) -> str:
-    return 'utf-16' if begin in (b'\xff\xfe', b'\xfe\xff') else 'utf-8-sig'
+def encoding_of(begin: bytes) -> str:
+    """Return the encoding of a file that begins so; UTF-8 with or without a mark by default."""
+    if begin[:2] in (b'\xff\xfe', b'\xfe\xff'):
+        return 'utf-16'
+    declared = _DECLARED.match(begin)
+    return declared[1].decode().lower() if declared else 'utf-8-sig'
 
 
-def encoding_of(path: Path) -> str:
-    """Return the encoding of a file that `decoded` has read, with or without a mark."""
-    begin = path.read_bytes()[:3]
-    return _encoding(begin[:2]) if begin[:2] in (b'\xff\xfe', b'\xfe\xff') or (
-        begin == b'\xef\xbb\xbf') else 'utf-8'
+def split_separator(text: str) -> tuple[str, str, str]:
+    """
+    Return the first line of a CSV if it only says `sep=;`, what follows, and what separates cells.
+
+    Without such a line, it is the most frequent sign of the first row, beside quotes.
+    """
+    if said := _SEPARATOR.match(text):
+        return said[0], text[said.end():], said[1]
+    return '', text, delimiter(text.lstrip())
 
 
 def delimiter(text: str) -> str:
@@ -213,8 +237,8 @@ def _head(cell: str) -> str:
 
 
 def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
-    reader = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter(text.lstrip()),
-                        strict=True)
+    _, text, sign = split_separator(text)
+    reader = csv.reader(io.StringIO(text, newline=''), delimiter=sign, strict=True)
     csv.field_size_limit(max(csv.field_size_limit(), len(text)))
     try:
         yield from reader
@@ -299,11 +323,19 @@ def _requirement(cells: Mapping[str, str], row: str, file: str,
 def _wordings(cells: Mapping[str, str], label: str) -> Iterator[Wording]:
     for role, languages in _LANGUAGES.items():
         if cells.get(role):
-            yield Wording(languages, cells[role], label)
+            yield Wording(languages, cells[role], label, fault=_too_long(cells[role], label))
     if text := cells.get('text'):
         # A lone word would be a formula of one input; it is a heading, or prose.
         yield Wording(tuple(Language) if _OPERATOR.search(text) else (Language.FRETISH,), text,
-                      label)
+                      label, fault=_too_long(text, label))
+
+
+def _too_long(text: str, label: str) -> Diagnostic | None:
+    """Return why a text is not parsed, which might take very long."""
+    if len(text) <= _LONGEST_TEXT:
+        return None
+    return Diagnostic(f'a text of more than {_LONGEST_TEXT:,} characters is no requirement',
+                      help=label, level=Level.WARNING)
 
 
 def _component(item: ComponentRequirement) -> str:

@@ -14,23 +14,28 @@
 
 """Reads the sheets of a workbook (XLSX), with openpyxl (the extra `xlsx`)."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack
 from datetime import date
 from io import BytesIO
-from itertools import islice
 from pathlib import Path
+import re
 from typing import Any
 from xml.etree.ElementTree import ParseError
 import zipfile
 
+from fret_monitor.importing.archive import blocks_of, parts_of
 from fret_monitor.model.diagnostics import Problems, refuse, require_packages
 from fret_monitor.model.names import shown
 
 NEEDED: Mapping[str, str] = {'openpyxl': 'openpyxl'}
 """The module that is needed, and its package."""
 
-_MOST_PARTS = 10_000
+MAX_CELLS = 2_000_000
+"""Cells of a workbook, also of empty ones that are written."""
+
+_CELL, _FORMULA = (re.compile(rb'<(?:\w+:)?%s[\s>/]' % name) for name in (b'c', b'f'))
+_TYPE = b'<!DOCTYPE'
 _BROKEN = (ParseError, zipfile.BadZipFile, KeyError, ValueError, TypeError, IndexError,
            AttributeError, EOFError, OSError, SyntaxError)
 
@@ -38,7 +43,7 @@ _BROKEN = (ParseError, zipfile.BadZipFile, KeyError, ValueError, TypeError, Inde
 def sheets(path: Path, max_bytes: int, max_rows: int,
            problems: Problems) -> list[tuple[str, list[tuple[str, ...]]]]:
     """
-    Return the name of each sheet that can be seen, and its rows as texts.
+    Return the name of each sheet that can be seen, and its rows as texts; others are reported.
 
     Of a cell with a formula of the spreadsheet, the value that was saved with it counts; where
     there is none, it is reported. Of merged cells the first one has the text.
@@ -47,31 +52,34 @@ def sheets(path: Path, max_bytes: int, max_rows: int,
     ------
     CompileError
         if openpyxl is missing, the file is no workbook, unpacks to more than `max_bytes`, declares
-        a document type (entities), or a sheet has more than `max_rows` rows below its head.
+        a document type (entities), has more than `MAX_CELLS`, or a sheet has more than `max_rows`
+        rows below its head.
     """
     require_packages('`import` of an XLSX file', NEEDED)
     from openpyxl import load_workbook
-    with _errors_of(path):
-        _check_parts(path, max_bytes)
+    with _errors_of(path), ExitStack() as stack:
+        has_formulas = _check_parts(path, max_bytes)
         values = load_workbook(path, read_only=True, data_only=True)
-        formulas = load_workbook(path, read_only=True)
-        try:
-            return [(sheet.title, list(_rows(sheet, formulas[sheet.title], path.name, max_rows,
-                                             problems)))
-                    for sheet in values.worksheets if sheet.sheet_state == 'visible']
-        finally:
-            values.close()
-            formulas.close()
+        stack.callback(values.close)
+        formulas = load_workbook(path, read_only=True) if has_formulas else None
+        stack.callback(formulas.close if formulas else bool)
+        found = [(sheet, list(_rows(sheet, formulas and formulas[sheet.title], path.name,
+                                    max_rows, problems))) for sheet in values.worksheets]
+    for sheet, rows in found:
+        if sheet.sheet_state != 'visible' and any(map(any, rows)):
+            problems.warning(f'{path.name}: the sheet {shown(sheet.title)} is left out', None, '',
+                             'it is hidden; show it in a spreadsheet program to import it')
+    return [(sheet.title, rows) for sheet, rows in found if sheet.sheet_state == 'visible']
 
 
 def write_cells(path: Path, max_bytes: int, heads: Sequence[str],
-                rows: Mapping[str, Sequence[str]]) -> bytes:
+                rows: Mapping[str, Sequence[str]], numbers: Collection[str]) -> bytes:
     """
     Return a workbook with the columns `heads` added behind those of each sheet with such rows.
 
     `rows` has the cells of each row by its label: the names of file and row, and of the sheet
-    between them where several are read. Columns of these heads are written anew. Raises as
-    `sheets` does.
+    between them where several are read. Columns of these heads are written anew; `numbers` are
+    those whose cells are numbers. Raises as `sheets` does.
     """
     require_packages('a result in an XLSX file', NEEDED)
     from openpyxl import load_workbook
@@ -83,14 +91,16 @@ def write_cells(path: Path, max_bytes: int, heads: Sequence[str],
                 number: cells for number in range(1, sheet.max_row + 1)
                 for label in (f'{path.name}, row {number}',
                               f'{path.name}, {sheet.title}, row {number}')
-                if (cells := rows.get(label)) is not None and sheet.sheet_state == 'visible'})
+                if (cells := rows.get(label)) is not None and sheet.sheet_state == 'visible'},
+                numbers)
         file = BytesIO()
         book.save(file)
         return file.getvalue()
 
 
-def _add_columns(sheet: Any, heads: Sequence[str], rows: Mapping[int, Sequence[str]]) -> None:
-    """Add columns to a sheet; without rows it stays as it is."""
+def _add_columns(sheet: Any, heads: Sequence[str], rows: Mapping[int, Sequence[str]],
+                 numbers: Collection[str]) -> None:
+    """Add columns to a sheet, some of `numbers`; without rows it stays as it is."""
     if not rows:
         return
     first = next(number for number in range(1, sheet.max_row + 1)
@@ -101,8 +111,11 @@ def _add_columns(sheet: Any, heads: Sequence[str], rows: Mapping[int, Sequence[s
         names += [] if head in names else [head]
         sheet.cell(first, column, head)
         for number, cells in rows.items():
-            cell = sheet.cell(number, column, cells[place] if place < len(cells) else '')
+            text = cells[place] if place < len(cells) else ''
+            cell = sheet.cell(number, column, text)
             cell.data_type = 's'  # no formula
+            if head in numbers and text:
+                cell.value = float(text)
 
 
 @contextmanager
@@ -116,31 +129,52 @@ def _errors_of(path: Path) -> Iterator[None]:
                help="save it as 'Excel workbook (.xlsx)', or as 'CSV UTF-8'")
 
 
-def _check_parts(path: Path, max_bytes: int) -> None:
-    """Refuse what would unpack to too much, or has entities, before any of it is parsed."""
+def _check_parts(path: Path, max_bytes: int) -> bool:
+    """
+    Refuse what is too large, or has entities, before any of it is parsed.
+
+    Return whether there are formulas of the spreadsheet.
+    """
+    name, cells, has_formulas = shown(str(path)), 0, False
     with zipfile.ZipFile(path) as file:
-        parts = file.infolist()
-        if len(parts) > _MOST_PARTS or sum(part.file_size for part in parts) > max_bytes:
-            refuse(f'{shown(str(path))} unpacks to more than {max_bytes // 2 ** 20} MiB')
-        for part in parts:
-            if part.filename.endswith(('.xml', '.rels')) and b'<!DOCTYPE' in file.read(part):
-                refuse(f'{shown(str(path))} declares a document type, in {shown(part.filename)}',
-                       help='no spreadsheet writes one: entities are not read')
+        for part in parts_of(file, name, max_bytes):
+            rest = b''  # of the block before: what is looked for may be in two blocks
+            for block in blocks_of(file, part):
+                text = rest + block
+                if part.filename.endswith(('.xml', '.rels')) and _TYPE in text:
+                    refuse(f'{name} declares a document type, in {shown(part.filename)}',
+                           help='no spreadsheet writes one: entities are not read')
+                rest = text[-len(_TYPE):]
+                if part.filename.startswith('xl/worksheets/'):
+                    cells += len(_CELL.findall(text)) - len(_CELL.findall(rest))
+                    has_formulas |= _FORMULA.search(text) is not None
+            if cells > MAX_CELLS:
+                refuse(f'{name} has more than {MAX_CELLS:,} cells',
+                       help="delete the empty ones that have a format, or save it as 'CSV UTF-8'")
+    return has_formulas
 
 
 def _rows(sheet: Any, formulas: Any, file: str, max_rows: int, problems: Problems
           ) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of a sheet, with the empty ones between, until there are too many."""
     sheet.reset_dimensions()  # some programs write too few
-    formulas.reset_dimensions()
-    pairs = zip(sheet.iter_rows(values_only=True), formulas.iter_rows(values_only=True))
-    for number, (cells, written) in enumerate(islice(pairs, max_rows + 2), 1):
+    rows = sheet.iter_rows(values_only=True)
+    pairs: Iterable[tuple[Sequence[Any], Sequence[Any]]] = ((row, ()) for row in rows)
+    if formulas is not None:
+        formulas.reset_dimensions()
+        pairs = zip(rows, formulas.iter_rows(values_only=True))
+    left = max_rows + 1  # and the heads
+    for number, (cells, written) in enumerate(pairs, 1):
         for cell, text in zip(cells, written):
             if cell is None and text is not None:
                 problems.warning(
                     f'{file}, {sheet.title}, row {number} has a formula of the spreadsheet '
                     f'without its value: {shown(str(text))}', None, '',
                     'open and save it with a spreadsheet program')
+        left -= any(cell is not None for cell in cells)
         yield tuple(map(_text, cells))
+        if left < 0:
+            return
 
 
 def _text(cell: Any) -> str:

@@ -32,7 +32,7 @@ from fret_monitor.bundle.yaml_shape import mapping_of, Shape
 from fret_monitor.bundle.yaml_tree import read_tree
 from fret_monitor.importing.component import ComponentVariable, VariableRole, Wording
 from fret_monitor.importing.xml_text import parsed_xml
-from fret_monitor.importing.xpath import Node, parse_path, text_of, Tree, XPath
+from fret_monitor.importing.xpath import parse_path, Tree, XPath
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span, Text
 from fret_monitor.model.names import shown
 
@@ -264,7 +264,7 @@ class _Reader:
         """Return the paths of a query: one for each text that its key stands for."""
         if query.found_by is None:
             return [parse_path(query.path)]
-        texts = [text_of(node) for node in self._tree.find(parse_path(query.found_by))]
+        texts = [self._tree.text(node) for node in self._tree.find(parse_path(query.found_by))]
         if not texts:
             refuse(f'{shown(str(self._path))} has nothing at this path', query.found_by.span,
                    f'{query.key} stands for what is found there')
@@ -289,9 +289,10 @@ class _Reader:
 
     def _cells(self, element: Element, keys: Sequence[str]) -> dict[str, str]:
         """Return what the paths of some keys find in an element first; '' where nothing."""
-        tree = Tree(element)
+        tree = self._tree.part(element)
         return {key: next((text for path in self._paths.get(key, ())
-                           for text in _texts(tree.find(path)) if text), '') for key in keys}
+                           for node in tree.find(path)
+                           if (text := ' '.join(tree.text(node).split()))), '') for key in keys}
 
     def _inputs(self) -> Iterator[ComponentVariable]:
         for element in self._elements('inputs'):
@@ -309,7 +310,3 @@ class _Reader:
                     name, VariableRole.INTERNAL, cells['definition_type'],
                     (Wording((Language.PTLTL, Language.COCOSPEC), text,
                              f'{self._path.name}, {name}'),) if text else ())
-
-
-def _texts(nodes: Sequence[Node]) -> Iterator[str]:
-    yield from (' '.join(text_of(node).split()) for node in nodes)

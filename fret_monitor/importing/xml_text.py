@@ -22,6 +22,10 @@ from xml.etree.ElementTree import Element
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.names import shown
 
+MAX_XML = 128 * 2 ** 20
+"""Characters of XML; real tools write about 10 kB for a requirement."""
+
+_MOST_TAGS = 4_000_000  # some hundred for each of 10,000 requirements
 _DELETED = ('del', 's', 'strike')
 _RAISED = {'sup': '^', 'sub': '_'}
 _BLOCKS = ('p', 'div', 'br', 'li', 'tr', 'td', 'th', 'table')
@@ -36,7 +40,7 @@ def parsed_xml(text: str, path: Path) -> Element:
     CompileError
         if it is no XML, or declares a document type (entities).
     """
-    refuse_document_types(text, path)
+    refuse_hostile(text, path)
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
@@ -47,8 +51,11 @@ def _reason(error: Exception) -> str:
     return 'too deep' if isinstance(error, RecursionError) else str(error)
 
 
-def refuse_document_types(text: str, path: Path) -> None:
-    """Refuse a file that declares a document type: it might have entities."""
+def refuse_hostile(text: str, path: Path) -> None:
+    """Refuse a file that declares a document type (it might have entities), or is too large."""
+    if len(text) > MAX_XML or text.count('<') > _MOST_TAGS:
+        refuse(f'{shown(str(path))} has more than {MAX_XML // 2 ** 20} MiB, or more than '
+               f'{_MOST_TAGS:,} tags', help='export fewer requirements or attributes at once')
     if '<!DOCTYPE' in text:
         refuse(f'{shown(str(path))} declares a document type',
                help='remove it: entities are not read')

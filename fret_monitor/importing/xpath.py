@@ -80,7 +80,24 @@ _Term: TypeAlias = XPath | _Call | str | int
 _ARGUMENTS = {'contains': 2, 'starts-with': 2, 'not': 1, 'normalize-space': 1, 'position': 0,
               'last': 0}
 _MOST_LEXEMES = 200  # so that nesting is limited too
-_MOST_VISITS = 10 ** 7
+_VISITS = 2_000_000  # of a small file
+_VISITS_OF_ELEMENT = 50  # ten paths with a // each, and their conditions
+_CHARS_OF_VISIT = 64
+
+
+class Work:
+    """Counts what paths do in a file, and refuses too much of it."""
+
+    def __init__(self, n_elements: int) -> None:
+        """Allow what a file of so many elements needs."""
+        self._left = _VISITS + _VISITS_OF_ELEMENT * n_elements
+
+    def add(self, visits: int) -> None:
+        """Count visits of nodes; raises `CompileError` if there were too many."""
+        self._left -= visits
+        if self._left < 0:
+            refuse('the paths of this format visit too many elements',
+                   help='write them with fewer // and conditions')
 
 
 def parse_path(text: Text) -> XPath:
@@ -220,13 +237,24 @@ class _Parser:
 class Tree:
     """A tree of elements in which paths find nodes."""
 
-    def __init__(self, root: Element) -> None:
-        """Take the element that paths with `/` begin above."""
+    def __init__(self, root: Element, work: Work | None = None) -> None:
+        """Take the element that paths with `/` begin above; `work` is that of the whole file."""
         self._document = _Document(root)
-        self._visits = 0
         self._parents: dict[Element, Node] = {root: self._document}
         for element in root.iter():
             self._parents.update(dict.fromkeys(element, element))
+        self._work = work or Work(len(self._parents))
+        self._work.add(len(self._parents))
+
+    def part(self, root: Element) -> 'Tree':
+        """Return the tree of an element below, whose work counts here."""
+        return Tree(root, self._work)
+
+    def text(self, node: Node) -> str:
+        """Return the text of a node."""
+        found = text_of(node)
+        self._work.add(1 + len(found) // _CHARS_OF_VISIT)
+        return found
 
     def find(self, path: XPath) -> list[Node]:
         """Return the nodes of a path, each once; one without `/` begins at the root element."""
@@ -240,10 +268,8 @@ class Tree:
 
     def _step(self, step: _Step, node: Node) -> Iterator[Node]:
         for context in self._within(node) if step.is_deep else (node,):
-            self._visits += 1
-            if self._visits > _MOST_VISITS:
-                refuse('a path visits too many elements', help='write it with fewer //')
             found = [*self._tested(step.test, context)]
+            self._work.add(1 + len(found))
             for predicate in step.predicates:
                 found = [item for place, item in enumerate(found, 1)
                          if self._holds(predicate, item, place, len(found))]
@@ -289,7 +315,7 @@ class Tree:
         """Return the value of a term at a node; of a path, the texts of what it finds."""
         match term:
             case XPath():
-                return [text_of(item) for item in self._find(term, node)]
+                return [self.text(item) for item in self._find(term, node)]
             case str() | int():
                 return term
             case _Call():

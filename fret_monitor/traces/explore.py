@@ -27,6 +27,9 @@ from fret_monitor.traces.trace import Row, Run, Trace
 from fret_monitor.traces.trials import Trials
 
 
+_MOST_BYTES = 2 ** 27  # of all states that one search keeps
+
+
 @dataclass(frozen=True)
 class Exploration:
     """
@@ -56,7 +59,8 @@ def explore(trials: Trials, rows: Sequence[Row], limit: int, wanted: WantedTrace
     """
     Explore the states that can be reached with some rows, in at most `limit` steps.
 
-    Stops early when everything wanted is found. O(limit) time and memory.
+    Stops early when everything wanted is found, or when the states take `_MOST_BYTES`. O(limit)
+    time and memory.
     """
     return _StateSearch(trials, rows).run(limit, wanted)
 
@@ -96,8 +100,9 @@ class _StateSearch:
 
     def run(self, limit: int, wanted: WantedTrace) -> Exploration:
         number = 0
+        size = len(self._nodes[0][0])
         while (number < len(self._nodes) and number * len(self._rows) < limit
-               and not self._has(wanted)):
+               and not self._has(wanted) and len(self._nodes) * size <= _MOST_BYTES):
             self._visit(number)
             number += 1
         return Exploration(
@@ -153,7 +158,7 @@ def reach(trials: Trials, rows: Sequence[Row], bits: int, limit: int) -> Reached
     """
     Explore the states that can be reached with some rows until each of `bits` was true once.
 
-    Takes at most `limit` steps. O(limit) time and memory.
+    Takes at most `limit` steps and `_MOST_BYTES`. O(limit) time and memory.
     """
     follow = trials.follower(rows)
     nodes = [trials.start()]
@@ -161,7 +166,8 @@ def reach(trials: Trials, rows: Sequence[Row], bits: int, limit: int) -> Reached
     path = Path()
     found: dict[int, Trace] = {}
     number = 0
-    while number < len(nodes) and number * len(rows) < limit and bits:
+    while (number < len(nodes) and number * len(rows) < limit and bits
+           and len(nodes) * len(nodes[0]) <= _MOST_BYTES):
         for row, (after, word) in enumerate(follow(nodes[number])):
             if fresh := word & bits:
                 bits &= ~fresh

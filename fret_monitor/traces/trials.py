@@ -81,14 +81,15 @@ class Trials:
     def _place(self) -> tuple[int, int]:
         """Return the offset and size of the group's state: the bytes that its reset writes."""
         memory = ffi.buffer(self._state)
-        touched: set[int] = set()
-        for fill in (0x00, 0xFF):
-            memory[:] = bytes([fill]) * len(memory)
+        begin, end = len(memory), 0
+        for fill in (b'\x00', b'\xff'):
+            memory[:] = fill * len(memory)
             self._group.reset(self._state)
-            touched.update(i for i, byte in enumerate(bytes(memory)) if byte != fill)
+            found = bytes(memory)
+            begin = min(begin, len(found) - len(found.lstrip(fill)))
+            end = max(end, len(found.rstrip(fill)))
         memory[:] = bytes(len(memory))
-        begin = min(touched, default=0)
-        return begin, max(touched, default=-1) + 1 - begin
+        return (begin, end - begin) if end else (0, 0)
 
     def run(self, traces: Sequence[Trace]) -> list['array[int]']:
         """Return the verdicts at each step of each trace, each run from the initial state."""

@@ -256,3 +256,11 @@ def test_the_command_has_the_mode_and_the_names(tmp_path: Path) -> None:
     assert [item.id for item in specification.properties] == ['to_0', 'to_1']
     assert all(item.severity.value == 'warn' and item.report.value == 'onset'
                for item in specification.properties)
+
+
+@pytest.mark.timeout(30)
+@pytest.mark.parametrize('text', ['0 -> 1 [label="' + '\\"' * 200_000, '/* ' * 200_000])
+def test_a_quote_or_a_comment_that_does_not_end_is_read_once(text: str, tmp_path: Path) -> None:
+    (tmp_path / 'a.dot').write_text(f'digraph {{ {text}')
+    with pytest.raises(CompileError):
+        import_bundles([tmp_path / 'a.dot'], tmp_path / 'a.yaml')

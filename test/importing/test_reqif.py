@@ -15,10 +15,11 @@
 """ReqIF, as requirement tools exchange it: attributes are columns, chapters are titles."""
 
 from pathlib import Path
+import re
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
-from fret_monitor.importing import import_bundles
+from fret_monitor.importing import import_bundles, xml_text
 from fret_monitor.model.diagnostics import CompileError
 import pytest
 
@@ -121,3 +122,32 @@ def test_what_is_no_reqif_or_has_no_texts_is_refused(
     (tmp_path / 'a.reqif').write_text(text, encoding='utf-8')
     with pytest.raises(CompileError, match=message):
         import_bundles([tmp_path / 'a.reqif'], tmp_path / 'a.yaml')
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-16', 'iso-8859-1', 'windows-1252'])
+def test_a_prefix_and_an_encoding_are_those_of_the_file(encoding: str, tmp_path: Path) -> None:
+    text = re.sub('<(/?)(?=[A-Z])', r'<\1rq:', ROVER).replace('xmlns=', 'xmlns:rq=').replace(
+        'encoding="UTF-8"', f'encoding="{encoding}"').replace('is red', 'is größer')
+    path, target, new = tmp_path / 'a.reqif', tmp_path / 'a.yaml', tmp_path / 'new.reqif'
+    trace = tmp_path / 't.csv'
+    path.write_bytes(text.encode(encoding))
+    trace.write_text('time,speed,armed\n0,3,1\n')
+    assert main(['import', str(path), '-o', str(target)]) == 0
+    assert len(read(target).specification.properties) == 3
+    assert 'The rover is größer' in target.read_text(encoding='utf-8')
+    assert main(['bag', str(target), str(trace), '--fill', str(path), str(new)]) == 0
+    filled = new.read_text(encoding='utf-8')
+    assert filled.count('THE-VALUE="violated"') == 2 and 'größer' in filled
+    assert '<ATTR' not in filled and '<rq:ATTRIBUTE-VALUE-STRING THE-VALUE="violated">' in filled
+    again, = import_bundles([new], target)
+    assert len(again.draft.requirements) == 3
+
+
+def test_more_tags_than_tools_write_are_refused(tmp_path: Path,
+                                                monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / 'a.reqif'
+    path.write_text(ROVER)
+    for name, limit in (('_MOST_TAGS', 100), ('MAX_XML', 1000)):
+        with monkeypatch.context() as patch, pytest.raises(CompileError, match='more than'):
+            patch.setattr(xml_text, name, limit)
+            import_bundles([path], tmp_path / 'a.yaml')

@@ -149,7 +149,11 @@ def test_a_spreadsheet_comes_back_with_a_verdict_in_each_row(ending: str, tmp_pa
     assert [[''.join(row[place:place + 1]) for place in places] for row in rows] == FILLED
     assert [row[:3] for row in rows[1:]] == [list(row) for row in ROWS[1:]]
     if ending == 'xlsx':
-        assert openpyxl.load_workbook(new)['Notes'].max_column == 1
+        book = openpyxl.load_workbook(new)
+        assert book['Notes'].max_column == 1
+        cells = [book.worksheets[0].cell(2, 1 + rows[0].index(name)).value
+                 for name in ('Occurrences', 'First violation')]
+        assert cells == [1, 1]  # numbers, which a spreadsheet can sum
 
 
 @pytest.mark.parametrize(('sign', 'encoding'), [(';', 'utf-16'), ('\t', 'utf-8-sig')])

@@ -22,7 +22,7 @@ import zipfile
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.elaboration import languages
-from fret_monitor.importing import import_bundles
+from fret_monitor.importing import import_bundles, tables, workbook as workbooks
 from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.tables import MAX_ROWS
 from fret_monitor.language.fretish import parse_fretish
@@ -147,17 +147,21 @@ def test_each_sheet_with_the_columns_is_read_and_others_are_told(
                     B=((), (None,), head, ('b', 'y > 0')), Notes=(('nothing', 'here'), (1, 2)))
     book = openpyxl.load_workbook(path)
     book['A'].merge_cells('A2:A3')
-    book.create_sheet('Old').sheet_state = 'hidden'
+    for name in ('Old', 'Empty'):
+        book.create_sheet(name).sheet_state = 'hidden'
+    book['Old'].append(('id', 'text'))
     book.save(path)
     assert main(['import', str(path), '-o', str(tmp_path / 'b.yaml')]) == 0
     found = {item.id: item.text for item in read(tmp_path / 'b.yaml').specification.properties}
     assert found == {'1': 'x > 0', 'b': 'y > 0'}
     told = capsys.readouterr().err
+    assert "the sheet 'Old' is left out\n   = help: it is hidden" in told and 'Empty' not in told
     assert "the sheet 'Notes' is left out" in told and 'has no column of ids' in told
     assert "two.xlsx, A, row 3 has a formula of the spreadsheet without its value: '=B2'" in told
 
 
-def test_what_is_no_workbook_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_workbook_is_refused(tmp_path: Path,
+                                        monkeypatch: pytest.MonkeyPatch) -> None:
     def message(path: Path) -> str:
         with pytest.raises(CompileError) as caught:
             import_bundles([path], tmp_path / 'a.yaml')
@@ -179,6 +183,18 @@ def test_what_is_no_workbook_is_refused(tmp_path: Path) -> None:
         target.writestr('a.txt', '')
     assert 'cannot be read as a workbook' in message(tmp_path / 'empty.xlsx')
     assert 'no sheet with columns' in message(workbook(tmp_path / 'none.xlsx', A=((),)))
+    lie, packed = tmp_path / 'lie.xlsx', good.read_bytes()
+    with zipfile.ZipFile(good) as source:
+        size = source.getinfo('xl/workbook.xml').file_size
+    place = packed.index(b'xl/workbook.xml', packed.index(b'PK\1\2')) - 22
+    assert packed[place:place + 4] == size.to_bytes(4, 'little')
+    lie.write_bytes(packed[:place] + (9).to_bytes(4, 'little') + packed[place + 4:])
+    assert 'Bad CRC-32' in message(lie)
+    with zipfile.ZipFile(tmp_path / 'bz.xlsx', 'w', zipfile.ZIP_BZIP2) as target:
+        target.writestr('xl/workbook.xml', '<a/>')
+    assert 'is packed in an unusual way' in message(tmp_path / 'bz.xlsx')
+    monkeypatch.setattr(workbooks, 'MAX_CELLS', 3)
+    assert 'has more than 3 cells' in message(good)
     cut = tmp_path / 'cut.xlsx'
     cut.write_bytes(good.read_bytes()[:-40])
     assert 'cannot be read as a workbook' in message(cut)
@@ -256,3 +272,52 @@ def test_a_list_of_topics_alone_is_no_table(tmp_path: Path) -> None:
     (tmp_path / 'topics.csv').write_text('speed,/speed\narmed,/armed\n')
     with pytest.raises(CompileError, match='there is no requirement in'):
         import_bundles([tmp_path / 'topics.csv'], tmp_path / 'a.yaml')
+
+
+def test_rows_behind_many_empty_ones_are_read_and_too_many_are_refused(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = workbook(tmp_path / 'far.xlsx', A=(('id', 'text'), ('R', 'x > 0')))
+    book = openpyxl.load_workbook(path)
+    book['A']['A120000'], book['A']['B120000'] = 'FAR', 'x > 1'
+    book.save(path)
+    found, = import_bundles([path], tmp_path / 'a.yaml')
+    assert [item.id for item in found.draft.requirements] == ['R', 'FAR']
+    monkeypatch.setattr(tables, 'MAX_ROWS', 1)
+    with pytest.raises(CompileError, match='has more than 1 rows'):
+        import_bundles([path], tmp_path / 'a.yaml')
+
+
+def test_a_first_line_may_say_what_separates_cells(tmp_path: Path) -> None:
+    data = b'sep=;\r\nID;Requirement;a, b, c\r\nR-1;x > 0;1,5\r\n'
+    target, new, trace = imported(tmp_path, data), tmp_path / 'new.csv', tmp_path / 't.csv'
+    assert [item.text for item in read(target).specification.properties] == ['x > 0']
+    trace.write_text('time,x\n0,1\n')
+    assert main(['bag', str(target), str(trace), '--fill', str(tmp_path / 'rover.csv'),
+                 str(new)]) == 0
+    assert new.read_bytes().startswith(
+        b'sep=;\r\nID;Requirement;a, b, c;Verdict;Recording;Occurrences;First violation\r\n'
+        b'R-1;x > 0;1,5;satisfied;')
+
+
+def test_a_very_long_cell_is_a_comment_and_the_others_are_read(tmp_path: Path) -> None:
+    long = 'armed & ' * 30_000 + 'armed'
+    (tmp_path / 'a.csv').write_text(f'id,text\nR-1,x > 0\nR-2,"{long}"\n')
+    found, = import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')
+    assert [item.id for item in found.draft.requirements] == ['R-1']
+    assert [(item.id, reason) for item, reason in found.draft.left_out] == [
+        ('R-2', 'a text of more than 100,000 characters is no requirement')]
+    assert 'ptltl: armed & armed' in found.text.replace('fretish', 'ptltl')
+    assert len(found.text) < 20_000
+
+
+def test_the_wordings_of_a_row_are_told_by_their_columns(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    imported(tmp_path, b'id,fretish,ptltl\nR,the rover shall always satisfy x > 0,H (x > 1)\n')
+    told = capsys.readouterr().err
+    assert 'rover.csv, row 2, fretish: true' in told and 'rover.csv, row 2, ptltl: false' in told
+
+
+def test_other_heads_in_utf_16_are_told_too(tmp_path: Path) -> None:
+    (tmp_path / 'a.csv').write_text('Nr;Anforderung\nR-1;x > 0\n', encoding='utf-16')
+    with pytest.raises(CompileError, match="its columns are 'Nr', 'Anforderung'; write --columns"):
+        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')

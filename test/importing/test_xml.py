@@ -15,11 +15,12 @@
 """XML with XPaths, in a format of our own or of Ogma, and archives of ReqIF."""
 
 from pathlib import Path
+import tracemalloc
 import zipfile
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
-from fret_monitor.importing import files, import_bundles, Imported, reqifz, xpath
+from fret_monitor.importing import archive as zip_archive, files, import_bundles, Imported, xpath
 from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.xml_format import read_format
 from fret_monitor.importing.xml_text import parsed_xml
@@ -107,12 +108,32 @@ def test_a_path_that_is_none_is_refused_with_its_place(path: str, column: int) -
 
 
 def test_nested_and_costly_paths_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xpath, '_MOST_VISITS', 10 ** 5)
+    monkeypatch.setattr(xpath, '_VISITS', 10 ** 5)
     with pytest.raises(CompileError, match='too long'):
         parse_path(Text.whole(Source('p', 'a[' * 5000 + 'b' + ']' * 5000)))
     deep = parsed_xml('<a>' * 5000 + '</a>' * 5000, Path('t'))
-    with pytest.raises(CompileError, match='visits too many elements'):
+    with pytest.raises(CompileError, match='visit too many elements'):
         Tree(deep).find(parse_path(Text.whole(Source('p', '//*//*'))))
+
+
+@pytest.mark.parametrize('path', ['//*[//*[//*[//*[//*[//*]]]]]', '//*' * 40,
+                                  '//*[//*[contains(., "x")]]'])
+def test_paths_in_paths_and_texts_are_costly_too(path: str,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xpath, '_VISITS', 10 ** 5)
+    deep = parsed_xml('<a>' * 200 + 'y' * 30_000 + '</a>' * 200, Path('t'))
+    with pytest.raises(CompileError, match='visit too many elements'):
+        Tree(deep).find(parse_path(Text.whole(Source('p', path))))
+
+
+def test_the_paths_of_all_requirements_count_together(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xpath, '_VISITS', 2000)
+    path, form = tmp_path / 'a.xml', tmp_path / 'form.yaml'
+    path.write_text('<a>' + ''.join(f'<r id="{k}"><t>x</t></r>' for k in range(50)) + '</a>')
+    form.write_text('requirements: //r\nid: "@id"\ntext: ' + '"' + '*/../' * 45 + 't"')
+    with pytest.raises(CompileError, match='visit too many elements'):
+        import_bundles([path], tmp_path / 'a.yaml', options=ImportOptions(xml=read_format(form)))
 
 
 OGMA = r"""
@@ -211,14 +232,28 @@ def test_an_archive_that_is_none_or_too_large_is_refused(
     (tmp_path / 'text.reqifz').write_text('PK')
     bomb = archive(tmp_path / 'bomb.reqifz', a_reqif=' ' * 2 ** 22)
     assert bomb.stat().st_size < 2 ** 14
-    monkeypatch.setattr(files, 'MAX_BYTES', 2 ** 21)
+    monkeypatch.setattr(files, 'MAX_XML', 2 ** 21)
     cases = [(tmp_path / 'text.reqifz', 'ZIP archive'), (bomb, 'unpacks to more than 2 MiB'),
              (archive(tmp_path / 'empty.reqifz', a_txt=''), 'no file that ends in .reqif'),
              (archive(tmp_path / 'bin.reqifz', a_reqif='no ReqIF'), 'cannot be read as XML')]
     for path, message in cases:
         with pytest.raises(CompileError, match=message):
             import_bundles([path], tmp_path / 'a.yaml')
-    monkeypatch.setattr(reqifz, '_MOST_PARTS', 1)
+    monkeypatch.setattr(zip_archive, '_MOST_PARTS', 1)
     with pytest.raises(CompileError, match='more than 1 files'):
         import_bundles([archive(tmp_path / 'two.reqifz', a_reqif=REQIF, b_reqif=REQIF)],
                        tmp_path / 'a.yaml')
+
+
+def test_a_small_archive_takes_little_memory_whatever_it_says(tmp_path: Path) -> None:
+    path = archive(tmp_path / 'lie.reqifz', a_reqif=' ' * 2 ** 25)
+    data = path.read_bytes()
+    size = (2 ** 25).to_bytes(4, 'little')
+    path.write_bytes(data.replace(size, (1000).to_bytes(4, 'little')))
+    tracemalloc.start()
+    try:
+        with pytest.raises(CompileError, match='Bad CRC-32'):
+            import_bundles([path], tmp_path / 'a.yaml')
+        assert tracemalloc.get_traced_memory()[1] < 2 ** 23
+    finally:
+        tracemalloc.stop()

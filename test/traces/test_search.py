@@ -23,7 +23,7 @@ from fret_monitor.elaboration.elaborate import specify
 from fret_monitor.logic.evaluate import verdicts
 from fret_monitor.logic.finality import is_final
 from fret_monitor.model.diagnostics import Source
-from fret_monitor.traces import search
+from fret_monitor.traces import explore, search
 from fret_monitor.traces.sampled import grid_of, sampled
 from fret_monitor.traces.search import Budget, Examples, find_examples, Recovery
 from fret_monitor.traces.subject import Subject, subjects
@@ -179,3 +179,14 @@ def test_a_function_over_time_alone_is_searched_on_a_grid(alone: str) -> None:
     subject, = subjects(specification, [sampled(item, grid_of(item))])
     found = find_examples(subject, Budget())
     assert found.satisfying and found.violating
+
+
+def test_a_search_keeps_no_more_states_than_memory_allows(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    formula = '!(O[299,300] p)'  # each of the last 300 steps may have been true or false
+    (_, whole), = examined(bundle(tmp_path, formula))
+    monkeypatch.setattr(explore, '_MOST_BYTES', 10_000)
+    (subject, found), = examined(bundle(tmp_path, formula))
+    size = len(subject.trials.start())
+    assert whole.states * size > 20_000 > found.states * size
+    check(subject, found)
