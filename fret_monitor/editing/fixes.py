@@ -28,6 +28,7 @@ import re
 from fret_monitor.bundle.yaml_repair import value_as_written
 from fret_monitor.editing.edited_bundle import EditedBundle, read_edited
 from fret_monitor.editing.edits import edited as with_edits, TextEdit
+from fret_monitor.elaboration.memory import RequirementMemory
 from fret_monitor.model.diagnostics import Diagnostic, Level, Span
 from fret_monitor.model.names import PLACEHOLDER
 
@@ -52,14 +53,19 @@ class QuickFix:
     edit: TextEdit
 
 
-def fixes(edited: EditedBundle, found: Diagnostic) -> tuple[QuickFix, ...]:
-    """Return the quick fixes of a diagnostic of the edited file, the likeliest first."""
+def fixes(edited: EditedBundle, found: Diagnostic,
+          memory: RequirementMemory | None = None) -> tuple[QuickFix, ...]:
+    """
+    Return the quick fixes of a diagnostic of the edited file, the likeliest first.
+
+    `memory` is as of `read_edited`.
+    """
     if found.span is None or found.span.source.name != edited.source.name:
         return ()
     good: dict[str, QuickFix] = {}
     is_choice = found.help.startswith('did you mean')
     for edit in list(dict.fromkeys(_ways(found, found.span)))[:_MOST]:
-        if (is_choice or not good) and _mends(edited, found, edit):
+        if (is_choice or not good) and _mends(edited, found, edit, memory):
             written = ' '.join(edit.text.split()).rstrip(',')
             good[written] = QuickFix(f'write {written}' if written else 'remove it', edit)
     return tuple(good.values())
@@ -154,11 +160,12 @@ def _end_of_value(span: Span, value: int) -> int:
     return place
 
 
-def _mends(edited: EditedBundle, found: Diagnostic, edit: TextEdit) -> bool:
+def _mends(edited: EditedBundle, found: Diagnostic, edit: TextEdit,
+           memory: RequirementMemory | None) -> bool:
     """Return whether a diagnostic is gone with an edit, and no new one has come."""
     text = with_edits(edited.source.text, [edit])
     after = read_edited(Path(edited.source.name), text, find_message=edited.find_message,
-                        read_file=edited.read_file)
+                        read_file=edited.read_file, memory=memory)
     before = [_worded(item) for item in edited.diagnostics]
     left = [_worded(item) for item in after.diagnostics if item.level is found.level
             or item.level is Level.ERROR]

@@ -266,8 +266,9 @@ class BundleServer:
         near = [item for item in found.diagnostics if item.span and item.help
                 and item.span.source is found.source
                 and convert.range(item.span).start.line in lines]
+        memory = self._memories.get(params.text_document.uri)
         tried = [(item, await asyncio.get_running_loop().run_in_executor(
-            self._worker, editing.fixes, found, item)) for item in near]
+            self._worker, editing.fixes, found, item, memory)) for item in near]
         return [convert.action(fix, item) for item, fixes in tried for fix in fixes]
 
     def _folding(self, params: Any) -> Any:

@@ -160,7 +160,8 @@ class Questions:
         edited = self._edited(question)
         places = Utf16(edited.source.text)
         return [[{'title': fix.title, 'text': fix.edit.text, **places.range(fix.edit.place)}
-                 for fix in fixes(edited, item)] for item in edited.diagnostics[:_FIXED]]
+                 for fix in fixes(edited, item, self._memory)]
+                for item in edited.diagnostics[:_FIXED]]
 
     def _format(self, question: Question) -> Answer:
         return formatted(question['text'])

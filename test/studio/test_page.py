@@ -26,6 +26,7 @@ from bag.recordings import write
 import fret_monitor.studio
 from fret_monitor.studio.process import Answering, OUTDATED, Unanswered
 import pytest
+from strategies import thorough
 from studio.browser import browser, CHROMIUM, Page
 from studio.serving import studio
 from studio.test_recordings import BUNDLE as RECORDED, messages
@@ -235,6 +236,67 @@ def test_a_new_requirement_is_written_from_a_form(tmp_path: Path) -> None:
         page.wait("document.activeElement.id === 'new-id' && !document.activeElement.value")
         page.click('#meaning form button[type=button]')
         page.wait("document.querySelector('#requirement')?.value === 'ANSWER-2'")
+        assert page.problems == []
+
+
+def crowd(count: int) -> str:
+    """Return a bundle with so many requirements."""
+    return BUNDLE + ''.join(
+        f'  - {{id: R{number}, ptltl: "hot -> speed < {number}"}}\n' for number in range(count))
+
+
+@needs_browser
+def test_of_many_rows_those_near_the_window_are_drawn(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(crowd(200))
+    last = '.lane[aria-label^="R199,"]'
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.see(f'{COOL} rect.is-true')
+        assert page.get("document.querySelectorAll('.lane').length") == 204
+        assert page.get(f"document.querySelector('{last}').childElementCount") == 0
+        assert page.get("document.querySelectorAll('.lane rect').length") < 300
+        page.get("document.querySelector('#rows-with').focus()")
+        page.type('R199')
+        page.see(f'{last} rect.is-true')
+        assert page.get(f"document.querySelector('{COOL}').getBoundingClientRect().height") == 0
+        page.get("document.querySelector('#rows-with').value = ''; document.querySelector("
+                 "'#rows-with').dispatchEvent(new Event('input'));")
+        # What has not changed is not drawn again.
+        page.get(f"window.kept = document.querySelector('{COOL} rect.is-true'); 0")
+        page.drag(SPEED, (10.5 / 40, 0.5), (10.5 / 40, 0.1))
+        page.wait(f"document.querySelector('{SPEED} path').getAttribute('d').length > 20")
+        page.wait(f"document.querySelector('{COOL} .chosen').getAttribute('x') === '250'")
+        assert page.get('kept.isConnected')
+        page.click(HOT, 5.5 / 40)
+        becomes(page, COOL, [5, 6])
+        assert page.problems == []
+
+
+@needs_browser
+@thorough
+def test_a_thousand_requirements_are_tried_and_changed(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(crowd(1000))
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.see(f'{COOL} rect.is-true')
+        page.get("document.querySelector('#rows-with').focus()")
+        page.type('R0')
+        page.see('.lane[aria-label^="R0,"] rect.is-true')
+        page.get("document.querySelector('#rows-with').value = ''; document.querySelector("
+                 "'#rows-with').dispatchEvent(new Event('input'));")
+        page.click(HOT, 5.5 / 40)
+        becomes(page, COOL, [5, 6])
+        page.get("document.querySelector('#rows-with').focus()")
+        page.type('R0')
+        becomes(page, '.lane[aria-label^="R0,"]', [5, 6])
+        # A change of one requirement.
+        judged = page.get("document.querySelector('#trace').dataset.judged")
+        page.get("document.querySelector('#requirement').value = 'R0'; document.querySelector("
+                 "'#requirement').dispatchEvent(new Event('change'));")
+        page.key('End')
+        page.type('  # noted')
+        page.wait(f"document.querySelector('#trace').dataset.judged > {judged}")
+        page.wait("document.querySelector('#state').textContent.startsWith('no problems')")
         assert page.problems == []
 
 

@@ -15,6 +15,7 @@
 // Rows of a trace as drawings: what is drawn, and what pointer and keyboard do to it.
 
 import { h, svg } from './dom.js';
+import { place } from './trace.js';
 import { words } from './words.js';
 
 export const WIDTH = 1000; // units of a drawing; it is as wide as the page lets it be
@@ -114,37 +115,58 @@ export class Lane {
     this.picture = svg('svg', {
       class: 'lane', viewBox: `0 0 ${WIDTH} ${this.height}`, preserveAspectRatio: 'none',
       height: this.height, tabindex: 0, role: 'slider', 'aria-label': words.laneLabel(name),
-      'aria-valuemin': 0,
+      'aria-valuemin': 0, 'aria-valuenow': 0,
       onpointerdown: (event) => this.#down(event), onpointermove: (event) => this.#move(event),
       onpointerup: (event) => this.#up(event), onkeydown: (event) => this.#key(event) });
-    this.draw();
   }
 
+  isSeen = false; // what is far from the window is not drawn
+  #chosen = svg('rect', { class: 'chosen', y: 0 });
+  #shown = []; // what the drawing is of
+
+  // Draw what has changed.
   draw() {
     const { view, input } = this;
+    this.#choose();
     const changes = this.changes();
-    const at = view.x(view.low);
-    const chosen = svg('rect', {
-      class: 'chosen', x: at, width: view.x(view.high + 1) - at, y: 0, height: this.height });
+    const now = [changes, this.end(), view.first, view.count, view.marks];
+    if (now.every((each, number) => each === this.#shown[number])) return;
+    this.#shown = now;
     const parts = input && !input.isBool ? numbers(changes, view, this.end(), this.#scale())
       : truths(changes, view, this.end(), input ? 'truth' : 'verdict');
     const marks = view.marks.map(([kind, step]) => svg('line', {
       class: kind, x1: view.x(step), x2: view.x(step), y1: 0, y2: this.height }));
-    this.picture.replaceChildren(chosen, ...parts, ...marks);
-    const [from, to] = [this.picture, view.cursor];
-    from.setAttribute('aria-valuemax', this.steps() - 1);
-    from.setAttribute('aria-valuenow', to);
-    from.setAttribute('aria-valuetext', `${words.step} ${to}: ${this.text(to)}`);
+    this.picture.replaceChildren(this.#chosen, ...parts, ...marks);
+  }
+
+  #choose() {
+    const { view, picture } = this;
+    const [at, to] = [view.x(view.low), view.cursor];
+    const set = (element, name, value) => {
+      if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+    };
+    set(this.#chosen, 'x', at);
+    set(this.#chosen, 'width', view.x(view.high + 1) - at);
+    set(this.#chosen, 'height', this.height);
+    set(picture, 'aria-valuemax', this.steps() - 1);
+    set(picture, 'aria-valuenow', to);
+    set(picture, 'aria-valuetext', `${words.step} ${to}: ${this.text(to)}`);
   }
 
   text(step) {
     if (this.isWaiting()) return words.judging;
-    const found = this.changes().filter(([each]) => each <= step).at(-1);
+    const found = this.#changeAt(step);
     if (!found) return words.notJudged;
     if (!this.input) return found[1] ? words.satisfied : words.violated;
     const [, value, comparison] = found; // of a margin: which comparison decides
     return this.input.isBool ? words.truth(value) : [value, comparison].filter(
       (each) => each !== undefined && each !== '').join(' ');
+  }
+
+  #changeAt(step) {
+    const changes = this.changes();
+    const found = changes[place(changes, step)];
+    return found && found[0] <= step ? found : undefined;
   }
 
   #scale() {
@@ -187,9 +209,7 @@ export class Lane {
     if (this.input.isBool) this.set(step, step, this.#drawn.value);
   }
 
-  #at(step) {
-    return this.changes().filter(([each]) => each <= step).at(-1)?.[1];
-  }
+  #at(step) { return this.#changeAt(step)?.[1]; }
 
   #move(event) {
     if (!this.#drawn) return;
@@ -206,6 +226,7 @@ export class Lane {
   #up() {
     this.#drawn = null;
     this.#extent = null;
+    this.#shown = [];
     this.draw();
   }
 

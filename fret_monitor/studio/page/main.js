@@ -24,6 +24,7 @@ import { OUTDATED, Talk } from './talk.js';
 import { Tryout } from './tryout.js';
 import { words } from './words.js';
 
+const MOST_PROBLEMS = 100; // that are listed
 const PAUSE_MS = 60; // after a key, before the text is checked
 const NEW = `format: 1
 inputs:
@@ -210,12 +211,13 @@ async function check() {
 }
 
 async function problems(diagnostics, text) {
-  const rows = diagnostics.map((item) => h('li', { class: item.severity },
+  const more = diagnostics.length - MOST_PROBLEMS;
+  const rows = diagnostics.slice(0, MOST_PROBLEMS).map((item) => h('li', { class: item.severity },
     h('button', { type: 'button', class: 'place', onclick: () => editor.go(item.from) },
       item.file ?? (item.line ? `${words.write} ${item.line}` : words.write)),
     h('span', {}, [item.title, item.label].filter(Boolean).join(': ')),
     item.help ? h('p', { class: 'help' }, item.help) : null));
-  show(at('problems'), h('ul', {}, ...rows));
+  show(at('problems'), h('ul', {}, ...rows, more > 0 ? h('li', {}, words.moreProblems(more)) : null));
   if (!diagnostics.length) return;
   const found = await ask('fixes').catch(() => []);
   if (text !== editor.text) return;

@@ -19,6 +19,7 @@ import { Form, NewForm } from './form.js';
 import { OUTDATED } from './talk.js';
 import { words } from './words.js';
 
+const PAUSE_MS = 300; // after a change of the text, before it is explained again
 const CELL = 12;
 const ROW = 18;
 
@@ -37,6 +38,7 @@ export class Meaning {
   #add = h('button', { type: 'button', id: 'new-requirement', onclick: () => this.#begin() },
     words.newRequirement);
   #isSentence = false;
+  #pause = 0;
   #body = h('div', { 'aria-live': 'polite' });
   #select = h('select', { id: 'requirement' });
 
@@ -107,7 +109,9 @@ export class Meaning {
       this.#wanted = null;
       this.#go(bundle.requirements.find((item) => item.id === this.#id).from);
     }
-    this.#explain();
+    clearTimeout(this.#pause);
+    if (this.#id === this.#shownId) this.#pause = setTimeout(() => this.#explain(), PAUSE_MS);
+    else this.#explain();
   }
 
   // Show the requirement in which an offset of the text is.
@@ -121,6 +125,7 @@ export class Meaning {
   }
 
   async #explain() {
+    clearTimeout(this.#pause);
     const id = this.#id;
     if (!id) {
       show(this.#body);

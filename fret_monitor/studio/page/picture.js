@@ -29,21 +29,32 @@ export class Picture {
   #nodes = [];
   #active = 0;
   #pause = 0;
+  #isSeen = false;
+  #isOld = false; // it is drawn when it is near the window
 
   // `go(offset)` shows a place in the editor.
   constructor(place, ask, go) {
     this.#place = place;
     this.#ask = ask;
     this.#go = go;
+    new IntersectionObserver(([entry]) => {
+      this.#isSeen = entry.isIntersecting;
+      this.#load();
+    }, { rootMargin: '2000px' }).observe(place);
   }
 
   // Draw the bundle that is in the editor, when nothing has been typed for a while.
   use() {
     clearTimeout(this.#pause);
-    this.#pause = setTimeout(() => this.#load(), PAUSE_MS);
+    this.#pause = setTimeout(() => {
+      this.#isOld = true;
+      this.#load();
+    }, PAUSE_MS);
   }
 
   async #load() {
+    if (!this.#isSeen || !this.#isOld) return;
+    this.#isOld = false;
     const found = await this.#ask('picture').catch(() => null);
     if (!found) return;
     const columns = KINDS.map((kind) => found.nodes.map((node, number) => ({ ...node, number }))

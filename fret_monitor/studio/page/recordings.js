@@ -16,6 +16,7 @@
 
 import { h, show } from './dom.js';
 import { report } from './report.js';
+import { OUTDATED } from './talk.js';
 import { words } from './words.js';
 
 const AROUND = 0.02; // of a recording, on each side of an occurrence
@@ -86,7 +87,7 @@ export class Recordings {
       this.#tell(words.occurrences(found.occurrences.length));
       return true;
     } catch (error) {
-      if (error.message !== 'outdated') this.#tell(error.message);
+      if (error.message !== OUTDATED) this.#tell(error.message);
       return false;
     }
   }

@@ -17,12 +17,17 @@
 import { h, show } from './dom.js';
 import { Lane, scale, View } from './lanes.js';
 import { report } from './report.js';
+import { OUTDATED } from './talk.js';
 import { MOST, parsed, readCsv, readFret, Trace, writeFret } from './trace.js';
 import { words } from './words.js';
 
 // What a lane needs to know of a margin; it cannot be drawn.
+const NONE = [];
 const MARGIN = { isBool: false, isFloat: true, names: [] };
 const LATE_MS = 300; // verdicts that take longer are said to be computed
+const PAUSE_MS = 400; // after a change of the text, before it is compiled
+const NEAR = '2000px'; // of the window: rows that are drawn
+const MANY = 20; // rows, which can be filtered
 
 export class Tryout {
   #place;
@@ -34,6 +39,13 @@ export class Tryout {
   #margins = {};
   #hasMargins = false;
   #lanes = [];
+  #pause = 0;
+  #seen = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
+    const lane = this.#lanes.find((each) => each.picture === target);
+    if (!lane) return;
+    lane.isSeen = isIntersecting;
+    this.#drawLane(lane);
+  }), { rootMargin: NEAR });
   #isWaiting = true; // for verdicts
   #asked = 0;
   #active = null; // the input whose value is typed
@@ -54,8 +66,11 @@ export class Tryout {
     const before = shape(this.#bundle);
     this.#bundle = bundle;
     this.#trace.fit(bundle.inputs);
+    const isFirst = !this.#lanes.length;
     if (before !== shape(bundle)) this.#build();
-    this.#judge();
+    clearTimeout(this.#pause);
+    if (isFirst) this.#judge();
+    else this.#pause = setTimeout(() => this.#judge(), PAUSE_MS);
   }
 
   get #seconds() {
@@ -71,14 +86,16 @@ export class Tryout {
       enter: () => this.#parts.value.focus() });
     const isWaiting = () => this.#isWaiting;
     const verdict = (id) => new Lane(id, this.#view, {
-      isWaiting, steps, end: steps, changes: () => this.#asSteps(this.#verdicts[id] ?? []) });
+      isWaiting, steps, end: steps, changes: () => this.#verdicts[id] ?? NONE });
     const margin = (id) => new Lane(words.marginOf(id), this.#view, {
       input: MARGIN, isWaiting, steps, end: steps,
-      changes: () => this.#asSteps(this.#margins[id] ?? []) });
+      changes: () => this.#margins[id] ?? NONE });
     const above = inputs.map(lane);
     const below = judged.flatMap((id) => this.#hasMargins
       ? [verdict(id), margin(id)] : [verdict(id)]);
     this.#lanes = [...above, ...below];
+    this.#seen.disconnect();
+    this.#lanes.forEach((each) => this.#seen.observe(each.picture));
     above.forEach((each, number) => each.picture.addEventListener('focus', () => {
       this.#active = inputs[number];
       this.#draw();
@@ -87,6 +104,7 @@ export class Tryout {
     this.#parts = this.#controls();
     show(this.#place,
       h('p', { class: 'faint' }, words.drawing), this.#parts.tools,
+      this.#lanes.length > MANY ? this.#parts.filter : null,
       h('div', { class: 'rows' },
         ...above.flatMap((each) => this.#row(each)), h('span'), this.#parts.scale, h('span'),
         ...below.flatMap((each) => this.#row(each))),
@@ -97,7 +115,17 @@ export class Tryout {
   #row(lane) {
     lane.shown = lane.input ? h('output', { class: 'now' }) : h('button', {
       type: 'button', class: 'now', disabled: true, onclick: () => this.#why(lane.name) });
-    return [h('span', { class: 'name', title: lane.name }, lane.name), lane.picture, lane.shown];
+    lane.parts = [
+      h('span', { class: 'name', title: lane.name }, lane.name), lane.picture, lane.shown];
+    return lane.parts;
+  }
+
+  #filter(text) {
+    const wanted = text.trim().toLowerCase();
+    for (const { name, parts } of this.#lanes) {
+      const isHidden = !name.toLowerCase().includes(wanted);
+      parts.forEach((part) => part.classList.toggle('hidden', isHidden));
+    }
   }
 
   #controls() {
@@ -135,12 +163,15 @@ export class Tryout {
     const other = h('select', { id: 'other', 'aria-label': words.apart },
       ...options(judged));
     if (judged.length > 1) other.value = judged[1];
+    const filter = h('input', { id: 'rows-with', type: 'search', autocomplete: 'off',
+      oninput: () => this.#filter(filter.value) });
     const show_ = (kind) => () => this.#example([chosen.value], kind);
     return {
       steps, period, value, names,
+      filter: h('p', {}, h('label', {}, words.rowsWith, ' ', filter)),
       selection: h('span', { class: 'faint', id: 'chosen' }),
       valueLabel: h('label', { for: 'value' }),
-      scale: h('div'),
+      scale: h('div', { class: 'scale' }),
       why: h('div', { id: 'why', role: 'status' }),
       note: h('p', { role: 'status', id: 'trace-note' }),
       tools: h('div', { class: 'tools' },
@@ -165,19 +196,9 @@ export class Tryout {
   #draw() {
     if (!this.#bundle) return;
     const { low, high, cursor } = this.#view;
-    for (const lane of this.#lanes) {
-      lane.draw();
-      lane.shown.textContent = lane.text(cursor);
-      if (!lane.input) {
-        const isViolated = lane.text(cursor) === words.violated;
-        lane.shown.className = `now verdict ${{ [words.satisfied]: 'is-true',
-          [words.violated]: 'is-false' }[lane.text(cursor)] ?? ''}`;
-        lane.shown.disabled = !isViolated;
-        if (isViolated) lane.shown.textContent = `${words.violated}: ${words.why}`;
-      }
-    }
     const parts = this.#parts;
-    const width = this.#lanes[0]?.picture.getBoundingClientRect().width ?? 0;
+    const width = parts.scale.getBoundingClientRect().width;
+    for (const lane of this.#lanes) this.#drawLane(lane);
     const marks = scale(this.#view, this.#seconds, width);
     parts.scale.replaceWith(marks);
     parts.scale = marks;
@@ -196,10 +217,28 @@ export class Tryout {
     }
   }
 
-  // Changes of verdicts are at times under `timed`: the step in which they fall.
-  #asSteps(changes) {
-    if (!this.#bundle.isTimed) return changes;
-    return changes.map(([time, ...value]) => [time / this.#trace.period, ...value]);
+  #drawLane(lane) {
+    if (!lane.isSeen) return;
+    lane.draw();
+    const text = lane.text(this.#view.cursor);
+    if (lane.said === text) return;
+    lane.said = text;
+    const isViolated = text === words.violated && !lane.input;
+    lane.shown.textContent = isViolated ? `${text}: ${words.why}` : text;
+    if (lane.input) return;
+    const kind = { [words.satisfied]: 'is-true', [words.violated]: 'is-false' }[text] ?? '';
+    lane.shown.className = `now verdict ${kind}`;
+    lane.shown.disabled = !isViolated;
+  }
+
+  // Return the changes of rows by steps: under `timed` they come by times. What is the same stays.
+  #kept(before, found, period) {
+    const same = (one, other) => one && JSON.stringify(one) === JSON.stringify(other);
+    return Object.fromEntries(Object.entries(found).map(([id, changes]) => {
+      const steps = this.#bundle.isTimed
+        ? changes.map(([time, ...value]) => [time / period, ...value]) : changes;
+      return [id, same(before[id], steps) ? before[id] : steps];
+    }));
   }
 
   #type(text) {
@@ -246,7 +285,7 @@ export class Tryout {
       show(this.#parts.why, ...this.#reasons(id, found).map((text) => h('p', {}, text)), drawing);
       this.#draw();
     } catch (error) {
-      if (error.message !== 'outdated') this.#tell(error.message);
+      if (error.message !== OUTDATED) this.#tell(error.message);
     }
   }
 
@@ -268,7 +307,7 @@ export class Tryout {
 
   // What was said of a trace is not true of another one.
   #forget() {
-    this.#view.marks = [];
+    if (this.#view.marks.length) this.#view.marks = [];
     show(this.#parts.why);
   }
 
@@ -282,6 +321,7 @@ export class Tryout {
   }
 
   async #judge(more = {}) {
+    clearTimeout(this.#pause);
     if (!more.csv) this.#forget();
     const { steps, period, values } = this.#trace;
     const number = ++this.#asked;
@@ -289,12 +329,12 @@ export class Tryout {
     try {
       const found = await this.#ask('simulate', {
         steps, period, values, margins: this.#hasMargins, ...more });
-      this.#verdicts = found.verdicts;
-      this.#margins = found.margins ?? {};
+      this.#verdicts = this.#kept(this.#verdicts, found.verdicts, period);
+      this.#margins = this.#kept(this.#margins, found.margins, period);
       this.#place.dataset.judged = String(Number(this.#place.dataset.judged ?? 0) + 1);
       return found;
     } catch (error) {
-      if (error.message === 'outdated') return null;
+      if (error.message === OUTDATED) return null;
       [this.#verdicts, this.#margins] = [{}, {}];
       if (this.#hasMargins) { // verdicts may be known without them
         this.#hasMargins = false;

@@ -90,6 +90,8 @@ export const words = {
   margins: 'Margins', marginOf: (id) => `margin of ${id}`, noMargin: 'none',
   satisfied: 'satisfied', violated: 'violated', notJudged: 'not judged',
   judging: 'computing',
+  rowsWith: 'Rows whose name has',
+  moreProblems: (count) => `and ${count} more`,
   verdicts: 'Verdicts', inputs: 'Inputs',
   uneven: 'the times of the table are not evenly spaced: this page has one time between two rows',
   fix: 'Fix', noHead: 'the first line of a table has the names of the inputs',
