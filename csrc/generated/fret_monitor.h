@@ -226,20 +226,12 @@ struct fm_margin
   int64_t comparison;  // index of all comparisons of the monitor; meaningless if it is infinite
 };
 
-/// What decides a margin: a comparison, by its number, with the distance that it had, and when.
-struct fm_decider
-{
-  double distance;     // of the comparison or of its negation
-  int64_t instant;
-  int64_t comparison;  // -1: none
-};
-
-/// A margin in the state, as the cells of fret_margins.h keep it. The order of ranks is that of
-/// values.
+/// A margin in the state, as the cells of fret_margins.h keep it, with what decides it.
 struct fm_margin_kept
 {
-  int64_t rank;
-  struct fm_decider decider;
+  int64_t rank;        // ranks have the order of values
+  int64_t instant;     // as in fm_margin
+  int64_t comparison;  // -1: none
 };
 
 /// The margins of a monitor. Constant; valid while its library is loaded.

@@ -59,6 +59,8 @@ class MarginWriter:
         self._is_timed = layout.group.is_timed
         self._values = {signal.name: signal.values for signal in program.signals if signal.values}
         before = program.groups[:program.groups.index(layout.group)]
+        self._scales = [item.operation.scale for item in margins.equations
+                        if isinstance(item.operation, Distance)]
         self._first = sum(isinstance(item.operation, Distance) for group in before
                           if group.margins for item in group.margins.equations)
 
@@ -70,11 +72,11 @@ class MarginWriter:
         for index, item in enumerate(self._margins.equations):
             if item.formula is not None:
                 yield from comment(self._shown(item), '  ')
-            yield f'  const struct fm_margin_now margin_{index} = ' \
+            yield f'  const struct fm_margin_kept margin_{index} = ' \
                   f'{self._expression(index, number)};'
             number += isinstance(item.operation, Distance)
         yield from self._roots()
-        yield from self._feedback()  # last: margins may point to those that it replaces
+        yield from self._feedback()
         if self._is_timed:
             yield '  return next;'
 
@@ -90,8 +92,9 @@ class MarginWriter:
                 return f'fm_margin_certain({self._leaf(operation.leaf)})'
             case Distance():
                 scale = c.literal(operation.scale, ValueType.FLOAT64).text
-                return (f'fm_margin_compared{"_at" if self._is_timed else ""}(\n'
-                        f'    s->margins_{index}, {_FUNCTIONS[operation.operator]}('
+                head = f'fm_margin_compared_at(\n    s->margins_{index}, ' if self._is_timed \
+                    else 'fm_margin_compared(\n    '
+                return (f'{head}{_FUNCTIONS[operation.operator]}('
                         f'{self._leaf(operation.left)}, {self._leaf(operation.right)}),\n'
                         f'    {scale}, s->instant_0, {number})')
             case Lesser():
@@ -111,7 +114,7 @@ class MarginWriter:
             case MarginAgo():
                 return self._queue('ago', index, operation.steps, operation)
             case MarginFeedback():
-                return f'fm_margin_of(s->margin_feedback_{operation.index})'
+                return f's->margin_feedback_{operation.index}[0]'
             case _:
                 assert_never(operation)
 
@@ -151,12 +154,11 @@ class MarginWriter:
     def _feedback(self) -> Iterator[str]:
         for number, operand in enumerate(self._margins.feedback):
             yield f'  const struct fm_margin_kept next_{number} = ' \
-                  f'fm_margin_copied({self._operand(operand)});'
+                  f'{self._operand(operand)};'
         for number, _ in enumerate(self._margins.feedback):
             state = f's->margin_feedback_{number}'
             if self._is_timed:
-                yield f'  fm_lower(\n    &next, fm_margin_differs(fm_margin_of({state}), ' \
-                      f'fm_margin_of(&next_{number})), tick + 1);'
+                yield f'  fm_lower(&next, fm_margin_differs({state}[0], next_{number}), tick + 1);'
             yield f'  {state}[0] = next_{number};'
 
     def _roots(self) -> Iterator[str]:
@@ -165,9 +167,15 @@ class MarginWriter:
                   if (room := room_of(item.operation)) is not None and room.may_overflow]
         if queues:
             yield f'  const bool is_lost = ({" | ".join(queues)}) != 0;'
+        lost, is_scaled = 'is_lost' if queues else 'false', any(
+            scale != 1.0 for scale in self._scales)
+        if is_scaled:
+            shown = ', '.join(c.literal(scale, ValueType.FLOAT64).text for scale in self._scales)
+            yield f'  static const double scales[] = {{{shown}}};'
         roots = zip(self._group.properties, self._margins.roots, strict=True)
         for name, operand in (*((f'margin_{number}', item) for number, item in roots),
                               *((f'margin_now_{number}', item)
                                 for number, item in self._margins.occurrences)):
-            yield f'  s->{name}[0] = fm_margin_shown(' \
-                  f'{self._operand(operand)}, {"is_lost" if queues else "false"});'
+            found = self._operand(operand)
+            scale = f'fm_margin_scale({found}, scales, {self._first})' if is_scaled else '1.0'
+            yield f'  s->{name}[0] = fm_margin_shown(\n    {found}, {scale}, {lost});'

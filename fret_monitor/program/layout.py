@@ -55,7 +55,7 @@ _RING_HEAD = 3  # as in csrc/generated/fret_windows.h
 _WINDOW_HEAD = 8
 _SUM_LENGTH = 40
 TEST_WORDS, TEST_PARTS = 7, 3  # of a test, as in csrc/generated/fret_trials.h
-MARGIN_WORDS = 4  # of a struct fm_margin
+MARGIN_WORDS, KEPT_MARGIN_WORDS = 4, 3  # of a struct fm_margin, fm_margin_kept
 _BLOCK_ALIGNMENT = 16  # as in csrc/evaluator/instance.h, like the sizes of its structs
 _TIME_BYTES = 72
 _INPUT_BYTES = 32
@@ -94,6 +94,11 @@ _KEPT_MARGINS = (FieldKind.MARGINS, FieldKind.MARGIN_FEEDBACK)
 _OF_MARGINS = (FieldKind.MARGIN, FieldKind.MARGIN_NOW, *_KEPT_MARGINS)
 
 
+def _margin_words(kind: FieldKind) -> int:
+    """Return the length of a margin in a field of a kind."""
+    return KEPT_MARGIN_WORDS if kind in _KEPT_MARGINS else MARGIN_WORDS
+
+
 @dataclass(frozen=True)
 class StateField:
     """
@@ -104,7 +109,7 @@ class StateField:
     its occurrences), of the equation of a margin (MARGINS, MARGIN_QUEUE), 0 (INSTANT), else of the
     equation. `length` is 0
     for a scalar, else the length of the array. `initial` is the initial value, of each element. A
-    margin is an array of MARGIN_WORDS words.
+    margin is an array of MARGIN_WORDS words, or of KEPT_MARGIN_WORDS in a cell.
     """
 
     kind: FieldKind
@@ -121,7 +126,7 @@ class StateField:
     @property
     def n_margins(self) -> int:
         """How many margins it holds; 0 of another kind."""
-        return self.length // MARGIN_WORDS if self.kind in _OF_MARGINS else 0
+        return self.length // _margin_words(self.kind) if self.kind in _OF_MARGINS else 0
 
     @property
     def n_kept_margins(self) -> int:
@@ -515,7 +520,7 @@ def _cells(group: StepGroup) -> Iterator[StateField]:
 def _margins(group: StepGroup, margins: Margins) -> Iterator[StateField]:
     """Yield the fields of the margins (see csrc/generated/fret_margins.h)."""
     def some(kind: FieldKind, number: int, count: int = 1) -> StateField:
-        return StateField(kind, number, ValueType.FLOAT64, MARGIN_WORDS * count)
+        return StateField(kind, number, ValueType.FLOAT64, _margin_words(kind) * count)
 
     def queue(number: int, length: int) -> StateField:
         return StateField(FieldKind.MARGIN_QUEUE, number, ValueType.INT64, length)
@@ -533,12 +538,15 @@ def _margins(group: StepGroup, margins: Margins) -> Iterator[StateField]:
     for number, item in enumerate(margins.equations):
         cell = item.operation
         match cell:
+            case Distance() if not group.is_timed:
+                pass
             case MarginSince() | Distance():
                 yield some(FieldKind.MARGINS, number)
             case MarginAgo(room=None):
                 yield from (some(FieldKind.MARGINS, number, cell.steps + 1), queue(number, 1))
             case MarginWithin(room=None):
-                yield from (some(FieldKind.MARGINS, number, cell.bound + 2), queue(number, 1))
+                yield from (some(FieldKind.MARGINS, number, cell.bound + 1),
+                            queue(number, cell.bound + 3))
             case MarginAgo() | MarginWithin():
                 capacity = cell.room.capacity or 1 if cell.room else 1
                 yield from (some(FieldKind.MARGINS, number, capacity),
