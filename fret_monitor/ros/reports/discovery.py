@@ -23,6 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fret_monitor.model.names import DETAILS_TOPIC, HANDLER_PREFIX, HANDLER_TOPIC
+from fret_monitor.ros.intake.feed import publishers_on
 from fret_monitor.ros.intake.rcl_endpoint import UNNAMED
 
 from rclpy.node import Node, NodeNameNonExistentError
@@ -55,7 +56,7 @@ class Announced:
 
         A monitor that is seen for the first time counts as configured.
         """
-        publishers = self._node.get_publishers_info_by_topic(DETAILS_TOPIC)
+        publishers = publishers_on(self._node, DETAILS_TOPIC) or ()
         gids = {bytes(item.endpoint_gid) for item in publishers}
         if gids <= self._known or any(item.node_name == UNNAMED for item in publishers):
             return None
