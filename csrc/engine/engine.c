@@ -146,6 +146,7 @@ static void free_memory(struct fm_engine * engine)
   fm_engine_free_transforms(engine);
   fm_engine_free_derived(engine);
   fm_outbox_free(&engine->outbox);
+  fm_outbox_free(&engine->instances);
   fm_reorder_free(&engine->waiting);
   free(engine->fields);
   free(engine->prepared);
@@ -292,6 +293,29 @@ void fm_engine_follow_states(struct fm_engine * engine)
     fm_scopes_count_unknown(engine->options.scopes);
   }
   fm_engine_unlock(engine);
+}
+
+bool fm_engine_follow_instances(struct fm_engine * engine)
+{
+  const struct fm_outbox_size size = {engine->n_requirements + UINT64_C(1), 0, true};
+  fm_engine_lock(engine);
+  engine->follows_instances = fm_outbox_init(&engine->instances, &size);
+  engine->instances.keeps_recoveries = true;
+  fm_engine_unlock(engine);
+  return engine->follows_instances;
+}
+
+bool fm_engine_take_instance(
+  struct fm_engine * engine, struct fm_violation * out, uint8_t * key)
+{
+  fm_engine_lock(engine);
+  if (engine->instances.n_violations == 0 && engine->instances.unpublished > 0) {
+    engine->instances.unpublished = 0;
+    fm_engine_end_instances_locked(engine);
+  }
+  const uint32_t n = fm_outbox_take(&engine->instances, out, key, 1);
+  fm_engine_unlock(engine);
+  return n > 0;
 }
 
 uint64_t fm_engine_states(

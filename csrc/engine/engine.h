@@ -52,7 +52,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 33u
+#define FM_ENGINE_ABI 34u
 
 struct fm_engine;
 
@@ -262,6 +262,19 @@ FM_EXPORT void fm_engine_follow_states(struct fm_engine * engine);
 FM_EXPORT uint64_t fm_engine_states(
   struct fm_engine * engine, uint64_t seen, uint32_t milliseconds,
   struct fm_requirement_state * out);
+
+/// Keep from now on when violations of instances begin and end, for actions with keys; after
+/// fm_engine_follow_states, before messages are delivered. Returns false if memory is short.
+/// O(requirements).
+FM_EXPORT bool fm_engine_follow_instances(struct fm_engine * engine);
+
+/// Take the oldest of these, and its key (FM_KEY_ROOM bytes, as fm_outbox_take): a violation that
+/// begins, or a recovery, of an instance that has ended, too. If its requirement is
+/// n_requirements, the violations of all instances are over: all started afresh, or memory was
+/// short, and others are lost. fm_engine_states returns when there is one. Returns whether there
+/// was one. One thread at a time. O(1).
+FM_EXPORT bool fm_engine_take_instance(
+  struct fm_engine * engine, struct fm_violation * out, uint8_t * key);
 
 /// Take the least margin of each requirement since the last call, as fm_evaluator_take_margin:
 /// `out` has room for all of them; of instances the least of all (fm_scopes_take_margin).

@@ -47,6 +47,23 @@ static void note_occurrence_locked(struct fm_engine * engine, const struct fm_vi
   engine->are_violated[requirement] = !found->is_recovery;
 }
 
+void fm_engine_note_instance_locked(
+  struct fm_engine * engine, uint32_t requirement, bool begins,
+  const struct fm_outbox_scope * scope)
+{
+  if (engine->follows_instances) {
+    const struct fm_violation event = {.requirement = requirement, .is_recovery = !begins};
+    fm_outbox_add(&engine->instances, &event, scope);
+    engine->states.changes += 1;  // wakes who takes it
+  }
+}
+
+void fm_engine_end_instances_locked(struct fm_engine * engine)
+{
+  const struct fm_outbox_scope all = {NULL, NULL, {NULL, 0}, 0};
+  fm_engine_note_instance_locked(engine, engine->n_requirements, false, &all);
+}
+
 void fm_engine_note_conditions_locked(struct fm_engine * engine)
 {
   bool is_known = false;
@@ -138,6 +155,7 @@ void fm_engine_forget_violations_locked(struct fm_engine * engine)
 {
   memset(engine->are_violated, 0, engine->n_requirements);
   memset(engine->n_violated, 0, engine->n_requirements * sizeof(*engine->n_violated));
+  fm_engine_end_instances_locked(engine);
   if (engine->gate != NULL) {
     fm_gate_forget_violations(engine->gate);
   }

@@ -98,6 +98,8 @@ struct fm_engine
   struct fm_reorder waiting;    // under FM_TIMED: messages of later stamps
   struct fm_outbox outbox;
   struct fm_blackbox * blackbox;  // NULL: no message is kept
+  struct fm_outbox instances;     // violations of instances that begin or end, for actions
+  bool follows_instances;         // they are kept
   bool * are_violated;            // requirements whose last violation has not ended
   uint64_t * n_violated;          // a requirement of instances: how many violate it
   uint64_t n_restarts;            // of the evaluator's time, when `are_violated` was last cleared
@@ -216,6 +218,13 @@ void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later
 
 /// For an evaluator that has started afresh: no violation goes on.
 void fm_engine_forget_violations_locked(struct fm_engine * engine);
+
+/// Keep that a violation of an instance begins or ends, if that is followed; that those of all
+/// instances are over.
+void fm_engine_note_instance_locked(
+  struct fm_engine * engine, uint32_t requirement, bool begins,
+  const struct fm_outbox_scope * scope);
+void fm_engine_end_instances_locked(struct fm_engine * engine);
 
 /// Wake those who follow the states of the requirements, if one has changed.
 void fm_engine_update_states_locked(struct fm_engine * engine);

@@ -42,13 +42,32 @@ static int64_t later_locked(struct fm_engine * engine)
 }
 
 // That of a requirement of instances goes on while one violates it.
-static void note_violated_locked(struct fm_engine * engine, uint32_t requirement, uint64_t n)
+static void note_violated_locked(
+  struct fm_engine * engine, uint32_t requirement, uint64_t n,
+  const struct fm_outbox_scope * scope)
 {
-  if (n > engine->n_violated[requirement]) {
+  const bool begins = n > engine->n_violated[requirement];
+  if (begins) {
     fm_engine_begin_violation_locked(engine, requirement);
+  }
+  if (n != engine->n_violated[requirement]) {
+    fm_engine_note_instance_locked(engine, requirement, begins, scope);
   }
   engine->n_violated[requirement] = n;
   engine->are_violated[requirement] = n > 0;
+}
+
+// The scope of a step, with its key, which is copied.
+static struct fm_outbox_scope scope_of(
+  const struct fm_engine * engine, const struct fm_stepped * stepped,
+  uint8_t key[FM_MOST_KEY_BYTES])
+{
+  struct fm_scopes * scopes = engine->options.scopes;
+  const size_t size = stepped->kind == FM_BUNDLE ? 0 :
+    fm_scopes_key(scopes, stepped->kind, stepped->slot, key);
+  return (struct fm_outbox_scope) {
+    fm_scopes_look(scopes, stepped->kind, stepped->slot), monitor_of(engine, stepped->kind),
+    {key, (uint32_t)size}, first_number(engine, stepped->kind)};
 }
 
 // Queue violations of a scope.
@@ -58,25 +77,22 @@ static void queue_of_scope_locked(
 {
   struct fm_scopes * scopes = engine->options.scopes;
   uint8_t key[FM_MOST_KEY_BYTES];
-  const size_t size = stepped->kind == FM_BUNDLE ? 0 :
-    fm_scopes_key(scopes, stepped->kind, stepped->slot, key);
-  const struct fm_outbox_scope scope = {
-    fm_scopes_look(scopes, stepped->kind, stepped->slot), monitor_of(engine, stepped->kind),
-    {key, (uint32_t)size}, first_number(engine, stepped->kind)};
+  const struct fm_outbox_scope scope = scope_of(engine, stepped, key);
   fm_engine_queue_of_locked(engine, violations, n, &scope, later_locked(engine));
   for (uint32_t k = 0; stepped->kind != FM_BUNDLE && k < n; ++k) {
     const uint32_t r = violations[k].requirement;
-    note_violated_locked(engine, scope.first + r, fm_scopes_violated(scopes, stepped->kind, r));
+    note_violated_locked(
+      engine, scope.first + r, fm_scopes_violated(scopes, stepped->kind, r), &scope);
   }
 }
 
 // The violations of an instance end with it.
 static void end_violations_locked(struct fm_engine * engine, const struct fm_stepped * stepped)
 {
-  const struct fm_evaluator * ended =
-    fm_scopes_look(engine->options.scopes, stepped->kind, stepped->slot);
-  const uint32_t first = engine->numbers[stepped->kind];
-  for (uint32_t r = 0; first + r < engine->numbers[stepped->kind + 1]; ++r) {
+  uint8_t key[FM_MOST_KEY_BYTES];
+  const struct fm_outbox_scope scope = scope_of(engine, stepped, key);
+  const struct fm_evaluator * ended = scope.evaluator;
+  for (uint32_t r = 0; scope.first + r < engine->numbers[stepped->kind + 1]; ++r) {
     if (!ended->instance.previous[r]) {
       const uint32_t group = ended->monitor->requirements[r].group;
       const struct fm_violation end = {
@@ -85,7 +101,8 @@ static void end_violations_locked(struct fm_engine * engine, const struct fm_ste
         queue_of_scope_locked(engine, stepped, &end, 1);
       }
       note_violated_locked(
-        engine, first + r, fm_scopes_violated(engine->options.scopes, stepped->kind, r) - 1u);
+        engine, scope.first + r,
+        fm_scopes_violated(engine->options.scopes, stepped->kind, r) - 1u, &scope);
     }
   }
 }

@@ -41,11 +41,8 @@ struct running
 
 struct fm_schedule
 {
-  const struct fm_action * actions;
-  const struct fm_follows * follows;
-  uint32_t n_actions;
-  uint32_t n_requirements;
-  struct fm_action_facts * counts;
+  struct fm_schedule_options options;
+  bool of_instance;
   struct watched * watched;
   struct running * running;
   int64_t * starts;    // of all requirements
@@ -65,19 +62,20 @@ static uint32_t action_of(const struct fm_follows * follows, uint32_t place)
 static bool make_watched(struct fm_schedule * schedule)
 {
   size_t n = 0;
-  for (uint32_t r = 0; r < schedule->n_requirements; ++r) {
-    n += count_of(&schedule->follows[r]);
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
+    n += count_of(&schedule->options.follows[r]);
   }
   schedule->starts = malloc((n + 1u) * sizeof(*schedule->starts));
-  schedule->watched = calloc(schedule->n_requirements + (size_t)1, sizeof(*schedule->watched));
-  schedule->running = calloc(schedule->n_actions + (size_t)1, sizeof(*schedule->running));
+  schedule->watched =
+    calloc(schedule->options.n_requirements + (size_t)1, sizeof(*schedule->watched));
+  schedule->running = calloc(schedule->options.n_actions + (size_t)1, sizeof(*schedule->running));
   if (schedule->starts == NULL || schedule->watched == NULL || schedule->running == NULL) {
     return false;
   }
   int64_t * next = schedule->starts;
-  for (uint32_t r = 0; r < schedule->n_requirements; ++r) {
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
     schedule->watched[r].starts = next;
-    for (uint32_t k = 0; k < count_of(&schedule->follows[r]); ++k) {
+    for (uint32_t k = 0; k < count_of(&schedule->options.follows[r]); ++k) {
       *next = FM_NEVER;
       next += 1;
     }
@@ -86,23 +84,19 @@ static bool make_watched(struct fm_schedule * schedule)
 }
 
 struct fm_schedule * fm_schedule_create(
-  const struct fm_action * actions, uint32_t n_actions, const struct fm_follows * follows,
-  uint32_t n_requirements, struct fm_action_facts * counts)
+  const struct fm_schedule_options * options, bool of_instance)
 {
   struct fm_schedule * schedule = calloc(1, sizeof(*schedule));
   if (schedule == NULL) {
     return NULL;
   }
-  schedule->actions = actions;
-  schedule->follows = follows;
-  schedule->n_actions = n_actions;
-  schedule->n_requirements = n_requirements;
-  schedule->counts = counts;
+  schedule->options = *options;
+  schedule->of_instance = of_instance;
   if (!make_watched(schedule)) {
     fm_schedule_destroy(schedule);
     return NULL;
   }
-  for (uint32_t k = 0; k < n_actions; ++k) {
+  for (uint32_t k = 0; k < options->n_actions; ++k) {
     schedule->running[k].due = FM_NEVER;
   }
   return schedule;
@@ -125,13 +119,15 @@ static void schedule_starts(
   const struct fm_schedule * schedule, uint32_t requirement, bool has_begun, bool has_ended,
   int64_t now)
 {
-  const struct fm_follows * follows = &schedule->follows[requirement];
+  const struct fm_follows * follows = &schedule->options.follows[requirement];
   for (uint32_t k = 0; k < count_of(follows); ++k) {
-    const int64_t after = schedule->actions[action_of(follows, k)].after;
+    const struct fm_action * action = &schedule->options.actions[action_of(follows, k)];
     const bool is_on_violation = k < follows->n_on_violation;
     const bool follows_now =
-      is_on_violation ? has_begun && !(after > 0 && has_ended) : has_ended;
-    schedule->watched[requirement].starts[k] = follows_now ? now + after : FM_NEVER;
+      is_on_violation ? has_begun && !(action->after > 0 && has_ended) : has_ended;
+    schedule->watched[requirement].starts[k] =
+      follows_now && (action->n_parts > 0) == schedule->of_instance ? now + action->after :
+      FM_NEVER;
   }
 }
 
@@ -158,13 +154,13 @@ static bool is_cooling_down(
 
 static void start(const struct fm_schedule * schedule, uint32_t number, int64_t now)
 {
-  const struct fm_action * action = &schedule->actions[number];
+  const struct fm_action * action = &schedule->options.actions[number];
   struct running * running = &schedule->running[number];
   if (running->is_under_way || is_cooling_down(action, running, now)) {
-    schedule->counts[number].skipped += 1;
+    schedule->options.counts[number].skipped += 1;
     return;
   }
-  schedule->counts[number].started += 1;
+  schedule->options.counts[number].started += 1;
   running->has_started = true;
   running->last_start = now;
   if (action->kind == FM_ACTION_PUBLISH) {
@@ -178,7 +174,7 @@ static void start(const struct fm_schedule * schedule, uint32_t number, int64_t 
 
 static void start_due(const struct fm_schedule * schedule, uint32_t requirement, int64_t now)
 {
-  const struct fm_follows * follows = &schedule->follows[requirement];
+  const struct fm_follows * follows = &schedule->options.follows[requirement];
   for (uint32_t k = 0; k < count_of(follows); ++k) {
     int64_t * when = &schedule->watched[requirement].starts[k];
     if (*when <= now) {
@@ -188,14 +184,36 @@ static void start_due(const struct fm_schedule * schedule, uint32_t requirement,
   }
 }
 
+void fm_schedule_start_due(struct fm_schedule * schedule, int64_t now)
+{
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
+    start_due(schedule, r, now);
+  }
+}
+
 void fm_schedule_follow(
   struct fm_schedule * schedule, const struct fm_requirement_state * states, int64_t now)
 {
-  for (uint32_t r = 0; r < schedule->n_requirements; ++r) {
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
     follow(schedule, r, &states[r], now);
   }
-  for (uint32_t r = 0; r < schedule->n_requirements; ++r) {
-    start_due(schedule, r, now);
+  fm_schedule_start_due(schedule, now);
+}
+
+void fm_schedule_note(
+  struct fm_schedule * schedule, uint32_t requirement, bool begins, int64_t now)
+{
+  schedule_starts(schedule, requirement, begins, !begins, now);
+  schedule->watched[requirement].is_violated = begins;
+  start_due(schedule, requirement, now);
+}
+
+void fm_schedule_end_all(struct fm_schedule * schedule, int64_t now)
+{
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
+    if (schedule->watched[r].is_violated) {
+      fm_schedule_note(schedule, r, false, now);
+    }
   }
 }
 
@@ -204,8 +222,8 @@ void fm_schedule_follow(
 // Whether a requirement is violated that the action follows.
 static bool is_violated(const struct fm_schedule * schedule, uint32_t action)
 {
-  for (uint32_t r = 0; r < schedule->n_requirements; ++r) {
-    const struct fm_follows * follows = &schedule->follows[r];
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
+    const struct fm_follows * follows = &schedule->options.follows[r];
     for (uint32_t k = 0; schedule->watched[r].is_violated && k < follows->n_on_violation; ++k) {
       if (follows->on_violation[k] == action) {
         return true;
@@ -217,7 +235,7 @@ static bool is_violated(const struct fm_schedule * schedule, uint32_t action)
 
 bool fm_schedule_publishes(struct fm_schedule * schedule, uint32_t number, int64_t now)
 {
-  const struct fm_action * action = &schedule->actions[number];
+  const struct fm_action * action = &schedule->options.actions[number];
   struct running * running = &schedule->running[number];
   if (running->due > now) {
     return false;
@@ -249,13 +267,28 @@ void fm_schedule_end_call(struct fm_schedule * schedule, uint32_t action)
 int64_t fm_schedule_due(const struct fm_schedule * schedule)
 {
   int64_t due = FM_NEVER;
-  for (uint32_t k = 0; k < schedule->n_actions; ++k) {
+  for (uint32_t k = 0; k < schedule->options.n_actions; ++k) {
     due = schedule->running[k].due < due ? schedule->running[k].due : due;
   }
-  for (uint32_t r = 0; r < schedule->n_requirements; ++r) {
-    for (uint32_t k = 0; k < count_of(&schedule->follows[r]); ++k) {
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
+    for (uint32_t k = 0; k < count_of(&schedule->options.follows[r]); ++k) {
       due = schedule->watched[r].starts[k] < due ? schedule->watched[r].starts[k] : due;
     }
   }
   return due;
+}
+
+bool fm_schedule_is_idle(const struct fm_schedule * schedule, int64_t now)
+{
+  bool is_idle = fm_schedule_due(schedule) == FM_NEVER;
+  for (uint32_t k = 0; k < schedule->options.n_actions; ++k) {
+    const struct running * running = &schedule->running[k];
+    is_idle = is_idle && !running->is_under_way &&
+      !is_cooling_down(&schedule->options.actions[k], running, now);
+  }
+  for (uint32_t r = 0; r < schedule->options.n_requirements; ++r) {
+    is_idle = is_idle &&
+      !(schedule->watched[r].is_violated && schedule->options.follows[r].n_on_end > 0);
+  }
+  return is_idle;
 }

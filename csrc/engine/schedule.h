@@ -31,7 +31,26 @@ enum fm_action_kind
   FM_ACTION_TRANSITION = 2
 };
 
-/// An action. Texts are UTF-8, as written in the bundle.
+enum fm_part_kind
+{
+  FM_PART_BYTES = 0,
+  FM_PART_LENGTH = 1,  // of a text: four bytes
+  FM_PART_KEY = 2
+};
+
+/// A part of a message or request that contains the key of an instance. What follows a key lies
+/// where the length of the key wants it.
+struct fm_payload_part
+{
+  uint32_t kind;    // enum fm_part_kind
+  uint32_t align;   // of bytes: the header of four bytes does not count
+  uint32_t at;      // of bytes: where they are in the payload
+  uint32_t size;    // of bytes; of a length: of what is no key, with the zero at its end
+  uint32_t n_keys;  // of a length: the keys in the text
+};
+
+/// An action. Texts are UTF-8, as written in the bundle. One with parts is an action of each
+/// instance, with times of its own.
 struct fm_action
 {
   uint8_t kind;             // enum fm_action_kind
@@ -47,6 +66,8 @@ struct fm_action
   int64_t after;            // how long the violation lasts before the action starts
   int64_t cooldown;         // least time between two starts
   uint32_t retries;         // after the first try
+  const struct fm_payload_part * parts;  // of a message with keys; the payload has their bytes
+  uint32_t n_parts;         // 0: the message is the payload
 };
 
 /// The actions that follow a requirement, as indices.
@@ -69,11 +90,21 @@ struct fm_action_facts
 
 struct fm_schedule;
 
-/// Make a schedule. `counts`, one for each action, go on from what they are; all arguments outlive
-/// it. NULL if memory is short. O(actions + what follows all requirements).
+/// What schedules are made of. `counts`, one for each action, go on from what they are.
+struct fm_schedule_options
+{
+  const struct fm_action * actions;
+  const struct fm_follows * follows;
+  struct fm_action_facts * counts;
+  uint32_t n_actions;
+  uint32_t n_requirements;
+};
+
+/// Make a schedule, of the bundle or `of_instance`: of the actions without keys, or of those with
+/// them. The options outlive it. NULL if memory is short. O(actions + what follows all
+/// requirements).
 FM_INTERNAL struct fm_schedule * fm_schedule_create(
-  const struct fm_action * actions, uint32_t n_actions, const struct fm_follows * follows,
-  uint32_t n_requirements, struct fm_action_facts * counts);
+  const struct fm_schedule_options * options, bool of_instance);
 
 /// Free it. NULL is allowed. O(1).
 FM_INTERNAL void fm_schedule_destroy(struct fm_schedule * schedule);
@@ -82,6 +113,21 @@ FM_INTERNAL void fm_schedule_destroy(struct fm_schedule * schedule);
 /// is due. O(what follows all requirements).
 FM_INTERNAL void fm_schedule_follow(
   struct fm_schedule * schedule, const struct fm_requirement_state * states, int64_t now);
+
+/// Schedule what follows a violation of an instance that begins or ends now, and start what is due
+/// of it. O(what follows the requirement).
+FM_INTERNAL void fm_schedule_note(
+  struct fm_schedule * schedule, uint32_t requirement, bool begins, int64_t now);
+
+/// The same of all violations that have not ended: they end. O(what follows all requirements).
+FM_INTERNAL void fm_schedule_end_all(struct fm_schedule * schedule, int64_t now);
+
+/// Start what is due. O(what follows all requirements).
+FM_INTERNAL void fm_schedule_start_due(struct fm_schedule * schedule, int64_t now);
+
+/// Whether a schedule of an instance can be forgotten: nothing is under way, to come, or to follow
+/// the end of a violation, and no cooldown lasts. O(what follows all requirements).
+FM_INTERNAL bool fm_schedule_is_idle(const struct fm_schedule * schedule, int64_t now);
 
 /// Whether an action is to publish a message now. To be called once for each. O(what follows all
 /// requirements).

@@ -452,10 +452,9 @@ static bool start_threads(struct fm_session * session)
 {
   session->detail_thread = fm_detail_thread_start(
     session->node, &session->reporter, &session->details, session->settings.logs_violations);
-  if (session->table->report.n_actions > 0) {
-    fm_engine_follow_states(session->engine);
-  }
-  if (!fm_node_blackbox_start(&session->blackbox, session->engine) ||
+  if ((session->table->report.n_actions > 0 &&
+    !fm_actions_prepare(session->engine, &session->table->report)) ||
+    !fm_node_blackbox_start(&session->blackbox, session->engine) ||
     session->detail_thread == NULL || !start_announcer(session) || !start_verdicts(session) ||
     !fm_node_actions_start(&session->actions, session->engine))
   {

@@ -37,6 +37,7 @@
 #define FM_WORDS_NO_ANSWER "%s has not answered in %g s"
 #define FM_WORDS_NO_SUCCESS "%s answered without success%s%s"
 #define FM_WORDS_NOT_SENT "the middleware does not send the request to %s"
+#define FM_WORDS_NO_REQUEST "the middleware does not read its request"
 #define FM_WORDS_NOT_PUBLISHED "the middleware does not publish its message"
 #define FM_WORDS_REFUSED "%s refused to leave the state %s"
 #define FM_WORDS_STILL_IN "%s is %s"

@@ -34,8 +34,13 @@ bool fm_action_call_make(
   }
   return action->kind == FM_ACTION_TRANSITION ?
          fm_call_make(&call->calls[1], functions, &ends->services[1]) :
-         fm_message_read(
-    &call->calls[0].request, functions, action->payload, action->payload_size);
+         action->n_parts > 0 || fm_action_call_read(call, action->payload, action->payload_size);
+}
+
+bool fm_action_call_read(
+  struct fm_action_call * call, const uint8_t * payload, size_t size)
+{
+  return fm_message_read(&call->calls[0].request, call->calls[0].functions, payload, size);
 }
 
 void fm_action_call_free(struct fm_action_call * call)

@@ -56,6 +56,12 @@ struct fm_action_call
 FM_INTERNAL bool fm_action_call_make(
   struct fm_action_call * call, const struct fm_service_functions * functions,
   const struct fm_action * action, const struct fm_action_ends * ends);
+
+/// Read the request of the next tries, which have not begun; not of a transition. False if the
+/// middleware cannot. O(size).
+FM_INTERNAL bool fm_action_call_read(
+  struct fm_action_call * call, const uint8_t * payload, size_t size);
+
 FM_INTERNAL void fm_action_call_free(struct fm_action_call * call);
 
 /// Begin the first try, at a time of CLOCK_MONOTONIC.

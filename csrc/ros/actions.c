@@ -23,6 +23,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "payload.h"
+#include "schedules.h"
 #include "thread.h"
 #include "words.h"
 
@@ -32,8 +34,11 @@
 struct fm_actions
 {
   struct fm_actions_options options;
-  struct fm_schedule * schedule;
+  struct fm_schedule * schedule;         // of the bundle
+  struct fm_schedules schedules;         // of instances
   struct fm_action_call * calls;         // of each action; zeroed if it publishes
+  struct fm_schedule ** callers;         // whose call is under way; NULL: none is
+  uint8_t * payload;                     // room for any message
   struct fm_requirement_state * states;
   pthread_mutex_t mutex;                 // guards the next two
   struct fm_action_facts * counts;
@@ -41,6 +46,7 @@ struct fm_actions
   int64_t * next_lines;                  // when a line of an action that publishes may be next
   pthread_t thread;
   uint64_t turns;                        // atomic
+  bool has_ended;                        // a call; the next one may begin
   bool is_running;
 };
 
@@ -59,58 +65,158 @@ static void count_result(
   pthread_mutex_unlock(&actions->mutex);
 }
 
-static bool publish_copy(const struct fm_actions * actions, uint32_t number)
+static bool publish_copy(const struct fm_actions * actions, uint32_t number, const uint8_t * key)
 {
   const struct fm_action * action = &actions->options.table->actions[number];
   struct fm_serialized message;
   memset(&message, 0, sizeof(message));
-  message.buffer = malloc(action->payload_size + 1u);
-  message.length = message.capacity = action->payload_size;
-  bool is_good = message.buffer != NULL;
-  if (is_good) {
-    memcpy(message.buffer, action->payload, action->payload_size);
-    fm_engine_write_time(
-      actions->options.engine, message.buffer, message.length, action->stamp_at);
-    is_good =
-      actions->options.publish(actions->options.ends[number].publisher, &message, NULL) == 0;
-  }
+  message.buffer = actions->payload;
+  message.length = fm_payload_write(action, key, message.buffer);
+  message.capacity = message.length;
+  fm_engine_write_time(
+    actions->options.engine, message.buffer, message.length, action->stamp_at);
+  const bool is_good =
+    actions->options.publish(actions->options.ends[number].publisher, &message, NULL) == 0;
   if (!is_good) {
     actions->options.services.forget_error();
   }
-  free(message.buffer);
   return is_good;
 }
 
-static void publish(struct fm_actions * actions, uint32_t number, int64_t now)
+static void publish(
+  struct fm_actions * actions, uint32_t number, const uint8_t * key, int64_t now)
 {
-  const bool is_good = publish_copy(actions, number);
+  const bool is_good = publish_copy(actions, number, key);
   const bool is_logged = !is_good && now >= actions->next_lines[number];
   actions->next_lines[number] = is_logged ? now + FM_SECOND : actions->next_lines[number];
   count_result(actions, number, is_good, is_logged, 1, FM_WORDS_NOT_PUBLISHED);
 }
 
-static void call(struct fm_actions * actions, uint32_t number, int64_t now)
+// Instances have one client of an action: their calls follow each other.
+static void begin_call(
+  struct fm_actions * actions, struct fm_schedule * schedule, uint32_t number,
+  const uint8_t * key, int64_t now)
+{
+  const struct fm_action * action = &actions->options.table->actions[number];
+  struct fm_action_call * one = &actions->calls[number];
+  if (actions->callers[number] != NULL || !fm_schedule_begins_call(schedule, number)) {
+    return;
+  }
+  if (key == NULL || fm_action_call_read(
+      one, actions->payload, fm_payload_write(action, key, actions->payload)))
+  {
+    actions->callers[number] = schedule;
+    fm_action_call_begin(one, now);
+  } else {
+    fm_schedule_end_call(schedule, number);
+    count_result(actions, number, false, true, 1, FM_WORDS_NO_REQUEST);
+  }
+}
+
+static void go_on_with_call(struct fm_actions * actions, uint32_t number, int64_t now)
 {
   struct fm_action_call * one = &actions->calls[number];
   struct fm_text why = {NULL, 0, 0};
-  if (fm_schedule_begins_call(actions->schedule, number)) {
-    fm_action_call_begin(one, now);
-  }
   const enum fm_action_result result = fm_action_call_run(one, now, &why);
   if (result != FM_ACTION_GOES_ON) {
-    fm_schedule_end_call(actions->schedule, number);
+    fm_schedule_end_call(actions->callers[number], number);
+    actions->callers[number] = NULL;
+    actions->has_ended = true;
     count_result(
       actions, number, result == FM_ACTION_SUCCEEDED, true, one->tried + 1u, fm_text_get(&why));
   }
   fm_text_free(&why);
 }
 
+// Publish, and begin calls, as a schedule of the bundle (`key` NULL) or an instance wants it.
+static void act(
+  struct fm_actions * actions, struct fm_schedule * schedule, const uint8_t * key, int64_t now)
+{
+  for (uint32_t k = 0; k < actions->options.table->n_actions; ++k) {
+    if (actions->options.ends[k].publisher == NULL) {
+      begin_call(actions, schedule, k, key, now);
+    } else if (fm_schedule_publishes(schedule, k, now)) {
+      publish(actions, k, key, now);
+    }
+  }
+}
+
+// ---- instances ---------------------------------------------------------------------------------
+
+static const char * variable_of(const struct fm_actions * actions, uint32_t requirement)
+{
+  const struct fm_report_table * table = actions->options.table;
+  return table->kinds[table->requirements[requirement].kind].variable;
+}
+
+static bool has_keyed(const struct fm_actions * actions, uint32_t requirement)
+{
+  const struct fm_report_table * table = actions->options.table;
+  const struct fm_follows * follows = &table->follows[requirement];
+  bool has = false;
+  for (uint32_t k = 0; k < follows->n_on_violation; ++k) {
+    has = has || table->actions[follows->on_violation[k]].n_parts > 0;
+  }
+  for (uint32_t k = 0; k < follows->n_on_end; ++k) {
+    has = has || table->actions[follows->on_end[k]].n_parts > 0;
+  }
+  return has;
+}
+
+static void end_all(struct fm_actions * actions, int64_t now)
+{
+  struct fm_instance_schedule * one = actions->schedules.first;
+  for (; one != NULL; one = one->next) {
+    pthread_mutex_lock(&actions->mutex);
+    fm_schedule_end_all(one->schedule, now);
+    pthread_mutex_unlock(&actions->mutex);
+  }
+}
+
+// What follows each begin and end happens before the next one.
+static void follow_instances(struct fm_actions * actions, int64_t now)
+{
+  struct fm_violation event;
+  uint8_t key[FM_KEY_ROOM];
+  while (fm_engine_take_instance(actions->options.engine, &event, key)) {
+    if (event.requirement == actions->options.table->n_requirements) {
+      end_all(actions, now);
+    } else if (has_keyed(actions, event.requirement)) {
+      struct fm_instance_schedule * one = fm_schedules_of(
+        &actions->schedules, variable_of(actions, event.requirement), key);
+      if (one != NULL) {
+        pthread_mutex_lock(&actions->mutex);
+        fm_schedule_note(one->schedule, event.requirement, !event.is_recovery, now);
+        pthread_mutex_unlock(&actions->mutex);
+        act(actions, one->schedule, one->key, now);
+      }
+    }
+  }
+}
+
+static void act_for_instances(struct fm_actions * actions, int64_t now)
+{
+  struct fm_instance_schedule * one = actions->schedules.first;
+  for (; one != NULL; one = one->next) {
+    pthread_mutex_lock(&actions->mutex);
+    fm_schedule_start_due(one->schedule, now);
+    pthread_mutex_unlock(&actions->mutex);
+    act(actions, one->schedule, one->key, now);
+  }
+  fm_schedules_drop_idle(&actions->schedules, now);
+}
+
 // ---- the thread --------------------------------------------------------------------------------
 
 static uint32_t time_left(const struct fm_actions * actions)
 {
+  if (actions->has_ended) {
+    return 0;
+  }
   const int64_t now = fm_steady_time();
+  const int64_t of_instances = fm_schedules_due(&actions->schedules);
   int64_t due = fm_schedule_due(actions->schedule);
+  due = of_instances < due ? of_instances : due;
   due = due < now + WAIT_NS ? due : now + WAIT_NS;
   for (uint32_t k = 0; k < actions->options.table->n_actions; ++k) {
     const int64_t other = fm_action_call_due(&actions->calls[k], now);
@@ -135,13 +241,13 @@ static void * run(void * argument)
     __atomic_fetch_add(&actions->turns, 1u, __ATOMIC_RELAXED);
     seen = fm_engine_states(options->engine, seen, time_left(actions), actions->states);
     const int64_t now = fm_steady_time();
+    actions->has_ended = false;
     follow(actions, now);
+    act(actions, actions->schedule, NULL, now);
+    follow_instances(actions, now);
+    act_for_instances(actions, now);
     for (uint32_t k = 0; k < options->table->n_actions; ++k) {
-      if (options->ends[k].publisher == NULL) {
-        call(actions, k, now);
-      } else if (fm_schedule_publishes(actions->schedule, k, now)) {
-        publish(actions, k, now);
-      }
+      go_on_with_call(actions, k, now);
     }
   }
   return NULL;
@@ -155,13 +261,26 @@ static void free_actions(struct fm_actions * actions)
     fm_action_call_free(&actions->calls[k]);
   }
   fm_schedule_destroy(actions->schedule);
+  fm_schedules_free(&actions->schedules);
   pthread_mutex_destroy(&actions->mutex);
   fm_lines_free(&actions->lines);
   free(actions->calls);
+  free(actions->callers);
+  free(actions->payload);
   free(actions->states);
   free(actions->counts);
   free(actions->next_lines);
   free(actions);
+}
+
+static size_t most_bytes(const struct fm_report_table * table)
+{
+  size_t most = 0;
+  for (uint32_t k = 0; k < table->n_actions; ++k) {
+    const size_t bytes = fm_payload_most(&table->actions[k]);
+    most = bytes > most ? bytes : most;
+  }
+  return most;
 }
 
 static bool make_memory(struct fm_actions * actions)
@@ -169,11 +288,13 @@ static bool make_memory(struct fm_actions * actions)
   const struct fm_report_table * table = actions->options.table;
   const size_t n = table->n_actions + (size_t)1;
   actions->calls = calloc(n, sizeof(*actions->calls));
+  actions->callers = calloc(n, sizeof(*actions->callers));
+  actions->payload = malloc(most_bytes(table) + 1u);
   actions->states = calloc(table->n_requirements + (size_t)1, sizeof(*actions->states));
   actions->counts = calloc(n, sizeof(*actions->counts));
   actions->next_lines = calloc(n, sizeof(*actions->next_lines));
-  if (actions->calls == NULL || actions->states == NULL || actions->counts == NULL ||
-    actions->next_lines == NULL)
+  if (actions->calls == NULL || actions->callers == NULL || actions->payload == NULL ||
+    actions->states == NULL || actions->counts == NULL || actions->next_lines == NULL)
   {
     return false;
   }
@@ -181,8 +302,9 @@ static bool make_memory(struct fm_actions * actions)
     memcpy(
       actions->counts, actions->options.before, table->n_actions * sizeof(*actions->counts));
   }
-  actions->schedule = fm_schedule_create(
-    table->actions, table->n_actions, table->follows, table->n_requirements, actions->counts);
+  actions->schedules.options = (struct fm_schedule_options) {
+    table->actions, table->follows, actions->counts, table->n_actions, table->n_requirements};
+  actions->schedule = fm_schedule_create(&actions->schedules.options, false);
   return actions->schedule != NULL;
 }
 
@@ -197,6 +319,16 @@ static bool make_calls(struct fm_actions * actions)
     }
   }
   return true;
+}
+
+bool fm_actions_prepare(struct fm_engine * engine, const struct fm_report_table * table)
+{
+  bool has_keys = false;
+  for (uint32_t k = 0; k < table->n_actions; ++k) {
+    has_keys = has_keys || table->actions[k].n_parts > 0;
+  }
+  fm_engine_follow_states(engine);
+  return !has_keys || fm_engine_follow_instances(engine);
 }
 
 bool fm_actions_start(struct fm_actions ** started, const struct fm_actions_options * options)

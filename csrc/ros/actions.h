@@ -32,7 +32,7 @@ struct fm_actions;
 /// What the thread works with. The caller owns all of it; it outlives the thread.
 struct fm_actions_options
 {
-  struct fm_engine * engine;                // fm_engine_follow_states was called
+  struct fm_engine * engine;                // fm_actions_prepare was called
   const struct fm_report_table * table;     // actions, and what follows each requirement
   const struct fm_action_ends * ends;       // of each action
   struct fm_service_functions services;
@@ -41,6 +41,11 @@ struct fm_actions_options
     const void * publisher, const struct fm_serialized * message, void * allocation);
   const struct fm_action_facts * before;    // counts to go on from; NULL: zeros
 };
+
+/// Let an engine keep what actions follow; before messages are delivered. False if memory is
+/// short. O(actions + requirements).
+FM_EXPORT bool fm_actions_prepare(
+  struct fm_engine * engine, const struct fm_report_table * table);
 
 /// Start the thread; `*actions` as of fm_announcer_start. False if no thread can be made, a type
 /// of a service cannot be used, or memory is short. O(actions + what follows all requirements).

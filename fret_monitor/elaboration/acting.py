@@ -34,6 +34,7 @@ from fret_monitor.messages.serialize import has_stamp, STAMP_AT
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, Text
 from fret_monitor.model.manifest import EVENTS, events_of, ManifestAction, ManifestGate
 from fret_monitor.model.names import absolute, shown
+from fret_monitor.model.payload import PayloadPart
 from fret_monitor.model.policies import ActionKind, Otherwise, Policy, Stale, Stamp
 
 _BEYOND_REQUEST = re.compile(r'\bresponse\b|\brequest\[[1-9]')
@@ -83,13 +84,16 @@ class _Acting:
     def action(self, entry: ActionEntry) -> ManifestAction | None:
         """Return an action, None if it has a mistake."""
         payload, stamp_at = b'', None
+        parts: tuple[PayloadPart, ...] = ()
         interface = LOCK_TYPE if entry.kind is ActionKind.LOCK else ''
         if entry.kind in (ActionKind.PUBLISH, ActionKind.CALL):
             layout = self._layout(entry.type, '_Request' if entry.kind is ActionKind.CALL else '')
             if layout is None or entry.type is None:
                 return None
             interface = entry.type.value
-            payload = message_bytes(layout, entry.content, self.problems)
+            payload, parts = message_bytes(
+                layout, entry.content, self.problems,
+                [item.name.value for item in self.bundle.instance_variables])
             if entry.kind is ActionKind.PUBLISH and has_stamp(layout) and \
                     not is_given(entry.content, layout.fields[0].name, 'stamp'):
                 stamp_at = STAMP_AT
@@ -97,10 +101,11 @@ class _Acting:
             return None
         return ManifestAction(
             name=entry.name.value, kind=entry.kind, target=entry.target.value,
-            interface=interface, payload=payload, stamp_at=stamp_at, period=_period(entry.rate),
-            duration=_nanoseconds(entry.duration), timeout=_nanoseconds(entry.timeout),
-            retries=entry.retries, after=_nanoseconds(entry.after),
-            cooldown=_nanoseconds(entry.cooldown), state=entry.state)
+            interface=interface, payload=payload, parts=parts, stamp_at=stamp_at,
+            period=_period(entry.rate), duration=_nanoseconds(entry.duration),
+            timeout=_nanoseconds(entry.timeout), retries=entry.retries,
+            after=_nanoseconds(entry.after), cooldown=_nanoseconds(entry.cooldown),
+            state=entry.state)
 
     def _layout(self, type_: Text | None, part: str) -> MessageLayout | None:
         """Return the layout of a message, or of a service's part; None with a problem."""
@@ -120,7 +125,7 @@ class _Acting:
     def gate(self, entry: GateEntry) -> Gate | None:
         """Return a gate, None if it has a mistake."""
         layout = self._layout(entry.type, '_Response' if entry.is_service else '')
-        content = message_bytes(layout, entry.content, self.problems) \
+        content = message_bytes(layout, entry.content, self.problems)[0] \
             if layout and entry.content else b''
         self._check_sides(entry)
         self._check_keep(entry)

@@ -14,9 +14,9 @@
 
 """Of which instance variables each requirement is one for each key; what cannot be."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
-from fret_monitor.bundle.bundle import Bundle, InstanceVariable
+from fret_monitor.bundle.bundle import Bundle, InstanceVariable, Requirement
 from fret_monitor.bundle.instances import mentioned
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
 from fret_monitor.elaboration.gates_with_keys import check_gates
@@ -24,6 +24,7 @@ from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.names import shown
 from fret_monitor.model.paths import LookUp, path_text
 
 
@@ -41,7 +42,7 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     for item in properties:
         _check(item, inputs, problems)
     _check_keys(inputs.values(), problems)
-    _check_actions(bundle, problems)
+    _check_actions(bundle, properties, inputs, problems)
     for signal in inputs.values() if bundle.instance_variables else ():
         if signal.source.is_measured:
             problems.error(
@@ -50,16 +51,45 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     check_gates(bundle, properties, inputs, problems)
 
 
-def _check_actions(bundle: Bundle, problems: Problems) -> None:
-    """Report instance variables in messages of actions."""
+def _check_actions(bundle: Bundle, properties: Iterable[Property], inputs: Mapping[str, Signal],
+                   problems: Problems) -> None:
+    """Report actions with a key that follow what has none, or another one."""
     names = {item.name.value for item in bundle.instance_variables}
+    keyed: dict[str, str] = {}
     for action in bundle.actions:
-        for text in _texts(action.content):
-            for name, place in mentioned(text):
-                if name in names:
-                    problems.error('a message of an action has no keys yet', place,
-                                   'it would be sent as it is written',
-                                   'copilot/violations names the instance')
+        found = [(name, place) for text in _texts(action.content)
+                 for name, place in mentioned(text) if name in names]
+        for name, place in found:
+            if keyed.setdefault(action.name.value, name) != name:
+                problems.error(
+                    f'the action {shown(action.name.value)} has keys of two variables', place,
+                    f"'{keyed[action.name.value]}' is one, too",
+                    'a violation has the key of one: write two actions')
+    variables = {item.id: variables_of(
+        {name: inputs[name].variables for name in item.inputs}, inputs) for item in properties}
+    kept = {name.value for gate in bundle.gates for name in gate.keep}
+    for requirement in bundle.requirements:
+        of = variables.get(requirement.id.value)
+        for used in (*requirement.on_violation, *requirement.on_end):
+            variable = keyed.get(used.value)
+            if variable is None or of is None:
+                continue
+            if {*of} != {variable}:
+                _refuse_action(used, variable, requirement, problems)
+            elif requirement.id.value in kept:
+                problems.error(
+                    f'the action {shown(used.value)} has the key of {shown(variable)}, and a gate '
+                    f'keeps {requirement.id.value}', used.span, 'the gate does not know the key',
+                    'let an action without a key follow it')
+
+
+def _refuse_action(name: Text, variable: str, requirement: Requirement,
+                   problems: Problems) -> None:
+    problems.error(
+        f'the action {shown(name.value)} has the key of {shown(variable)}, and '
+        f'{requirement.id.value} is not one for each {variable}', name.span,
+        'its violation has no such key',
+        f'on_violation: []   # in {requirement.id.value}, or an action without a key')
 
 
 def _texts(node: Node | None) -> Iterator[Text]:

@@ -18,18 +18,20 @@ The values of a message that a bundle writes, checked against the definition of 
 Every mistake is reported at its place; `messages/serialize.py` makes bytes of the rest.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 import math
+import re
 
 from fret_monitor.bundle.yaml_shape import kind_of
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
 from fret_monitor.messages.installed import listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
-from fret_monitor.messages.serialize import serialize, Value
+from fret_monitor.messages.serialize import KeyedText, serialize_keyed, Value
 from fret_monitor.model.diagnostics import counted, did_you_mean, Problems, Span
 from fret_monitor.model.floats import to_float32
-from fret_monitor.model.names import is_integer, number_fault, shown
+from fret_monitor.model.names import is_integer, LONGEST_KEY, number_fault, PLACEHOLDER, shown
+from fret_monitor.model.payload import PayloadPart
 from fret_monitor.model.values import ValueType
 
 _SPECIAL = {'nan': 'nan', '.nan': 'nan', 'inf': 'inf', '.inf': 'inf', '-inf': '-inf',
@@ -39,13 +41,17 @@ _TRUTHS = {'true': True, 'false': False}
 _MOST_DIGITS = 30
 
 
-def message_bytes(layout: MessageLayout, content: YamlMapping | None,
-                  problems: Problems) -> bytes:
-    """Return a message serialized, and report all that does not fit its definition."""
+def message_bytes(layout: MessageLayout, content: YamlMapping | None, problems: Problems,
+                  variables: Collection[str] = ()) -> tuple[bytes, tuple[PayloadPart, ...]]:
+    """
+    Return a message serialized, and report all that does not fit its definition.
+
+    With one of the instance `variables` in a text, in braces, it has parts (`serialize_keyed`).
+    """
     found = Problems()
-    values = _MessageReader(found).message(layout, content) if content else {}
+    values = _MessageReader(found, variables).message(layout, content) if content else {}
     problems.extend((*found.errors, *found.warnings))
-    return b'' if found.errors else serialize(layout, values)
+    return (b'', ()) if found.errors else serialize_keyed(layout, values)
 
 
 def is_given(content: YamlMapping | None, *path: str) -> bool:
@@ -63,6 +69,7 @@ def _entry(mapping: YamlMapping, name: str) -> Node | None:
 @dataclass(frozen=True)
 class _MessageReader:
     problems: Problems
+    variables: Collection[str]
 
     def message(self, layout: MessageLayout, node: YamlMapping) -> dict[str, Value]:
         found: dict[str, Value] = {}
@@ -123,6 +130,8 @@ class _MessageReader:
 
     def _scalar(self, field: MessageField, node: YamlScalar) -> Value | None:
         base = field.type.base
+        if any(name in self.variables for name in PLACEHOLDER.findall(node.value)):
+            return self._keyed(field, node)
         if base in _TEXTS:
             return self._text(field, node)
         if base == 'bool':
@@ -133,6 +142,22 @@ class _MessageReader:
         if base.startswith('float'):
             return self._real(field, node)
         return self._whole(field, node)
+
+    def _keyed(self, field: MessageField, node: YamlScalar) -> KeyedText | None:
+        """Return a text with the key of an instance in it."""
+        if field.type.base != 'string':
+            self.problems.error(
+                f"the field '{field.name}' cannot be a key", node.span,
+                f'it is of type {field.type.base}', 'a key is text: only a string can contain it')
+        elif field.type.text_limit is not None:
+            self.problems.error(
+                f"the field '{field.name}' has room for {field.type.text_limit} characters",
+                node.span, f'a key has up to {LONGEST_KEY}', 'only a string without a limit can '
+                'contain it')
+        elif (text := self._text(field, node)) is not None:
+            names = '|'.join(map(re.escape, self.variables))
+            return KeyedText(tuple(re.split(rf'\{{(?:{names})\}}', text)))
+        return None
 
     def _text(self, field: MessageField, node: YamlScalar) -> str | None:
         limit, length = field.type.text_limit, len(node.value.encode())

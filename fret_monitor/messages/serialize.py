@@ -19,19 +19,30 @@ It needs no ROS, only the layout of the message. `fret_cdr.h` describes the enco
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 import re
 import struct
 
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
+from fret_monitor.model.payload import PartKind, PayloadPart
 from fret_monitor.model.values import ValueType
 
-type Value = bool | int | float | str | Sequence[Value] | Mapping[str, Value]
+
+@dataclass(frozen=True)
+class KeyedText:
+    """A text with the key of an instance between each two of its pieces."""
+
+    pieces: tuple[str, ...]
+
+
+type Value = bool | int | float | str | KeyedText | Sequence[Value] | Mapping[str, Value]
 
 HEADER_TYPE = 'std_msgs/msg/Header'
 STAMP_AT = 4
 """The offset of the stamp in a message that begins with a header: sec and nanosec."""
 
+_MOST_ALIGNED = 8
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _ELEMENT = re.compile(
     r'\s*("(?:\\.|[^"\\])*"' r"|'(?:\\.|[^'\\])*'|[^,]*?)\s*(?:,|$)")
@@ -44,9 +55,15 @@ def serialize(layout: MessageLayout, values: Mapping[str, Value]) -> bytes:
     The values fit the fields: whole numbers are within the range of their type, fixed arrays have
     their length. The messages within it are installed.
     """
+    return serialize_keyed(layout, values)[0]
+
+
+def serialize_keyed(layout: MessageLayout, values: Mapping[str, Value]
+                    ) -> tuple[bytes, tuple[PayloadPart, ...]]:
+    """Do the same; with a `KeyedText`, the bytes are those of the parts, which come second."""
     writer = _CdrWriter()
     writer.message(layout, values)
-    return _ENCAPSULATION + bytes(writer.data)
+    return bytes(writer.data), writer.finished_parts()
 
 
 def has_stamp(layout: MessageLayout) -> bool:
@@ -55,10 +72,43 @@ def has_stamp(layout: MessageLayout) -> bool:
 
 
 class _CdrWriter:
-    """Appends values, each aligned to its size."""
+    """
+    Appends values, each aligned to its size.
+
+    After a key, where a value lies is known only modulo the greatest alignment since then: a
+    greater one begins a part.
+    """
 
     def __init__(self) -> None:
-        self.data = bytearray()
+        self.data = bytearray(_ENCAPSULATION)
+        self._parts: list[PayloadPart] = []
+        self._begin = len(self.data)
+        self._align = 1  # of the part that begins there
+        self._known, self._at = _MOST_ALIGNED, 0  # the place, modulo what is known
+
+    def finished_parts(self) -> tuple[PayloadPart, ...]:
+        """Return the parts, if there are keys."""
+        if self._parts:
+            self._end_part()
+        return tuple(self._parts)
+
+    def _end_part(self) -> None:
+        size = len(self.data) - self._begin
+        if size > 0:
+            self._parts.append(PayloadPart(PartKind.BYTES, self._align, self._begin, size))
+        self._begin, self._align = len(self.data), 1
+
+    def _append(self, data: bytes) -> None:
+        self.data += data
+        self._at = (self._at + len(data)) % self._known
+
+    def _align_to(self, size: int) -> None:
+        if size > self._known:
+            self._end_part()
+            self._align = self._known = size
+            self._at = 0
+        else:
+            self._append(bytes(-self._at % size))
 
     def message(self, layout: MessageLayout, values: Mapping[str, Value]) -> None:
         if not layout.fields:
@@ -82,10 +132,12 @@ class _CdrWriter:
     def _element(self, layout: MessageLayout, kind: FieldType, value: Value | None) -> None:
         if kind.is_message:
             self.message(nested_layout(layout, kind), value if isinstance(value, Mapping) else {})
+        elif isinstance(value, KeyedText):
+            self._keyed(value)
         elif kind.base == 'string':
             text = str(value or '').encode() + b'\0'
             self._number('uint32', len(text))
-            self.data += text
+            self._append(text)
         elif kind.base == 'wstring':
             units = str(value or '').encode('utf-16-le')
             self._number('uint32', len(units) // 2)
@@ -94,10 +146,23 @@ class _CdrWriter:
         else:
             self._number(kind.base, value if isinstance(value, int | float) else 0)
 
+    def _keyed(self, text: KeyedText) -> None:
+        first, *others = (piece.encode() for piece in text.pieces)
+        size = len(first) + sum(map(len, others)) + 1
+        self._end_part()
+        self._parts.append(PayloadPart(PartKind.LENGTH, size=size, n_keys=len(others)))
+        self._append(first)
+        for piece in others:
+            self._end_part()
+            self._parts.append(PayloadPart(PartKind.KEY))
+            self._append(piece)
+        self._append(b'\0')
+        self._known, self._at = 1, 0
+
     def _number(self, base: str, value: int | float) -> None:
         kind = ValueType.of_field(base)
-        self.data += bytes(-len(self.data) % kind.size)
-        self.data += struct.pack(f'<{kind.typecode}', value)
+        self._align_to(kind.size)
+        self._append(struct.pack(f'<{kind.typecode}', value))
 
 
 def default_of(field: MessageField) -> Value | None:

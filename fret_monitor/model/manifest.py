@@ -33,13 +33,14 @@ from fret_monitor.model.frozen import frozen
 from fret_monitor.model.made import Made, MadeKind
 from fret_monitor.model.names import HANDLER_TOPIC, margin_topic
 from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
+from fret_monitor.model.payload import PartKind, PayloadPart
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
 from fret_monitor.model.probability import LEAST, Probability, RELATIONS
 from fret_monitor.model.values import ValueType
 
-FORMAT = 14
+FORMAT = 15
 _FRACTION = re.compile(r'\d{1,40}/[1-9]\d{0,40}')
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
@@ -50,6 +51,8 @@ REDUCTIONS = ('len', 'min', 'max', 'sum', 'mean', 'any', 'all', 'norm', *ANGLES)
 
 _SYMBOL = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 _HEX = re.compile('([0-9a-f]{2})*')
+_HEADER_BYTES = 4  # of a serialized message
+_MOST_BYTES = 2 ** 31
 _Choice = TypeVar('_Choice', bound=Enum)
 
 
@@ -244,11 +247,12 @@ class ManifestAction:
     `target` is the topic of a lock or of `publish`, the service of `call`, or the node of
     `transition`. `interface` is the type of that topic or service; '' for `transition`. `payload`
     is the serialized message or request (CDR with its header of four bytes, little endian), and
-    `stamp_at` the offset of a stamp in it to be filled in when it is sent. `period`: between two
-    messages, 0: one message only. `duration`: of publishing at a rate. `timeout`: of each try of a
-    call or transition, of which there are `retries` after the first. `after`: how long the
-    violation lasts before the action starts. `cooldown`: the least time between two starts.
-    `state`: the state that a transition leads to, such as `inactive`.
+    `stamp_at` the offset of a stamp in it to be filled in when it is sent; `parts` are those of a
+    message with keys, which is an action of each instance. `period`: between two messages, 0: one
+    message only. `duration`: of publishing at a rate. `timeout`: of each try of a call or
+    transition, of which there are `retries` after the first. `after`: how long the violation lasts
+    before the action starts. `cooldown`: the least time between two starts. `state`: the state
+    that a transition leads to, such as `inactive`.
     """
 
     name: str
@@ -264,6 +268,7 @@ class ManifestAction:
     after: int = 0
     cooldown: int = 0
     state: str = ''
+    parts: tuple[PayloadPart, ...] = ()
 
     @property
     def payload_type(self) -> str:
@@ -870,13 +875,32 @@ def _probability(item: _Value) -> Probability | None:
     return Probability(relation, item['bound'].share(), item['confidence'].share())
 
 
+def _parts(item: _Value, payload: bytes) -> tuple[PayloadPart, ...]:
+    found = tuple(map(_part, item.items()))
+    of_bytes = [part for part in found if part.kind is PartKind.BYTES]
+    if sum(part.size for part in of_bytes) > max(0, len(payload) - _HEADER_BYTES) or any(
+            part.at + part.size > len(payload) for part in of_bytes):
+        item.refuse('parts of the payload')
+    return found
+
+
+def _part(item: _Value) -> PayloadPart:
+    if item['align'].found not in (1, 2, 4, 8):
+        item['align'].refuse('1, 2, 4 or 8')
+    return PayloadPart(
+        item['kind'].choice(PartKind), item['align'].natural(), item['at'].index(_MOST_BYTES),
+        item['size'].index(_MOST_BYTES), item['n_keys'].index(_MOST_BYTES))
+
+
 def _action(item: _Value) -> ManifestAction:
+    payload = item['payload'].data()
     return ManifestAction(
         name=item['name'].text(),
         kind=item['kind'].choice(ActionKind),
         target=item['target'].text(),
         interface=item['interface'].text(),
-        payload=item['payload'].data(),
+        payload=payload,
+        parts=_parts(item['parts'], payload),
         stamp_at=item['stamp_at'].natural_or_none(),
         period=item['period'].nanoseconds(),
         duration=item['duration'].nanoseconds(),

@@ -210,6 +210,10 @@ def _action(item: ManifestAction) -> dict[str, Value]:
         'kind': Enumerator(f'FM_ACTION_{item.kind.name}'), 'name': item.name,
         'target': item.target, 'state': item.state,
         'payload': Elements('uint8_t', tuple(item.payload)), 'payload_size': len(item.payload),
+        'parts': _structs('fm_payload_part', (
+            {'kind': Enumerator(f'FM_PART_{part.kind.name}'), 'align': part.align, 'at': part.at,
+             'size': part.size, 'n_keys': part.n_keys} for part in item.parts)),
+        'n_parts': len(item.parts),
         'stamp_at': -1 if item.stamp_at is None else item.stamp_at, **times}
 
 

@@ -94,18 +94,30 @@ def test_a_compiled_bundle_and_an_exported_node_have_all_instances(here: Here) -
     assert 'kind_1_concerns' in table
 
 
-def test_an_instance_variable_in_the_message_of_an_action_is_refused(here: Here) -> None:
+def test_a_key_needs_a_string_without_a_limit(here: Here) -> None:
     done = here.run('check', here.file('one.yaml', """\
 format: 1
 for_each: {robot: {most: 3}}
 inputs:
   speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
 actions:
-  say: {publish: {topic: said, type: std_msgs/msg/String, message: {data: "stop {robot}"}}}
+  short:
+    publish:
+      {topic: a, type: test_msgs/msg/Strings, message: {bounded_string_value: "{robot}"}}
+  wide: {publish: {topic: b, type: test_msgs/msg/WStrings, message: {wstring_value: "{robot}"}}}
+  ask:
+    call:
+      service: ask
+      type: rcl_interfaces/srv/GetParameters
+      request: {names: [a, "of {robot}"]}
 requirements:
-  - {id: SPEED, ptltl: "speed <= 1.0", on_violation: [say]}
+  - {id: SPEED, ptltl: "speed <= 1.0", on_violation: [short, wide, ask]}
 """))
-    assert 'one.yaml:6:81: error: a message of an action has no keys yet' in done.err
+    found = [line for line in done.err.splitlines() if 'error' in line or '^' in line]
+    assert [line.partition(': ')[2] or line.partition('^ ')[2] for line in found] == [
+        "error: the field 'bounded_string_value' has room for 22 characters",
+        'a key has up to 255', "error: the field 'wstring_value' cannot be a key",
+        'it is of type wstring']
 
 
 def test_a_gate_stands_beside_where_and_check_names_the_gates_of_keys(here: Here) -> None:

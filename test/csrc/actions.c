@@ -26,6 +26,7 @@
 #include "below_one.h"
 #include "check.h"
 #include "fakes.h"
+#include "schedules.h"
 
 #define SECOND INT64_C(1000000000)
 
@@ -54,7 +55,8 @@ static void test_schedule(void)
   struct fm_action_facts counts[ACTIONS];
   memset(counts, 0, sizeof(counts));
   counts[RATE].started = 7;  // of before
-  struct fm_schedule * schedule = fm_schedule_create(actions, ACTIONS, follows, 1, counts);
+  const struct fm_schedule_options options = {actions, follows, counts, ACTIONS, 1};
+  struct fm_schedule * schedule = fm_schedule_create(&options, false);
   CHECK(fm_schedule_due(schedule) == FM_NEVER);
   look(schedule, 1, FM_VIOLATED, 10 * SECOND);
   CHECK(counts[RATE].started == 8 && counts[CALL].started == 1);
@@ -89,6 +91,69 @@ static void test_schedule(void)
   CHECK(counts[CALL].skipped == 2 && counts[LATE].started == 0);
   look(schedule, 5, FM_HOLDS, 20 * SECOND);
   CHECK(counts[CALL].started == 3);
+  fm_schedule_destroy(schedule);
+}
+
+// ---- instances ---------------------------------------------------------------------------------
+
+static const struct fm_payload_part key_part = {.kind = FM_PART_KEY};
+static const struct fm_action keyed[] = {
+  {.kind = FM_ACTION_PUBLISH, .name = "rate", .stamp_at = -1, .period = SECOND,
+    .parts = &key_part, .n_parts = 1},
+  {.kind = FM_ACTION_PUBLISH, .name = "late", .stamp_at = -1, .after = SECOND,
+    .parts = &key_part, .n_parts = 1},
+  {.kind = FM_ACTION_PUBLISH, .name = "end", .stamp_at = -1},
+  {.kind = FM_ACTION_CALL, .name = "call", .stamp_at = -1, .cooldown = 5 * SECOND,
+    .parts = &key_part, .n_parts = 1}};
+
+static void test_instances(void)
+{
+  struct fm_action_facts counts[ACTIONS];
+  memset(counts, 0, sizeof(counts));
+  struct fm_schedules schedules = {{keyed, follows, counts, ACTIONS, 1}, NULL};
+  const uint8_t alpha[] = {5, 'a', 'l', 'p', 'h', 'a'};
+  const uint8_t beta[] = {1, 'a'};
+  struct fm_schedule * one = fm_schedules_of(&schedules, "robot", alpha)->schedule;
+  struct fm_schedule * other = fm_schedules_of(&schedules, "robot", beta)->schedule;
+  CHECK(fm_schedules_of(&schedules, "robot", alpha)->schedule == one);
+  CHECK(fm_schedules_of(&schedules, "joint", alpha)->schedule != one);
+  fm_schedules_drop_idle(&schedules, 0);
+  CHECK(schedules.first == NULL && fm_schedules_due(&schedules) == FM_NEVER);
+
+  one = fm_schedules_of(&schedules, "robot", alpha)->schedule;
+  other = fm_schedules_of(&schedules, "robot", beta)->schedule;
+  fm_schedule_note(one, 0, true, 10 * SECOND);
+  fm_schedule_note(other, 0, true, 10 * SECOND + 5);
+  CHECK(counts[RATE].started == 2 && counts[CALL].started == 2 && counts[END].started == 0);
+  CHECK(fm_schedule_publishes(one, RATE, 10 * SECOND));
+  CHECK(fm_schedule_publishes(other, RATE, 10 * SECOND + 5));
+  CHECK(fm_schedules_due(&schedules) == 11 * SECOND);
+  CHECK(fm_schedule_begins_call(one, CALL) && fm_schedule_begins_call(other, CALL));
+  fm_schedule_end_call(one, CALL);
+  fm_schedule_end_call(other, CALL);
+
+  // The end of one is none of the other: its delay and its messages go on.
+  fm_schedule_note(one, 0, false, 10 * SECOND + 6);
+  fm_schedule_start_due(one, 12 * SECOND);
+  fm_schedule_start_due(other, 12 * SECOND);
+  CHECK(counts[LATE].started == 1 && fm_schedule_publishes(other, LATE, 12 * SECOND));
+  CHECK(!fm_schedule_publishes(one, RATE, 12 * SECOND));
+  CHECK(fm_schedule_publishes(other, RATE, 12 * SECOND));
+  fm_schedules_drop_idle(&schedules, 12 * SECOND);  // the cooldown lasts
+  CHECK(fm_schedules_of(&schedules, "robot", alpha)->schedule == one);
+  fm_schedule_note(one, 0, true, 13 * SECOND);
+  CHECK(counts[CALL].skipped == 1 && counts[RATE].started == 3);
+  fm_schedule_end_all(other, 13 * SECOND);
+  CHECK(!fm_schedule_publishes(other, RATE, 15 * SECOND));
+  fm_schedules_drop_idle(&schedules, 20 * SECOND);
+  CHECK(schedules.first != NULL && schedules.first->next == NULL);
+  fm_schedules_free(&schedules);
+
+  // One of the bundle leaves actions with keys out.
+  struct fm_schedule * schedule = fm_schedule_create(&schedules.options, false);
+  look(schedule, 1, FM_VIOLATED, 10 * SECOND);
+  look(schedule, 1, FM_HOLDS, 11 * SECOND);
+  CHECK(counts[RATE].started == 3 && counts[END].started == 1);
   fm_schedule_destroy(schedule);
 }
 
@@ -155,6 +220,7 @@ static void test_thread(void)
 int main(void)
 {
   test_schedule();
+  test_instances();
   test_thread();
   return failures == 0 ? 0 : 1;
 }

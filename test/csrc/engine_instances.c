@@ -616,6 +616,41 @@ SCENARIO(a_violation_of_a_requirement_goes_on_while_an_instance_violates_it)
   end(&scoped);
 }
 
+// Those of B are left out.
+static void expect_instance(uint32_t requirement, bool begins, const struct fm_key * key)
+{
+  struct fm_violation event;
+  uint8_t kept[FM_KEY_ROOM];
+  do {
+    CHECK(fm_engine_take_instance(scoped.engine, &event, kept));
+  } while (event.requirement == 2 && failures == 0);
+  CHECK(event.requirement == requirement && event.is_recovery == !begins);
+  CHECK(kept[0] == key->size && (key->size == 0 ||
+    memcmp(kept + 1, key->bytes, key->size) == 0));
+}
+
+SCENARIO(who_follows_instances_takes_each_violation_that_begins_and_ends_with_its_key)
+{
+  static const struct fm_key all = {NULL, 0};
+  begin_found(&FOUND);
+  fm_engine_follow_states(scoped.engine);
+  CHECK(fm_engine_follow_instances(scoped.engine));
+  give_element(&scoped, &KEYS[0], 3, 10);
+  give_element(&scoped, &KEYS[2], 6, 20);
+  give_element(&scoped, &KEYS[0], 6, 25);  // goes on
+  give_element(&scoped, &KEYS[0], 5, 30);
+  expect_instance(1, true, &KEYS[0]);
+  expect_instance(1, true, &KEYS[2]);
+  expect_instance(1, false, &KEYS[0]);
+  fm_engine_advance(scoped.engine, 125);   // the instance of the third key ends
+  expect_instance(1, false, &KEYS[2]);
+  give_element(&scoped, &KEYS[1], 3, 126);
+  fm_engine_reset(scoped.engine);
+  expect_instance(1, true, &KEYS[1]);
+  expect_instance(4, false, &all);
+  end(&scoped);
+}
+
 SCENARIO(a_flood_of_keys_is_counted_and_leaves_those_there_are)
 {
   static const struct fm_key none = {(const uint8_t *)"", 0};

@@ -32,7 +32,7 @@ ORDER = {
                'mcap', 'blackbox_file', 'engine_clock', 'engine_findings', 'engine_message',
                'engine_scopes', 'engine_due', 'engine_backlog', 'engine_delivery', 'seen',
                'engine_graph', 'engine_transforms', 'engine_gate', 'engine', 'blackbox_writer',
-               'schedule',
+               'schedule', 'schedules', 'payload',
                'snapshot', 'records'),
 }
 _FUNCTION = re.compile(

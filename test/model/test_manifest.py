@@ -26,6 +26,7 @@ from fret_monitor.model.manifest import (
     ManifestInput, ManifestRequirement, ManifestTopic, ManifestVariable,
 )
 from fret_monitor.model.paths import LookUp, Sector, Slice
+from fret_monitor.model.payload import PartKind, PayloadPart
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, Policy, Report, Severity, Stale, Stamp,
 )
@@ -62,7 +63,8 @@ MANIFEST = Manifest(
     actions=(ManifestAction('call', ActionKind.CALL, '/stop', 'std_srvs/srv/Trigger', b'\0\1\0\0',
                             timeout=10 ** 9, retries=3, after=1, cooldown=2),
              ManifestAction('brake', ActionKind.PUBLISH, '/brake', 'm/msg/M', b'\0\1\0\0\xff', 4,
-                            period=10, duration=20)),
+                            period=10, duration=20, parts=(
+                                PayloadPart(PartKind.BYTES, 2, 4, 1), PayloadPart(PartKind.KEY)))),
     gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
                       substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
                       open_after=2 * 10 ** 9, timeout=10 ** 9),
@@ -187,7 +189,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 14: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 15: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),
@@ -204,6 +206,9 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
     ('topics[1].qos[0]', ['depth'], '(topics[1].qos[0] must be a list of two'),
     ('requirements[0].on_end[0]', 2, '(requirements[0].on_end[0] must be an index below 2'),
     ('actions[0].payload', 'abc', "(actions[0].payload must be bytes in hexadecimal, not 'abc'"),
+    ('actions[1].parts[0].size', 2, '(actions[1].parts must be parts of the payload, not list'),
+    ('actions[1].parts[0].at', 5, '(actions[1].parts must be parts of the payload, not list'),
+    ('actions[1].parts[1].align', 3, '(actions[1].parts[1].align must be 1, 2, 4 or 8, not 3'),
     ('actions[0].kind', 'brake', '(actions[0].kind must be one of lock, publish, call, '),
     ('gate.topic', 2, '(gate.topic must be an index below 2'),
 ])

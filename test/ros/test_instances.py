@@ -33,13 +33,14 @@ from fret_monitor.bag.violations import open_violations
 from fret_monitor.native import ros_files
 import numpy
 import pytest
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy
 from ros.exported import exported_bundle, running
 from ros.harness import (
     BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
-from std_msgs.msg import Bool, Float32
+from std_msgs.msg import Bool, Float32, String
 from strategies import thorough
 
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')
@@ -541,3 +542,82 @@ def test_the_silence_of_a_robot_violates_its_instance_until_its_next_message(
 def has_detail(face: Face, robot: str, is_over: bool) -> bool:
     return any(name == f'SPEED[robot={robot}]' and (level == 0) is is_over
                for name, level, _, _ in face.details)
+
+
+ACTING = """
+format: 1
+for_each: {robot: {most: 20, forget: 60}}
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
+actions:
+  tell:
+    publish: {topic: told, type: std_msgs/msg/String, message: {data: "stop {robot}!"}, rate: 5}
+  free:
+    publish:
+      topic: freed
+      type: sensor_msgs/msg/JointState
+      message: {header: {frame_id: "{robot}/base"}, name: ["{robot}"], position: [1.5]}
+      rate: 5
+      for: 60
+  ask:
+    call:
+      service: ask
+      type: rcl_interfaces/srv/GetParameters
+      request: {names: ["{robot}", x]}
+requirements:
+  - {id: SPEED, ptltl: "speed <= 1.0", report: onset, on_violation: [tell, ask], on_end: [free]}
+"""
+
+
+class Told:
+    """What the actions of a face send."""
+
+    def __init__(self, face: Face, partner: Partner) -> None:
+        self.told: list[str] = []
+        self.freed: list[Any] = []
+        self.asked: set[tuple[str, ...]] = set()
+        node, space = partner.node, f'/{face.name}/'
+        node.create_subscription(String, space + 'told', self._take_told, RELIABLE)
+        node.create_subscription(
+            sensor_msgs.JointState, space + 'freed', self.freed.append, RELIABLE)
+        node.create_service(GetParameters, space + 'ask', self._answer)
+
+    def _take_told(self, message: String) -> None:
+        self.told.append(message.data)
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        self.asked.add(tuple(request.names))
+        return response
+
+    def is_told_of(self, *robots: str) -> bool:
+        return {*self.told} == {f'stop {robot}!' for robot in robots} and self.asked == {
+            (robot, 'x') for robot in robots}
+
+
+def test_an_action_with_a_key_is_one_of_each_instance(partner: Partner, tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, ACTING)
+    publishers = [partner.publisher(Float32, f'/{robot}/speed', LATCHED)
+                  for robot in ('alpha', 'b')]
+    with both(bundle, partner) as faces:
+        found = [Told(face, partner) for face in faces]
+        for publisher in publishers:
+            publisher.publish(Float32(data=1.5))
+        for face, told in zip(faces, found, strict=True):
+            wait_until(partial(told.is_told_of, 'alpha', 'b'), f'actions of {face.name}')
+            report = face.next_report()
+            assert values_of(report['action tell'])['started'] == '2'
+            assert values_of(report['action ask'])['started'] == '2'
+            assert values_of(report['action free'])['started'] == '0'
+        publishers[1].publish(Float32(data=0.5))
+        for face, told in zip(faces, found, strict=True):
+            wait_until(partial(len_is, told.freed, 1), f'the end of b at {face.name}')
+            assert (told.freed[0].header.frame_id, [*told.freed[0].name]) == ('b/base', ['b'])
+            assert [*told.freed[0].position] == [1.5]
+            assert told.freed[0].header.stamp.sec > 0
+            told.told.clear()
+            wait_until(partial(len_is, told.told, 6), f'messages of {face.name}')
+            assert {*told.told[3:]} == {'stop alpha!'}
+
+
+def len_is(found: Sequence[Any], least: int) -> bool:
+    return len(found) >= least

@@ -106,9 +106,14 @@ class Actions:
         return clients
 
     def prepare(self, engine: Engine) -> None:
-        """Let an engine keep the states that actions follow; before messages are delivered."""
-        if self._manifest.actions:
-            engine.follow_states()
+        """
+        Let an engine keep what actions follow; before messages are delivered.
+
+        Raises `MemoryError`.
+        """
+        if self._manifest.actions and not self._library.fm_actions_prepare(
+                engine.pointer, self._table.pointer):
+            raise MemoryError
 
     def start(self, engine: Engine, middleware: Middleware) -> None:
         """Follow an engine, in a thread; after `prepare`. Raises `Unavailable`."""
