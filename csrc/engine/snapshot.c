@@ -92,6 +92,19 @@ static void copy_instances_locked(
   }
 }
 
+// The least margin of all instances, and whose it is.
+static void copy_nearest_locked(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t requirement, struct fm_kind_snapshot * out,
+  struct fm_margin * margin)
+{
+  const uint32_t slot = fm_scopes_nearest(scopes, kind, requirement);
+  out->nearest[requirement].n = out->nearest[requirement].n_keys = 0;
+  if (slot != FM_NO_SLOT) {
+    add_key(&out->nearest[requirement], scopes, kind, slot);
+    *margin = fm_margin_now(fm_scopes_look(scopes, kind, slot), requirement);
+  }
+}
+
 static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * out)
 {
   struct fm_scopes * scopes = engine->options.scopes;
@@ -109,6 +122,10 @@ static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * ou
     for (uint32_t i = 0; i < all->monitor->n_inputs; ++i) {
       out->kinds[k].inputs[i] = (struct fm_keyed_snapshot) {
         fm_evaluator_input_counts(all, i), fm_evaluator_silence(all, i).count};
+    }
+    for (uint32_t r = 0; r < n; ++r) {
+      copy_nearest_locked(
+        scopes, k, r, &out->kinds[k], &out->requirements[first + r].margin);
     }
   }
 }

@@ -66,12 +66,14 @@ struct fm_kind_snapshot
   struct fm_keyed_snapshot * inputs;   // n_inputs of its monitor
   struct fm_named_keys * violated;     // of its requirements that are reported
   struct fm_named_keys * unevaluated;  // the same, of listed keys alone: not evaluated yet
+  struct fm_named_keys * nearest;      // that whose present margin is the least, if it is known
 };
 
 /// The caller owns the arrays, as long as the comments say.
 struct fm_snapshot
 {
   struct fm_requirement_counts * requirements;  // n_requirements of all scopes; of instances: sums
+                                                // and the least margin
   struct fm_input_snapshot * inputs;            // n_inputs
   struct fm_topic_snapshot * topics;            // n_topics
   uint8_t * conditions;   // states.h: the present ones, of an engine with a gate or with states

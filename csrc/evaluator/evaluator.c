@@ -476,11 +476,11 @@ struct fm_closest fm_evaluator_beyond(
          evaluator->nearest[requirement].beyond : no_closest;
 }
 
-double fm_margin_now(const struct fm_evaluator * evaluator, uint32_t requirement)
+struct fm_margin fm_margin_now(const struct fm_evaluator * evaluator, uint32_t requirement)
 {
   const uint32_t group = evaluator->monitor->requirements[requirement].group;
-  return evaluator->instance.groups[group].stale > 0 ? no_closest.margin.value :
-         fm_evaluator_margin(evaluator, requirement).value;
+  return evaluator->instance.groups[group].stale > 0 ? no_closest.margin :
+         fm_evaluator_margin(evaluator, requirement);
 }
 
 double fm_take_recent(struct fm_evaluator * evaluator, uint32_t requirement, double now)
@@ -494,13 +494,14 @@ double fm_take_recent(struct fm_evaluator * evaluator, uint32_t requirement, dou
 double fm_evaluator_take_margin(struct fm_evaluator * evaluator, uint32_t requirement)
 {
   return requirement >= evaluator->monitor->n_requirements ? no_closest.margin.value :
-         fm_take_recent(evaluator, requirement, fm_margin_now(evaluator, requirement));
+         fm_take_recent(evaluator, requirement, fm_margin_now(evaluator, requirement).value);
 }
 
 struct fm_requirement_counts fm_evaluator_requirement_counts(
   const struct fm_evaluator * evaluator, uint32_t requirement)
 {
-  struct fm_requirement_counts counts = {0, 0, 0, true, true, false, {NULL, 0, 0, 0, 0, 1.0}};
+  struct fm_requirement_counts counts =
+  {0, 0, 0, true, true, false, {NULL, 0, 0, 0, 0, 1.0}, no_closest.margin};
   if (requirement < evaluator->monitor->n_requirements) {
     const struct fm_requirement_cell * cell = &evaluator->requirements[requirement];
     const uint32_t group = evaluator->monitor->requirements[requirement].group;
@@ -511,6 +512,7 @@ struct fm_requirement_counts fm_evaluator_requirement_counts(
     counts.holds = evaluator->instance.previous[requirement];
     counts.is_violated = !counts.holds;
     counts.test = test_counts(evaluator, requirement);
+    counts.margin = fm_margin_now(evaluator, requirement);
   }
   return counts;
 }

@@ -188,6 +188,7 @@ struct fm_requirement_counts
   bool is_violated;      // the last violation is not over; of an engine with a gate, also one by a
                          // message that was withheld
   struct fm_test_counts test;
+  struct fm_margin margin;  // the present one; a NaN if it is not known
 };
 
 /// Counters of an input.

@@ -172,7 +172,7 @@ static struct fm_nearest * nearest_of(const struct fm_pool * pool, uint32_t slot
 static void order_margins(const struct fm_pool * pool, uint32_t slot)
 {
   for (uint32_t r = 0; r < pool->evaluator->monitor->n_requirements; ++r) {
-    const double margin = fm_margin_now(pool->evaluator, r);
+    const double margin = fm_margin_now(pool->evaluator, r).value;
     if (margin != margin) {
       fm_heap_remove(&pool->margins[r], slot);
     } else {
@@ -194,12 +194,16 @@ static void end_margins(const struct fm_pool * pool, uint32_t slot)
   }
 }
 
-double fm_pool_take_margin(struct fm_pool * pool, uint32_t requirement)
+uint32_t fm_pool_nearest(struct fm_pool * pool, uint32_t requirement)
 {
   fm_pool_leave(pool);
-  const struct fm_heap * heap = &pool->margins[requirement];
-  const uint32_t first = fm_heap_first(heap);
-  const int64_t key = first == UINT32_MAX ? FM_NAN_KEY : heap->words[first];
+  return pool->margins == NULL ? FM_NO_SLOT : fm_heap_first(&pool->margins[requirement]);
+}
+
+double fm_pool_take_margin(struct fm_pool * pool, uint32_t requirement)
+{
+  const uint32_t first = fm_pool_nearest(pool, requirement);
+  const int64_t key = first == FM_NO_SLOT ? FM_NAN_KEY : pool->margins[requirement].words[first];
   return fm_take_recent(pool->evaluator, requirement, fm_of_key_f64(key, false));
 }
 

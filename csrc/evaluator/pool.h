@@ -102,6 +102,10 @@ FM_INTERNAL int64_t fm_pool_deadline(struct fm_pool * pool);
 /// that have ended; and the messages of which a rate had too many. O(queues).
 FM_INTERNAL uint64_t fm_pool_overflows(const struct fm_pool * pool);
 
+/// The instance whose present margin of a requirement is the least; FM_NO_SLOT: none is known. It
+/// leaves the instance that is entered. O(log n).
+FM_INTERNAL uint32_t fm_pool_nearest(struct fm_pool * pool, uint32_t requirement);
+
 /// The least margin of a requirement of any instance since the last call, as
 /// fm_evaluator_take_margin. It leaves the instance that is entered. O(log n).
 FM_INTERNAL double fm_pool_take_margin(struct fm_pool * pool, uint32_t requirement);

@@ -429,6 +429,11 @@ double fm_scopes_take_margin(struct fm_scopes * scopes, uint32_t kind, uint32_t 
   return is_there ? fm_pool_take_margin(pool, requirement) : (double)NAN;
 }
 
+uint32_t fm_scopes_nearest(struct fm_scopes * scopes, uint32_t kind, uint32_t requirement)
+{
+  return fm_pool_nearest(&scopes->kinds[kind].pool, requirement);
+}
+
 void fm_scopes_log_closest(struct fm_scopes * scopes, struct fm_closest_log * log)
 {
   scopes->closest = log;

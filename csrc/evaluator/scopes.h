@@ -208,6 +208,11 @@ FM_EXPORT const struct fm_evaluator * fm_scopes_look(
 FM_EXPORT double fm_scopes_take_margin(
   struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
 
+/// The instance of a kind whose present margin of a requirement is the least; FM_NO_SLOT: none is
+/// known. O(log n).
+FM_INTERNAL uint32_t fm_scopes_nearest(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t requirement);
+
 /// Write the least margins of instances that end to a log, which outlives this use; NULL: to none.
 FM_EXPORT void fm_scopes_log_closest(struct fm_scopes * scopes, struct fm_closest_log * log);
 

@@ -109,7 +109,8 @@ struct fm_evaluator
 
 /// The present margin of a requirement; a NaN if it is not known, or a stale input violates it.
 /// O(1).
-FM_INTERNAL double fm_margin_now(const struct fm_evaluator * evaluator, uint32_t requirement);
+FM_INTERNAL struct fm_margin fm_margin_now(
+  const struct fm_evaluator * evaluator, uint32_t requirement);
 
 /// Take the least margin of a requirement since the last call, at which it was `now`. O(1).
 FM_INTERNAL double fm_take_recent(

@@ -15,6 +15,7 @@
 /// health.c: the statuses on `/diagnostics`.
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -125,6 +126,32 @@ static uint8_t describe_requirement(
   return level;
 }
 
+static void add_margin(
+  const struct fm_review * review, uint32_t requirement, struct fm_status * status)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_margin * margin = &review->now.requirements[requirement].margin;
+  const uint32_t kind = table->requirements[requirement].kind;
+  struct fm_text text = {NULL, 0, 0};
+  if (!isfinite(margin->value)) {
+    return;
+  }
+  fm_text_add_float64(&text, margin->value);
+  fm_status_value(status, "margin", "%s", fm_text_get(&text));
+  fm_text_clear(&text);
+  fm_text_add_float64(&text, margin->distance);
+  fm_status_value(
+    status, "margin by", "%s (%s)",
+    (kind == FM_BUNDLE ? table->comparisons : table->kinds[kind].comparisons)[
+      margin->comparison].text, fm_text_get(&text));
+  fm_text_clear(&text);
+  if (kind != FM_BUNDLE) {
+    fm_add_nearest(review, requirement, &text);
+    fm_status_value(status, "margin of", "%s", fm_text_get(&text));
+  }
+  fm_text_free(&text);
+}
+
 static void add_requirement(const struct report * report, uint32_t requirement)
 {
   const struct fm_report_table * table = report->review->reporter->table;
@@ -147,6 +174,7 @@ static void add_requirement(const struct report * report, uint32_t requirement)
     fm_status_value(status, "verdict", "%s", counts->verdict ? "true" : "false");
   }
   fm_add_trials(status, &counts->test);
+  add_margin(report->review, requirement, status);
   fm_status_value(status, "text", "%s", about->text);
   fm_text_free(&message);
 }

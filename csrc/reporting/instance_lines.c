@@ -116,6 +116,15 @@ void fm_add_instances(
   fm_status_value(status, "beyond most", "%" PRIu64, kind->counts.beyond);
 }
 
+void fm_add_nearest(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * text)
+{
+  const struct fm_report_table * table = review->reporter->table;
+  const uint32_t kind = table->requirements[requirement].kind;
+  fm_text_add(text, "%s=", table->kinds[kind].variable);
+  add_keys(text, &review->now.kinds[kind].nearest[place_of(table, requirement)]);
+}
+
 // ---- lines -------------------------------------------------------------------------------------
 
 static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)

@@ -45,4 +45,8 @@ FM_INTERNAL enum fm_status_level fm_describe_instances(
 FM_INTERNAL void fm_add_instances(
   const struct fm_review * review, uint32_t requirement, struct fm_status * status);
 
+/// Add the key of the instance whose margin is the least: robot=alpha. O(requirements).
+FM_INTERNAL void fm_add_nearest(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * text);
+
 #endif  // INSTANCE_LINES_H_

@@ -35,7 +35,9 @@ static bool make_kind(
   kind->inputs = calloc(table->kinds[k].n_inputs + (size_t)1, sizeof(*kind->inputs));
   kind->violated = calloc(n, sizeof(*kind->violated));
   kind->unevaluated = calloc(n, sizeof(*kind->unevaluated));
-  return kind->inputs != NULL && kind->violated != NULL && kind->unevaluated != NULL;
+  kind->nearest = calloc(n, sizeof(*kind->nearest));
+  return kind->inputs != NULL && kind->violated != NULL && kind->unevaluated != NULL &&
+         kind->nearest != NULL;
 }
 
 static bool make_kinds(struct fm_snapshot * snapshot, const struct fm_report_table * table)
@@ -74,6 +76,7 @@ static void free_snapshot(struct fm_snapshot * snapshot, uint32_t n_kinds)
     free(snapshot->kinds[k].inputs);
     free(snapshot->kinds[k].violated);
     free(snapshot->kinds[k].unevaluated);
+    free(snapshot->kinds[k].nearest);
   }
   free(snapshot->kinds);
   free(snapshot->requirements);

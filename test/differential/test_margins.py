@@ -15,9 +15,11 @@
 """Margins in compiled C against their definitions, which `logic/margins.py` follows literally."""
 
 from array import array
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import accumulate
 import math
 from random import Random
 from typing import Any
@@ -25,7 +27,7 @@ from typing import Any
 from differential.compiled import unoptimised
 from fret_monitor.build import compile_monitor, generate_monitor, GeneratedMonitor, Reading
 from fret_monitor.codegen.margins import comparisons
-from fret_monitor.logic.evaluate import Trace, verdicts
+from fret_monitor.logic.evaluate import Trace
 from fret_monitor.logic.formula import (
     Aggregate, Binary, BinaryOperator, Constant, Formula, Historically, Once, Over, Since,
     Triggered, TRUE, Unary, UnaryOperator, Variable, variables, Window,
@@ -181,42 +183,75 @@ def test_margins_at_ticks_are_those_of_a_step_every_nanosecond(seed: int) -> Non
             check(found.margins[place], expected, found.verdicts[place], formulas, {}, each)
 
 
-def test_a_change_of_the_inputs_by_less_than_the_margin_keeps_the_verdict() -> None:
-    rng = Random(5)
-    limits = [at_most(item, limit) for item in (X, Y) for limit in (0.0, 1.0, 3.0)]
+def random_chain(rng: Random) -> Formula:
+    """Return a formula with five windows over comparisons of inputs with constants."""
+    limits: list[Formula] = [at_most(item, limit) for item in (X, Y) for limit in (0.0, 1.0, 3.0)]
     limits += [Unary(UnaryOperator.NOT, item) for item in limits]
+    formula = rng.choice(limits)
+    for _ in range(4):
+        window = Window(low := rng.choice((0, 0, 1, 3)), rng.choice((None, low + 2, low + 6)))
+        other = rng.choice(limits)
+        formula = rng.choice((
+            Once(window, formula), Historically(window, formula),
+            Since(window, formula, other), Triggered(window, other, formula),
+            Binary(BinaryOperator.AND, formula, other),
+            Binary(BinaryOperator.IMPLIES, other, formula)))
+    return formula
+
+
+def verdicts_at(found: Run, times: Sequence[int]) -> list[list[bool]]:
+    """Return the verdicts of a run at some times."""
+    width = len(found.verdicts) // len(found.times)
+    last = [bisect_right(found.times, time) - 1 for time in times]
+    return [found.verdicts[place * width:(place + 1) * width] for place in last]
+
+
+@pytest.mark.parametrize('policy', [Policy.EVERY_MESSAGE, Policy.TIMED])
+def test_a_change_of_the_inputs_by_less_than_the_margin_keeps_the_verdict(policy: Policy) -> None:
+    rng = Random(5)
+    generated = build([property_of(f'R-{number}', random_chain(rng)) for number in range(40)],
+                      policy, max_rate=Fraction(100))
+    evaluator = evaluator_of(generated)
+    times = [*accumulate(rng.choice((1, 2, 5)) for _ in range(25))]
+    numbers = {item.name: [rng.uniform(-2, 5) for _ in times] for item in (X, Y)}
+    rest = random_trace(rng, INPUTS, len(times))
+    found = run(evaluator, {**rest, **numbers}, times)
+    before = verdicts_at(found, found.times)
+    distances = sorted(abs(item.value) for item in found.margins if math.isfinite(item.value))
     checked = 0
-    for _ in range(40):
-        formula = rng.choice(limits)
-        for _ in range(4):
-            window = Window(low := rng.choice((0, 0, 1, 3)), rng.choice((None, low + 2, low + 6)))
-            other = rng.choice(limits)
-            formula = rng.choice((
-                Once(window, formula), Historically(window, formula),
-                Since(window, formula, other), Triggered(window, other, formula),
-                Binary(BinaryOperator.AND, formula, other),
-                Binary(BinaryOperator.IMPLIES, other, formula)))
-        trace: Trace = {item.name: [rng.uniform(-2, 5) for _ in range(25)] for item in (X, Y)}
-        before = verdicts(formula, trace)
-        for t, margin in enumerate(margins(formula, trace, {})):
-            least = min(abs(margin.value), 100.0) * (1 - 1e-12)
-            moved = {name: [value + rng.choice((-least, least)) for value in column]
-                     for name, column in trace.items()}
-            assert verdicts(formula, moved)[t] == before[t]
-            checked += math.isfinite(margin.value)
-    assert checked > 300
+    for least in distances[::len(distances) // 12]:
+        change = least * (1 - 1e-12)
+        moved = {name: [value + rng.choice((-change, change)) for value in column]
+                 for name, column in numbers.items()}
+        after = verdicts_at(run(Evaluator(evaluator.monitor), {**rest, **moved}, times),
+                            found.times)
+        for place, item in enumerate(found.margins):
+            row, column = divmod(place, len(before[0]))
+            if abs(item.value) >= least:
+                assert after[row][column] == before[row][column]
+                checked += math.isfinite(item.value)
+    assert checked > 2000
 
 
-def test_a_change_by_more_than_the_margin_can_turn_the_verdict() -> None:
-    formula = Historically(Window(0, 4), at_most(X, 3.0))
-    trace: Trace = {X.name: [0.0, 2.0, 2.75, 1.0, 0.5]}
-    margin = margins(formula, trace, {})[4]
-    assert margin.value == 0.25
-    ((_, instant),) = margin.deciding
-    for change, verdict in ((0.25, True), (0.250001, False)):
-        column = list(trace[X.name])
-        column[instant] = float(column[instant]) + change
-        assert verdicts(formula, {X.name: column})[4] is verdict
+@pytest.mark.parametrize('policy', [Policy.EVERY_MESSAGE, Policy.TIMED])
+def test_a_change_by_more_than_the_margin_where_it_decides_turns_the_verdict(
+        policy: Policy) -> None:
+    formulas: list[Formula] = [
+        Historically(Window(0, 9), at_most(X, 3.0)), Once(Window(0, 9), at_most(X, -1.0))]
+    evaluator = evaluator_of(build(
+        [property_of(f'R-{number}', item) for number, item in enumerate(formulas)], policy,
+        max_rate=Fraction(100)))
+    times = [*range(0, 10, 2)]
+    numbers = [0.0, 2.0, 2.75, 1.0, 0.5]
+    rest = random_trace(Random(1), INPUTS, len(times))
+    found = run(evaluator, {**rest, X.name: numbers}, times)
+    for number, margin, row in ((0, 0.25, 2), (1, -1.0, 0)):
+        last = found.margins[number - 2]
+        assert (last.value, last.instant) == (margin, times[row])
+        for change, turns in ((margin, number == 1), (margin * 1.000001, True)):
+            moved = [value + change * (place == row) for place, value in enumerate(numbers)]
+            after = run(Evaluator(evaluator.monitor), {**rest, X.name: moved}, times)
+            assert (after.verdicts[number - 2] != found.verdicts[number - 2]) == turns
 
 
 def test_margins_are_not_known_once_more_changes_came_than_max_rate_says() -> None:

@@ -63,6 +63,7 @@ class Face:
     ids: tuple[str, ...] = IDS
     margins: defaultdict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     ended: list[tuple[str, int, str, str, str]] = field(default_factory=list)
+    health: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
 
     def listen(self, partner: Partner) -> Callable[[], bool]:
         """Subscribe; return whether all is advertised."""
@@ -70,6 +71,7 @@ class Face:
         made = [make(DiagnosticArray, f'{prefix}/violations', self._take_detail, RELIABLE), *(
             make(Float64, f'{prefix}/margin/{name}', partial(self._take, name), LATCHED)
             for name in self.ids)]
+        make(DiagnosticArray, '/diagnostics', self._take_health, RELIABLE)
         return lambda: all(item.get_publisher_count() == 1 for item in made)
 
     def _take(self, name: str, message: Float64) -> None:
@@ -82,6 +84,11 @@ class Face:
                 self.ended.append((
                     status.name, int(values['step']), values['least margin'],
                     values['deciding distance'], values['deciding comparison']))
+
+    def _take_health(self, array: DiagnosticArray) -> None:
+        self.health |= {status.name.removeprefix(f'{self.name}/fret_monitor: '): [
+            (item.key, item.value) for item in status.values if item.key.startswith('margin')]
+            for status in array.status if status.name.startswith(f'{self.name}/')}
 
     def shows(self, margins: Sequence[float]) -> bool:
         """Whether the last message of each requirement has its margin."""
@@ -236,6 +243,14 @@ def test_of_instances_both_nodes_publish_the_least_margin_and_details_name_the_k
                                               for place, name in enumerate(ids)}
                 wait_until(lambda: len(face.ended) == 5, 'ends')  # noqa: B023
                 assert [item for item in face.ended if item[0] != 'MOST'] == ENDED_OF_KEYS
+                wait_until(lambda: face.health.get('NOW') == [  # noqa: B023
+                    ('margin', '5.0'), ('margin by', 'current < 20.0 (5.0)'),
+                    ('margin of', 'robot=beta')], 'the margin of NOW in /diagnostics')
+                assert face.health['SOFAR'] == [
+                    ('margin', '-4.0'), ('margin by', 'current < 20.0 (-4.0)'),
+                    ('margin of', 'robot=alpha')]
+                assert face.health['MOST'] == [
+                    ('margin', '7.0'), ('margin by', 'max(robot: current) < 22.0 (7.0)')]
                 line = '[step 2, margin -1.0 by current < 20.0 (-1.0): current = 15.0]'
                 wait_until(lambda: line in face.process.output, line)  # noqa: B023
     finally:

@@ -44,7 +44,7 @@ requirements:
 STATUSES = (
     StatusRecord(2, 'ns/node: LOW', 'violated', 'bundle', (
         ('steps', '7'), ('verdict', 'false'), ('text', 'x < 0.5'),
-        ('estimated probability', ''))),
+        ('estimated probability', ''), ('margin', '-0.5'), ('margin by', 'x < 0.5 (-0.5)'))),
     StatusRecord(0, 'ns/node: topic /x', 'received', 'bundle', (
         ('rate', '2.5'), ('unusable x', '3'), ('silences y', '1'))),
     StatusRecord(0, 'ns/node: links of b', '', 'bundle', (('unusable', '4'), ('too early', '0'))))
@@ -86,6 +86,7 @@ def test_all_numbers_are_figures_and_no_text_is(url: str) -> None:
         ('fret_monitor_status', 'LOW', ''): 2, ('fret_monitor_status', 'topic /x', ''): 0,
         ('fret_monitor_status', 'links of b', ''): 0,
         ('fret_monitor_steps_total', 'LOW', ''): 7, ('fret_monitor_verdict', 'LOW', ''): 0,
+        ('fret_monitor_margin', 'LOW', ''): -0.5,
         ('fret_monitor_rate', 'topic /x', ''): 2.5,
         ('fret_monitor_unusable_total', 'topic /x', 'x'): 3,
         ('fret_monitor_silences_total', 'topic /x', 'y'): 1,

@@ -43,8 +43,8 @@ except ImportError:
 _PREFIX = 'fret_monitor_'
 _OF_INPUT = ('silences', 'unusable')  # the name of an input follows
 _GAUGES = frozenset({
-    'behind', 'estimated probability', 'instances', 'period', 'publishers', 'rate', 'seen',
-    'status', 'verdict', 'violated'})
+    'behind', 'estimated probability', 'instances', 'margin', 'period', 'publishers', 'rate',
+    'seen', 'status', 'verdict', 'violated'})
 _HELP = {'status': '0: OK, 1: WARN, 2: ERROR'}
 _TRUTHS = {'true': 1.0, 'false': 0.0}
 _MOST_CONNECTIONS = 8
