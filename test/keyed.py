@@ -68,7 +68,7 @@ class Life:
 def lives(specification: Specification, rows: Sequence[Row], variable: int) -> list[Life]:
     """Return the lives of the keys of a variable."""
     item = specification.instance_variables[variable]
-    own = {signal.name for signal in specification.signals if item.name in signal.variables}
+    own = {signal.name for signal in specification.signals if signal.variables == (item.name,)}
     shared = {signal.name for signal in specification.signals if not signal.variables}
     alive = {key: Life(key, rows[0].time if rows else 0) for key in item.keys}
     inputs: dict[str, dict[str, Any]] = {key: {} for key in alive}
@@ -221,20 +221,20 @@ def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
                   for number in range(8)]
     values = [Variable(item.signal.name, item.signal.type) for item in aggregates]
     names = [item.name for item in variables_]
-    properties = [_random(rng, f'R-{number}', [*VARIABLES[name], *INPUTS], VARIABLES[name],
-                          reach, loops)
+    properties = [random_requirement(rng, f'R-{number}', [*VARIABLES[name], *INPUTS],
+                                     VARIABLES[name], reach, loops)
                   for number, name in enumerate(rng.choices(names, k=8))]
     below = values
     for level in range(1, levels):
-        properties += [_random(rng, f'L-{level}-{number}', [*VARIABLES[name], *below],
-                               VARIABLES[name], reach, loops, below)
+        properties += [random_requirement(rng, f'L-{level}-{number}', [*VARIABLES[name], *below],
+                                          VARIABLES[name], reach, loops, below)
                        for number, name in enumerate(rng.choices(names, k=4))]
         more = [_random_aggregate(rng, f'{level}-{number}', rng.choice(names), reach, below)
                 for number in range(4)]
         aggregates += more
         below = [Variable(item.signal.name, item.signal.type) for item in more]
         values = [*values, *below]
-    properties += [_random(rng, f'B-{number}', [*values, *INPUTS], values, reach, loops)
+    properties += [random_requirement(rng, f'B-{number}', [*values, *INPUTS], values, reach, loops)
                    for number in range(6)]
     rng.shuffle(properties)
     used = [item for item in signals if not item.variables or item.variables[0] in names]
@@ -243,8 +243,9 @@ def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
                    aggregates=tuple(aggregates))
 
 
-def _random(rng: Random, name: str, inputs: Sequence[Variable], needed: Sequence[Variable],
-            reach: int, loops: int, below: Sequence[Variable] = ()) -> Property:
+def random_requirement(rng: Random, name: str, inputs: Sequence[Variable],
+                       needed: Sequence[Variable], reach: int, loops: int,
+                       below: Sequence[Variable] = ()) -> Property:
     """Return a requirement that reads one of the needed inputs, of those below, and others."""
     names, aggregated = {item.name for item in needed}, {item.name for item in below}
     while True:
@@ -279,7 +280,7 @@ def _random_aggregate(rng: Random, number: int | str, variable: str, reach: int,
 
 
 def random_rows(rng: Random, specification: Specification, count: int,
-                times: Sequence[int] | None = None) -> list[Row]:
+                times: Sequence[int] | None = None, *, are_pairs: bool = False) -> list[Row]:
     """Return rows of keys that come, end and return, of the bundle alone, and of several."""
     pools = [item.keys or [f'{item.name}-{number}' for number in range(item.most + 1)]
              for item in specification.instance_variables]
@@ -291,7 +292,8 @@ def random_rows(rng: Random, specification: Specification, count: int,
     for number in range(count):
         busy = rng.choice(pools[0])
         keys = tuple(rng.choice([None, busy, rng.choice(pool)] if pool is pools[0] else
-                                [None, None, rng.choice(pool)]) for pool in pools)
+                                [None, rng.choice(pool) if are_pairs else None,
+                                 rng.choice(pool)]) for pool in pools)
         of = {item.name for item, key in zip(specification.instance_variables, keys, strict=True)
               if key is not None}
         has_shared = number < 2 or rng.random() < 0.3

@@ -45,10 +45,24 @@ struct fm_key
   uint32_t size;
 };
 
+/// One of the two variables of a kind of pairs. The key of a pair is made of one of each
+/// (fm_pair_key in fret_cdr.h, pairs.h).
+struct fm_half
+{
+  const struct fm_key * listed;  // its keys; n_listed is 0: they are found
+  uint32_t n_listed;
+  uint32_t most;             // of its keys are in pairs at one time
+  uint32_t kind;             // of this variable alone, without a base; FM_BUNDLE: there is none
+  const uint32_t * inputs;   // an input: the same in that kind; UINT32_MAX: it is not of it
+};
+
 /// A kind of instances. All that it points to outlives the scopes and stays the caller's. A kind
 /// that reads aggregates comes after those of their operands. One whose keys are those of a kind
 /// before it, its base, has no keys of its own: its instances begin and end with those of the
 /// base, and have the values that are stored in them.
+///
+/// A kind of pairs has two halves. A message for an instance of a half is one for all pairs of its
+/// key, and a pair that begins knows the values of the instances of its halves.
 struct fm_kind
 {
   const struct fm_evaluator_options * options;  // of its monitor; policy and topics as the bundle
@@ -58,6 +72,7 @@ struct fm_kind
   const uint32_t * shared;  // an input: the same in the bundle's scope; UINT32_MAX: it has a key
   const uint32_t * of_base;  // an input with a key: the same in the base; NULL: there is no base
   uint32_t base;
+  const struct fm_half * halves;  // of a kind of pairs: two; NULL: it is of one variable
   const struct fm_key * listed;  // instances from the start
   uint32_t n_listed;
   uint32_t most;                 // instances at one time

@@ -36,6 +36,7 @@ static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
   message->kind = FM_BUNDLE;
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     fm_pool_begin_turn(&scopes->kinds[k].pool);
+    scopes->kinds[k].has_part = false;
   }
 }
 
@@ -174,8 +175,8 @@ static void step(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_
 {
   struct fm_scopes_message * message = &scopes->message;
   struct fm_pool * pool = &scopes->kinds[kind].pool;
-  const int64_t at = scopes->kinds[kind].waiting == NULL ? arrival :
-    read_aggregates(scopes, kind, arrival);
+  const int64_t at = scopes->kinds[kind].reads_aggregates ?
+    read_aggregates(scopes, kind, arrival) : arrival;
   fm_scopes_before_step(scopes, kind);
   const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
     fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
@@ -206,6 +207,66 @@ static void pass_on(struct fm_scopes * scopes, uint32_t base, uint32_t slot)
   }
 }
 
+static void store_half(struct fm_scopes * scopes, uint32_t kind, uint32_t half, int64_t at)
+{
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  const uint32_t * inputs = cell->options.halves[half].inputs;
+  for (uint32_t n = 0; n < scopes->message.n_parts; ++n) {
+    const struct fm_staged * part = &scopes->parts[n];
+    for (uint32_t i = 0; i < cell->pool.evaluator->monitor->n_inputs; ++i) {
+      if (inputs[i] == part->input) {
+        fm_evaluator_store(cell->pool.evaluator, i, part->value, at);
+      }
+    }
+  }
+}
+
+// A pair takes a message of an instance of its half, with any part of its own.
+static void give_half(struct fm_scopes * scopes, uint32_t kind, uint32_t half, uint32_t slot)
+{
+  struct fm_scope_kind * cell = &scopes->kinds[kind];
+  if (cell->pool.turns[slot] != cell->pool.turn) {
+    store_half(scopes, kind, half, enter(scopes, kind, slot));
+    put_off(cell, slot);
+  } else {
+    (void)fm_scopes_enter_slot(scopes, kind, slot);
+    store_half(scopes, kind, half, arrive(scopes, kind));
+    fm_pool_leave(&cell->pool);
+  }
+}
+
+// Whether a message of an instance is one for all pairs of its key. A row with a key for the pair,
+// and no value of the instance, is of that pair alone.
+static bool is_for_pairs(
+  const struct fm_scopes * scopes, uint32_t single, uint32_t kind, uint32_t half)
+{
+  const struct fm_scope_kind * cell = &scopes->kinds[kind];
+  if (cell->pairs == NULL || cell->options.halves[half].kind != single) {
+    return false;
+  }
+  const struct fm_scope_kind * base =
+    cell->parts == NULL ? cell : &scopes->kinds[cell->options.base];
+  return !scopes->message.is_row || !base->has_part || scopes->message.n_parts > 0;
+}
+
+// The message of an instance is one for all pairs of its key.
+static void give_to_pairs(struct fm_scopes * scopes, uint32_t single, uint32_t slot)
+{
+  uint8_t bytes[FM_MOST_KEY_BYTES];
+  const size_t size = fm_keys_copy(scopes->kinds[single].pool.keys, slot, bytes);
+  const struct fm_key key = {bytes, (uint32_t)size};
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    const struct fm_pairs * pairs = scopes->kinds[k].pairs;
+    for (uint32_t h = 0; h < 2; ++h) {
+      uint32_t pair = is_for_pairs(scopes, single, k, h) ? fm_pairs_first(pairs, h, &key) :
+        FM_NO_SLOT;
+      for (; pair != FM_NO_SLOT; pair = fm_pairs_next(pairs, h, pair)) {
+        give_half(scopes, k, h, pair);
+      }
+    }
+  }
+}
+
 static void step_entered(struct fm_scopes * scopes)
 {
   struct fm_scopes_message * message = &scopes->message;
@@ -219,20 +280,41 @@ static void step_entered(struct fm_scopes * scopes)
   } else {
     step(scopes, kind, message->slot, message->entered_at);
   }
-  if (scopes->kinds[kind].is_base) {
+  if (scopes->kinds[kind].keeps_parts) {
     pass_on(scopes, kind, message->slot);
+    give_to_pairs(scopes, kind, message->slot);
   }
+}
+
+// A new key gets a slot, and is in the index of pairs. FM_NO_SLOT: there is no room.
+static uint32_t add_key(struct fm_scope_kind * cell, const struct fm_key * key)
+{
+  struct fm_keys * keys = cell->pool.keys;
+  const uint32_t slot = key->size > 0 ? fm_keys_add(keys, key->bytes, key->size) : FM_NO_SLOT;
+  if (slot != FM_NO_SLOT && cell->pairs != NULL && !fm_pairs_add(cell->pairs, slot, key)) {
+    fm_keys_remove(keys, slot);
+    return FM_NO_SLOT;
+  }
+  return slot;
+}
+
+// Whether a key may begin an instance, if there is room: none that is listed is lacking.
+static bool may_begin(const struct fm_scope_kind * cell, const struct fm_key * key)
+{
+  const bool is_pair = cell->pairs != NULL && key->size > 0 && key->size <= FM_MOST_KEY_BYTES;
+  return cell->options.n_listed == 0 && (!is_pair || fm_pairs_fit(cell->pairs, key));
 }
 
 static uint32_t find_or_begin(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size)
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
+  const struct fm_key found = {key, (uint32_t)size};
   uint32_t slot = fm_keys_find(pool->keys, key, size);
-  if (slot != FM_NO_SLOT || scopes->kinds[kind].options.n_listed > 0) {
+  if (slot != FM_NO_SLOT || !may_begin(&scopes->kinds[kind], &found)) {
     return slot;
   }
-  slot = size > 0 ? fm_keys_add(pool->keys, key, size) : FM_NO_SLOT;
+  slot = add_key(&scopes->kinds[kind], &found);
   if (slot == FM_NO_SLOT) {
     pool->counts.beyond += 1;
     pool->is_short = pool->is_short || size > 0;
@@ -252,6 +334,7 @@ uint32_t fm_scopes_enter(
   struct fm_scopes_message * message = &scopes->message;
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   step_entered(scopes);
+  scopes->kinds[kind].has_part = true;
   const uint32_t slot = find_or_begin(scopes, kind, key, size);
   if (slot == FM_NO_SLOT || pool->turns[slot] == pool->turn) {
     return FM_NO_SLOT;
@@ -286,7 +369,7 @@ void fm_scopes_store_keyed(struct fm_scopes * scopes, uint32_t input, union fm_v
   if (message->kind != FM_BUNDLE) {
     fm_evaluator_store(
       scopes->kinds[message->kind].pool.evaluator, input, value, message->entered_at);
-    if (scopes->kinds[message->kind].is_base) {
+    if (scopes->kinds[message->kind].keeps_parts) {
       keep_part(scopes, input, value);
     }
   }
@@ -360,7 +443,7 @@ static void take_in_others(struct fm_scopes * scopes, uint32_t kind)
   const bool is_message = !scopes->message.is_row;
   if (is_for_all(scopes, kind)) {
     step_others(scopes, kind);
-  } else if (scopes->kinds[kind].waiting == NULL || !fm_scopes_has_news(scopes, kind)) {
+  } else if (!scopes->kinds[kind].reads_aggregates || !fm_scopes_has_news(scopes, kind)) {
     return;
   } else if (is_message && scopes->options.policy == FM_TIMED) {
     step_others(scopes, kind);  // the groups that read inputs of the topic are evaluated now
@@ -520,6 +603,17 @@ void fm_scopes_count_unknown(struct fm_scopes * scopes)
   }
 }
 
+// Pairs do not know what an instance of a half would, for which there was no room.
+static bool half_is_short(const struct fm_scopes * scopes, const struct fm_scope_kind * cell)
+{
+  bool is_short = false;
+  for (uint32_t h = 0; cell->pairs != NULL && h < 2; ++h) {
+    const uint32_t kind = cell->options.halves[h].kind;
+    is_short = is_short || (kind != FM_BUNDLE && scopes->kinds[kind].pool.is_short);
+  }
+  return is_short;
+}
+
 uint64_t fm_scopes_unknown(
   const struct fm_scopes * scopes, uint32_t kind, uint32_t requirement)
 {
@@ -527,6 +621,7 @@ uint64_t fm_scopes_unknown(
   const bool is_unknown = pool->entered != FM_NO_SLOT &&
     !fm_is_known(&pool->evaluator->instance, requirement);
   const struct fm_pool * base = base_of(scopes, kind);
-  const bool is_more = base->is_short || base->counts.begun == 0;
+  const bool is_more = base->is_short || base->counts.begun == 0 ||
+    half_is_short(scopes, &scopes->kinds[kind]);
   return pool->unknown[requirement] + (is_unknown ? 1u : 0u) + (is_more ? 1u : 0u);
 }

@@ -21,7 +21,9 @@
 ///
 /// Topics have the same numbers in all scopes; one that feeds nothing of a scope has no inputs
 /// there. The scope of the bundle has all inputs that mention no variable. A kind has copies of
-/// those that its requirements read, and the inputs with a key.
+/// those that its requirements read, and the inputs with a key. A kind of pairs has copies of the
+/// inputs of its halves: what is stored in an instance of a half is stored in all pairs of its
+/// key, which step after the kinds before theirs.
 ///
 /// A message takes effect in this order: its instances step, in the order in which their keys are
 /// in it; if it is a message for all instances of a kind, the others step, kind by kind, by slot.
@@ -118,7 +120,8 @@ FM_EXPORT uint64_t fm_scopes_bytes(const struct fm_scopes_options * options);
 /// never used need not be touched). The instances of listed keys exist. Returns NULL if the
 /// options of a scope are refused by fm_evaluator_init, an index is out of range, an aggregate
 /// does not fit its operand or input, a topic's number differs, or listed keys are more than
-/// `most` or not distinct. O(bytes of the tables, and of the listed instances).
+/// `most` or not distinct, or a half of pairs does not fit. O(bytes of the tables, and of the
+/// listed instances).
 FM_EXPORT struct fm_scopes * fm_scopes_init(
   void * memory, const struct fm_scopes_options * options);
 
@@ -149,10 +152,12 @@ FM_EXPORT void fm_scopes_store_from(
 FM_EXPORT void fm_scopes_unusable(struct fm_scopes * scopes, uint32_t input);
 
 /// The message has a part for the instance of a key; the values of that part follow. The instance
-/// that was entered before steps now. An instance begins if there is none with the key. Returns
-/// its slot, or FM_NO_SLOT, and the part is left out: there is no room for the key, it is none of
-/// the listed keys, the message had a part for it before, or the kind has a base. O(1) expected,
-/// O(log n) if a deadline comes forward, and the operations of a step.
+/// that was entered before steps now. An instance begins if there is none with the key. Parts of
+/// pairs come before those of their halves, which are for all pairs of their key, unless it is a
+/// row with a part for a pair of the kind, and no value for the half. Returns its slot, or
+/// FM_NO_SLOT, and the part is left out: there is no room for the key, it is none of the listed
+/// keys, the message had a part for it before, or the kind has a base. O(1) expected, O(pairs of
+/// the key) for a half, O(log n) if a deadline comes forward, and the operations of a step.
 FM_EXPORT uint32_t fm_scopes_enter(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size);
 

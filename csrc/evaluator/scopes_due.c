@@ -195,6 +195,9 @@ static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot
     }
   }
   own->counts.open += is_open ? 1u : 0u;
+  if (scopes->kinds[kind].pairs != NULL) {
+    fm_pairs_remove(scopes->kinds[kind].pairs, slot);
+  }
   fm_keys_remove(own->keys, slot);
 }
 

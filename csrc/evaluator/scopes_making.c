@@ -124,7 +124,7 @@ static uint32_t inputs_of_base(
 
 static uint64_t waiting_of(const struct fm_kind * kind)
 {
-  return reads_aggregates(kind) ? kind->most : 0;
+  return reads_aggregates(kind) || kind->halves != NULL ? kind->most : 0;
 }
 
 static uint64_t most_inputs(const struct fm_scopes_options * options)
@@ -152,6 +152,12 @@ static uint64_t bundle_bytes(const struct fm_scopes_options * options)
 static uint64_t pool_bytes(const struct fm_kind * kind)
 {
   return fm_pool_bytes(kind->options, kind->most, kind->of_base == NULL);
+}
+
+static uint64_t pairs_bytes(const struct fm_kind * kind)
+{
+  return kind->halves == NULL || kind->of_base != NULL ? 0 :
+         fm_pairs_bytes(kind->halves, kind->most);
 }
 
 static struct layout lay_out(const struct fm_scopes_options * options)
@@ -189,6 +195,7 @@ static struct layout lay_out(const struct fm_scopes_options * options)
     const uint64_t bytes = pool_bytes(&options->kinds[k]);
     block->fits = block->fits && bytes > 0;
     (void)fm_block_append(block, bytes, 1);
+    (void)fm_block_append(block, pairs_bytes(&options->kinds[k]), 1);
   }
   for (uint32_t a = 0; a < options->n_aggregates; ++a) {
     (void)fm_block_append(block, bytes_of_aggregate(options, &options->aggregates[a]), 1);
@@ -218,6 +225,38 @@ static bool base_is_sound(const struct fm_scopes_options * options, uint32_t k)
     }
   }
   return true;
+}
+
+// The kind of a half has no base, is of one variable, and has the inputs.
+static bool half_is_sound(
+  const struct fm_scopes_options * options, const struct fm_kind * kind,
+  const struct fm_half * half)
+{
+  if (half->most == 0 || half->kind == FM_BUNDLE) {
+    return half->most > 0;
+  }
+  const struct fm_kind * single = half->kind < options->n_kinds ? &options->kinds[half->kind] :
+    NULL;
+  if (single == NULL || single->of_base != NULL || single->halves != NULL) {
+    return false;
+  }
+  for (uint32_t i = 0; i < kind->options->monitor->n_inputs; ++i) {
+    const uint32_t b = half->inputs[i];
+    if (b != UINT32_MAX && (b >= single->options->monitor->n_inputs ||
+      single->options->monitor->inputs[b].type != kind->options->monitor->inputs[i].type))
+    {
+      return false;
+    }
+  }
+  return true;
+}
+
+static bool pairs_are_sound(const struct fm_scopes_options * options, const struct fm_kind * kind)
+{
+  return kind->halves == NULL || (
+    (kind->of_base == NULL) == (pairs_bytes(kind) > 0) &&
+    half_is_sound(options, kind, &kind->halves[0]) &&
+    half_is_sound(options, kind, &kind->halves[1]));
 }
 
 // The operands of the aggregates that a kind reads are in kinds before it.
@@ -293,7 +332,8 @@ static bool options_are_sound(const struct fm_scopes_options * options)
   bool are_sound = monitor != NULL && monitor->abi == FM_ABI;
   for (uint32_t k = 0; k < options->n_kinds; ++k) {
     are_sound = are_sound && kind_is_sound(options, &options->kinds[k]) &&
-      order_is_sound(options, k) && base_is_sound(options, k);
+      order_is_sound(options, k) && base_is_sound(options, k) &&
+      pairs_are_sound(options, &options->kinds[k]);
   }
   for (uint32_t a = 0; a < options->n_aggregates; ++a) {
     are_sound = are_sound && aggregate_is_sound(options, &options->aggregates[a]);
@@ -379,7 +419,9 @@ static bool begin_listed(struct fm_scope_kind * kind)
       return false;
     }
     const uint32_t slot = fm_keys_add(kind->pool.keys, key->bytes, key->size);
-    if (slot == FM_NO_SLOT) {
+    if (slot == FM_NO_SLOT || (kind->pairs != NULL && !(fm_pairs_fit(kind->pairs, key) &&
+      fm_pairs_add(kind->pairs, slot, key))))
+    {
       return false;
     }
     fm_pool_begin(&kind->pool, slot);
@@ -400,6 +442,27 @@ static bool make_pool(
   return fm_pool_make(&kind->pool, bytes, &made);
 }
 
+static bool make_pairs(
+  struct fm_scopes * scopes, const struct fm_scopes_options * options, struct fm_scope_kind * kind,
+  char * bytes)
+{
+  static const uint64_t NO_SEED[2] = {0, 0};
+  if (kind->options.halves == NULL) {
+    return true;
+  }
+  for (uint32_t h = 0; h < 2; ++h) {
+    const uint32_t half = kind->options.halves[h].kind;
+    if (half != FM_BUNDLE) {
+      scopes->kinds[half].keeps_parts = true;
+    }
+  }
+  kind->pairs = kind->options.of_base != NULL ? &scopes->kinds[kind->options.base].own_pairs :
+    &kind->own_pairs;
+  return kind->options.of_base != NULL || fm_pairs_make(
+    kind->pairs, bytes, kind->options.halves, kind->options.most,
+    options->seed == NULL ? NO_SEED : options->seed);
+}
+
 static bool make_kinds(
   struct fm_scopes * scopes, const struct fm_scopes_options * options, char * bytes,
   const struct layout * layout)
@@ -414,19 +477,24 @@ static bool make_kinds(
     if (!make_pool(scopes, options, kind, bytes)) {
       return false;
     }
+    bytes += pool_bytes(&kind->options);
+    if (!make_pairs(scopes, options, kind, bytes)) {
+      return false;
+    }
+    bytes += pairs_bytes(&kind->options);
     map_copies(
       kind, (uint32_t *)(void *)(all + layout->copies) + (uint64_t)k * n_inputs, n_inputs);
-    kind->waiting = reads_aggregates(&kind->options) ? waiting : NULL;
+    kind->reads_aggregates = reads_aggregates(&kind->options);
+    kind->waiting = waiting_of(&kind->options) > 0 ? waiting : NULL;
     waiting += waiting_of(&kind->options);
     if (kind->options.of_base != NULL) {
-      scopes->kinds[kind->options.base].is_base = true;
+      scopes->kinds[kind->options.base].keeps_parts = true;
       map_parts(kind, maps, inputs_of_base(options, &kind->options));
       maps += inputs_of_base(options, &kind->options);
       begin_as_base(&kind->pool);
     } else if (!begin_listed(kind)) {
       return false;
     }
-    bytes += pool_bytes(&kind->options);
   }
   for (uint32_t a = 0; a < options->n_aggregates; ++a) {
     const struct fm_aggregate * aggregate = &options->aggregates[a];

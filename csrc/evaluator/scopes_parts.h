@@ -19,6 +19,7 @@
 #define SCOPES_PARTS_H_
 
 #include "aggregates.h"
+#include "pairs.h"
 #include "pool.h"
 #include "scopes.h"
 
@@ -28,9 +29,13 @@ struct fm_scope_kind
   struct fm_kind options;
   uint32_t * copies;  // an input of the bundle's scope: the same of this kind; UINT32_MAX: none
   uint32_t * parts;   // an input of the base: the same of this kind; UINT32_MAX: none
+  struct fm_pairs own_pairs;
+  struct fm_pairs * pairs;  // its own, or those of its base; NULL: it is of one variable
   uint32_t * waiting; // slots that have a message, and step after other kinds; NULL: none wait
   uint32_t n_waiting;
-  bool is_base;       // of another kind
+  bool reads_aggregates;
+  bool keeps_parts;   // of the instance that is entered: it is a base, or a half of pairs
+  bool has_part;      // the message has one for a pair of this kind, or it had no room
 };
 
 // A value of a message for more than one scope.
@@ -110,7 +115,7 @@ void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t las
 void fm_scopes_uncount(struct fm_scopes * scopes, uint32_t kind, uint32_t slot);
 
 /// Begin an instance, whose key has the slot, in all kinds with that key, and let it know the
-/// shared inputs.
+/// shared inputs, and those of the instances of its halves.
 void fm_scopes_begin_instance(
   struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now);
 

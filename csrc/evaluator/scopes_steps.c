@@ -126,7 +126,7 @@ static bool reads(const struct fm_scopes * scopes, uint32_t kind, uint32_t a)
 void fm_scopes_give_aggregates(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
 {
   const struct fm_scope_kind * cell = &scopes->kinds[kind];
-  if (cell->waiting == NULL) {
+  if (!cell->reads_aggregates) {
     return;
   }
   const int64_t at = after_last(cell->pool.evaluator, instant);
@@ -142,7 +142,7 @@ bool fm_scopes_has_news(struct fm_scopes * scopes, uint32_t kind)
 {
   const enum fm_policy policy = scopes->options.policy;
   bool has_news = false;
-  for (uint32_t a = 0; scopes->kinds[kind].waiting != NULL && a < scopes->n_totals; ++a) {
+  for (uint32_t a = 0; scopes->kinds[kind].reads_aggregates && a < scopes->n_totals; ++a) {
     struct fm_total * total = &scopes->totals[a];
     has_news = has_news || (reads(scopes, kind, a) &&
       ((policy == FM_ALL_INPUTS && total->is_touched) ||
@@ -165,14 +165,13 @@ void fm_scopes_store_aggregates(struct fm_scopes * scopes, int64_t instant)
 
 // ---- an instance -------------------------------------------------------------------------------
 
-// Of an input of the bundle's scope, an instance that begins knows the value, and whether it is
-// silent. As after a reset, a stale input makes what reads it violated anew.
+// Of an input of the bundle's scope, or of a half, an instance that begins knows the value, and
+// whether it is silent. As after a reset, a stale input makes what reads it violated anew.
 static void inherit(
-  const struct fm_scopes * scopes, struct fm_evaluator * evaluator, uint32_t i, uint32_t b,
+  const struct fm_instance * from, struct fm_evaluator * evaluator, uint32_t i, uint32_t b,
   int64_t now)
 {
   static const bool NO = false;
-  const struct fm_instance * from = &scopes->bundle->instance;
   struct fm_instance_input * cell = &evaluator->instance.inputs[i];
   if (from->inputs[b].has_value) {
     // A reception is over, but for that of a period that is not.
@@ -195,6 +194,30 @@ static void inherit(
   }
 }
 
+static void inherit_of_halves(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now)
+{
+  struct fm_scope_kind * cell = &scopes->kinds[kind];
+  uint8_t bytes[FM_MOST_KEY_BYTES];
+  const struct fm_key pair = {bytes, (uint32_t)fm_keys_copy(cell->pool.keys, slot, bytes)};
+  for (uint32_t h = 0; h < 2; ++h) {
+    const struct fm_half * half = &cell->options.halves[h];
+    const struct fm_key key = fm_pair_part(&pair, h);
+    const uint32_t own = half->kind == FM_BUNDLE ? FM_NO_SLOT :
+      fm_keys_find(scopes->kinds[half->kind].pool.keys, key.bytes, key.size);
+    if (own == FM_NO_SLOT) {
+      continue;
+    }
+    const struct fm_evaluator * from = fm_scopes_enter_slot(scopes, half->kind, own);
+    for (uint32_t i = 0; i < cell->pool.evaluator->monitor->n_inputs; ++i) {
+      if (half->inputs[i] != UINT32_MAX) {
+        inherit(&from->instance, cell->pool.evaluator, i, half->inputs[i], now);
+      }
+    }
+    fm_pool_leave(&scopes->kinds[half->kind].pool);
+  }
+}
+
 static void begin_in(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t now)
 {
   struct fm_scope_kind * cell = &scopes->kinds[kind];
@@ -207,8 +230,11 @@ static void begin_in(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, in
   }
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     if (cell->options.shared[i] != UINT32_MAX) {
-      inherit(scopes, evaluator, i, cell->options.shared[i], now);
+      inherit(&scopes->bundle->instance, evaluator, i, cell->options.shared[i], now);
     }
+  }
+  if (cell->pairs != NULL) {
+    inherit_of_halves(scopes, kind, slot, now);
   }
   fm_scopes_report(scopes, FM_SCOPE_BEGAN, kind, slot, now, 0);
 }

@@ -380,6 +380,27 @@ static inline struct fm_cdr_digits fm_cdr_digits_u(uint64_t value)
   return fm_cdr_digits(value, false);
 }
 
+/// The key of a pair: the size of the first key, its bytes, those of the second. `out` has room
+/// for FM_PAIR_ROOM bytes. Returns its size; 0 if one of the keys is empty, more than a key may
+/// have if both are too long together (`out` is then unspecified).
+#define FM_PAIR_ROOM 511u
+
+static inline size_t fm_pair_key(
+  uint8_t * out, const uint8_t * first, size_t first_size, const uint8_t * second,
+  size_t second_size)
+{
+  if (first_size == 0u || second_size == 0u) {
+    return 0u;
+  }
+  if (first_size > 255u || second_size > 255u) {
+    return FM_PAIR_ROOM;
+  }
+  out[0] = (uint8_t)first_size;
+  memcpy(out + 1, first, first_size);
+  memcpy(out + 1 + first_size, second, second_size);
+  return 1u + first_size + second_size;
+}
+
 static inline bool fm_cdr_is_wide(
   const struct fm_cdr_text * text, const struct fm_cdr_wide_name * name)
 {

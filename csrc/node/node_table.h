@@ -102,6 +102,7 @@ struct fm_node_kind
   const uint8_t * concerns;
   const uint32_t * of_base;
   uint32_t base;
+  const struct fm_half * halves;
   const struct fm_key * listed;
   uint32_t n_listed;
   int64_t forget;

@@ -317,8 +317,8 @@ static void describe_kinds(
     kinds[k] = (struct fm_kind) {
       .options = &options[k], .outputs = kind->outputs == NULL ? NULL : kind->outputs(),
       .concerns = kind->concerns, .keyed = about->keyed, .shared = about->shared,
-      .of_base = kind->of_base, .base = kind->base, .listed = kind->listed,
-      .n_listed = kind->n_listed, .most = about->most,
+      .of_base = kind->of_base, .base = kind->base, .halves = kind->halves,
+      .listed = kind->listed, .n_listed = kind->n_listed, .most = about->most,
       .forget = kind->forget};
   }
 }

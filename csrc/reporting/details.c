@@ -22,6 +22,7 @@
 #include <string.h>
 
 #include "instance.h"
+#include "key_text.h"
 #include "trial_lines.h"
 
 enum { HAS_VALUE = 1, IS_STALE = 2 };  // flags of an input (outbox.h)
@@ -80,8 +81,10 @@ static void add_name(struct fm_text * text, const struct described * item)
 {
   fm_text_add(text, "%s", item->requirement->id);
   if (item->scope.kind != FM_BUNDLE) {
-    fm_text_add(text, "[%s=", item->reporter->table->kinds[item->scope.kind].variable);
-    fm_text_add_bytes(text, item->scope.key, item->scope.key_size);
+    fm_text_add(text, "[");
+    fm_add_named_key(
+      text, &item->reporter->table->kinds[item->scope.kind], item->scope.key,
+      item->scope.key_size);
     fm_text_add(text, "]");
   }
 }

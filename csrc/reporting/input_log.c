@@ -22,6 +22,7 @@
 #include "engine_locked.h"
 #include "graph_lines.h"
 #include "instance_lines.h"
+#include "key_text.h"
 #include "reasons.h"
 #include "review_parts.h"
 #include "transform_lines.h"
@@ -224,7 +225,9 @@ static void log_part(
   const struct fm_topic * fed = fm_keyed_inputs(table, kind, part->topic);
   struct fm_text reason = {NULL, 0, 0};
   struct fm_text name = {NULL, 0, 0};
-  fm_text_add_bytes(&name, key, key_size);
+  fm_add_variables(&name, &table->kinds[kind]);
+  fm_text_add(&name, " ");
+  fm_add_key(&name, &table->kinds[kind], key, key_size);
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const struct fm_report_input * about = &table->kinds[kind].inputs[fed->inputs[k]];
     if (fields[k].outcome == FM_FIELD_READ || part->review->kinds[kind].is_unusable_logged) {
@@ -233,9 +236,9 @@ static void log_part(
     part->review->kinds[kind].is_unusable_logged = true;
     add_reason(&reason, about, &fields[k], part->message, part->size);
     fm_lines_add(part->lines, FM_WARN,
-      "%s: %s; input '%s' of %s %s keeps its value, if it has one",
+      "%s: %s; input '%s' of %s keeps its value, if it has one",
       part->review->reporter->topics[part->topic], fm_text_get(&reason), about->name,
-      table->kinds[kind].variable, fm_text_get(&name));
+      fm_text_get(&name));
   }
   fm_text_free(&reason);
   fm_text_free(&name);

@@ -18,6 +18,8 @@
 
 #include <inttypes.h>
 
+#include "key_text.h"
+
 // The place of a requirement among those of its kind.
 static uint32_t place_of(const struct fm_report_table * table, uint32_t requirement)
 {
@@ -30,11 +32,12 @@ static uint32_t place_of(const struct fm_report_table * table, uint32_t requirem
   return requirement - first;
 }
 
-static void add_keys(struct fm_text * text, const struct fm_named_keys * named)
+static void add_keys(
+  struct fm_text * text, const struct fm_report_kind * about, const struct fm_named_keys * named)
 {
   for (uint32_t k = 0; k < named->n_keys; ++k) {
     fm_text_add(text, "%s", k == 0 ? "" : ", ");
-    fm_text_add_bytes(text, named->keys[k] + 1, named->keys[k][0]);
+    fm_add_key(text, about, named->keys[k] + 1, named->keys[k][0]);
   }
   if (named->n > named->n_keys) {
     fm_text_add(text, ", and %" PRIu64 " more", named->n - named->n_keys);
@@ -71,7 +74,7 @@ static enum fm_status_level describe(
   const uint32_t place = place_of(table, requirement);
   if (kind->violated[place].n > 0) {
     fm_text_add(message, "violated: ");
-    add_keys(message, &kind->violated[place]);
+    add_keys(message, &table->kinds[about->kind], &kind->violated[place]);
     return about->is_warning ? FM_STATUS_WARN : FM_STATUS_ERROR;
   } else if (kind->counts.alive == 0) {
     fm_text_add(message, "%s", kind->counts.begun > 0 ? "no instance" : "no instance yet");
@@ -80,7 +83,7 @@ static enum fm_status_level describe(
     return FM_STATUS_WARN;
   } else if (kind->unevaluated[place].n > 0) {
     fm_text_add(message, "not evaluated yet: ");
-    add_keys(message, &kind->unevaluated[place]);
+    add_keys(message, &table->kinds[about->kind], &kind->unevaluated[place]);
     return FM_STATUS_WARN;
   }
   const bool is_evaluated = review->now.requirements[requirement].steps > 0;
@@ -131,10 +134,13 @@ static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines
 {
   const struct fm_report_kind * about = &review->reporter->table->kinds[kind];
   if (review->now.kinds[kind].counts.beyond > 0 && !review->kinds[kind].is_beyond_logged) {
+    struct fm_text variables = {NULL, 0, 0};
     review->kinds[kind].is_beyond_logged = true;
+    fm_add_variables(&variables, about);
     fm_lines_add(lines, FM_ERROR,
       "there is no room for another %s (`most` is %" PRIu32 "): its messages are not evaluated; "
-      "/diagnostics counts them", about->variable, about->most);
+      "/diagnostics counts them", fm_text_get(&variables), about->most);
+    fm_text_free(&variables);
   }
 }
 

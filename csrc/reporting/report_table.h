@@ -92,10 +92,12 @@ struct fm_report_comparison
   const char * text;
 };
 
-/// A set of requirements of which there is one for each key of an instance variable (kinds.h).
+/// A set of requirements of which there is one for each key of an instance variable, or for each
+/// pair of keys of two (kinds.h).
 struct fm_report_kind
 {
   const char * variable;
+  const char * second;            // of pairs; "": there is one variable
   const struct fm_report_input * inputs;  // of its monitor
   const struct fm_topic * keyed;  // a topic: the inputs with a key that it feeds
   const uint32_t * shared;        // an input: the same in the bundle's scope; UINT32_MAX: it has a

@@ -19,6 +19,8 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "key_text.h"
+
 static const char * const POLICIES[] = {
   [FM_EVERY_MESSAGE] = "every_message", [FM_RELEVANT_MESSAGE] = "relevant_message",
   [FM_ALL_INPUTS] = "all_inputs", [FM_PERIODIC] = "periodic", [FM_TIMED] = "timed"};
@@ -99,8 +101,9 @@ static void add_terms(struct fm_text * text, const struct fm_watched * watched)
   add_state(text, watched, 1);
   for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
     if (!table->kinds[kind].has_base) {
-      fm_text_add(text, ", for each %s, at most %" PRIu32, table->kinds[kind].variable,
-        table->kinds[kind].most);
+      fm_text_add(text, ", for each ");
+      fm_add_variables(text, &table->kinds[kind]);
+      fm_text_add(text, ", at most %" PRIu32, table->kinds[kind].most);
     }
   }
   if (watched->origin[0] != '\0') {

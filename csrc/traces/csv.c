@@ -423,8 +423,10 @@ static bool has_keys(const struct fm_csv * csv, uint64_t k)
   bool has = true;
   for (uint32_t c = 0; c < csv->n_columns; ++c) {
     const struct fm_csv_column * const column = &csv->columns[c];
-    has = has && (!column->needs_key || !column->is_there[k] ||
-      ((const struct fm_key *)csv->columns[column->key].values)[k].size > 0);
+    const bool needs_key = column->needs_key && column->is_there[k];
+    for (uint32_t n = 0; needs_key && n < 2; ++n) {
+      has = has && ((const struct fm_key *)csv->columns[column->keys[n]].values)[k].size > 0;
+    }
   }
   return has;
 }

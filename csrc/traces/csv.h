@@ -46,7 +46,7 @@ struct fm_csv_column
   bool * is_there;     // a row: whether its cell is not empty; NULL: an empty one is no value
   bool is_key;         // values are struct fm_key, parts of the text; with names, no others are
   bool needs_key;      // a value is in rows with a key alone, ...
-  uint32_t key;        // ... which this column has
+  uint32_t keys[2];    // ... which these columns have, or this one twice
 };
 
 /// Complete rows of a trace. The caller owns all of it; only `place` and the values of the columns

@@ -20,6 +20,8 @@
 #include <string.h>
 
 #include "csv.h"
+#include "fret_cdr.h"
+#include "pairs.h"
 #include "tables.h"
 
 enum {LEAST_ROOM = 1 << 16};
@@ -311,9 +313,11 @@ static void write_other(
   }
   memset(rows->shown, 0, rows->n_variables * sizeof(*rows->shown));
   if (place->kind != FM_BUNDLE) {
-    rows->shown[scope->variable].bytes = bytes;
-    rows->shown[scope->variable].size =
-      (uint32_t)fm_scopes_key(rows->scopes, place->kind, place->slot, bytes);
+    const struct fm_key key = {
+      bytes, (uint32_t)fm_scopes_key(rows->scopes, place->kind, place->slot, bytes)};
+    for (uint32_t part = 0; part < (scope->is_of_pairs ? 2u : 1u); ++part) {
+      rows->shown[scope->variables[part]] = scope->is_of_pairs ? fm_pair_part(&key, part) : key;
+    }
   }
   if (changes.of_verdicts) {
     count_all(rows, time);
@@ -414,15 +418,27 @@ static void store_shared(struct fm_keyed_rows * rows, uint64_t k, bool is_of_all
   }
 }
 
+// The key of a row for a kind; of pairs, it is written to `pair`. Its size is 0 if there is none.
+static struct fm_key key_of(
+  const struct fm_keyed_rows * rows, uint64_t k, uint32_t kind, uint8_t * pair)
+{
+  const struct fm_keyed_scope * scope = &rows->kinds[kind];
+  const struct fm_key * first = &rows->keys[scope->variables[0] * rows->n + k];
+  const struct fm_key * second = &rows->keys[scope->variables[1] * rows->n + k];
+  return !scope->is_of_pairs ? *first : (struct fm_key) {pair, (uint32_t)fm_pair_key(
+      pair, first->bytes, first->size, second->bytes, second->size)};
+}
+
 static void store_keyed(struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
 {
   if (rows->kinds[kind].base != kind) {
     rows->own[kind] = rows->own[rows->kinds[kind].base];
     return;
   }
-  const struct fm_key * key = &rows->keys[rows->kinds[kind].variable * rows->n + k];
-  rows->own[kind] = key->size == 0 ? FM_NO_SLOT :
-    fm_scopes_enter(rows->scopes, kind, key->bytes, key->size);
+  uint8_t pair[FM_PAIR_ROOM];
+  const struct fm_key key = key_of(rows, k, kind, pair);
+  rows->own[kind] = key.size == 0 ? FM_NO_SLOT :
+    fm_scopes_enter(rows->scopes, kind, key.bytes, key.size);
   for (uint32_t c = 0; c < rows->n_columns && rows->own[kind] != FM_NO_SLOT; ++c) {
     const struct fm_keyed_column * column = &rows->columns[c];
     const void * value = value_at(column, k);

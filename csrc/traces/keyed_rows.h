@@ -16,9 +16,11 @@
 /// as rows of CSV.
 ///
 /// A row with a key is a message of that instance; one with a value of a shared input, or without
-/// any key, is one of all. It gives a row of its key's verdicts and the bundle's. Under FM_TIMED
-/// there is a row for each other scope whose verdicts have changed, by kind and slot, the bundle
-/// last, and for what is due between the rows. A cell is empty where nothing is known.
+/// any key, is one of all. One with two keys is a message of their pair, and of the other pairs of
+/// one of them if it has a value of an input that mentions it alone. It gives a row of its key's
+/// verdicts and the bundle's. Under FM_TIMED there is a row for each other scope whose verdicts
+/// have changed, by kind and slot, the bundle last, and for what is due between the rows. A cell
+/// is empty where nothing is known.
 ///
 /// Margins have a label with keys (a head) and n_cells margins for each of these rows, and under
 /// FM_TIMED also for each time at which only margins have changed.
@@ -51,7 +53,8 @@ struct fm_keyed_column
 /// The verdicts of a kind, or of the bundle (its `n_slots` is 1).
 struct fm_keyed_scope
 {
-  uint32_t variable;        // whose keys it has
+  uint32_t variables[2];    // whose keys it has; of one variable, the first
+  bool is_of_pairs;
   uint32_t base;            // the first kind with these instances, which may be this one
   uint32_t n_slots;
   uint32_t n;               // requirements that are shown

@@ -346,9 +346,9 @@ class _Run:
             if recording.is_trace or index not in self._left_out}
         self._read = array('Q', bytes(8 * len(self._names)))
         self._findings = [
-            Findings(item.id, variable=variable, probability=item.probability)
-            for item, variable in zip(
-                self._manifest.numbered, self._manifest.variable_of, strict=True)]
+            Findings(item.id, variables=variables, probability=item.probability)
+            for item, variables in zip(
+                self._manifest.numbered, self._manifest.variables_of, strict=True)]
         self.wanted: dict[tuple[str, str], list[Target]] = {}
         self._trials = self._evaluator.log_trials() if self._manifest.tests else None
         self._ended = self._scopes.log_closest() if self._scopes and selection.margins else None
@@ -449,9 +449,12 @@ class _Run:
         return tuple(by_id[name] for name in self._manifest.ids or by_id)
 
     def _kind_counts(self) -> Iterator[tuple[str, KindCounts]]:
-        for place, kind in self._manifest.bases if self._scopes else ():
+        for place, _ in self._manifest.bases if self._scopes else ():
             assert self._scopes is not None
-            yield (self._manifest.variables[kind.variables[0]].name, self._scopes.counts(place))
+            yield self._variables(place), self._scopes.counts(place)
+
+    def _variables(self, kind: int) -> str:
+        return ' and '.join(item.name for item in self._manifest.mentioned(kind))
 
     def _check_part(self, begin: int, last: int) -> None:
         selection, recording = self._selection, self._recording
@@ -806,11 +809,10 @@ class _Run:
     def _complain_of_instances(self) -> None:
         for place, kind in self._manifest.bases if self._scopes else ():
             assert self._scopes is not None
-            variable = self._manifest.variables[kind.variables[0]]
             if beyond := self._scopes.counts(place).beyond:
                 self._errors.append(
-                    f'{counted(beyond, "message")} with a key of {variable.name} for which '
-                    f'`most: {variable.most}` leaves no room: not evaluated')
+                    f'{counted(beyond, "message")} with a key of {self._variables(place)} for '
+                    f'which `most: {self._manifest.most(place)}` leaves no room: not evaluated')
             for number, item in enumerate(kind.manifest.inputs):
                 counts = self._scopes.input_counts(place, number)
                 if kind.shared[number] is None and counts.unusable:

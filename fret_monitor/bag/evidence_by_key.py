@@ -28,10 +28,12 @@ from fret_monitor.bag.overview import Start
 from fret_monitor.build import Reading
 from fret_monitor.codegen.inputs import described_input
 from fret_monitor.explain.report import Meaning
-from fret_monitor.logic.expansion import Expansion
+from fret_monitor.logic.expansion import Expansion, Written
+from fret_monitor.logic.formula import variables
 from fret_monitor.logic.scopes import instance_scopes, InstanceScope
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.names import parts_of_key
 from fret_monitor.model.policies import Policy
 
 
@@ -45,7 +47,7 @@ def evidence_by_key(
     Return also the inputs that the plots refer to: those of the bundle, then those of instances.
     """
     specification, inputs = reading.specification, [*result.manifest.inputs]
-    own = [place for place, item in enumerate(result.findings) if not item.variable]
+    own = [place for place, item in enumerate(result.findings) if not item.variables]
     found = evidence(
         replace(reading, specification=replace(specification, properties=tuple(
             specification.properties[place] for place in own))),
@@ -60,7 +62,7 @@ def evidence_by_key(
         items = [_Instance(place, key) for place, item in enumerate(specification.properties)
                  if item.id in ids
                  for key in dict.fromkeys(start.key for start in starts[place])
-                 if key is not None and _is_text(key)]
+                 if key is not None and _is_text(key, scope.variables)]
         written, means = _written(items, scope, specification, meanings)
         found = evidence(
             replace(reading, specification=written), means, recording, selection,
@@ -82,34 +84,44 @@ class _Instance:
     key: bytes
 
 
-def _is_text(key: bytes) -> bool:
-    """Whether a key can be written in a bundle."""
-    return key.decode(errors='replace').encode() == key
+def _is_text(key: bytes, variables: Sequence[str]) -> bool:
+    """Whether the keys of an instance can be written in a bundle."""
+    return all(part.decode(errors='replace').encode() == part
+               for part in parts_of_key(key, variables))
+
+
+def _keys(item: _Instance, variables: Sequence[str]) -> Written:
+    return tuple(zip(variables, (part.decode() for part in parts_of_key(item.key, variables)),
+                     strict=True))
 
 
 def _written(items: Sequence[_Instance], scope: InstanceScope, specification: Specification,
              meanings: Mapping[str, Meaning]) -> tuple[Specification, dict[str, Meaning]]:
     """Return some requirements of instances as a plain bundle, and what they mean."""
-    variable, = scope.variables
-    keys = [*dict.fromkeys(item.key.decode() for item in items)]
+    all_keys = [dict(_keys(item, scope.variables)) for item in items]
     part = replace(scope.specification, instance_variables=specification.instance_variables)
-    expansion = Expansion(part, {variable: keys})
+    expansion = Expansion(part, {
+        name: [*dict.fromkeys(keys[name] for keys in all_keys)] for name in scope.variables})
     properties, means = [], dict[str, Meaning]()
     for item in items:
-        written = ((variable, item.key.decode()),)
+        written = _keys(item, scope.variables)
         original = specification.properties[item.place]
         properties.append(expansion.property(original, written))
         meaning = meanings[original.id]
         means[properties[-1].id] = meaning if meaning.denial is None else replace(
             meaning, denial=expansion.formula(meaning.denial, written))
+    read = {name for item in properties for name in item.inputs}
+    signals = [found for item in part.signals for found in expansion.signals(item)
+               if len(item.variables) < 2 or found.name in read]  # not each with each
+    names = {item.name for item in signals}
     # An instance steps at the messages of its key, not at those of all.
     is_for_all = specification.policy is Policy.EVERY_MESSAGE
     return replace(
         part, instance_variables=(), properties=tuple(properties),
         policy=Policy.RELEVANT_MESSAGE if is_for_all else specification.policy,
-        signals=tuple(found for item in part.signals for found in expansion.signals(item)),
-        definitions=tuple(found for item in part.definitions
-                          for found in expansion.definitions(*item))), means
+        signals=tuple(signals), definitions=tuple(
+            found for item in part.definitions for found in expansion.definitions(*item)
+            if names.issuperset(one.name for one in variables(found[1])))), means
 
 
 def _shifted(item: Occurrence, by: int) -> Occurrence:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter, itemgetter
 
+from fret_monitor.model.names import named_key
 from fret_monitor.model.probability import Probability
 from fret_monitor.runtime.probability import Figures, PooledTest, runs_of
 
@@ -69,8 +70,8 @@ class Findings:
     times are in `spans`: begin and end (ns), None while it lasts. `violations` counts violating
     steps, None under the policy timed. `longest` is in nanoseconds.
 
-    Of a requirement that is one for each key of a `variable`, these are of all its instances
-    together, and `instances` has those that were violated, by key.
+    Of a requirement that is one for each key of one of its `variables`, or for each pair, these
+    are of all its instances together, and `instances` has those that were violated, by key.
 
     Of one with a `probability`, `trials` are the times (ns) of the trials, and whether each
     failed; `figures` is what the test of this recording alone has found.
@@ -94,7 +95,7 @@ class Findings:
     longest: int = 0
     since: int | None = None
     spans: list[tuple[int, int | None]] = field(default_factory=list)
-    variable: str = ''
+    variables: tuple[str, ...] = ()
     instances: dict[bytes, 'Findings'] = field(default_factory=dict)
     probability: Probability | None = None
     trials: list[tuple[int, bool]] = field(default_factory=list)
@@ -121,8 +122,8 @@ class Findings:
         return found
 
     def shown_key(self, key: bytes) -> str:
-        """Return the key of an instance with its variable."""
-        return f'{self.variable}={key.decode(errors="backslashreplace")}'
+        """Return the key of an instance with its variable, or both of a pair."""
+        return named_key(key, self.variables)
 
     def note_closest(self, found: Closest, key: bytes | None = None) -> None:
         """Note a least margin, of the instance of a key."""

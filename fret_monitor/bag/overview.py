@@ -200,7 +200,7 @@ class Overview:
     def _ready(self, index: int) -> int | None:
         """Return when all inputs of a requirement had a value; of instances, the begin."""
         number = self._numbers[index]
-        read = () if self._manifest.variable_of[number] else [
+        read = () if self._manifest.variables_of[number] else [
             k for k in self._manifest.requirements[number].inputs
             if self._manifest.inputs[k].source is not InputSource.INSTANCES]
         firsts = [self.thinning.first(k) for k in read]

@@ -221,7 +221,7 @@ class RecordingReport:
     def _count_before(self, index: int) -> int:
         """Return how many occurrences began before the first one that is drawn."""
         item, shown = self.result.findings[index], self.occurrences[index]
-        if item.variable or not shown:
+        if item.variables or not shown:
             return 0
         return bisect_left(item.spans, shown[0].start.time, key=itemgetter(0))
 
@@ -286,7 +286,7 @@ class RecordingReport:
 
     def _others(self, index: int) -> Iterator[str]:
         item = self.result.findings[index]
-        if item.variable:
+        if item.variables:
             return  # the rows of the instances have the first of each
         drawn = {each.start.time for each in self.occurrences[index] if not each.is_open}
         others = [begin for begin, _ in item.spans if begin not in drawn][:_MOST_LISTED]

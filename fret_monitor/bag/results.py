@@ -27,6 +27,7 @@ from fret_monitor.bag.findings import Closest, Findings, Slack
 from fret_monitor.bag.results_file import meanings_of
 from fret_monitor.model.diagnostics import counted, printable
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.names import key_text, parts_of_key
 from fret_monitor.model.times import seconds, short_seconds
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.probability import Figures, runs_of
@@ -51,10 +52,10 @@ def json_line(result: RecordingResult) -> str:
             'occurrences': item.occurrences,
             'first': None if item.first is None else seconds(item.first),
             **({'open': True} if item.is_open else {}),
-            **({'instances': _instances(item)} if item.variable else {}),
+            **({'instances': _instances(item)} if item.variables else {}),
             **_probability(item),
             **({'closest': _closest(item.closest)} if item.closest else {}),
-            **({'closest_of': {_shown(key): _closest(found)
+            **({'closest_of': {key_text(key, item.variables): _closest(found)
                                for key, found in sorted(item.closest_of.items())}}
                if item.closest_of else {}),
             **({'slack': _slack(item.slack)} if item.slack else {}),
@@ -71,14 +72,10 @@ def json_line(result: RecordingResult) -> str:
 
 def _instances(item: Findings) -> dict[str, dict[str, object]]:
     """Return the instances of a requirement that were violated, by key."""
-    return {_shown(key): {
+    return {key_text(key, item.variables): {
         'occurrences': found.occurrences,
         'first': None if found.first is None else seconds(found.first),
     } for key, found in sorted(item.instances.items())}
-
-
-def _shown(key: bytes) -> str:
-    return key.decode(errors='backslashreplace')
 
 
 def _closest(found: Closest) -> dict[str, object]:
@@ -142,7 +139,8 @@ def table(result: RecordingResult) -> str:
                   *_closest_cells(found, result.start)) for found in _others(item)]
         if len(item.instances) > _MOST_INSTANCES:
             more = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
-            rows.append((f'{item.id}[{item.variable}=...]', f'{more} more', '', '', ''))
+            names = ','.join(f'{name}=...' for name in item.variables)
+            rows.append((f'{item.id}[{names}]', f'{more} more', '', '', ''))
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     note = '' if result.has_checksums or result.is_trace else ', no checksums'
     lines = [f'{result.path}: {result.amount}, '
@@ -363,14 +361,14 @@ class ChangesCsv:
         self._state = [None] * len(manifest.numbered)
         names = [item.id for item in manifest.numbered]
         self._columns = [*map(names.index, manifest.ids or names)]
-        self._variable_of = manifest.variable_of
+        self._variables_of = manifest.variables_of
         self._variables = [item.name for item in manifest.variables]
         self._writer.writerow(['time', *self._variables, *(manifest.ids or names)])
         self._waiting = begin
 
     def judged(self, requirement: int, time: int) -> None:
         """Add to a row that a requirement is fulfilled."""
-        if self._variable_of[requirement]:
+        if self._variables_of[requirement]:
             return  # which instances there are is not known
         if time != self._waiting:
             self._end_row()
@@ -382,7 +380,7 @@ class ChangesCsv:
         self._end_row()
         self._state[violation.requirement] = \
             None if violation.is_end else int(violation.is_recovery)
-        self._write(violation.stamp, self._variable_of[violation.requirement], violation.key)
+        self._write(violation.stamp, self._variables_of[violation.requirement], violation.key)
         if violation.key is not None:
             self._state[violation.requirement] = None
 
@@ -395,8 +393,11 @@ class ChangesCsv:
             self._write(self._waiting)
             self._waiting = None
 
-    def _write(self, time: int, variable: str = '', key: bytes | None = None) -> None:
-        shown = '' if key is None else key.decode(errors='backslashreplace')
+    def _write(self, time: int, variables: tuple[str, ...] = (),
+               key: bytes | None = None) -> None:
+        parts = () if key is None else parts_of_key(key, variables)
+        shown = {name: part.decode(errors='backslashreplace')
+                 for name, part in zip(variables, parts)}
         self._writer.writerow([
-            seconds(time), *(shown if name == variable else '' for name in self._variables),
+            seconds(time), *(shown.get(name, '') for name in self._variables),
             *(self._state[place] for place in self._columns)])

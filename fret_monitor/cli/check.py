@@ -232,7 +232,7 @@ def _instances(generated: GeneratedMonitor) -> Iterator[_Instances]:
     by_variables: dict[tuple[str, ...], list[GeneratedKind]] = {}
     for kind in generated.kinds:
         by_variables.setdefault(kind.scope.variables, []).append(kind)
-    for names, kinds in by_variables.items():
+    for names, kinds in sorted(by_variables.items(), key=lambda item: len(item[0])):
         most = math.prod(item.most for item in generated.manifest.variables if item.name in names)
         yield _Instances(
             names, most, sum(instance_bytes(kind.program, kind.layouts) for kind in kinds),
@@ -241,7 +241,7 @@ def _instances(generated: GeneratedMonitor) -> Iterator[_Instances]:
 
 def _instance_lines(generated: GeneratedMonitor) -> Iterator[str]:
     for names, most, size, operations in _instances(generated):
-        yield (f'for each {", ".join(names)}: at most '
+        yield (f'for each {" and ".join(names)}: at most '
                f'{counted(most, "instance")}, {counted(size, "byte")} and '
                f'{counted(operations, "operation")} each, {counted(most * size, "byte")} in all')
 
@@ -401,7 +401,7 @@ def _rows(generated: GeneratedMonitor) -> Iterator[tuple[str, ...]]:
     for found in _requirements(generated):
         yield (
             found.item.id,
-            *((', '.join(found.variables) or '-',) if generated.kinds else ()),
+            *((' and '.join(found.variables) or '-',) if generated.kinds else ()),
             ', '.join(found.inputs) or '-',
             f'{found.state_bytes} B',
             _bounds(found.item, specification.policy, specification.period),

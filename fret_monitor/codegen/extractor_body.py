@@ -21,6 +21,7 @@ after the last one that is needed.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from fret_monitor.codegen.c import string_literal
 from fret_monitor.codegen.comments import comment
@@ -90,6 +91,13 @@ class Need:
         return sorted(found)
 
 
+class Key(NamedTuple):
+    """A key of an instance variable in C: its bytes and their number."""
+
+    bytes: str
+    size: str
+
+
 class ExtractorWriter:
     """Writes the body of one extractor, whose cursor is the variable `c`."""
 
@@ -101,6 +109,8 @@ class ExtractorWriter:
         """
         self._skippers = skippers
         self._kind = kind
+        self._other: Key | None = None
+        self._is_other_first = False
         self._locals = 0
 
     def lines(self, layout: MessageLayout, need: Need) -> Iterator[str]:
@@ -109,17 +119,33 @@ class ExtractorWriter:
         if need.fields:
             yield from _indented(self._message(layout, need, '', is_last=True))
 
+    def make_pairs(self, other: Key, *, is_first: bool) -> None:
+        """Hand over pairs from now on: of another key, which may be the first, and each."""
+        self._other = other
+        self._is_other_first = is_first
+
     def hand_over(self, base: str, local: str) -> Iterator[str]:
         """Yield C that hands over the fields, with a key of a type that was read before."""
-        key, size = f'{local}.bytes', f'{local}.length'
         yield 'if (c.ok && sink != NULL) {'
-        if base not in STRINGS:
-            digits = self._local('digits')
-            member = 'i' if ValueType.of_field(base).is_signed else 'u'
-            yield f'  const struct fm_cdr_digits {digits} = fm_cdr_digits_{member}({local});'
-            key, size = f'{digits}.bytes + {digits}.first', f'20u - {digits}.first'
-        yield f'  sink(context, {self._kind}u, {key}, {size}, fields);'
+        lines, key = self.key_of(base, local)
+        yield from (f'  {line}' for line in lines)
+        if self._other is not None:
+            first, second = (self._other, key) if self._is_other_first else (key, self._other)
+            yield '  uint8_t pair[FM_PAIR_ROOM];'
+            yield '  const size_t pair_size = fm_pair_key('
+            yield f'    pair, {first.bytes}, {first.size}, {second.bytes}, {second.size});'
+            key = Key('pair', 'pair_size')
+        yield f'  sink(context, {self._kind}u, {key.bytes}, {key.size}, fields);'
         yield '}'
+
+    def key_of(self, base: str, local: str) -> tuple[list[str], Key]:
+        """Return the lines that make a key of a type that was read before, and the key in C."""
+        if base in STRINGS:
+            return [], Key(f'{local}.bytes', f'{local}.length')
+        digits = self._local('digits')
+        member = 'i' if ValueType.of_field(base).is_signed else 'u'
+        return ([f'const struct fm_cdr_digits {digits} = fm_cdr_digits_{member}({local});'],
+                Key(f'{digits}.bytes + {digits}.first', f'20u - {digits}.first'))
 
     def _received(self, whole: Sequence[tuple[int, Signal]]) -> Iterator[str]:
         """Set the inputs that are fed by the fact that a message came."""

@@ -25,7 +25,7 @@ from typing import TypeAlias
 
 from fret_monitor.codegen.c import literal, string_literal
 from fret_monitor.codegen.comments import comment, safe
-from fret_monitor.codegen.extractor_body import ExtractorWriter, Need
+from fret_monitor.codegen.extractor_body import ExtractorWriter, Key, Need
 from fret_monitor.codegen.message_sizes import Sizes, STRINGS
 from fret_monitor.codegen.names import Names
 from fret_monitor.codegen.skippers import Skippers
@@ -75,8 +75,14 @@ def topics_of(signals: Sequence[Signal],
 
 
 def keyed_inputs(signals: Sequence[Signal], feed: Feed) -> list[int]:
-    """Return the indices of the inputs of a kind that have a value for each key, on a topic."""
-    return [index for index in _fed(signals).get(feed, []) if signals[index].variables]
+    """
+    Return the indices of the inputs of a kind that have a value for each key, on a topic.
+
+    Of a kind of pairs they are those that mention both variables.
+    """
+    count = len({name for item in signals for name in item.variables})
+    return [index for index in _fed(signals).get(feed, [])
+            if signals[index].variables and len(signals[index].variables) == count]
 
 
 def _fed(signals: Sequence[Signal]) -> dict[Feed, list[int]]:
@@ -206,30 +212,47 @@ class _FileWriter:
     def _parts(self, name: str, title: str, layout: MessageLayout, kind: int,
                signals: Sequence[Signal]) -> Iterator[str]:
         need = Need()
-        where = signals[0].where
-        key = need.at(where.key) if where and where.variable else None
+        where = signals[0].where if signals[0].where and signals[0].where.variable else None
         yield from comment(f'{title}: for instances')
         yield f'static bool {name}('
         yield f'  const uint8_t * message, size_t size, {_KEY}'
         yield f'  {_SINK}'
         yield from self._opened()
         yield f'  struct fm_field fields[{len(signals)}];'
-        is_named = '{' in (signals[0].topic or '')
-        if not is_named:
+        named = mentioned_in_topic(signals[0])
+        if not named:
             yield from ('  (void)key;', '  (void)key_size;')
         writer = ExtractorWriter(self._skippers, kind)
-        if key is not None:
-            key.is_kept = True
+        is_in_field = any(isinstance(step, LookUp) and step.variable for step in signals[0].path)
+        if named and (where or is_in_field):
+            writer.make_pairs(Key('key', 'key_size'), is_first=named == signals[0].variables[0])
+        elif where and is_in_field:
+            yield from self._key_before(layout, where, writer, signals[0])
+        if where and not is_in_field:
+            need.at(where.key).is_kept = True
         yield from self._read(signals, layout, writer, need)
-        if is_named:
+        if where and not is_in_field:
+            yield from (f'  {line}' for line in writer.hand_over(
+                _key_base(layout, where), need.at(where.key).local))
+        elif not is_in_field:
             yield from ('  if (c.ok && sink != NULL) {',
                         f'    sink(context, {kind}u, key, key_size, fields);', '  }')
-        elif key is not None and where is not None:
-            found = key_type(layout, where.key)
-            assert found is not None, where
-            yield from (f'  {line}' for line in writer.hand_over(found.base, key.local))
         yield '  return c.ok;'
         yield from ('}', '')
+
+    @staticmethod
+    def _key_before(layout: MessageLayout, where: LookUp, writer: ExtractorWriter,
+                    signal: Signal) -> Iterator[str]:
+        """Yield C that reads the key of `where` first, which may lie behind the elements."""
+        need = Need()
+        key = need.at(where.key)
+        key.is_kept = True
+        yield from writer.lines(layout, need)
+        yield '  if (!c.ok || !fm_cdr_open(&c, message, size)) {'
+        yield from ('    return false;', '  }')
+        lines, other = writer.key_of(_key_base(layout, where), key.local)
+        yield from (f'  {line}' for line in lines)
+        writer.make_pairs(other, is_first=where.variable == signal.variables[0])
 
     @staticmethod
     def _all_parts(number: int, kinds: Sequence[int]) -> Iterator[str]:
@@ -280,6 +303,17 @@ class _FileWriter:
             f'selects_{number}' if has_selection else 'NULL',
             'NULL' if not keyed else f'parts_{number}' if len(keyed) > 1
             else f'parts_{number}_{keyed[0]}'))
+
+
+def mentioned_in_topic(signal: Signal) -> str:
+    """Return the instance variable in a topic's name; '' if there is none."""
+    return next((item for item in signal.variables if f'{{{item}}}' in (signal.topic or '')), '')
+
+
+def _key_base(layout: MessageLayout, where: LookUp) -> str:
+    found = key_type(layout, where.key)
+    assert found is not None, where
+    return found.base
 
 
 def _is_equal(kind: FieldType, local: str, wanted: str) -> str:

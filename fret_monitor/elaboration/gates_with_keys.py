@@ -30,6 +30,7 @@ from fret_monitor.bundle.gates import names_with_keys
 from fret_monitor.bundle.instances import (
     check_topic_mentions, is_unknown, mentioned, report_unknown,
 )
+from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.diagnostics import Problems, Span
 from fret_monitor.model.manifest import events_of
@@ -66,9 +67,20 @@ class _Check:
     def all(self) -> None:
         """Report all that cannot be."""
         self._check_sides()
-        if self._are_listed():
+        if self._are_of_one_variable() and self._are_listed():
             self._check_inputs()
             self._check_locks()
+
+    def _are_of_one_variable(self) -> bool:
+        """Report requirements of pairs."""
+        for item, place in self.kept:
+            if len(variables_of(item.inputs, self.inputs)) > 1:
+                self.problems.error(
+                    f'the gate {shown(self.entry.name.value)} keeps no requirement of pairs yet',
+                    place, 'it reads inputs of two instance variables',
+                    'leave it to the monitor, and lock on it')
+                return False
+        return True
 
     @property
     def _keys(self) -> dict[str, int]:

@@ -17,14 +17,14 @@
 from collections.abc import Iterable, Iterator, Mapping
 
 from fret_monitor.bundle.bundle import Bundle, InstanceVariable, Requirement
-from fret_monitor.bundle.instances import mentioned
+from fret_monitor.bundle.instances import mentioned, MOST_VARIABLES
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
 from fret_monitor.elaboration.gates_with_keys import check_gates
 from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.manifest import ManifestVariable
-from fret_monitor.model.names import shown
+from fret_monitor.model.names import LONGEST_KEY, pair_key, shown
 from fret_monitor.model.paths import LookUp, path_text
 
 
@@ -41,7 +41,9 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     properties = [*properties]
     for item in properties:
         _check(item, inputs, problems)
-    _check_keys(inputs.values(), problems)
+    pairs = _pairs(bundle, properties, inputs, problems)
+    _check_keys([item for item in inputs.values() if len(item.variables) == 1
+                 or item.variables in pairs], problems)
     _check_actions(bundle, properties, inputs, problems)
     for signal in inputs.values() if bundle.instance_variables else ():
         if signal.source.is_measured:
@@ -108,21 +110,24 @@ def _check_keys(signals: Iterable[Signal], problems: Problems) -> None:
     """Report inputs of which a message could have more than one part for a key."""
     first: dict[tuple[object, ...], Signal] = {}
     for signal in signals:
-        if len(signal.variables) != 1:
-            continue  # such inputs are not read yet
         keys = _keys(signal)
-        if len(keys) > 1:
+        if len(keys) > len(signal.variables):
             problems.error(
                 f"'{signal.name}' mentions '{signal.variables[0]}' in two places", signal.place,
                 ' and '.join(keys),
                 'one of them is enough to select it; two are not supported yet')
+        elif len(keys) < len(signal.variables):
+            problems.error(
+                f"'{signal.name}' mentions two variables in one place", signal.place, keys[0],
+                'of the name of the topic, `where` and an element, each has one key: two are not '
+                'supported yet')
         feed = (signal.topic, signal.where, signal.variables)
         other = first.setdefault(feed, signal)
         if keys != _keys(other):
             problems.error(
-                f"'{other.name}' and '{signal.name}' look up their keys in two ways", signal.place,
-                f'{_keys(other)[0]} and {keys[0]}', 'in one message each key is looked up in one '
-                'way: declare another instance variable for one of them')
+                f"'{other.name}' and '{signal.name}' look up their keys in two ways",
+                signal.place, f'{_keys(other)[-1]} and {keys[-1]}', 'in one message each key is '
+                'looked up in one way: declare another instance variable for one of them')
 
 
 def _keys(signal: Signal) -> list[str]:
@@ -145,7 +150,39 @@ def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> Non
         problems.error(f'{item.id} is about a probability, and one for each '
                        f"'{min(mentioned)}'", item.place, shown, 'tests of instances are not '
                        'supported yet: write a requirement of the bundle, or a bundle for each')
-    elif len(mentioned) > 1:
+    elif len(mentioned) > MOST_VARIABLES:
         problems.error(f'{item.id} reads inputs of {len(mentioned)} instance variables',
-                       item.place, shown, 'a requirement is of one variable: pairs of keys are '
-                       'not supported yet')
+                       item.place, shown, 'a requirement is of one variable, or of two')
+
+
+def _pairs(bundle: Bundle, properties: Iterable[Property], inputs: dict[str, Signal],
+           problems: Problems) -> set[tuple[str, ...]]:
+    """Return the variables of requirements of two; report pairs that would never occur."""
+    variables = {item.name.value: item for item in bundle.instance_variables}
+    found: dict[tuple[str, ...], Property] = {}
+    for item in properties:
+        mentioned = variables_of(item.inputs, inputs)
+        if len(mentioned) == MOST_VARIABLES:
+            found.setdefault(tuple(name for name in variables if name in mentioned), item)
+    for names, item in found.items():
+        first, second = (variables[name] for name in names)
+        if not (first.keys and second.keys) and not any(
+                signal.variables == names for signal in inputs.values()):
+            problems.error(
+                f'{item.id} is of pairs that never occur', item.place,
+                f"no input mentions both '{names[0]}' and '{names[1]}'",
+                'a pair occurs in a message of such an input, or if both have listed keys')
+        _check_sizes(first, second, item, problems)
+    return {*found}
+
+
+def _check_sizes(first: InstanceVariable, second: InstanceVariable, item: Property,
+                 problems: Problems) -> None:
+    """Report listed keys that are too long together."""
+    longest = [max((key.value.encode() for key in one.keys), key=len, default=b'')
+               for one in (first, second)]
+    if len(pair_key(*longest)) > LONGEST_KEY:
+        problems.error(
+            f'{item.id} is of pairs of keys that are too long', item.place,
+            f'together {len(longest[0]) + len(longest[1])} bytes', f'two keys have at most '
+            f'{LONGEST_KEY - 1} bytes together')

@@ -26,7 +26,9 @@ from fret_monitor.codegen.c import string_literal
 from fret_monitor.export.flight import nanoseconds, SOURCES, union_value
 from fret_monitor.messages.installed import definition_or_none
 from fret_monitor.model.made import MadeKind, SEEN_TYPES
-from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate, ManifestTopic
+from fret_monitor.model.manifest import (
+    Manifest, ManifestAction, ManifestGate, ManifestHalf, ManifestTopic,
+)
 from fret_monitor.model.names import OWN_SERVICE_TYPES
 from fret_monitor.model.parts import FOLDER_OF_EACH, judged_by_gates
 from fret_monitor.model.policies import ActionKind, fixed_qos, InputSource, Stale
@@ -150,7 +152,7 @@ def _kinds(manifest: Manifest) -> Iterator[str]:
     """Yield the kinds of instances, and the values over them."""
     items = []
     for place, kind in enumerate(manifest.kinds):
-        prefix, variable = f'kind_{place}_', manifest.variables[kind.variables[0]]
+        prefix = f'kind_{place}_'
         yield from _scope(kind.manifest, kind.n_reported, prefix)
         topics, arrays = initializer(fed_inputs(kind.manifest), f'{prefix}topics')
         yield from arrays
@@ -160,19 +162,39 @@ def _kinds(manifest: Manifest) -> Iterator[str]:
         if of_base is not None:
             yield from _array('uint32_t', f'{prefix}of_base', (
                 f'{NONE if item is None else item}u' for item in of_base))
-        keys = variable.keys if of_base is None else ()
-        yield from _array('struct fm_key', f'{prefix}listed', (
-            f'{{(const uint8_t *){_text(key)}, {len(key.encode())}u}}' for key in keys))
+        keys = manifest.listed(place)
+        yield from _array('struct fm_key', f'{prefix}listed', map(_key, keys))
+        halves = manifest.halves(place)
+        yield from _halves(halves, prefix)
         scope = _scope_value(kind.manifest, topics, prefix)
         items.append(', '.join((
             f'{{{kind.manifest.outputs or "NULL"}', scope, f'{prefix}concerns',
             f'{prefix}of_base' if of_base else 'NULL', f'{manifest.base_of(place)}u',
-            f'{prefix}listed', f'{len(keys)}u', f'INT64_C({variable.forget})}}')))
+            f'{prefix}halves' if halves else 'NULL', f'{prefix}listed', f'{len(keys)}u',
+            f'INT64_C({manifest.forget(place)})}}')))
     # Of none: {0} would lack the braces of the scope.
     yield from _array('struct fm_node_kind', 'kinds', items or ['{.forget = 0}'])
     yield from _array('struct fm_aggregate', 'aggregates', (
         f'{{{item.kind}u, {OPERATIONS[item.function]}, {manifest.operand_of(item)}u, '
         f'{item.input}u}}' for item in manifest.aggregates))
+
+
+def _halves(halves: Sequence[ManifestHalf], prefix: str) -> Iterator[str]:
+    """Yield the two halves of a kind of pairs; nothing of one variable."""
+    for number, half in enumerate(halves):
+        yield from _array('struct fm_key', f'{prefix}keys_{number}', (
+            _key(key.encode()) for key in half.variable.keys))
+        yield from _array('uint32_t', f'{prefix}inputs_{number}', (
+            f'{NONE if item is None else item}u' for item in half.inputs))
+    if halves:
+        yield from _array('struct fm_half', f'{prefix}halves', (
+            f'{{{prefix}keys_{number}, {len(half.variable.keys)}u, {half.variable.most}u, '
+            f'{NONE if half.kind is None else half.kind}u, {prefix}inputs_{number}}}'
+            for number, half in enumerate(halves)))
+
+
+def _key(key: bytes) -> str:
+    return f'{{(const uint8_t *){string_literal(key)}, {len(key)}u}}'
 
 
 def _topics(manifest: Manifest) -> Iterator[str]:

@@ -106,8 +106,9 @@ def instance_scopes(specification: Specification) -> tuple[InstanceScope, ...]:
     """
     Return the scopes of instances.
 
-    They are in the order of their levels; then those of one variable come first, in the bundle's
-    order.
+    They are in the order of their levels; then those of pairs come first, in the bundle's order.
+    For an input that mentions one variable of a pair there is a scope of that variable, perhaps
+    without requirements.
     """
     signals = {item.name: item for item in specification.signals}
     order = [item.name for item in specification.instance_variables]
@@ -119,8 +120,10 @@ def instance_scopes(specification: Specification) -> tuple[InstanceScope, ...]:
     aggregates: dict[_Place, list[InstanceAggregate]] = {}
     for one in specification.aggregates:
         aggregates.setdefault((levels.of_operand(one), (one.variable,)), []).append(one)
-    places = sorted({*properties, *aggregates}, key=lambda place: (
-        place[0], len(place[1]), [order.index(name) for name in place[1]]))
+    halves = {(0, item.variables) for item in specification.signals
+              for _, names in properties if {*item.variables} < {*names} and item.variables}
+    places = sorted({*properties, *aggregates, *halves}, key=lambda place: (
+        place[0], -len(place[1]), [order.index(name) for name in place[1]]))
     found: list[InstanceScope] = []
     for place in places:
         name = _free('_'.join((specification.name, *place[1])),

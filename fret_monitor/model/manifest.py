@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
 from fractions import Fraction
+from itertools import product
 import json
 import math
 import re
@@ -31,7 +32,7 @@ from typing import NoReturn, TypeVar
 
 from fret_monitor.model.frozen import frozen
 from fret_monitor.model.made import Made, MadeKind
-from fret_monitor.model.names import HANDLER_TOPIC, margin_topic
+from fret_monitor.model.names import HANDLER_TOPIC, margin_topic, pair_key
 from fret_monitor.model.paths import FieldPath, LookUp, path_text, Sector, Slice, Step
 from fret_monitor.model.payload import PartKind, PayloadPart
 from fret_monitor.model.policies import (
@@ -399,11 +400,43 @@ class Manifest:
             place for place, kind in enumerate(self.kinds) for _ in range(kind.n_reported))
 
     @property
-    def variable_of(self) -> tuple[str, ...]:
-        """Of each of these, the instance variable; '' of the bundle's scope."""
-        return tuple('' if place is None
-                     else self.variables[self.kinds[place].variables[0]].name
-                     for place in self.kind_of)
+    def variables_of(self) -> tuple[tuple[str, ...], ...]:
+        """Of each of these, the instance variables; () of the bundle's scope."""
+        return tuple(() if place is None else tuple(
+            item.name for item in self.mentioned(place)) for place in self.kind_of)
+
+    def mentioned(self, kind: int) -> tuple[ManifestVariable, ...]:
+        """Return the variables of a kind: one, or the two of pairs."""
+        return tuple(self.variables[place] for place in self.kinds[kind].variables)
+
+    def most(self, kind: int) -> int:
+        """Return how many instances of a kind there are at one time at most."""
+        return math.prod(item.most for item in self.mentioned(kind))
+
+    def forget(self, kind: int) -> int:
+        """Return when an instance of a kind ends after the last message of its key; 0: never."""
+        return min((item.forget for item in self.mentioned(kind) if item.forget), default=0)
+
+    def listed(self, kind: int) -> list[bytes]:
+        """Return the keys of the instances of a kind that are there from the start."""
+        keys = [[key.encode() for key in item.keys] for item in self.mentioned(kind)]
+        return [pair_key(*pair) if len(pair) > 1 else pair[0]
+                for pair in product(*keys)] if self.base_of(kind) == kind else []
+
+    def halves(self, kind: int) -> 'list[ManifestHalf]':
+        """Return the two halves of a kind of pairs; [] of one variable."""
+        mentioned = self.kinds[kind].variables
+        return [self._half(kind, place) for place in mentioned] if len(mentioned) > 1 else []
+
+    def _half(self, kind: int, variable: int) -> 'ManifestHalf':
+        single = next((place for place, item in enumerate(self.kinds)
+                       if item.variables == (variable,)), None)
+        names = [] if single is None else [
+            None if shared is not None else item.name for item, shared in zip(
+                self.kinds[single].manifest.inputs, self.kinds[single].shared, strict=True)]
+        return ManifestHalf(self.variables[variable], single, tuple(
+            names.index(item.name) if item.name in names else None
+            for item in self.kinds[kind].manifest.inputs))
 
     def base_of(self, kind: int) -> int:
         """Return the first kind whose instances a kind has: they begin and end together."""
@@ -412,15 +445,22 @@ class Manifest:
 
     @property
     def bases(self) -> list[tuple[int, 'ManifestKind']]:
-        """The kinds that are their own base, each with its index."""
-        return [(place, item) for place, item in enumerate(self.kinds)
-                if self.base_of(place) == place]
+        """The kinds that are their own base, each with its index, those of pairs at last."""
+        return sorted(((place, item) for place, item in enumerate(self.kinds)
+                       if self.base_of(place) == place), key=lambda item: len(item[1].variables))
 
     def keyed(self, kind: int, topic: int) -> tuple[int, ...]:
         """Return the inputs with a value for each key that a topic feeds; none with a base."""
-        item = self.kinds[kind]
-        return () if self.base_of(kind) != kind else tuple(
-            index for index in item.manifest.topics[topic].inputs if item.shared[index] is None)
+        own = self.own_inputs(kind)
+        return tuple(index for index in self.kinds[kind].manifest.topics[topic].inputs
+                     if index in own)
+
+    def own_inputs(self, kind: int) -> list[int]:
+        """Return the inputs with a value for each key, or for each pair; none with a base."""
+        halves = self.halves(kind)
+        return [index for index, shared in enumerate(self.kinds[kind].shared)
+                if shared is None and all(half.inputs[index] is None for half in halves)] \
+            if self.base_of(kind) == kind else []
 
     def of_base(self, kind: int) -> tuple[int | None, ...] | None:
         """Return, of each input with a value for each key, the same of the base; None: no base."""
@@ -526,9 +566,23 @@ class Manifest:
 
 
 @dataclass(frozen=True)
+class ManifestHalf:
+    """
+    One of the two variables of a kind of pairs.
+
+    `kind` is that of the variable alone, None if there is none; `inputs` has the index there of
+    each input of the kind of pairs that mentions the variable alone, None of the others.
+    """
+
+    variable: ManifestVariable
+    kind: int | None
+    inputs: tuple[int | None, ...]
+
+
+@dataclass(frozen=True)
 class ManifestKind:
     """
-    The monitor of what there is one of for each key of some variables (indices).
+    The monitor of what there is one of for each key of some variables (indices): of one, or two.
 
     `shared` has the index of each input in the bundle's scope; None for one that has a value for
     each key. The first `n_reported` requirements are those of the bundle; the others are operands

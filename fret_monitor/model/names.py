@@ -279,6 +279,28 @@ def keyed_topic_fault(topic: str) -> Fault | None:
         found[0]) is None else 'x', topic))
 
 
+def pair_key(first: bytes, second: bytes) -> bytes:
+    """Return the key of a pair, as `fm_pair_key` of fret_cdr.h makes it."""
+    return bytes([len(first)]) + first + second
+
+
+def parts_of_key(key: bytes, variables: Sequence[str]) -> tuple[bytes, ...]:
+    """Return the keys of the variables of an instance: one, or the two of a pair."""
+    return (key,) if len(variables) < 2 else (key[1:key[0] + 1], key[key[0] + 1:])
+
+
+def key_text(key: bytes, variables: Sequence[str]) -> str:
+    """Return a key for people; of a pair, such as `alpha/3`."""
+    return '/'.join(part.decode(errors='backslashreplace') for part in parts_of_key(
+        key, variables))
+
+
+def named_key(key: bytes, variables: Sequence[str]) -> str:
+    """Return a key with its variable, or both of a pair: `robot=alpha,track=3`."""
+    parts = (part.decode(errors='backslashreplace') for part in parts_of_key(key, variables))
+    return ','.join(f'{name}={part}' for name, part in zip(variables, parts))
+
+
 def name_with_keys(name: str, keys: Iterable[str]) -> str:
     """Return a name with the keys of its instance, for C and command lines: `speed_alpha`."""
     return '_'.join([name, *(re.sub('[^A-Za-z0-9_]', '_', key) for key in keys)])

@@ -138,9 +138,9 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
 
 def _kind(manifest: Manifest, place: int) -> dict[str, Value]:
     kind = manifest.kinds[place]
-    variable = manifest.variables[kind.variables[0]]
+    names = [item.name for item in manifest.mentioned(place)]
     return {
-        'variable': variable.name, 'most': variable.most,
+        'variable': names[0], 'second': ''.join(names[1:]), 'most': manifest.most(place),
         'inputs': _structs('fm_report_input', map(_input, kind.manifest.inputs)),
         'n_inputs': len(kind.manifest.inputs),
         'keyed': _structs('fm_topic', (

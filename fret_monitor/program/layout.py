@@ -270,7 +270,7 @@ def check_instances(program: MonitorProgram, layouts: tuple[GroupLayout, ...], v
         with the place of the first requirement, and the bytes.
     """
     each = instance_bytes(program, layouts)
-    if each * most > MOST_INSTANCE_BYTES:
+    if program.properties and each * most > MOST_INSTANCE_BYTES:
         problems = Problems()
         problems.error(
             f"{most:,} instances of '{variable}' need {each * most:,} bytes; at most "

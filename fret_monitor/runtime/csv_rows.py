@@ -31,8 +31,8 @@ class CsvColumn:
 
     `names` are values by their names; without `has_numbers` there are no others. With `is_time`
     cells are seconds, which are read as nanoseconds (int64). Cells may be empty if it
-    `is_optional`, or has keys (`is_key`). `key` is the place of the column whose keys its values
-    need; None: they need none.
+    `is_optional`, or has keys (`is_key`). `keys` are the places of the columns whose keys its
+    values need, at most two.
     """
 
     place: int
@@ -42,7 +42,7 @@ class CsvColumn:
     is_time: bool = False
     is_optional: bool = False
     is_key: bool = False
-    key: int | None = None
+    keys: tuple[int, ...] = ()
 
 
 class CsvRows:
@@ -62,7 +62,8 @@ class CsvRows:
             self._native[column.place] = {
                 'type': type_number(column.type), 'is_time': column.is_time,
                 'has_numbers': column.has_numbers, 'is_key': column.is_key,
-                'needs_key': column.key is not None, 'key': column.key or 0,
+                'needs_key': column.keys != (),
+                'keys': [column.keys[0], column.keys[-1]] if column.keys else [0, 0],
                 **self._named(column)}
         self._csv: Any = ffi.new('struct fm_csv *', {
             'columns': self._native, 'n_columns': width})

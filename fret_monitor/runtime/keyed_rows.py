@@ -27,7 +27,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CData
 from fret_monitor.runtime.evaluator import Margin, margin_of
-from fret_monitor.runtime.scopes import most_instances, Scopes
+from fret_monitor.runtime.scopes import Scopes
 
 
 _NO_VERDICT = ffi.integer_const('FM_NO_VERDICT')
@@ -74,7 +74,7 @@ class KeyedRows:
         """
         manifest = scopes.monitor.manifest
         variables, kinds = manifest.variables, manifest.kinds
-        slots = [*(most_instances(item, variables) for item in kinds), 1]
+        slots = [*(manifest.most(place) for place, _ in enumerate(kinds)), 1]
         native = ffi.new('struct fm_keyed_scope[]', len(cells))
         self._library: Any = scopes.library
         self._columns = columns
@@ -86,7 +86,7 @@ class KeyedRows:
                 if has_margins else ffi.NULL
             parts = ffi.new('uint32_t[]', [*own, 0]), ffi.new('uint8_t[]', before), margins
             native[place] = {
-                'variable': kinds[place].variables[0] if place < len(kinds) else 0,
+                **self._variables(kinds[place].variables if place < len(kinds) else (0,)),
                 'base': manifest.base_of(place) if place < len(kinds) else place,
                 'n_slots': most, 'n': len(own), 'places': parts[0], 'before': parts[1],
                 'margins': margins}
@@ -105,6 +105,10 @@ class KeyedRows:
             'violations': self._new('uint64_t[]', self.n_cells + 1),
             'first': self._new('int64_t[]', self.n_cells + 1),
         })
+
+    @staticmethod
+    def _variables(places: Sequence[int]) -> dict[str, Any]:
+        return {'variables': [places[0], places[-1]], 'is_of_pairs': len(places) > 1}
 
     def _new(self, kind: str, content: Any) -> CData:
         self._kept.append(made := ffi.new(kind, content))

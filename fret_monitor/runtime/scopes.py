@@ -25,7 +25,7 @@ from mmap import mmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fret_monitor.model.manifest import ManifestKind, ManifestVariable
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.report_table import concerns, OPERATIONS
 from fret_monitor.native import evaluator_library, LibraryError, load_evaluator, Monitor
@@ -284,14 +284,6 @@ def _places(inputs: Any) -> list[CData]:
     return [ffi.new(f'{item.value_type.c_name} *') for item in inputs]
 
 
-def most_instances(kind: ManifestKind, variables: tuple[ManifestVariable, ...]) -> int:
-    """Return how many instances of a kind there are at one time at most."""
-    most = 1
-    for place in kind.variables:
-        most *= variables[place].most
-    return most
-
-
 class _Options:
     """The `struct fm_scopes_options` of a monitor; keeps alive what the struct points to."""
 
@@ -321,7 +313,6 @@ class _Options:
 
     def _kind(self, monitor: Monitor, number: int, kind: MonitorKind) -> dict[str, Any]:
         manifest, described = monitor.manifest, monitor.manifest.kinds[number]
-        variables = [manifest.variables[place] for place in described.variables]
         options = EvaluatorOptions(kind.monitor, *self._settings, described.n_reported)
         topics = range(len(manifest.topics))
         fed = [ffi.new('uint32_t[]', [*manifest.keyed(number, place), 0]) for place in topics]
@@ -333,19 +324,35 @@ class _Options:
         base, of_base = manifest.base_of(number), manifest.of_base(number)
         same = ffi.NULL if of_base is None else ffi.new('uint32_t[]', [
             _KEYED if place is None else place for place in of_base])
-        keys = variables[0].keys if of_base is None else ()
-        texts = [ffi.new('uint8_t[]', word.encode() or b'\0') for word in keys]
-        listed = ffi.new('struct fm_key[]', [
-            {'bytes': text, 'size': len(word.encode())}
-            for text, word in zip(texts, keys, strict=True)])
-        self._kept += [options, shared, same, texts, listed, fed, keyed, concerned]
+        listed, count = self._keys(manifest.listed(number))
+        self._kept += [options, shared, same, fed, keyed, concerned]
         return {
             'options': options.pointer, 'outputs': kind.outputs, 'concerns': concerned,
             'keyed': keyed, 'shared': shared, 'of_base': same, 'base': base, 'listed': listed,
-            'n_listed': len(texts),
-            'most': most_instances(described, manifest.variables),
-            'forget': variables[0].forget,
+            'n_listed': count, 'halves': self._halves(manifest, number),
+            'most': manifest.most(number), 'forget': manifest.forget(number),
         }
+
+    def _keys(self, keys: list[bytes]) -> tuple[CData, int]:
+        texts = [ffi.new('uint8_t[]', key or b'\0') for key in keys]
+        listed = ffi.new('struct fm_key[]', [
+            {'bytes': text, 'size': len(key)} for text, key in zip(texts, keys, strict=True)])
+        self._kept += [texts, listed]
+        return listed, len(keys)
+
+    def _halves(self, manifest: Manifest, number: int) -> CData:
+        """Return the two `struct fm_half` of a kind of pairs; NULL of one variable."""
+        halves = []
+        for item in manifest.halves(number):
+            listed, count = self._keys([key.encode() for key in item.variable.keys])
+            inputs = ffi.new('uint32_t[]', [
+                _KEYED if place is None else place for place in item.inputs] + [0])
+            self._kept.append(inputs)
+            halves.append({
+                'listed': listed, 'n_listed': count, 'most': item.variable.most,
+                'kind': BUNDLE if item.kind is None else item.kind, 'inputs': inputs})
+        self._kept.append(made := ffi.new('struct fm_half[]', halves))
+        return made if halves else ffi.NULL
 
 
 class _BundleEvaluator(Evaluator):

@@ -49,12 +49,12 @@ class KeyedTraceReader(TraceReader):
     """Reads the columns of variables and inputs from a CSV file, in blocks of rows."""
 
     def __init__(self, name: str, file: BinaryIO, columns: Sequence[KeyedColumn],
-                 variable_of: dict[str, int], variables: Sequence[ManifestVariable],
+                 variables_of: dict[str, tuple[int, ...]], variables: Sequence[ManifestVariable],
                  time: TimeColumn, library: CData | None = None) -> None:
         """
         Read the heading.
 
-        `variable_of` has the variable (index) of each input that has a value for each key;
+        `variables_of` has the variables (indices) of each input that has a value for each key;
         `library` is as of `TraceReader`.
 
         Raises
@@ -63,7 +63,7 @@ class KeyedTraceReader(TraceReader):
             as `TraceReader`, and if there is no column with a variable's name.
         """
         super().__init__(name, file, [item.item for item in columns], time, library)
-        self._keyed = variable_of
+        self._keyed = variables_of
         self._variables = variables
         for item in variables:
             if self._titles.count(item.name) != 1:
@@ -106,9 +106,8 @@ class KeyedTraceReader(TraceReader):
         for place, variable in zip(self._key_columns, self._variables, strict=True):
             yield CsvColumn(place, ValueType.UINT8, dict.fromkeys(variable.keys, 0), is_key=True)
         for item, place in self._columns:
-            variable_of = self._keyed.get(item.name)
-            yield replace(csv_column(item, place), is_optional=True, key=None
-                          if variable_of is None else self._key_columns[variable_of])
+            yield replace(csv_column(item, place), is_optional=True, keys=tuple(
+                self._key_columns[variable] for variable in self._keyed.get(item.name, ())))
 
     def _of_columns(self, times: 'array[int]', columns: list[Any]) -> KeyedBlock:
         count = len(self._variables)
@@ -162,9 +161,10 @@ class KeyedTraceReader(TraceReader):
     def _values(self, row: Row, keys: tuple[str | None, ...]) -> Iterator[tuple[str, int | float]]:
         for item, place in self._columns:
             cell = row.cells[place].strip()
-            variable = self._keyed.get(item.name)
-            if cell and variable is not None and keys[variable] is None:
-                name = self._variables[variable].name
+            lacking = [variable for variable in self._keyed.get(item.name, ())
+                       if keys[variable] is None]
+            if cell and lacking:
+                name = self._variables[lacking[0]].name
                 self._refuse_at(
                     row, place, f"a value of '{item.name}' in a row without a key",
                     f"write the key in the column '{name}'")

@@ -51,7 +51,7 @@ class ScopedRun:
         self._first_column = TIME if is_timed else 'step'
         has_forget = any(item.forget for item in self._manifest.variables)
         self._trace = KeyedTraceReader(
-            name, file, _columns(self._manifest), _variable_of(self._manifest),
+            name, file, _columns(self._manifest), _variables_of(self._manifest),
             self._manifest.variables, TimeColumn.REQUIRED if is_timed else
             TimeColumn.OPTIONAL if has_forget else TimeColumn.IGNORED, scopes.library)
         receptions = [index for index, item in enumerate(self._manifest.inputs)
@@ -102,11 +102,9 @@ class ScopedRun:
 
     def _beyond(self) -> list[Beyond]:
         """Return the variables whose keys were more than `most`."""
-        found = [(kind.variables[0], self._scopes.counts(place).beyond)
-                 for place, kind in self._manifest.bases]
-        return [Beyond(self._manifest.variables[variable].name,
-                       self._manifest.variables[variable].most, rows)
-                for variable, rows in found if rows]
+        found = [(place, self._scopes.counts(place).beyond) for place, _ in self._manifest.bases]
+        return [Beyond(' and '.join(item.name for item in self._manifest.mentioned(kind)),
+                       self._manifest.most(kind), rows) for kind, rows in found if rows]
 
 
 def _cells(manifest: Manifest) -> list[list[int]]:
@@ -123,9 +121,9 @@ def _columns(manifest: Manifest) -> list[KeyedColumn]:
     return [*shared, *(KeyedColumn(item, place, index)
                        for place, kind in manifest.bases
                        for index, item in enumerate(kind.manifest.inputs)
-                       if kind.shared[index] is None)]
+                       if index in manifest.own_inputs(place))]
 
 
-def _variable_of(manifest: Manifest) -> dict[str, int]:
-    return {item.name: kind.variables[0] for kind in manifest.kinds
-            for index, item in enumerate(kind.manifest.inputs) if kind.shared[index] is None}
+def _variables_of(manifest: Manifest) -> dict[str, tuple[int, ...]]:
+    return {kind.manifest.inputs[index].name: kind.variables for place, kind in manifest.bases
+            for index in manifest.own_inputs(place)}

@@ -37,7 +37,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Beyond:
-    """How many rows had a key of a variable for which `most` left no room."""
+    """How many rows had a key of a variable, or of two, for which `most` left no room."""
 
     variable: str
     most: int

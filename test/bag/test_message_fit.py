@@ -165,6 +165,6 @@ def test_a_name_that_ros_puts_in_for_braces_is_no_instance(tmp_path: Path) -> No
 
 
 def test_keys_that_are_no_text_are_told_apart() -> None:
-    found = Findings('R', variable='robot')
+    found = Findings('R', variables=('robot',))
     assert [found.of(key).id for key in (b'\xff', b'\xfe', 'é'.encode())] == [
         'R[robot=\\xff]', 'R[robot=\\xfe]', 'R[robot=é]']

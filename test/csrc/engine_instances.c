@@ -344,7 +344,7 @@ static void make_scoped(struct bench * bench, const struct settings * settings)
   const struct fm_evaluator_options bundle =
     options_of(settings, &bundle_monitor, bundle_topics, NULL);
   const struct fm_kind kind = {
-    &kind_options, NULL, concerns, keyed_topics, shared, NULL, 0, KEYS, settings->n_listed,
+    &kind_options, NULL, concerns, keyed_topics, shared, NULL, 0, NULL, KEYS, settings->n_listed,
     settings->most, settings->forget};
   const struct fm_scopes_options options = {
     &bundle, &kind, 1, 0, NULL, NULL, NULL, NULL, 0};

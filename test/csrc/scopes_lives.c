@@ -226,7 +226,7 @@ static void a_million_lives_need_no_more_memory(void)
     &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
     NULL, NULL, NULL, NULL};
   const struct fm_kind kind = {
-    &instances, &ALL_OUTPUTS, CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, 0, MOST, FORGET};
+    &instances, &ALL_OUTPUTS, CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, NULL, 0, MOST, FORGET};
   const struct fm_scopes_options options = {
     &bundle, &kind, 1, 1, SUM, NULL, count_events, NULL, 0};
   void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
@@ -283,7 +283,7 @@ static void a_group_does_not_step_without_the_least_of_all_instances(void)
     &INSTANCES, ON_FIRST, 2, FM_ALL_INPUTS, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
     NULL, NULL};
   const struct fm_kind kind = {
-    &instances, &ALL_OUTPUTS, TWO_CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, 0, MOST, 10};
+    &instances, &ALL_OUTPUTS, TWO_CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, NULL, 0, MOST, 10};
   const struct fm_scopes_options options = {&bundle, &kind, 1, 1, MIN, NULL, NULL, NULL, 0};
   void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
   struct fm_scopes * scopes = fm_scopes_init(memory, &options);

@@ -25,7 +25,7 @@ from fret_monitor.native.cache import CSRC_ROOMS
 # Within the other rooms there is no circle.
 ORDER = {
     'evaluator': ('instance', 'tables', 'due', 'steps', 'measures', 'deadlines', 'evaluator',
-                  'gate', 'states', 'keys', 'heap', 'aggregates', 'pool', 'scopes_steps',
+                  'gate', 'states', 'keys', 'pairs', 'heap', 'aggregates', 'pool', 'scopes_steps',
                   'scopes_due',
                   'scopes_making', 'scopes'),
     'engine': ('thread', 'scheduling', 'transforms', 'handover', 'outbox', 'reorder', 'blackbox',

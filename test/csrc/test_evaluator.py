@@ -38,8 +38,8 @@ SCENARIOS = [(program, name) for program in ('evaluator_scenarios', 'timed_scena
              for name in re.findall(r'(?m)^SCENARIO\((\w+)\)$',
                                     (HERE / f'{program}.c').read_text(encoding='utf-8'))]
 SANITIZERS = (*compiled.SANITIZERS, '-O1')  # these programs are small and run long
-SCOPES = ('keys', 'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making',
-          'scopes')
+SCOPES = ('keys', 'pairs', 'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due',
+          'scopes_making', 'scopes')
 SOURCES = ('evaluator', 'deadlines', 'gate', 'measures', 'steps', 'due', 'tables', 'instance',
            *SCOPES)
 PROGRAMS = ('evaluator_scenarios', 'timed_scenarios', 'evaluator_model', 'scopes_model',
@@ -143,8 +143,8 @@ def test_the_programs_compile_with_clang_without_warnings() -> None:
 
 @pytest.mark.parametrize('header', [
     'fret_monitor.h', 'fret_cells.h', 'fret_cdr.h', 'evaluator.h', 'gate.h', 'instance.h',
-    'tables.h', 'steps.h', 'due.h', 'keys.h', 'heap.h', 'kinds.h', 'aggregates.h', 'pool.h',
-    'scopes.h'])
+    'tables.h', 'steps.h', 'due.h', 'keys.h', 'pairs.h', 'heap.h', 'kinds.h', 'aggregates.h',
+    'pool.h', 'scopes.h'])
 @pytest.mark.parametrize('language', ['c', 'c++'])
 def test_a_header_compiles_before_others_in_c_and_cpp(
         header: str, language: str, tmp_path: Path) -> None:

@@ -327,7 +327,7 @@ def read_rows(text: str, library: Any) -> list[tuple[int, list[bytes], dict[str,
     columns = [KeyedColumn(inputs[0], 0, 0), KeyedColumn(inputs[1], 1, 0),
                KeyedColumn(inputs[2], BUNDLE, 0)]
     reader = KeyedTraceReader(
-        'trace.csv', BytesIO(text.encode()), columns, {'x': 0, 'n': 1},
+        'trace.csv', BytesIO(text.encode()), columns, {'x': (0,), 'n': (0, 1)},
         [FOUND, replace(LISTED, name='joint', keys=('a', 'b,c', 'q"q', 'ä'))],
         TimeColumn.REQUIRED, library)
     found: list[tuple[int, list[bytes], dict[str, Any]]] = []
@@ -355,13 +355,13 @@ def test_rows_that_c_reads_are_those_that_python_reads(seed: int) -> None:
             '', 'r1', ' r2 ', '"r,4"', 'yüy', 'y' * 255])
         joint = rng.choice(['"q""q"', 'ä'] if odd == 1 else ['', 'a', '"b,c"', '\ta'])
         x = rng.choice(['\u00a02'] if odd == 2 else ['', '0.25', 'nan', '"1e-3"']) if robot else ''
-        n = rng.choice(['', '7', '-128']) if joint else ''
+        n = rng.choice(['', '7', '-128']) if robot and joint else ''
         lines.append(f'{number},{robot},{joint},{x},{n},{rng.choice(["", "1", "false"])},"k, l"')
-    if 0 < seed < 4:
-        wrong = ['300,r,,,5,,', '300,r,no,,,,', f'300,{"y" * 256},,,,,']
+    if 0 < seed < 5:
+        wrong = ['300,r,,,5,,', '300,r,no,,,,', f'300,{"y" * 256},,,,,', '300,,a,,5,,']
         lines.append(wrong[seed - 1])
     text = '\n'.join([*lines, ''])
     read = read_rows(text, load_evaluator(evaluator_library()))
     assert read == read_rows(text, None)
-    assert len(read) == 300 + (0 < seed < 4)
+    assert len(read) == 300 + (0 < seed < 5)
     assert len({repr(item) for item in read}) > 290
