@@ -125,7 +125,8 @@ void fm_add_nearest(
   const struct fm_report_table * table = review->reporter->table;
   const uint32_t kind = table->requirements[requirement].kind;
   fm_text_add(text, "%s=", table->kinds[kind].variable);
-  add_keys(text, &review->now.kinds[kind].nearest[place_of(table, requirement)]);
+  add_keys(
+    text, &table->kinds[kind], &review->now.kinds[kind].nearest[place_of(table, requirement)]);
 }
 
 // ---- lines -------------------------------------------------------------------------------------
