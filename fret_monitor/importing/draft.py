@@ -508,7 +508,8 @@ class _Drafter:
                   for item in self._diagnostics_of(reading)[:1]]
         if errors:
             raise CompileError([replace(item, level=Level.ERROR) for item in errors])
-        refuse(f"no requirement of '{self._component.name}' has a formula or a sentence")
+        whose = shown(self._component.name or ', '.join(self._component.files))
+        refuse(f'no requirement of {whose} has a formula or a sentence')
 
     def _used(self, usable: Iterable[Sequence[_Usable]]) -> set[str]:
         """Return the keys of all names that the bundle uses."""

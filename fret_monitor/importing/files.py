@@ -42,7 +42,8 @@ from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE, unpacked
 from fret_monitor.importing.state_machine import component_of, DiagramOptions
 from fret_monitor.importing.tables import (
-    decoded, encoding_of, has_heads, read_rows, read_table, SUFFIXES, WORKBOOK,
+    decoded, encoding_of, has_heads, read_rows, read_table, refuse_packed, SUFFIXES,
+    WORKBOOK,
 )
 from fret_monitor.importing.topics import (
     Connection, is_database, is_list, read_database, read_list,
@@ -122,10 +123,11 @@ def _source(path: Path) -> Source:
     """Return a file that is in UTF-8, or in another encoding by its mark or declaration."""
     try:
         with path.open('rb') as file:
-            encoding = encoding_of(file.read(_BEGIN_BYTES))
+            begin = file.read(_BEGIN_BYTES)
     except (OSError, ValueError):
-        encoding = ''  # reading it will report why
-    if encoding in ('', 'utf-8-sig'):
+        begin = b''  # reading it will report why
+    refuse_packed(begin, shown(str(path)))
+    if encoding_of(begin) == 'utf-8-sig':
         return read_source(path, MAX_BYTES)
     return Source(str(path), decoded(path, MAX_BYTES))
 
@@ -304,13 +306,15 @@ def _with_ids(requirements: Iterable[ComponentRequirement],
               problems: Problems) -> Iterator[ComponentRequirement]:
     handlers: set[str] = set()
     for item in requirements:
-        name = _free_id(_usable_id(item.id), handlers)
+        usable = _usable_id(item.id)
+        name = _free_id(usable, handlers)
         handlers.add(handler_name(name))
         if name != item.id:
             problems.warning(
                 f'the requirement {shown(item.id)} has the id {shown(name)} in the bundle', None,
-                '', 'handler names must be unique: they keep only the letters and digits of an '
-                "id, and '_' for the rest")
+                '', 'an id is one line of printable characters, of which some fit into the name '
+                'of a handler' if name == usable else 'handler names must be unique: they keep '
+                "only the letters and digits of an id, and '_' for the rest")
         yield replace(item, id=name, source='' if name == item.id else item.id)
 
 

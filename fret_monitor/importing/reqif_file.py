@@ -48,26 +48,30 @@ def is_reqif(text: str) -> bool:
     return begin[:1] == '<' and _ROOT.search(begin) is not None
 
 
-def reqif_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
+def reqif_rows(text: str, path: Path, most: int) -> Iterator[Sequence[str]]:
     """
     Yield the heads, then a row for each requirement, in the order of the documents.
 
     Raises
     ------
     CompileError
-        if it is no XML, or declares a document type (entities).
+        if it is no XML, declares a document type (entities), has two objects of one identifier,
+        or more than `most`.
     """
     try:
         root = parsed_xml(text, path)
-        _refuse_repeated(root, path)
+        _check_objects(root, path, most)
         yield from _rows(root)
     except RecursionError:
         refuse(f'{shown(str(path))} cannot be read as XML: too deep')
 
 
-def _refuse_repeated(root: Element, path: Path) -> None:
+def _check_objects(root: Element, path: Path, most: int) -> None:
     counts = Counter(item.get('IDENTIFIER', '') for item in root.iter()
                      if name_of(item) == 'SPEC-OBJECT')
+    if counts.total() > most:
+        refuse(f'{shown(str(path))} has more than {most:,} objects',
+               help='export fewer requirements at once')
     for identifier, count in counts.items():
         if count > 1:
             refuse(f'{shown(str(path))} has {count} objects with the identifier '

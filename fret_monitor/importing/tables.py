@@ -65,12 +65,14 @@ _FOUND_HEADS = {**_HEADS, **{name: (name,) for name in _LANGUAGES},
 _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
 _QUOTED = re.compile('"[^"]*"')
 _BEGIN_BYTES = 1000
+_PACKED = (b'PK\3\4', b'\xd0\xcf\x11\xe0')  # ZIP, of .ods and .xlsx; OLE, of .xls
 # Of the encodings that XML may declare, those of one byte a character; expat knows no others.
 _DECLARED = re.compile(
     rb'<\?xml[^>]*encoding\s*=\s*["\'](iso-8859-\d{1,2}|windows-125\d|us-ascii)["\']', re.I)
 _SEPARATOR = re.compile('\ufeff?"?sep=([^\r\n])"?\r?\n')  # Excel's own hint
 _FIRST_ROW = re.compile(r'(?:"[^"]*"|[^"\n])*')
 _MANY = 12
+_MOST_JOINED = 1_000_000
 _LONGEST_TEXT = 100_000  # characters; FRET's formulas have some thousand
 
 
@@ -124,7 +126,8 @@ def read_table(path: Path, max_bytes: int, columns: Mapping[str, str], problems:
     """
     if reqif is not None:
         name, label = (f'{one}, {part}' if part else one for one in (str(path), path.name))
-        tables = [_table(reqif_rows(reqif, path), name, label, lambda _, cells: cells[-1])]
+        rows = reqif_rows(reqif, path, MAX_ROWS)
+        tables = [_table(rows, name, label, lambda _, cells: cells[-1])]
     else:
         tables = _tables(path, max_bytes, columns, problems)
     return _components(tables, path, columns, problems)
@@ -143,7 +146,7 @@ def _components(tables: Iterable[_Table], path: Path, columns: Mapping[str, str]
     for table in tables:
         places = _places(table, columns)
         for row in table.rows:
-            cells = {role: ' '.join(row.cells[place].split()) if place < len(row.cells) else ''
+            cells = {role: _in_one_line(row.cells[place]) if place < len(row.cells) else ''
                      for role, place in places.items()}
             has_text = any(cells.get(role) for role in ('text', *_LANGUAGES))
             if has_text or 'identifier' not in places and any(cells.values()):  # no chapter
@@ -151,6 +154,13 @@ def _components(tables: Iterable[_Table], path: Path, columns: Mapping[str, str]
                 found.setdefault(cells.get('component', '') or _component(item), []).append(item)
     return [ImportedComponent(name, path.stem, (), tuple(items), (path.name,))
             for name, items in found.items()]
+
+
+def _in_one_line(text: str) -> str:
+    """Return a text with one blank between words; the beginning of one that is not parsed."""
+    if len(text) > _MOST_JOINED:
+        return text[:_LONGEST_TEXT + 1]
+    return ' '.join(text.split())
 
 
 def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
@@ -189,7 +199,16 @@ def decoded(path: Path, max_bytes: int) -> str:
         refuse(f'{name} cannot be read: {getattr(error, "strerror", None) or error}')
     if len(data) > max_bytes:
         refuse(f'{name} is larger than {max_bytes // 2 ** 20} MiB')
+    refuse_packed(data, name)
     return decoded_bytes(data, name)
+
+
+def refuse_packed(begin: bytes, name: str) -> None:
+    """Refuse the file of another spreadsheet program, or an archive under another name."""
+    if begin.startswith(_PACKED):
+        refuse(f'{name} is no text: it is packed, as workbooks and archives are',
+               help="save a workbook as 'Excel workbook (.xlsx)' or as 'CSV UTF-8'; an archive of "
+               'ReqIF ends in .reqifz')
 
 
 def decoded_bytes(data: bytes, name: str) -> str:

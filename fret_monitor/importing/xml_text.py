@@ -25,7 +25,7 @@ from fret_monitor.model.names import shown
 MAX_XML = 128 * 2 ** 20
 """Characters of XML; real tools write about 10 kB for a requirement."""
 
-_MOST_TAGS = 4_000_000  # some hundred for each of 10,000 requirements
+_MOST_TAGS = 3_000_000  # some hundred for each of 10,000 requirements
 _DELETED = ('del', 's', 'strike')
 _RAISED = {'sup': '^', 'sub': '_'}
 _BLOCKS = ('p', 'div', 'br', 'li', 'tr', 'td', 'th', 'table')

@@ -115,8 +115,9 @@ def test_what_is_deleted_raised_or_lowered_is_read_as_such(tmp_path: Path) -> No
     (ROVER.replace('<SPEC-OBJECTS>', '<SPEC-OBJECTS>' + 5000 * '<a>' + 5000 * '</a>'), 'too deep'),
     (ROVER.replace('SPEC-OBJECT ', 'O ').replace('SPEC-OBJECT>', 'O>'), 'no row below the heads'),
     (ROVER.replace('"o-6"', '"o-3"'), "2 objects with the identifier 'o-3'"),
+    (DOCUMENT % ('<SPEC-OBJECT/>' * 100_001, ''), 'has more than 100,000 objects'),
     (ROVER.replace('ReqIF.Text', 'Remark'), 'no column of requirements')],
-    ids=['entity', 'cut', 'deep', 'other tags', 'twice', 'no text'])
+    ids=['entity', 'cut', 'deep', 'other tags', 'twice', 'many', 'no text'])
 def test_what_is_no_reqif_or_has_no_texts_is_refused(
         text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / 'a.reqif').write_text(text, encoding='utf-8')

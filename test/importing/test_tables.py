@@ -17,12 +17,13 @@
 
 from pathlib import Path
 import shlex
+import tracemalloc
 import zipfile
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.elaboration import languages
-from fret_monitor.importing import import_bundles, tables, workbook as workbooks
+from fret_monitor.importing import files, import_bundles, tables, workbook as workbooks
 from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.tables import MAX_ROWS
 from fret_monitor.language.fretish import parse_fretish
@@ -182,6 +183,9 @@ def test_what_is_no_workbook_is_refused(tmp_path: Path,
     with zipfile.ZipFile(tmp_path / 'empty.xlsx', 'w') as target:
         target.writestr('a.txt', '')
     assert 'cannot be read as a workbook' in message(tmp_path / 'empty.xlsx')
+    for name in ('a.ods', 'a.csv', 'a.reqif'):
+        (tmp_path / name).write_bytes(good.read_bytes())
+        assert "save a workbook as 'Excel workbook (.xlsx)'" in message(tmp_path / name)
     assert 'no sheet with columns' in message(workbook(tmp_path / 'none.xlsx', A=((),)))
     lie, packed = tmp_path / 'lie.xlsx', good.read_bytes()
     with zipfile.ZipFile(good) as source:
@@ -310,6 +314,18 @@ def test_a_very_long_cell_is_a_comment_and_the_others_are_read(tmp_path: Path) -
     assert len(found.text) < 20_000
 
 
+def test_an_enormous_cell_is_not_cut_into_words(tmp_path: Path,
+                                                monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, 'MAX_BYTES', 2 ** 23)  # so many are reserved to read a file
+    (tmp_path / 'a.csv').write_text('id,text\nR-1,x > 0\nR-2,"' + 'ab ' * 2_000_000 + '"\n')
+    tracemalloc.start()
+    try:
+        found, = import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')
+        assert len(found.draft.left_out) == 1 and tracemalloc.get_traced_memory()[1] < 1e8
+    finally:
+        tracemalloc.stop()
+
+
 def test_the_wordings_of_a_row_are_told_by_their_columns(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     imported(tmp_path, b'id,fretish,ptltl\nR,the rover shall always satisfy x > 0,H (x > 1)\n')
@@ -321,3 +337,11 @@ def test_other_heads_in_utf_16_are_told_too(tmp_path: Path) -> None:
     (tmp_path / 'a.csv').write_text('Nr;Anforderung\nR-1;x > 0\n', encoding='utf-16')
     with pytest.raises(CompileError, match="its columns are 'Nr', 'Anforderung'; write --columns"):
         import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')
+
+
+def test_an_id_that_is_changed_for_its_characters_is_told_why(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    imported(tmp_path, b'id,text\nR\a1,x > 0\nR-2,x > 1\nR_2,x > 2\n')
+    told = capsys.readouterr().err
+    assert "'R\\x071' has the id 'R 1' in the bundle\n   = help: an id is one line" in told
+    assert "'R_2' has the id 'R_2_2' in the bundle\n   = help: handler names must be" in told

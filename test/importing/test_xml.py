@@ -245,6 +245,14 @@ def test_an_archive_that_is_none_or_too_large_is_refused(
                        tmp_path / 'a.yaml')
 
 
+def test_a_file_whose_requirements_are_empty_is_named(tmp_path: Path) -> None:
+    path, form = tmp_path / 'a.xml', tmp_path / 'form.yaml'
+    path.write_text('<a><r id="1"><t/></r></a>')
+    form.write_text('requirements: //r\nid: "@id"\ntext: t\n')
+    with pytest.raises(CompileError, match=r"no requirement of 'a\.xml' has a formula"):
+        import_bundles([path], tmp_path / 'a.yaml', options=ImportOptions(xml=read_format(form)))
+
+
 def test_a_small_archive_takes_little_memory_whatever_it_says(tmp_path: Path) -> None:
     path = archive(tmp_path / 'lie.reqifz', a_reqif=' ' * 2 ** 25)
     data = path.read_bytes()
