@@ -187,7 +187,7 @@ class _Style:
                 return _Shape.ATOM
 
     def _binary_shape(self, node: Binary) -> _Shape:
-        if node.operator in _CALLS or _is_change(node):
+        if node.operator in _CALLS or is_change(node):
             return _Shape.ATOM
         if node.operator in _SUMS:
             return _Shape.SUM
@@ -272,7 +272,7 @@ class _Style:
     def _binary(self, node: Binary) -> _Pieces:
         if node.operator is BinaryOperator.ATAN2:
             return _call('atan2', _Part(node.left), _Part(node.right))
-        if _is_change(node):
+        if is_change(node):
             assert isinstance(node.right, Ago)
             return self._over('changeOver', node.right.past, node.left)
         if node.operator in _CALLS:
@@ -346,7 +346,7 @@ def _call(function: str, *arguments: _Part | str) -> _Pieces:
     return [*pieces[:-1], ')']
 
 
-def _is_change(node: Binary) -> bool:
+def is_change(node: Binary) -> bool:
     """Whether it is what `changeOver` means."""
     return node.operator is BinaryOperator.SUB and isinstance(node.right, Ago) \
         and node.right.argument is node.left

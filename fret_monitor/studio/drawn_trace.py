@@ -23,19 +23,31 @@ all requirements, so that a verdict does not depend on what else is in its part.
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
 import math
 from typing import Any, NamedTuple, TypeAlias
 from zlib import crc32
 
 from fret_monitor.build import build_specification
+from fret_monitor.logic.formula import (
+    Binary, BinaryOperator, Constant, Conversion, Formula, Held, MessageSlope, Over, postorder,
+    Slope,
+)
+from fret_monitor.logic.printing import is_change, to_smv
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import InputSource, Policy
+from fret_monitor.model.values import ValueType
 from fret_monitor.runtime.evaluator import Evaluator, Margin
 from fret_monitor.studio.values import Changes, packed
 from fret_monitor.traces.simulate import for_trace
 
 _IN_PART = 64  # requirements, about
+_MOST_WINDOWS = 40  # of which the values are shown
+_LABEL = 60
+
+_WIDE = (ValueType.INT64, ValueType.UINT64, ValueType.FLOAT32)
 
 Lane: TypeAlias = list[tuple[Any, ...]]
 """The changes of a value: (step, or seconds under `timed`, value, ...)."""
@@ -56,21 +68,61 @@ class DrawnTrace:
 
 
 class Lanes(NamedTuple):
-    """What requirements have on a trace, by id; margins only if they are computed."""
+    """What a part has on a trace, by id; margins only if they are computed."""
 
     verdicts: dict[str, Lane]
     margins: dict[str, Lane]
+    windows: dict[str, Lane]
 
 
-def parts_of(specification: Specification) -> tuple[Specification, ...]:
-    """Return a bundle as parts, each with some of its requirements and the inputs of these."""
+class Part(NamedTuple):
+    """
+    A part of a bundle, to be compiled.
+
+    With `has_windows` its requirements stand for the values of windows: their distances from 0.
+    """
+
+    specification: Specification
+    has_windows: bool = False
+
+
+def parts_of(specification: Specification) -> tuple[Part, ...]:
+    """Return a bundle as parts, each with some of its requirements, or with its windows."""
     items = specification.properties
     # A requirement stays in its part when others come and go, or are written in another order.
     count = 1 << max(0, (len(items) - 1) // _IN_PART).bit_length()
     parts: list[list[Property]] = [[] for _ in range(count)]
     for item in items:
         parts[crc32(item.id.encode()) % count].append(item)
-    return tuple(_part(specification, part) for part in parts if part)
+    windows = [_as_requirement(*item) for item in windows_of(specification).items()]
+    return (*(Part(_part(specification, part)) for part in parts if part),
+            *([Part(replace(_part(specification, windows), has_margins=True), True)]
+              if windows else []))
+
+
+def windows_of(specification: Specification) -> dict[str, tuple[Formula, Property]]:
+    """Return numbers over time by their texts, each with a requirement that reads it."""
+    names = {formula: name for name, formula in specification.definitions}
+    values = {item.name: item.values for item in specification.signals}
+    found: dict[str, tuple[Formula, Property]] = {}
+    for item in specification.properties:
+        for node in postorder(item.roots):
+            if isinstance(node, Over | Held | Slope | MessageSlope) \
+                    or isinstance(node, Binary) and is_change(node):
+                text = to_smv(node, _LABEL, values, names, specification.policy is Policy.TIMED)
+                found.setdefault(text, (node, item))
+    return dict(islice(found.items(), _MOST_WINDOWS))
+
+
+def _as_requirement(text: str, found: tuple[Formula, Property]) -> Property:
+    """Return a requirement whose distance from the other verdict is the value of a window."""
+    node, item = found
+    value = node if node.type is ValueType.FLOAT64 else Conversion(
+        node if node.type in _WIDE else Conversion(node, ValueType.INT64), ValueType.FLOAT64)
+    return replace(
+        item, id=text, handler=f'window{crc32(text.encode())}', sentence=None, output=None,
+        formula=Binary(BinaryOperator.GE, value, Constant(0.0, ValueType.FLOAT64)), horizon=0,
+        probability=None)
 
 
 def _part(specification: Specification, items: Sequence[Property]) -> Specification:
@@ -90,10 +142,12 @@ def _part(specification: Specification, items: Sequence[Property]) -> Specificat
 class CompiledPart:
     """A part of a bundle, compiled; for one thread."""
 
-    def __init__(self, part: Specification) -> None:
+    def __init__(self, part: Part) -> None:
         """Compile it; errors as `compile_monitor`."""
-        self._part = part
-        self._evaluator = Evaluator(for_trace(build_specification(part).monitor))
+        self._part = part.specification
+        self._has_windows = part.has_windows
+        self._evaluator = Evaluator(for_trace(
+            build_specification(part.specification).monitor))
         self._start = self._evaluator.save()
         self._last: tuple[DrawnTrace, Lanes] | None = None
 
@@ -112,16 +166,20 @@ class CompiledPart:
         manifest = self._evaluator.monitor.manifest
         when = _seconds if trace.period else int
         times = array('q', [row * trace.period for row in rows] if trace.period else rows)
-        found = Lanes({item.id: [] for item in manifest.requirements}, {})
+        lanes: list[dict[str, Lane]] = [
+            {item.id: [] for item in manifest.requirements} for _ in Lanes._fields]
+        found = Lanes(*lanes)
         if not self._part.has_margins:
             for instants, verdicts in self._evaluator.rows(columns, times, until):
                 _add_verdicts(found.verdicts, instants, verdicts, when)
-            return found
-        found.margins.update((name, []) for name in found.verdicts)
+            return found._replace(margins={}, windows={})
         for instants, verdicts, margins in self._evaluator.margin_rows(columns, times, until):
             _add_verdicts(found.verdicts, instants, verdicts, when)
-            _add_margins(found.margins, instants, margins, when, manifest)
-        return found
+            if self._has_windows:
+                _add_margins(found.windows, instants, margins, when, _value)
+            else:
+                _add_margins(found.margins, instants, margins, when, partial(_margin, manifest))
+        return Lanes({}, {}, found.windows) if self._has_windows else found._replace(windows={})
 
     def _rows(self, trace: DrawnTrace) -> tuple[Sequence[int], int | None]:
         """
@@ -157,17 +215,23 @@ def _add_verdicts(lanes: Mapping[str, Lane], instants: Sequence[int], verdicts: 
 
 
 def _add_margins(lanes: Mapping[str, Lane], instants: Sequence[int], margins: Iterable[Margin],
-                 when: Callable[[int], float], manifest: Manifest) -> None:
-    """Add the changes of some rows of margins, each with the comparison that decides it."""
+                 when: Callable[[int], float],
+                 shown_as: Callable[[Margin], tuple[float | str, ...]]) -> None:
+    """Add the changes of some rows of margins, as they are shown."""
     found = iter(margins)
     for instant in instants:
         for lane in lanes.values():
-            shown = _margin(next(found), manifest)
+            shown = shown_as(next(found))
             if not lane or lane[-1][1:] != shown:
                 lane.append((when(instant), *shown))
 
 
-def _margin(margin: Margin, manifest: Manifest) -> tuple[float | str, str]:
+def _value(margin: Margin) -> tuple[float | str]:
+    """Return the value whose distance from 0 this is; one of no number is not told apart."""
+    return (margin.distance + 0.0 if math.isfinite(margin.value) else 'nan',)
+
+
+def _margin(manifest: Manifest, margin: Margin) -> tuple[float | str, str]:
     if not math.isfinite(margin.value):
         return str(margin.value), ''
     return margin.value, manifest.comparisons[margin.comparison].text

@@ -47,7 +47,9 @@ from fret_monitor.model.policies import InputSource, Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library
 from fret_monitor.native.errors import NativeError
-from fret_monitor.studio.drawn_trace import CompiledPart, DrawnTrace, parts_of
+from fret_monitor.studio.drawn_trace import (
+    CompiledPart, DrawnTrace, Part, parts_of, windows_of,
+)
 from fret_monitor.studio.folder import Folder
 from fret_monitor.studio.plan import plan
 from fret_monitor.studio.values import column, nanoseconds, Refused, runs, seconds, shown, start
@@ -73,8 +75,8 @@ class Questions:
         self._last: tuple[tuple[str, str], EditedBundle] | None = None
         self._memory = RequirementMemory()
         self._is_ready = False  # what all bundles share is compiled
-        self._compiled: dict[Specification, CompiledPart] = {}
-        self._divided: dict[tuple[str, str, bool], tuple[Specification, ...]] = {}
+        self._compiled: dict[Part, CompiledPart] = {}
+        self._divided: dict[tuple[str, str, bool], tuple[Part, ...]] = {}
         self._answers: dict[str, Callable[[Question], Answer]] = {
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
             'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
@@ -138,8 +140,10 @@ class Questions:
             'policy': specification.policy.value,
             'isTimed': specification.policy is Policy.TIMED,
             'period': None if specification.period is None else float(specification.period),
-            'inputs': [_input(signal) for signal in specification.signals],
+            'inputs': [_input(signal) for signal in specification.signals
+                       if signal.source is not InputSource.TIME],
             'judged': [item.id for item in specification.properties],
+            'windows': [*windows_of(specification)],
             'requirements': [_requirement(item, places)
                              for item in reading.specification.properties]}
 
@@ -229,7 +233,7 @@ class Questions:
         found, _ = explain(self._reading(question), [question['id']])
         return as_dict(found[0])
 
-    def _parts(self, question: Question) -> tuple[Specification, ...]:
+    def _parts(self, question: Question) -> tuple[Part, ...]:
         key = question['name'], question['text'], bool(question.get('margins'))
         if key not in self._divided:
             self._divided = {key: parts_of(replace(
@@ -252,7 +256,7 @@ class Questions:
                 csv = path.read_text(encoding='utf-8')
         return {'csv': csv, **{
             kind: {name: lane for lanes in found for name, lane in getattr(lanes, kind).items()}
-            for kind in ('verdicts', 'margins')}}
+            for kind in ('verdicts', 'margins', 'windows')}}
 
     @contextmanager
     def _trace(self, question: Question, specification: Specification) -> Iterator[Path]:

@@ -67,6 +67,9 @@ def packed(signal: Signal, changes: Changes, steps: int, rows: Sequence[int]) ->
 def _stretches(signal: Signal, changes: Changes,
                steps: int) -> Iterator[tuple[bool | int | float, int]]:
     """Yield the values of an input, each with the number of steps for which it holds."""
+    if signal.source is InputSource.TIME:  # of a message, which is not drawn: one a second
+        yield from ((step * 10**9, 1) for step in range(steps))
+        return
     found = [(int(first), _value(signal, value)) for first, value in changes if first < steps]
     if not found or found[0][0] != 0:
         found.insert(0, (0, start(signal)))
@@ -76,10 +79,10 @@ def _stretches(signal: Signal, changes: Changes,
 
 def start(signal: Signal) -> bool | int | float:
     """Return the value that an input has until another one is drawn."""
-    if signal.initial is not None:
-        return signal.initial
     if signal.source is InputSource.RECEIVED:
         return True  # a step is a message
+    if signal.initial is not None:
+        return signal.initial
     return False if signal.type is ValueType.BOOL else \
         0.0 if signal.type.is_float else 0
 

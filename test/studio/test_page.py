@@ -247,12 +247,13 @@ def crowd(count: int) -> str:
 
 @needs_browser
 def test_of_many_rows_those_near_the_window_are_drawn(tmp_path: Path) -> None:
-    (tmp_path / 'b.yaml').write_text(crowd(200))
+    (tmp_path / 'b.yaml').write_text(
+        crowd(200) + '  - {id: MOST, ptltl: "maxOver(3, speed) < 9"}\n')
     last = '.lane[aria-label^="R199,"]'
     with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
         page.open(url)
         page.see(f'{COOL} rect.is-true')
-        assert page.get("document.querySelectorAll('.lane').length") == 204
+        assert page.get("document.querySelectorAll('.lane').length") == 206
         assert page.get(f"document.querySelector('{last}').childElementCount") == 0
         assert page.get("document.querySelectorAll('.lane rect').length") < 300
         page.get("document.querySelector('#rows-with').focus()")
@@ -267,6 +268,8 @@ def test_of_many_rows_those_near_the_window_are_drawn(tmp_path: Path) -> None:
         page.wait(f"document.querySelector('{SPEED} path').getAttribute('d').length > 20")
         page.wait(f"document.querySelector('{COOL} .chosen').getAttribute('x') === '250'")
         assert page.get('kept.isConnected')
+        page.wait("document.querySelector('.lane[aria-label^=maxOver] path')"
+                  "?.getAttribute('d').length > 20")
         page.click(HOT, 5.5 / 40)
         becomes(page, COOL, [5, 6])
         assert page.problems == []

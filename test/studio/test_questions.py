@@ -22,9 +22,8 @@ from typing import Any
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.explain.report import as_dict, explain
-from fret_monitor.logic.specification import Specification
 from fret_monitor.studio import drawn_trace
-from fret_monitor.studio.drawn_trace import CompiledPart
+from fret_monitor.studio.drawn_trace import CompiledPart, Part
 from fret_monitor.studio.questions import Questions, Utf16
 import pytest
 
@@ -188,6 +187,54 @@ def test_parts_of_a_bundle_have_the_verdicts_of_the_whole(
     assert len(seen) == 14  # each requirement was satisfied, and violated
 
 
+OVER_TIME = """\
+format: 1
+evaluation: {policy: every_message}
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float64}
+  n: {topic: n, type: std_msgs/msg/UInt8}
+definitions: {most: "maxOver(2, n)"}
+requirements:
+  - {id: A, ptltl: "H (meanOver(3, x) <= 0.75 & most < 9)"}
+  - {id: B, ptltl: "changeOver(2, x) < 1 -> derivative(x) < 2"}
+  - {id: C, ptltl: "sumOver(1, sqrt(x)) < 9 & heldAt(n > 3, n) > 1 & countOver(3, x > 0) < 9"}
+"""
+
+
+@pytest.mark.parametrize('text', [OVER_TIME, OVER_TIME.replace('every_message', 'timed').replace(
+    'Float64', 'Float64, max_rate: 9').replace('UInt8', 'UInt8, max_rate: 9').replace(
+    'Over(1', 'Over(1 s').replace('Over(2', 'Over(2 s').replace('Over(3', 'Over(3 s')],
+    ids=['steps', 'timed'])
+def test_numbers_over_time_have_rows_with_the_values_of_the_reference(
+    tmp_path: Path, text: str,
+) -> None:
+    windows = ask(tmp_path, 'check', text)['bundle']['windows']
+    names = [name.replace(' s,', ',') for name in windows]
+    assert names == ['meanOver(3, x)', 'most', 'changeOver(2, x)', 'derivative(x)',
+                     'sumOver(1, sqrt(x))', 'heldAt(n > 3, n)', 'countOver(3, x > 0.0)']
+    x, n = [0.25, 4.0, 0.0, -1.0, 9.0, 1.0, 1.0, 1.0], [0, 5, 5, 200, 1, 1, 1, 4]
+    steps = range(len(x))
+    found = ask(tmp_path, 'simulate', text, steps=len(x), period=1.0, values={
+        'x': list(zip(steps, x, strict=True)), 'n': list(zip(steps, n, strict=True))})['windows']
+    rows = {}
+    for name, changes in found.items():
+        rows[name.replace(' s,', ',')] = [
+            next(value for at, value in reversed(changes) if at <= step) for step in steps]
+    roots = [value ** 0.5 if value >= 0 else float('nan') for value in x]
+    held = [next((n[k] for k in reversed(range(t + 1)) if n[k] > 3), n[0]) for t in steps]
+    past = {name: [range(max(0, t - d), t + 1) for t in steps]
+            for name, d in (('1', 1), ('2', 2), ('3', 3))}
+    sums = [sum(roots[k] for k in window) for window in past['1']]
+    assert rows == {
+        'meanOver(3, x)': [sum(x[k] for k in window) / len(window) for window in past['3']],
+        'most': [max(n[k] for k in window) for window in past['2']],
+        'changeOver(2, x)': [x[t] - x[max(0, t - 2)] for t in steps],
+        'derivative(x)': [x[t] - x[max(0, t - 1)] for t in steps],
+        'sumOver(1, sqrt(x))': ['nan' if value != value else value for value in sums],
+        'heldAt(n > 3, n)': held,
+        'countOver(3, x > 0.0)': [sum(x[k] > 0 for k in window) for window in past['3']]}
+
+
 def test_a_change_of_a_requirement_compiles_its_part_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -196,8 +243,9 @@ def test_a_change_of_a_requirement_compiles_its_part_alone(
 
     class Noted(CompiledPart):
 
-        def __init__(self, part: Specification) -> None:
-            compiled.append(tuple(item.id for item in part.properties))
+        def __init__(self, part: Part) -> None:
+            if not part.has_windows:
+                compiled.append(tuple(item.id for item in part.specification.properties))
             super().__init__(part)
 
     monkeypatch.setattr('fret_monitor.studio.questions.CompiledPart', Noted)

@@ -21,9 +21,9 @@ import { OUTDATED } from './talk.js';
 import { MOST, parsed, readCsv, readFret, Trace, writeFret } from './trace.js';
 import { words } from './words.js';
 
-// What a lane needs to know of a margin; it cannot be drawn.
+// What a row needs to know of a margin or the value of a window; it cannot be drawn.
 const NONE = [];
-const MARGIN = { isBool: false, isFloat: true, names: [] };
+const NUMBER = { isBool: false, isFloat: true, names: [] };
 const LATE_MS = 300; // verdicts that take longer are said to be computed
 const PAUSE_MS = 400; // after a change of the text, before it is compiled
 const NEAR = '2000px'; // of the window: rows that are drawn
@@ -37,6 +37,7 @@ export class Tryout {
   #view = new View();
   #verdicts = {};
   #margins = {};
+  #windows = {};
   #hasMargins = false;
   #lanes = [];
   #pause = 0;
@@ -62,7 +63,8 @@ export class Tryout {
 
   // Show the inputs of another version of the bundle.
   use(bundle) {
-    const shape = (found) => JSON.stringify([found?.inputs, found?.judged, found?.isTimed]);
+    const shape = (found) => JSON.stringify([
+      found?.inputs, found?.windows, found?.judged, found?.isTimed]);
     const before = shape(this.#bundle);
     this.#bundle = bundle;
     this.#trace.fit(bundle.inputs);
@@ -88,15 +90,18 @@ export class Tryout {
     const verdict = (id) => new Lane(id, this.#view, {
       isWaiting, steps, end: steps, changes: () => this.#verdicts[id] ?? NONE });
     const margin = (id) => new Lane(words.marginOf(id), this.#view, {
-      input: MARGIN, isWaiting, steps, end: steps,
+      input: NUMBER, isWaiting, steps, end: steps,
       changes: () => this.#margins[id] ?? NONE });
-    const above = inputs.map(lane);
+    const window_ = (name) => new Lane(name, this.#view, {
+      input: NUMBER, isWaiting, steps, end: steps, changes: () => this.#windows[name] ?? NONE });
+    const drawn = inputs.map(lane);
+    const above = [...drawn, ...this.#bundle.windows.map(window_)];
     const below = judged.flatMap((id) => this.#hasMargins
       ? [verdict(id), margin(id)] : [verdict(id)]);
     this.#lanes = [...above, ...below];
     this.#seen.disconnect();
     this.#lanes.forEach((each) => this.#seen.observe(each.picture));
-    above.forEach((each, number) => each.picture.addEventListener('focus', () => {
+    drawn.forEach((each, number) => each.picture.addEventListener('focus', () => {
       this.#active = inputs[number];
       this.#draw();
     }));
@@ -331,11 +336,12 @@ export class Tryout {
         steps, period, values, margins: this.#hasMargins, ...more });
       this.#verdicts = this.#kept(this.#verdicts, found.verdicts, period);
       this.#margins = this.#kept(this.#margins, found.margins, period);
+      this.#windows = this.#kept(this.#windows, found.windows, period);
       this.#place.dataset.judged = String(Number(this.#place.dataset.judged ?? 0) + 1);
       return found;
     } catch (error) {
       if (error.message === OUTDATED) return null;
-      [this.#verdicts, this.#margins] = [{}, {}];
+      [this.#verdicts, this.#margins, this.#windows] = [{}, {}, {}];
       if (this.#hasMargins) { // verdicts may be known without them
         this.#hasMargins = false;
         this.#build();
