@@ -124,9 +124,9 @@ void fm_add_nearest(
 {
   const struct fm_report_table * table = review->reporter->table;
   const uint32_t kind = table->requirements[requirement].kind;
-  fm_text_add(text, "%s=", table->kinds[kind].variable);
-  add_keys(
-    text, &table->kinds[kind], &review->now.kinds[kind].nearest[place_of(table, requirement)]);
+  const struct fm_named_keys * named =
+    &review->now.kinds[kind].nearest[place_of(table, requirement)];
+  fm_add_named_key(text, &table->kinds[kind], named->keys[0] + 1, named->keys[0][0]);
 }
 
 // ---- lines -------------------------------------------------------------------------------------

@@ -101,7 +101,8 @@ class RecordingResult:
     `begin` and `end` are the judged time, `start` is that of the first message (ns). `errors` say
     what is missing or damaged: without any, all was seen. `warnings` say what was seen and could
     not be used, or was out of order. With `has_checksums`, damaged messages would be an error.
-    `kinds` counts the instances of each variable that requirements mention.
+    `kinds` counts the instances of each variable that requirements mention. Of what is asked
+    beside, `steps` are those that the instances of a requirement have taken, by key.
     """
 
     path: Path
@@ -117,6 +118,7 @@ class RecordingResult:
     is_trace: bool = False
     has_checksums: bool = False
     kinds: Mapping[str, KindCounts] = field(default_factory=dict)
+    steps: Mapping[str, Mapping[bytes, int]] = field(default_factory=dict)
 
     @property
     def amount(self) -> str:
@@ -410,7 +412,8 @@ class _Run:
         return RecordingResult(
             recording.path, manifest, self._recorded, read, self._in_order(),
             tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
-            recording.is_trace, recording.has_checksums, dict(self._kind_counts()))
+            recording.is_trace, recording.has_checksums, dict(self._kind_counts()),
+            dict(self._steps()) if self._is_aside else {})
 
     def _note_closest(self) -> None:
         """Note the least margins of what was judged."""
@@ -455,6 +458,12 @@ class _Run:
 
     def _variables(self, kind: int) -> str:
         return ' and '.join(item.name for item in self._manifest.mentioned(kind))
+
+    def _steps(self) -> Iterator[tuple[str, Mapping[bytes, int]]]:
+        for index, item in enumerate(self._manifest.numbered):
+            kind, place = _scope_of(self._manifest, index)
+            if kind is not None and self._scopes is not None:
+                yield item.id, dict(self._scopes.steps(kind, place))
 
     def _check_part(self, begin: int, last: int) -> None:
         selection, recording = self._selection, self._recording

@@ -59,5 +59,6 @@ def _closest_cells(found: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _slack_cells(found: Mapping[str, Any]) -> tuple[str, ...]:
-    return (f'{found["left"]:.6g} {found["unit"]}', str(found['trigger']),
+    of = f' of {printable(found["key"])}' if 'key' in found else ''
+    return (f'{found["left"]:.6g} {found["unit"]}{of}', str(found['trigger']),
             str(found['until'] or '-'))

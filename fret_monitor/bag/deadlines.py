@@ -66,9 +66,7 @@ def _deadlines(reading: Reading, find: FindMessage) -> Iterator[Property]:
     bundle, specification = reading.bundle, reading.specification
     if bundle is None:
         return
-    of_instances = {item.name for item in specification.signals if item.variables}
-    items = {item.id: item for item in specification.properties
-             if of_instances.isdisjoint(item.inputs)}
+    items = {item.id: item for item in specification.properties}
     sentences = {name: sentence for name, sentence in sentences_of(bundle, items).items()
                  if has_deadline(sentence)}
     scale = TimeScale(specification.policy, specification.period, specification.unit)

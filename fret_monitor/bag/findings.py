@@ -50,14 +50,15 @@ class Slack:
     The least time that was left until a deadline (docs/margins.md); negative: how late it was.
 
     `left` is in `unit`, `s` or `steps`. `trigger` and `until` are when the trigger and the
-    response came (ns); without one until the end of the recording, `until` is None, and `left` is
-    what it is at most.
+    response came (ns); without one until the end of the recording, or of the instance, `until` is
+    None, and `left` is what it is at most. `key` is the instance, such as `robot=alpha`, or ''.
     """
 
     left: float
     unit: str
     trigger: int
     until: int | None
+    key: str = ''
 
 
 @dataclass
@@ -81,7 +82,8 @@ class Findings:
 
     `slack` is that of a sentence with a deadline, None if no response came or was late. `waiting`
     is the time (ns) of a trigger whose response has time beyond the end of the recording. `slacks`
-    are those of the first `MOST_KEPT` triggers whose responses did not come at once.
+    are those of the first `MOST_KEPT` triggers whose responses did not come at once. Of instances
+    these are of all; `slack_of` has the least of each, by key.
 
     `triggered`: whether its trigger came; None if that was not asked.
     """
@@ -104,6 +106,7 @@ class Findings:
     closest_of: dict[bytes, Closest] = field(default_factory=dict)
     slack: Slack | None = None
     slacks: Sequence[Slack] = ()
+    slack_of: dict[bytes, Slack] = field(default_factory=dict)
     waiting: int | None = None
     triggered: bool | None = None
 

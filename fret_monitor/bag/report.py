@@ -239,7 +239,7 @@ class RecordingReport:
         yield '<figure><figcaption>'
         yield from self._open(item) if item.is_open else self._occurred(title, item)
         if slack is not None:
-            yield f'<br>Slack: {slack_text(slack)}.'
+            yield f'<br>Slack: {escaped(slack_text(slack))}.'
         if horizon and not item.is_open:
             yield f'<br>It is about {self._about(item, horizon)}.'
         yield (f'</figcaption><svg data-occurrence="{place}" role="img" '

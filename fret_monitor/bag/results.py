@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import replace
 import json
-from operator import attrgetter
+from math import inf
 from typing import Any, TextIO
 from xml.etree import ElementTree
 
@@ -59,6 +59,9 @@ def json_line(result: RecordingResult) -> str:
                                for key, found in sorted(item.closest_of.items())}}
                if item.closest_of else {}),
             **({'slack': _slack(item.slack)} if item.slack else {}),
+            **({'slack_of': {key_text(key, item.variables): _slack(found)
+                             for key, found in sorted(item.slack_of.items())}}
+               if item.slack_of else {}),
             **({} if item.waiting is None else {'waiting': seconds(item.waiting)}),
             **({} if item.triggered is None else {'triggered': item.triggered}),
         } for item in result.findings},
@@ -86,7 +89,8 @@ def _closest(found: Closest) -> dict[str, object]:
 
 def _slack(found: Slack) -> dict[str, object]:
     return {'left': found.left, 'unit': found.unit, 'trigger': seconds(found.trigger),
-            'until': None if found.until is None else seconds(found.until)}
+            'until': None if found.until is None else seconds(found.until),
+            **({'key': found.key} if found.key else {})}
 
 
 def _probability(item: Findings) -> dict[str, object]:
@@ -130,17 +134,20 @@ def table(result: RecordingResult) -> str:
         'requirement', 'verdict', 'occurrences', 'first at', 'longest',
         *(('closest', 'at', 'by') if has_closest else ()),
         *(('slack', 'trigger', 'until') if has_slack else ()))]
+
+    def more(each: Findings) -> tuple[str, ...]:
+        return (*(_closest_cells(each.closest, result.start) if has_closest else ()),
+                *(_slack_cells(each, result.start) if has_slack else ()))
+
     for item in result.findings:
-        rows += [(*_row(each, result.start),
-                  *(_closest_cells(each.closest, result.start) if has_closest else ()),
-                  *(_slack_cells(each, result.start) if has_slack else ()))
+        rows += [(*_row(each, result.start), *more(each))
                  for each in (item, *_first_instances(item))]
-        rows += [(f'{printable(item.id)}[{printable(found.key)}]', '-', '', '', '',
-                  *_closest_cells(found, result.start)) for found in _others(item)]
+        rows += [(printable(each.id), '-', '', '', '', *more(each)) for each in _others(item)]
         if len(item.instances) > _MOST_INSTANCES:
-            more = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
+            left = counted(len(item.instances) - _MOST_INSTANCES, 'instance')
             names = ','.join(f'{name}=...' for name in item.variables)
-            rows.append((f'{item.id}[{names}]', f'{more} more', '', '', ''))
+            rows.append((f'{item.id}[{names}]', f'{left} more'))
+    rows = [row + ('',) * (len(rows[0]) - len(row)) for row in rows]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     note = '' if result.has_checksums or result.is_trace else ', no checksums'
     lines = [f'{result.path}: {result.amount}, '
@@ -172,7 +179,8 @@ def _slack_cells(item: Findings, start: int) -> tuple[str, str, str]:
         return ('-', '-', '-') if item.waiting is None else (
             'open', f'{short_seconds(item.waiting - start)} s', '-')
     is_open = ', open' if item.waiting is not None else ''
-    return (f'{found.left:.6g} {found.unit}{is_open}',
+    of = f' of {printable(found.key)}' if found.key else ''
+    return (f'{found.left:.6g} {found.unit}{is_open}{of}',
             f'{short_seconds(found.trigger - start)} s',
             '-' if found.until is None else f'{short_seconds(found.until - start)} s')
 
@@ -185,15 +193,17 @@ def by_text(comparison: str, distance: float, key: str = '') -> str:
 
 def _first_instances(item: Findings) -> list[Findings]:
     """Return the violated instances of a requirement that are shown, by their keys."""
-    return [replace(found, closest=item.closest_of.get(key))
+    return [replace(found, closest=item.closest_of.get(key), slack=item.slack_of.get(key))
             for key, found in sorted(item.instances.items())[:_MOST_INSTANCES]]
 
 
-def _others(item: Findings) -> list[Closest]:
-    """Return how close other instances came that are shown, the closest first."""
-    found = [closest for key, closest in sorted(item.closest_of.items())
-             if key not in item.instances]
-    return sorted(found, key=attrgetter('margin'))[:max(0, _MOST_INSTANCES - len(item.instances))]
+def _others(item: Findings) -> list[Findings]:
+    """Return other instances that are shown, with what is known of them, the closest first."""
+    keys = sorted({*item.closest_of, *item.slack_of} - {*item.instances}, key=lambda key: (
+        item.closest_of[key].margin if key in item.closest_of else inf, key))
+    return [Findings(f'{item.id}[{item.shown_key(key)}]', closest=item.closest_of.get(key),
+                     slack=item.slack_of.get(key))
+            for key in keys[:max(0, _MOST_INSTANCES - len(item.instances))]]
 
 
 def aligned(row: Sequence[str], widths: Sequence[int], words: int = 2) -> str:

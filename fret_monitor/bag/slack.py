@@ -19,11 +19,12 @@ A monitor beside the bundle's has requirements that are violated while a respons
 (`deadlines.py`).
 """
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -79,14 +80,35 @@ def _asides(monitor: Monitor) -> Iterator[Aside]:
     waits = _Waits(monitor.manifest)
 
     def note(result: RecordingResult, findings: Sequence[Findings]) -> None:
-        steps = {item.id: item.violations for item in result.findings}
+        violations = {item.id: item.violations for item in result.findings}
         by_id = {item.id: item for item in findings}
+
+        def steps(name: str, key: bytes | None) -> int | None:
+            return violations[name] if key is None else result.steps[name].get(key)
+
         for each in lanes:
-            found, item = waits.found(each, result.end, steps), by_id[each.id]
-            item.slack, item.waiting, item.slacks = found.slack, found.waiting, found.slacks
+            _sum_up(by_id[each.id], waits.found(each, result.end, steps))
 
     if lanes:
         yield Aside(monitor, note, [waits])
+
+
+def _sum_up(item: Findings, found: Mapping[bytes | None, Found]) -> None:
+    """Note the slack of a requirement; of all instances the least, and that of each trigger."""
+    if None in found:
+        own = found[None]
+        item.slack, item.waiting, item.slacks = own.slack, own.waiting, own.slacks
+        return
+    named = {key: replace(each, slack=each.slack and replace(each.slack, key=item.shown_key(key)),
+                          slacks=tuple(replace(one, key=item.shown_key(key))
+                                       for one in each.slacks))
+             for key, each in found.items() if key is not None}
+    item.slack_of = {key: each.slack for key, each in named.items() if each.slack is not None}
+    item.slack = min(item.slack_of.values(), key=attrgetter('left'), default=None)
+    item.waiting = min((each.waiting for each in named.values() if each.waiting is not None),
+                       default=None)
+    item.slacks = sorted((one for each in named.values() for one in each.slacks),
+                         key=attrgetter('trigger'))[:MOST_KEPT]
 
 
 def slack_of_trace(reading: 'Reading', find: 'FindMessage', trace: Path,
@@ -94,10 +116,14 @@ def slack_of_trace(reading: 'Reading', find: 'FindMessage', trace: Path,
     """
     Return by id the slack of the sentences with a deadline in a trace, as `simulate` takes it.
 
-    Triggers and responses are numbers of rows, under `timed` times (ns).
+    Triggers and responses are numbers of rows, under `timed` times (ns). Without those of
+    instances: a trace has no verdicts of a key in rows of others.
     """
     with_lanes = _make(reading, find)
-    lanes = [*lanes_of(item.id for item in with_lanes.specification.properties)]
+    specification = with_lanes.specification
+    keyed = {item.name for item in specification.signals if item.variables}
+    lanes = [*lanes_of(item.id for item in specification.properties
+                       if keyed.isdisjoint(item.inputs))]
     if not lanes:
         return {}
     monitor = compiled(with_lanes).monitor
@@ -108,7 +134,9 @@ def slack_of_trace(reading: 'Reading', find: 'FindMessage', trace: Path,
         with table.open(newline='', encoding='utf-8') as file:
             last = waits.take_table(csv.DictReader(file), [*summary.violations])
     end = last if until is None else until
-    return {each.id: waits.found(each, end, summary.violations) for each in lanes}
+    found = {each.id: waits.found(each, end, lambda name, _: summary.violations[name])
+             for each in lanes}
+    return {name: of_keys[None] for name, of_keys in found.items() if None in of_keys}
 
 
 def _make(reading: 'Reading', find: 'FindMessage') -> 'Reading':
@@ -119,6 +147,41 @@ def _make(reading: 'Reading', find: 'FindMessage') -> 'Reading':
 _DEADLINES = Variant('deadlines', _make)
 
 
+class _OfLane:
+    """The waits of a lane, of one instance."""
+
+    def __init__(self) -> None:
+        self.since: tuple[int, int] | None = None  # the step and the time
+        self.first: int | None = None  # the time of the first one
+        self.over = 0  # how long all waits together were that are over
+        self.longest: _Wait | None = None  # of those that are over
+        self.ended: _Wait | None = None  # the longest that ended with an instance
+        self.kept: list[_Wait] = []  # the first `MOST_KEPT` of both
+
+    def begin(self, step: int, time: int) -> None:
+        """Take that a wait begins."""
+        self.since = step, time
+        self.first = time if self.first is None else self.first
+
+    def end(self, wait: _Wait) -> None:
+        """Take that it is over, or that the instance has ended."""
+        self.since = None
+        self.over += wait.length
+        if wait.until is None:
+            self.ended = _longer(self.ended, wait)
+        else:
+            self.longest = _longer(self.longest, wait)
+        if len(self.kept) < MOST_KEPT:
+            self.kept.append(wait)
+
+
+def _longer(one: _Wait | None, other: _Wait | None) -> _Wait | None:
+    """Return the longer wait, the first of equal ones."""
+    if one is None or other is None:
+        return other if one is None else one
+    return other if other.length > one.length else one
+
+
 class _Waits:
     """Finds how long each response of each sentence was waited for."""
 
@@ -126,10 +189,7 @@ class _Waits:
 
     def __init__(self, manifest: Manifest) -> None:
         self._is_timed, self._period = manifest.policy is Policy.TIMED, manifest.period
-        self._open: dict[str, tuple[int, int]] = {}  # lanes: the step and the time since which
-        self._over: Counter[str] = Counter()  # how long all waits together were that are over
-        self._longest: dict[str, _Wait] = {}
-        self._all: dict[str, list[_Wait]] = {}  # the first `MOST_KEPT` that are over
+        self._lanes: defaultdict[str, dict[bytes | None, _OfLane]] = defaultdict(dict)
 
     def begin(self, begin: int, end: int, manifest: Manifest) -> None:
         """Begin a run."""
@@ -140,8 +200,12 @@ class _Waits:
 
     def change(self, violation: Violation, detail: StatusRecord | None) -> None:
         """Take that a wait begins, or that it is over."""
-        self._note(self._names[violation.requirement], not violation.is_recovery,
-                   violation.step, violation.stamp)
+        lane = self._lane(self._names[violation.requirement], violation.key)
+        if not violation.is_recovery:
+            lane.begin(violation.step, violation.stamp)
+        elif lane.since is not None:
+            lane.end(self._wait(lane.since, violation.step, violation.stamp,
+                                None if violation.is_end else violation.stamp))
 
     def take_table(self, rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> int:
         """Take the verdicts of the lanes in a table; return the step or time of its last row."""
@@ -149,59 +213,61 @@ class _Waits:
         for row in rows:
             at = parse_seconds(row[TIME]) if self._is_timed else int(row['step'])
             for name in names:
-                is_violated = row[name] == '0'
-                if row[name] and is_violated != (name in self._open):
-                    self._note(name, is_violated, at, at)
+                lane = self._lane(name, None)
+                if row[name] == '0' and lane.since is None:
+                    lane.begin(at, at)
+                elif row[name] == '1' and lane.since is not None:
+                    lane.end(self._wait(lane.since, at, at, at))
         return at
 
-    def _note(self, name: str, is_begin: bool, step: int, time: int) -> None:
-        if is_begin:
-            self._open[name] = step, time
-            return
-        if name not in self._open:  # it began before what is judged
-            return
-        begin_step, begin = self._open.pop(name)
-        length = time - begin if self._is_timed else step - begin_step
-        wait = _Wait(length, begin, time)
-        self._over[name] += length
-        if name not in self._longest or length > self._longest[name].length:
-            self._longest[name] = wait
-        kept = self._all.setdefault(name, [])
-        if len(kept) < MOST_KEPT:
-            kept.append(wait)
+    def _lane(self, name: str, key: bytes | None) -> _OfLane:
+        return self._lanes[name].setdefault(key, _OfLane())
+
+    def _wait(self, since: tuple[int, int], step: int, time: int, until: int | None) -> _Wait:
+        begin, trigger = since
+        return _Wait(time - trigger if self._is_timed else step - begin, trigger, until)
 
     def end(self, time: int) -> None:
         """End the run."""
 
-    def found(self, lanes: Lanes, end: int, steps: Mapping[str, int | None]) -> Found:
+    def found(self, lanes: Lanes, end: int,
+              steps: Callable[[str, bytes | None], int | None]) -> dict[bytes | None, Found]:
         """
-        Return the slack of a sentence, and since when one is waited for with time left.
+        Return by key the slack of a sentence, and since when one is waited for with time left.
 
-        `end` is that of the run (ns), and `steps` are those at which each lane was violated.
+        `end` is that of the run (ns), and `steps` returns those that a lane has taken by then, of
+        a lane without instances those at which it was violated.
         """
-        waits, at_once = lanes.waits, lanes.at_once
-        wait, last = self._longest.get(waits), self._last(waits, end, steps)
-        kept = self._all.get(waits, [])
-        waiting = None
-        if last is not None and last.length <= lanes.bound:
-            waiting = last.trigger
-        elif last is not None:
-            kept = [*kept, last]
-            wait = last if wait is None or last.length > wait.length else wait
-        if wait is None and at_once in self._open:
-            _, time = self._open[at_once]
-            wait = _Wait(0, time, time)
-        slacks = tuple(self._slack(lanes.bound, item) for item in kept)
-        return Found(None if wait is None else self._slack(lanes.bound, wait), waiting, slacks)
+        waits, at_once = self._lanes[lanes.waits], self._lanes[lanes.at_once]
+        return {key: self._of_key(lanes.bound, waits.get(key), at_once.get(key),
+                                  self._last(lanes.waits, key, end, steps))
+                for key in dict.fromkeys([*waits, *at_once])}
 
-    def _last(self, name: str, end: int, steps: Mapping[str, int | None]) -> _Wait | None:
+    def _of_key(self, bound: int, waits: _OfLane | None, at_once: _OfLane | None,
+                last: _Wait | None) -> Found:
+        lane = waits or _OfLane()
+        late = [item for item in (last, lane.ended) if item and item.length > bound]
+        wait = lane.longest
+        for item in late:
+            wait = _longer(wait, item)
+        if wait is None and at_once is not None and at_once.first is not None:
+            wait = _Wait(0, at_once.first, at_once.first)
+        kept = [item for item in lane.kept if item.until is not None or item.length > bound]
+        kept += [item for item in (last,) if item in late and item]
+        return Found(None if wait is None else self._slack(bound, wait),
+                     last.trigger if last and last not in late else None,
+                     tuple(self._slack(bound, item) for item in kept))
+
+    def _last(self, name: str, key: bytes | None, end: int,
+              steps: Callable[[str, bytes | None], int | None]) -> _Wait | None:
         """Return the wait that is not over when a run ends: how long it is at least."""
-        if name not in self._open:
+        lane = self._lanes[name].get(key)
+        if lane is None or lane.since is None:
             return None
-        _, begin = self._open[name]
-        length = end + 1 - begin if self._is_timed else \
-            (steps[name] or 0) - self._over[name]
-        return _Wait(length, begin, None)
+        before = lane.over if key is None else lane.since[0]
+        length = end + 1 - lane.since[1] if self._is_timed else \
+            (steps(name, key) or 0) - before
+        return _Wait(length, lane.since[1], None)
 
     def _slack(self, bound: int, wait: _Wait) -> Slack:
         left = bound - wait.length

@@ -19,7 +19,7 @@ from operator import attrgetter
 
 from fret_monitor.bag.evidence import Occurrence
 from fret_monitor.bag.findings import Findings, Slack
-from fret_monitor.bag.page import table
+from fret_monitor.bag.page import escaped, table
 from fret_monitor.model.diagnostics import counted
 
 _MOST_SHOWN = 5
@@ -29,7 +29,7 @@ def slack_section(item: Findings, since: Callable[[int], str]) -> Iterator[str]:
     """Yield the least slack of a requirement, and the triggers that had least; nothing without."""
     if item.slack is None:
         return
-    yield f'<p>Least slack: {slack_text(item.slack)}.</p>'
+    yield f'<p>Least slack: {escaped(slack_text(item.slack))}.</p>'
     found = sorted(item.slacks, key=attrgetter('left'))
     if found:
         yield table(('trigger', 'response', 'slack'), [
@@ -41,12 +41,15 @@ def slack_section(item: Findings, since: Callable[[int], str]) -> Iterator[str]:
 
 def slack_text(found: Slack) -> str:
     """Return how much time was left."""
-    return f'{found.left:.6g} {found.unit}' + ('' if found.until is not None else ' at most')
+    most = '' if found.until is not None else ' at most'
+    return f'{found.left:.6g} {found.unit}{most}{f" of {found.key}" if found.key else ""}'
 
 
 def slack_of(item: Findings, occurrence: Occurrence) -> Slack | None:
     """Return the slack of the trigger whose response was late when an occurrence began."""
-    time = occurrence.start.time
+    time, key = occurrence.start.time, occurrence.start.key
+    name = '' if key is None else item.shown_key(key)
+    late = (each for each in item.slacks if each.left < 0 and each.key == name)
     return None if occurrence.is_open else next(
-        (each for each in item.slacks if each.left < 0 and each.trigger < time and (
+        (each for each in late if each.trigger < time and (
             each.until is None or time <= each.until)), None)

@@ -161,6 +161,13 @@ class Scopes:
             if found is not None:
                 yield self.key(kind, slot), *found
 
+    def steps(self, kind: int, index: int) -> Iterator[tuple[bytes, int]]:
+        """Yield the keys of instances, and how many steps a requirement has taken in each."""
+        group = self._manifests[kind].requirements[index].group
+        for slot in self._slots(kind):
+            yield self.key(kind, slot), int(self.library.fm_evaluator_steps(
+                self.library.fm_scopes_look(self.pointer, kind, slot), group))
+
     def forget_closest(self) -> None:
         """Forget the least margins of all instances."""
         for kind, _ in enumerate(self.monitor.kinds):

@@ -27,7 +27,8 @@ from bag.recordings import START, statuses_of, TYPES, verdicts_of
 from cli.command import run
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, RecordingResult, Selection
-from fret_monitor.bag.findings import Closest, Findings
+from fret_monitor.bag.findings import Closest, Findings, Slack
+from fret_monitor.bag.fleet import asked
 from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.bag.report import check_and_report
 from fret_monitor.bag.results import ChangesCsv
@@ -141,8 +142,9 @@ def judged(folder: Path, name: str, text: str, found: Sequence[Message],
     file.write_text(text, encoding='utf-8')
     selection = Selection(may_miss=True, until=Moment(Anchor.END, more) if more else None,
                           margins=margins)
+    path = record(folder / f'{name}_bag', found)
     with unoptimised():
-        return check_recording(file, record(folder / f'{name}_bag', found), selection)
+        return check_recording(file, path, selection, asides=asked)
 
 
 Change = tuple[str, str, str]  # time, requirement, cell
@@ -298,7 +300,7 @@ def test_an_instance_of_a_found_key_begins_with_its_first_message(
 
 @pytest.mark.parametrize(('policy', 'variable'), some([
     (Policy.TIMED, 'joint'), (Policy.EVERY_MESSAGE, 'robot'), (Policy.PERIODIC, 'track')], 2))
-def test_the_margins_of_an_instance_are_those_of_a_plain_bundle_on_its_slice(
+def test_margins_and_slack_of_an_instance_are_those_of_a_plain_bundle_on_its_slice(
         policy: Policy, variable: str, tmp_path: Path) -> None:
     found = list(messages(Random(f'{policy} {variable} margins'), KEYS))
 
@@ -310,6 +312,7 @@ def test_the_margins_of_an_instance_are_those_of_a_plain_bundle_on_its_slice(
     by_id = {item.id: item for item in whole.findings}
     assert whole.errors == ()
     known: list[Closest] = []
+    waiting: list[int] = []
     for key in KEYS[:2]:
         plain = judged(tmp_path, f'plain_{key}', with_rates(bundle(policy, [variable], '', key)),
                        slice_of(found, variable, key), margins=True)
@@ -318,7 +321,14 @@ def test_the_margins_of_an_instance_are_those_of_a_plain_bundle_on_its_slice(
             expected = item.closest and replace(item.closest, key=f'{variable}={key}')
             assert instance == expected, (key, item.id)
             known += [expected] if expected else []
+            assert by_id[item.id].slack_of.get(key.encode()) == (
+                item.slack and replace(item.slack, key=f'{variable}={key}')), (key, item.id)
+            waiting += [] if item.waiting is None else [item.waiting]
     assert len(known) > 8
+    timed = [item for item in whole.findings if item.id == f'{variable}_F']
+    assert all(len(item.slack_of) == 2 and len(item.slacks) > 3 for item in timed)
+    assert len(timed) == (policy in (Policy.TIMED, Policy.PERIODIC))
+    assert [item.waiting for item in timed] == [min(waiting, default=None) for _ in timed]
     for item in whole.findings:
         assert item.closest == min(item.closest_of.values(), key=lambda found: found.margin,
                                    default=None)
@@ -356,6 +366,79 @@ requirements:
         margins=True, begin=Moment(Anchor.START, 4 * 10**9)))
     assert {key: item.margin for key, item in part.findings[0].closest_of.items()} == {
         b'a': 0.5, b'b': 4.5, b'c': 0.75}
+
+
+def test_an_instance_that_ends_has_no_response_from_then_on(tmp_path: Path) -> None:
+    file = tmp_path / 'bundle.yaml'
+    sentence = 'upon x > 5 the robot shall within {} seconds satisfy x < 1'
+    file.write_text(f"""format: 1
+evaluation: {{policy: timed}}
+for_each: {{robot: {{most: 3, forget: 2}}}}
+inputs: {{x: {{topic: "/{{robot}}/speed", type: {FLOAT}, max_rate: 10}}}}
+requirements:
+  - {{id: SHORT, fretish: "{sentence.format(1)}"}}
+  - {{id: LONG, fretish: "{sentence.format(5)}"}}
+""")
+    path = record(tmp_path / 'bag', [
+        (round(second * 1e9), f'/{key}/speed', FLOAT, TYPES.types[FLOAT](value), frozenset([key]))
+        for second, key, value in [
+            (0, 'a', 0.0), (0.5, 'b', 0.0), (1, 'a', 6.0), (2, 'b', 9.0), (2.5, 'b', 0.5),
+            (6, 'c', 0.0)]])
+    done = run('bag', file, path, '--margins', '--json', '--report', tmp_path / 'report.html')
+    short, long = json.loads(done.out)['requirements'].values()
+
+    def at(second: float) -> str:
+        return seconds(START + round(second * 1e9))
+
+    answered = {'unit': 's', 'trigger': at(2), 'until': at(2.5), 'key': 'robot=b'}
+    late = {'left': -1.0, 'unit': 's', 'trigger': at(1), 'until': None, 'key': 'robot=a'}
+    assert short['slack_of'] == {'a': late, 'b': {'left': 0.5, **answered}}
+    assert short['slack'] == late
+    assert long['slack_of'] == {'b': {'left': 4.5, **answered}}
+    assert 'waiting' not in short and 'waiting' not in long
+    page = (tmp_path / 'report.html').read_text()
+    assert page.count('<br>Slack: -1 s at most of robot=a.') == 1
+    assert '<p>Least slack: 4.5 s of robot=b.</p>' in page
+    rows = run('bag', file, path, '--margins').out.splitlines()
+    assert [row.split()[0] for row in rows if 's of robot=a' in row] == ['SHORT', 'SHORT[robot=a]']
+
+
+def test_a_response_that_is_missing_at_the_end_counts_the_steps_of_its_key(
+        tmp_path: Path) -> None:
+    text = f"""format: 1
+for_each: {{robot: {{most: 3}}}}
+inputs: {{x: {{topic: "/{{robot}}/speed", type: {FLOAT}}}}}
+requirements:
+  - {{id: SHORT, fretish: upon x > 5 the robot shall within 2 ticks satisfy x < 1}}
+  - {{id: LONG, fretish: upon x > 5 the robot shall within 4 ticks satisfy x < 1}}
+"""
+    values = [('a', 0.0), ('b', 9.0), ('a', 6.0), ('a', 5.0), ('b', 0.0), ('a', 5.0), ('a', 5.0)]
+    short, long = judged(tmp_path, 'bundle', text, [
+        (number, f'/{key}/speed', FLOAT, TYPES.types[FLOAT](value), frozenset())
+        for number, (key, value) in enumerate(values)], margins=True).findings
+    assert short.slack_of == {
+        b'a': Slack(-2, 'steps', START + 2, None, 'robot=a'),
+        b'b': Slack(1, 'steps', START + 1, START + 4, 'robot=b')}
+    assert long.slack_of == {b'b': Slack(3, 'steps', START + 1, START + 4, 'robot=b')}
+    assert (short.waiting, long.waiting) == (None, START + 2)
+
+
+def test_the_table_has_ten_keys_of_many(tmp_path: Path) -> None:
+    file = tmp_path / 'bundle.yaml'
+    file.write_text(f"""format: 1
+for_each: {{robot: {{most: 20}}}}
+inputs: {{x: {{topic: "/{{robot}}/speed", type: {FLOAT}}}}}
+requirements: [{{id: LOW, ptltl: "x < 10"}}]
+""")
+    for name, value, left in (('violated', 11.0, '3 instances more'), ('satisfied', 9.0, '')):
+        path = record(tmp_path / name, [
+            (n, f'/k{n:02}/speed', FLOAT, TYPES.types[FLOAT](value), frozenset())
+            for n in range(13)])
+        rows = run('bag', file, path, '--margins').out.splitlines()
+        named = [row for row in rows if row.startswith('LOW[robot=k')]
+        assert len(named) == 10
+        assert [row.split(maxsplit=1)[1] for row in rows if 'robot=...' in row] == [left] * bool(
+            left)
 
 
 READERS = (  # NEAR: how many are near; MANY: in how many of them
