@@ -13,9 +13,10 @@
 // limitations under the License.
 
 /// Keys and lives: a table of keys whose hash collides is compared with a list; then a million
-/// instances live one after the other in a pool of 100, while ten times as many keys come. Prints
-/// what is not so.
+/// instances live one after the other in a pool of 100, while ten times as many keys come. The
+/// index of pairs is compared with a table. Prints what is not so.
 
+#include "fret_cdr.h"
 #include "scopes_parts.h"
 
 #include <stdlib.h>
@@ -329,8 +330,115 @@ static void a_heap_has_the_least_first(void)
   free(memory);
 }
 
+// ---- pairs -------------------------------------------------------------------------------------
+
+enum { N_FIRST = 6, MOST_FIRST = 4, N_SECOND = 4, N_SECOND_LISTED = 3, N_PAIR_CALLS = 20000 };
+
+static uint32_t pair_slots[N_FIRST][N_SECOND];  // FM_NO_SLOT: it is not there
+
+// Keys of 1 to 6 bytes, so that those of one pair, put together, may be those of another.
+static struct fm_key part_of_pair(uint32_t k)
+{
+  static const uint8_t BYTES[] = {'a', 'a', 'a', 'a', 'a', 'a'};
+  return (struct fm_key) {BYTES, k + 1};
+}
+
+static struct fm_key pair_of(uint32_t first, uint32_t second, uint8_t * out)
+{
+  const struct fm_key a = part_of_pair(first), b = part_of_pair(second);
+  return (struct fm_key) {
+    out, (uint32_t)fm_pair_key(out, a.bytes, a.size, b.bytes, b.size)};
+}
+
+static bool is_in_a_pair(uint32_t first)
+{
+  bool is_in = false;
+  for (uint32_t s = 0; s < N_SECOND; ++s) {
+    is_in = is_in || pair_slots[first][s] != FM_NO_SLOT;
+  }
+  return is_in;
+}
+
+static uint32_t firsts_in_pairs(void)
+{
+  uint32_t n = 0;
+  for (uint32_t f = 0; f < N_FIRST; ++f) {
+    n += is_in_a_pair(f) ? 1u : 0u;
+  }
+  return n;
+}
+
+// The pairs of a key are those of its row, or column, of the table, in any order.
+static void compare_pairs_of(const struct fm_pairs * pairs, uint32_t which, uint32_t k)
+{
+  const struct fm_key key = part_of_pair(k);
+  bool is_found[MOST_FIRST * N_SECOND] = {false};
+  uint32_t n = 0;
+  for (uint32_t slot = fm_pairs_first(pairs, which, &key); slot != FM_NO_SLOT;
+    slot = fm_pairs_next(pairs, which, slot))
+  {
+    CHECK(!is_found[slot]);
+    is_found[slot] = true;
+    n += 1;
+  }
+  for (uint32_t other = 0; other < (which == 0 ? N_SECOND : N_FIRST); ++other) {
+    const uint32_t slot = which == 0 ? pair_slots[k][other] : pair_slots[other][k];
+    CHECK(slot == FM_NO_SLOT || is_found[slot]);
+    n -= slot == FM_NO_SLOT ? 0u : 1u;
+  }
+  CHECK(n == 0);
+}
+
+static void change_pair(struct fm_pairs * pairs, struct fm_keys * keys, uint32_t f, uint32_t s)
+{
+  uint8_t bytes[FM_PAIR_ROOM];
+  const struct fm_key pair = pair_of(f, s, bytes);
+  CHECK(fm_pairs_fit(pairs, &pair) == (s < N_SECOND_LISTED));
+  if (pair_slots[f][s] != FM_NO_SLOT) {
+    fm_pairs_remove(pairs, pair_slots[f][s]);
+    fm_keys_remove(keys, pair_slots[f][s]);
+    pair_slots[f][s] = FM_NO_SLOT;
+  } else if (s < N_SECOND_LISTED) {
+    const uint32_t slot = fm_keys_add(keys, pair.bytes, pair.size);
+    const bool has_room = is_in_a_pair(f) || firsts_in_pairs() < MOST_FIRST;
+    CHECK(slot != FM_NO_SLOT);
+    CHECK(fm_pairs_add(pairs, slot, &pair) == has_room);
+    pair_slots[f][s] = has_room ? slot : FM_NO_SLOT;
+    if (!has_room) {
+      fm_keys_remove(keys, slot);
+    }
+  }
+}
+
+static void pairs_are_found_by_each_of_their_keys(void)
+{
+  static const uint64_t NO_SEED[2] = {0, 0};
+  struct fm_key listed_second[N_SECOND_LISTED];
+  for (uint32_t s = 0; s < N_SECOND_LISTED; ++s) {
+    listed_second[s] = part_of_pair(s);
+  }
+  const struct fm_half halves[2] = {
+    {NULL, 0, MOST_FIRST, FM_BUNDLE, NULL},
+    {listed_second, N_SECOND_LISTED, N_SECOND_LISTED, FM_BUNDLE, NULL}};
+  const uint32_t most = MOST_FIRST * N_SECOND;
+  void * memory = calloc(1, (size_t)fm_pairs_bytes(halves, most));
+  void * own = calloc(1, (size_t)fm_keys_bytes(most));
+  struct fm_keys keys = fm_keys_make(own, most, NO_SEED);
+  struct fm_pairs pairs;
+  CHECK(fm_pairs_make(&pairs, memory, halves, most, NO_SEED));
+  memset(pair_slots, 0xff, sizeof(pair_slots));
+  for (uint32_t call = 0; call < N_PAIR_CALLS && failures == 0; ++call) {
+    change_pair(&pairs, &keys, random_below(N_FIRST), random_below(N_SECOND));
+    compare_pairs_of(&pairs, 0, random_below(N_FIRST));
+    compare_pairs_of(&pairs, 1, random_below(N_SECOND));
+  }
+  free(own);
+  free(memory);
+}
+
 int main(void)
 {
+  pairs_are_found_by_each_of_their_keys();
   keys_that_collide_are_found();
   a_heap_has_the_least_first();
   a_group_does_not_step_without_the_least_of_all_instances();

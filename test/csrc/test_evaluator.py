@@ -117,7 +117,8 @@ def test_instances_are_plain_evaluators_of_what_concerns_their_keys(
     assert done.returncode == 0, done.stdout
 
 
-def test_a_million_lives_need_no_more_memory_and_keys_may_collide(programs: Path) -> None:
+def test_a_million_lives_need_no_more_memory_keys_may_collide_and_pairs_are_found(
+        programs: Path) -> None:
     done = run(programs / 'scopes_lives')
     assert (done.returncode, done.stdout) == (0, '')
 

@@ -41,6 +41,8 @@ inputs:
   effort: {topic: joint_states, type: sensor_msgs/msg/JointState, field: "effort[name = {joint}]"}
   x: {topic: x, type: geometry_msgs/msg/PointStamped, where: "header.frame_id = {track}",
       field: point.x}
+  near: {topic: "/{robot}/near", type: geometry_msgs/msg/PointStamped,
+         where: "header.frame_id = {track}", field: point.y}
   on: {topic: enable, type: std_msgs/msg/Bool}
 definitions:
   fast: speed > 0.5
@@ -48,6 +50,7 @@ requirements:
   - {id: SPEED, fretish: when on the robot shall within 2 ticks satisfy !fast}
   - {id: EFFORT, ptltl: "H (effort < 3.0)"}
   - {id: NEAR, cocospec: "(0.0 -> pre x) < 7.0"}
+  - {id: PAIR, ptltl: "fast & x > 1.0 -> Y (near > 2.0)"}
   - {id: ON, ptltl: "O on"}
 """
 
@@ -70,9 +73,11 @@ def test_with_one_key_of_each_variable_it_is_the_bundle_in_which_they_are_writte
     assert [item.formula for item in found.properties] == [
         item.formula for item in plain.properties]
     assert [item.id for item in found.properties] == [
-        'SPEED[robot=alpha]', 'EFFORT[joint=elbow]', 'NEAR[track=t7]', 'ON']
+        'SPEED[robot=alpha]', 'EFFORT[joint=elbow]', 'NEAR[track=t7]',
+        'PAIR[robot=alpha,track=t7]', 'ON']
     assert [item.handler for item in found.properties] == [
-        'handlerpropSPEED_alpha', 'handlerpropEFFORT_elbow', 'handlerpropNEAR_t7', 'handlerpropON']
+        'handlerpropSPEED_alpha', 'handlerpropEFFORT_elbow', 'handlerpropNEAR_t7',
+        'handlerpropPAIR_alpha_t7', 'handlerpropON']
 
 
 @pytest.mark.parametrize('seed', range(6))
