@@ -21,24 +21,24 @@ show that were tried; if they are not, the result is an interval.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
-from fret_monitor.bag.check import compiled, opened, read_bundle, run, Selection
+from fret_monitor.bag.check import opened, read_bundle, run, Selection
 from fret_monitor.bag.constant_range import ConstantRange, range_of
-from fret_monitor.bag.workers import workers
-from fret_monitor.build import Reading
+from fret_monitor.build import compile_monitor, generate_monitor, Reading
 from fret_monitor.logic.numbers import parse_number
 from fret_monitor.logic.specification import Property
 from fret_monitor.messages.installed import fingerprint
 from fret_monitor.model.diagnostics import CompileError, refuse, Source, Text
+from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import fret_name, is_integer
 from fret_monitor.model.progress import no_progress, Progress
-from fret_monitor.native.compiled import CompiledMonitor
-from fret_monitor.native.monitor import load
+from fret_monitor.native.cache import build_library, runtime_headers
+from fret_monitor.native.monitor import load, Monitor
 
 _AT_ONCE = 15  # values that are judged in one run
 _MARK = '#'  # between an id and the number of a value
@@ -88,10 +88,26 @@ class _Judged(NamedTuple):
     is_judged: bool
 
 
-def fit(bundle: Path, paths: Sequence[Path], name: str, selection: Selection, *, jobs: int = 1,
-        progress: Progress = no_progress) -> Fit:
+class _Copies(NamedTuple):
+    """The C of copies of requirements; a process compiles it, or has it in its cache."""
+
+    manifest: Manifest
+    sources: Mapping[str, str]
+    headers: Mapping[str, str]
+
+    def monitor(self) -> Monitor:
+        """Return it as a loaded library."""
+        library = build_library(self.sources, name=self.manifest.symbol,
+                                headers={**runtime_headers(), **self.headers})
+        return load(library, self.manifest)
+
+
+def fit(bundle: Path, paths: Sequence[Path], name: str, selection: Selection, *,
+        executor: Executor | None = None, progress: Progress = no_progress) -> Fit:
     """
     Return the tightest value of a constant; the others are as in the bundle or the selection.
+
+    The `executor` reads the recordings; None: this process does.
 
     Raises
     ------
@@ -101,16 +117,16 @@ def fit(bundle: Path, paths: Sequence[Path], name: str, selection: Selection, *,
     NativeError
         if the compiler fails.
     """
-    return _FitSearch(bundle, paths, name, selection, jobs, progress).result()
+    return _FitSearch(bundle, paths, name, selection, executor, progress).result()
 
 
 class _FitSearch:
     """One search; `found` has the keys that were tried, with what violates them."""
 
     def __init__(self, bundle: Path, paths: Sequence[Path], name: str, selection: Selection,
-                 jobs: int, progress: Progress) -> None:
+                 executor: Executor | None, progress: Progress) -> None:
         self._bundle, self._paths, self._selection = bundle, paths, selection
-        self._jobs, self._progress = jobs, progress
+        self._executor, self._progress = executor, progress
         self._reading = self._read({})
         known = dict(self._reading.constants)
         self._name = next((item for item in known if fret_name(item) == fret_name(name)), name)
@@ -161,7 +177,7 @@ class _FitSearch:
 
     def _judge_some(self, keys: Sequence[int], paths: Sequence[Path]) -> None:
         try:
-            monitor = self._compiled(keys)
+            copies = self._copies(keys)
         except CompileError:
             if len(keys) > 1:
                 self._judge_some(keys[:len(keys) // 2], paths)
@@ -171,7 +187,7 @@ class _FitSearch:
             else:
                 self._narrow(keys[0])
             return
-        for judged in self._run(monitor, len(keys), paths):
+        for judged in self._run(copies, len(keys), paths):
             if judged.errors:
                 refuse(f"'{judged.path}': {judged.errors[0]}",
                        help='fit takes whole recordings: fret-monitor bag says what is missing')
@@ -189,25 +205,29 @@ class _FitSearch:
         for other in [item for item in self._found if (item > key) is is_above]:
             del self._found[other]
 
-    def _compiled(self, keys: Sequence[int]) -> CompiledMonitor:
+    def _copies(self, keys: Sequence[int]) -> _Copies:
         readings = [self._read({self._name: self._range.text(key)}) for key in keys]
         copies = [replace(item, id=f'{item.id}{_MARK}{place}',
                           handler=f'{item.handler}_{place}', on_violation=(), on_end=())
                   for place, reading in enumerate(readings) for item in self._naming(reading)]
         first = readings[0]
-        return compiled(replace(first, specification=replace(
+        generated = generate_monitor(replace(first, specification=replace(
             first.specification, properties=tuple(copies), actions=(), gates=(),
             definitions=())))
+        compile_monitor(generated)  # once, before the processes on this machine look for it
+        return _Copies(generated.manifest, generated.c_sources, generated.c_headers)
 
-    def _run(self, monitor: CompiledMonitor, count: int,
-             paths: Sequence[Path]) -> Iterable[_Judged]:
-        arguments = [(path, monitor, self._selection, count, self._reading.messages)
+    def _run(self, copies: _Copies, count: int, paths: Sequence[Path]) -> Iterable[_Judged]:
+        arguments = [(path, copies, self._selection, count, self._reading.messages)
                      for path in paths]
         self._progress(None, f'{self._name}: {len(self._found)} values tried')
-        if self._jobs == 1 or len(paths) == 1:
+        if self._executor is None or len(paths) == 1:
             return [_judge_recording(*item) for item in arguments]
-        with ProcessPoolExecutor(self._jobs, mp_context=workers()) as pool:
-            return list(pool.map(_judge_recording, *zip(*arguments, strict=True)))
+        try:
+            return list(self._executor.map(_judge_recording, *zip(*arguments, strict=True)))
+        except BrokenExecutor:
+            refuse('a process that read a recording died',
+                   help='fret-monitor bag says which recording it was')
 
     # -- searching ------------------------------------------------------------------------------
 
@@ -293,15 +313,14 @@ class _FitSearch:
                    is_least, by, len(self._found), self._ids, self._range.what, shown)
 
 
-def _judge_recording(path: Path, compiled_monitor: CompiledMonitor, selection: Selection,
-                     count: int, messages: Sequence[tuple[str, str]]) -> _Judged:
+def _judge_recording(path: Path, copies: _Copies, selection: Selection, count: int,
+                     messages: Sequence[tuple[str, str]]) -> _Judged:
     """Run copies of requirements over a recording."""
     with opened(path) as (recording, find):
         for name, known in messages:
             if fingerprint(find(name)) != known:
                 refuse(f"'{path}' has another definition of {name} than the first recording")
-        monitor = load(compiled_monitor.library, compiled_monitor.manifest)
-        result = run(monitor, recording, selection)
+        result = run(copies.monitor(), recording, selection)
     violations: list[tuple[str, int | None] | None] = [None] * count
     for item in result.findings:
         name, _, place = item.id.rpartition(_MARK)

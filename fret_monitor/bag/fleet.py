@@ -21,13 +21,11 @@ A recording that cannot be checked is one line of the results; it never ends the
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 import hashlib
 from importlib import import_module
 import json
-import logging
 from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
@@ -36,6 +34,7 @@ from fret_monitor import __version__
 from fret_monitor.bag.check import (
     Aside, check_recording, OCCURRENCES, RecordingResult, Selection,
 )
+from fret_monitor.bag.cluster import cluster_client
 from fret_monitor.bag.recording import files_of
 from fret_monitor.bag.results import json_line
 from fret_monitor.bag.results_file import failed_line, problem_texts, recording_key
@@ -43,7 +42,7 @@ from fret_monitor.bag.slack import slack_asides
 from fret_monitor.bag.triggers import trigger_asides
 from fret_monitor.bag.workers import workers
 from fret_monitor.messages.installed import find_message, fingerprint
-from fret_monitor.model.diagnostics import CompileError, Problems, refuse
+from fret_monitor.model.diagnostics import CompileError, Problems
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.errors import NativeError
 from fret_monitor.start import manifest_of
@@ -53,7 +52,6 @@ if TYPE_CHECKING:
 
 _Check = Callable[..., 'Outcome']
 _BLOCK = 1 << 20
-_CLUSTER_TIMEOUT_S = 10
 _UNSAFE = re.compile('[^A-Za-z0-9._-]+')
 
 
@@ -226,35 +224,15 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
                      jobs: int, settings: str = '',
                      reports: Path | None = None) -> Iterator[Outcome]:
     """
-    Check recordings on a cluster of Dask; yield the outcomes as they come.
+    Check recordings on a cluster of Dask (`cluster_client`); yield the outcomes as they come.
 
-    `address` is that of its scheduler, or `local`: one is started here, with `jobs` workers. The
-    workers read the bundle and the recordings by the same paths.
-
-    Raises
-    ------
-    CompileError
-        if there is no scheduler, or it has no worker.
+    The workers read the bundle and the recordings by the same paths.
     """
     dask: Any = import_module('distributed')
-    logging.getLogger('distributed').setLevel(logging.ERROR)  # it logs how a cluster starts
     paths = [path.absolute() for path in paths]
     check = partial(check_one, settings=settings,
                     reports=None if reports is None else reports.absolute())
-    with ExitStack() as stack:
-        if address == 'local':
-            # Without an address its server would take port 8787, on all networks.
-            cluster = stack.enter_context(dask.LocalCluster(
-                n_workers=jobs, threads_per_worker=1, dashboard_address='127.0.0.1:0',
-                scheduler_kwargs={'dashboard': False}))
-            client = stack.enter_context(dask.Client(cluster))
-        else:
-            try:
-                client = stack.enter_context(dask.Client(address, timeout=_CLUSTER_TIMEOUT_S))
-            except (OSError, ValueError) as error:
-                refuse(f"no scheduler of Dask at '{address}': {error}",
-                       help='start one: dask scheduler; dask worker ADDRESS; or --dask local')
-            _expect_worker(client, address)
+    with cluster_client(address, jobs) as client:
         waiting = {client.submit(check, bundle.absolute(), path, selection, pure=False): path
                    for path in paths}
         for done in dask.as_completed(list(waiting)):
@@ -263,14 +241,6 @@ def check_on_cluster(bundle: Path, paths: Sequence[Path], selection: Selection, 
                 yield done.result()
             else:  # its worker died, again and again, or lacks what is needed
                 yield _failed(waiting[done], f'{type(problem).__name__}: {problem}')
-
-
-def _expect_worker(client: Any, address: str) -> None:
-    try:
-        client.wait_for_workers(1, timeout=_CLUSTER_TIMEOUT_S)
-    except TimeoutError:
-        refuse(f"the scheduler of Dask at '{address}' has no worker",
-               help=f'start one, or several: dask worker {address}')
 
 
 def reusable(lines: Mapping[str, str], path: Path, settings: str,

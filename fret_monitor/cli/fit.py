@@ -24,7 +24,7 @@ from fret_monitor.cli.constants import constant
 from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import progress
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import refuse, Text
+from fret_monitor.model.diagnostics import refuse, require_packages, Text
 from fret_monitor.model.times import seconds
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ def add_arguments(parser: ArgumentParser) -> None:
                         help='a constant to find the tightest value of; with a value, one that '
                         "has it in place of the bundle's")
     add_reading(parser)
+    parser.add_argument('--dask', metavar='ADDRESS',
+                        help='read recordings on a Dask cluster; local: --jobs workers here')
     add_json_option(parser)
     parser.set_defaults(run=run)
 
@@ -52,6 +54,9 @@ def _wanted(text: str) -> tuple[str, Text | None]:
 def run(options: Namespace) -> int:
     """Print the tightest value of each constant."""
     require_rosbags('`fit`')
+    if options.dask is not None:
+        require_packages('--dask', {'distributed': 'distributed'})
+    from fret_monitor.bag.cluster import executor
     from fret_monitor.bag.fit import fit
     bundle = existing_bundle(options.bundle)
     names = [name for name, value in options.wanted if value is None]
@@ -60,9 +65,10 @@ def run(options: Namespace) -> int:
     given = [(name, value) for name, value in options.wanted if value is not None]
     selection = selection_of(options, given)
     found = []
-    with progress('fit') as report:
+    paths = [path if options.dask is None else path.absolute() for path in options.bags]
+    with progress('fit') as report, executor(options.jobs, options.dask) as processes:
         for name in names:
-            found.append(fit(bundle, options.bags, name, selection, jobs=options.jobs,
+            found.append(fit(bundle, paths, name, selection, executor=processes,
                              progress=report))
     if options.json:
         print_document({'constants': {item.name: _as_dict(item) for item in found}}, ())

@@ -17,15 +17,17 @@
 from collections.abc import Iterator, Sequence
 import csv
 from fractions import Fraction
+from itertools import pairwise
 import json
 from math import inf, nextafter
 from pathlib import Path
 from random import Random
+from threading import current_thread, main_thread
 from typing import Any
 
 from bundles import write_bundle
 from differential.compiled import unoptimised
-from fret_monitor.bag.check import check_recording, Selection
+from fret_monitor.bag.check import check_recording, RecordingResult, run as judge, Selection
 from fret_monitor.bag.constant_range import BOUNDS, ConstantRange, DOUBLES, SINGLES, WHOLE
 from fret_monitor.bag.fit import fit
 from fret_monitor.cli.main import main
@@ -176,6 +178,41 @@ def test_the_command_has_a_line_to_paste_and_takes_processes(
     assert found['n']['requirement'] == 'SOON'
     assert main(['fit', str(bundle), str(paths[0]), '--constant', 'n=3']) == 1
     assert '--constant NAME, without a value' in capsys.readouterr().err
+
+
+def test_a_cluster_finds_the_same(
+        tmp_path: Path, paths: list[Path], capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip('distributed', reason='needs the extra dask')
+    bundle = write_bundle(tmp_path, SINGLE)
+    arguments = ['fit', str(bundle), *map(str, paths), '--constant', 'top']
+    assert main(arguments) == 0
+    expected = capsys.readouterr().out
+    threads = set()
+
+    def noted(*of: Any) -> RecordingResult:
+        threads.add(current_thread())
+        return judge(*of)
+
+    monkeypatch.setattr('fret_monitor.bag.fit.run', noted)
+    with distributed.LocalCluster(
+            n_workers=1, processes=False, dashboard_address='127.0.0.1:0',
+            scheduler_kwargs={'dashboard': False}) as cluster:
+        assert main([*arguments, '--dask', cluster.scheduler_address]) == 0
+    assert threads - {main_thread()}
+    assert capsys.readouterr().out == expected
+
+
+def test_durations_under_timed_are_exact_to_a_unit(tmp_path: Path, paths: list[Path]) -> None:
+    text = BUNDLE.replace('format: 1', 'format: 1\nevaluation: {policy: timed, unit: 0.001}')
+    found = fit(write_bundle(tmp_path, text), paths, 'n', Selection())
+    gaps = [int(later - earlier) for path in paths for earlier, later in pairwise(
+        int(row['time']) for row in csv.DictReader(path.read_text().splitlines())
+        if row['p'] == '1')]
+    # A value holds until the next row, a second later.
+    least = 1000 * (max(gaps) - 1)
+    assert (int(found.value), int(found.tighter)) == (least, least - 1)
+    assert found.kind == 'a number of steps or units' and found.deciding.requirement == 'SOON'
 
 
 def test_other_constants_have_the_value_that_is_given(

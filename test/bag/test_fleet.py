@@ -289,7 +289,7 @@ def test_workers_have_imported_what_they_need() -> None:
 def test_a_cluster_without_workers_is_an_error(
         bundle: Path, recording: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip('distributed', reason='needs the extra dask')
-    monkeypatch.setattr('fret_monitor.bag.fleet._CLUSTER_TIMEOUT_S', 1)
+    monkeypatch.setattr('fret_monitor.bag.cluster._TIMEOUT_S', 1)
     with distributed.LocalCluster(n_workers=0, dashboard_address='127.0.0.1:0',
                                   scheduler_kwargs={'dashboard': False}) as cluster:
         address = cluster.scheduler_address
