@@ -49,8 +49,9 @@ kilted:
 	@.venv-kilted/bin/python -m pytest -n 4 $(or $(TESTS),test/ros)
 
 # Many more random examples of those tests that leave their number to hypothesis.
+# Where rtamt, reelay and confseq (PyPI) are installed, they are compared with, too; -rs names them.
 thorough: setup-test
-	@FRET_MONITOR_EXAMPLES=500 $(PYTHON) -m pytest -n 4 $(TESTS)
+	@FRET_MONITOR_EXAMPLES=500 $(PYTHON) -m pytest -n 4 -rs $(TESTS)
 	@$(if $(TESTS),:,$(MAKE) --no-print-directory kilted mutants)
 
 lint: setup-test
