@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Margins of compiled monitors beside the robustness of rtamt and reelay, where these are there."""
+"""Margins of compiled monitors beside the robustness of rtamt and reelay, where installed."""
 
 from collections.abc import Callable, Iterator, Sequence
 from random import Random
