@@ -175,6 +175,21 @@ def robot(folder: Path, domain: int, *arguments: str) -> Iterator[Any]:
         partner.close()
 
 
+def wait_for_all(partner: Any, *publishers: Any) -> None:
+    """Wait until the monitor is matched with publishers, beside the page that subscribes, too."""
+    from ros.harness import wait_until
+
+    def are_all_matched() -> bool:
+        listed = [partner.node.get_subscriptions_info_by_topic(item.topic_name)
+                  for item in publishers]
+        return all(any(info.node_name == 'fret_monitor' for info in infos)
+                   and item.get_subscription_count() == len(infos)
+                   for item, infos in zip(publishers, listed, strict=True))
+
+    wait_until(are_all_matched, 'the monitor', WAIT_S)
+    partner.wait_for_listener(*publishers)
+
+
 @pytest.mark.parametrize('arguments', [(), ('-p', 'verdicts:=true')])
 def test_a_monitor_is_watched_and_reset(
     bundle: Path, domain: int, arguments: tuple[str, ...],
@@ -185,7 +200,7 @@ def test_a_monitor_is_watched_and_reset(
         speed, hot = partner.publisher(Float64, 'speed'), partner.publisher(
             UInt8, 'state', LATCHED)
         watcher.wait(lambda: watcher.monitors == ['/robot/fret_monitor'], 'the monitor')
-        partner.wait_for_listener(speed)
+        wait_for_all(partner, speed, hot)
         watcher.wait(lambda: 'NEVER' in watcher.health, 'health')
         assert watcher.health['topic /scan'] == (1, 'no publisher')
         hot.publish(UInt8(data=0))  # once: the page gets the last message
