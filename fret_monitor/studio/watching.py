@@ -45,6 +45,7 @@ _STALE_S = 3.0  # a verdict is published once a second while it is known
 _VERDICTS = {'satisfied': True, 'violated': False}  # the first word on `/diagnostics`
 _MEMORY = 3_000_000_000
 _MOST_TOPICS = 100  # of inputs
+_MOST_INSTANCES = 100  # of requirements, that are shown
 _NO_ROS = ('ROS 2 is not here: {}. Start studio in a terminal in which ROS 2 is sourced, and '
            'which reaches the robot')
 
@@ -122,6 +123,7 @@ class Watching:
         self._inputs: Sequence[Mapping[str, Any]] = plan['inputs']
         self._classes: dict[str, Any] = {}
         self._ids = {item['id'] for item in plan['requirements']}
+        self._instances: set[str] = set()  # that were violated, such as SLOW[robot=alpha]
         self._clients: dict[str, Any] = {}
         self._heard: set[str] = set()  # topics of inputs
         self._listen(plan['requirements'])
@@ -195,11 +197,17 @@ class Watching:
                 'time': _now(), 'id': status.name, 'text': status.message, 'isOver': is_over,
                 'isWarning': status.level == b'\1',
                 'values': [[item.key, item.value] for item in status.values]})
-            if self._is_without_topic(status.name):
+            if self._is_without_topic(status.name) or self._is_instance(status.name):
                 self._note(status.name, is_over)
 
     def _is_without_topic(self, requirement: str) -> bool:
         return requirement in self._ids and requirement not in self._published
+
+    def _is_instance(self, name: str) -> bool:
+        if name not in self._ids and name.partition('[')[0] in self._ids \
+                and len(self._instances) < _MOST_INSTANCES:
+            self._instances.add(name)
+        return name in self._instances
 
     def _take_health(self, array: Any) -> None:
         """Take the statuses of the monitors; others publish on `/diagnostics`, too."""
@@ -229,7 +237,7 @@ class Watching:
             self._turn.note(monitors=found)
         self._listen_to_inputs()
         stale = monotonic() - _STALE_S
-        for requirement in self._ids:
+        for requirement in self._ids | self._instances:
             if not found or self._published.get(requirement, stale) < stale:
                 self._note(requirement, None)
 
@@ -246,8 +254,12 @@ class Watching:
         if not client.service_is_ready():
             self._turn.note(told=f'{node}/reset does not answer')
             return
-        client.call_async(Trigger.Request()).add_done_callback(
-            lambda answer: self._turn.note(told=answer.result().message))
+        client.call_async(Trigger.Request()).add_done_callback(self._take_reset)
+
+    def _take_reset(self, answer: Any) -> None:
+        self._turn.note(told=answer.result().message)
+        for name in self._instances:
+            self._note(name, None)
 
     # Its life.
 

@@ -36,14 +36,17 @@ client = pytest.importorskip('websockets.sync.client')
 
 BUNDLE = """\
 format: 1
+for_each: {robot: [alpha]}
 inputs:
   speed: {topic: speed, type: std_msgs/msg/Float64}
   hot: {topic: state, type: std_msgs/msg/UInt8, values: {COLD: 0, HOT: 7}}
+  near: {topic: "/{robot}/near", type: std_msgs/msg/Bool}
   depth: {topic: /scan, type: sensor_msgs/msg/LaserScan, field: min(ranges)}
 requirements:
   - {id: SLOW-1, title: not too fast, ptltl: "speed <= 1.5", report: onset}
   - {id: COOL, ptltl: "H (hot != HOT)", report: occurrence}
   - {id: NEVER, ptltl: "depth > 0.1"}
+  - {id: FAR, ptltl: "!near"}
 """
 WAIT_S = 60.0
 
@@ -77,13 +80,15 @@ def test_a_value_is_read_by_its_path_and_is_none_outside_of_an_array() -> None:
 def test_a_plan_has_the_topics_of_verdicts_and_inputs(tmp_path: Path) -> None:
     path = tmp_path / 'b.yaml'
     path.write_text(BUNDLE)
-    found = plan(build.read(path).specification)
+    found = plan(build.read(path, takes_instances=True).specification)
     assert found['requirements'][0] == {'id': 'SLOW-1', 'topic': 'copilot/verdict/SLOW_1'}
     assert found['inputs'] == [
         {'name': 'speed', 'topic': 'speed', 'type': 'std_msgs/msg/Float64', 'path': ['data'],
          'isDiscrete': False, 'names': {}},
         {'name': 'hot', 'topic': 'state', 'type': 'std_msgs/msg/UInt8', 'path': ['data'],
-         'isDiscrete': True, 'names': {'0': 'COLD', '7': 'HOT'}}]
+         'isDiscrete': True, 'names': {'0': 'COLD', '7': 'HOT'}},
+        {'name': 'near[robot=alpha]', 'topic': '/alpha/near', 'type': 'std_msgs/msg/Bool',
+         'path': ['data'], 'isDiscrete': True, 'names': {}}]
     assert found['leftOut'] == ['depth']
 
 
@@ -196,11 +201,12 @@ def test_a_monitor_is_watched_and_reset(
 ) -> None:
     with robot(bundle, domain, *arguments) as partner, watching(bundle) as watcher:
         from ros.harness import LATCHED
-        from std_msgs.msg import Float64, UInt8
+        from std_msgs.msg import Bool, Float64, UInt8
+        near = partner.publisher(Bool, '/alpha/near', LATCHED)
         speed, hot = partner.publisher(Float64, 'speed'), partner.publisher(
             UInt8, 'state', LATCHED)
         watcher.wait(lambda: watcher.monitors == ['/robot/fret_monitor'], 'the monitor')
-        wait_for_all(partner, speed, hot)
+        wait_for_all(partner, speed, hot, near)
         watcher.wait(lambda: 'NEVER' in watcher.health, 'health')
         assert watcher.health['topic /scan'] == (1, 'no publisher')
         hot.publish(UInt8(data=0))  # once: the page gets the last message
@@ -209,7 +215,8 @@ def test_a_monitor_is_watched_and_reset(
             speed.publish(Float64(data=value))  # again: nobody keeps it for the page
             return is_true()
 
-        watcher.wait(lambda: is_so(1.0, lambda: watcher.values == {'speed': 1.0, 'hot': 0}),
+        watcher.wait(lambda: is_so(1.0, lambda: watcher.values.items() >= {
+            'speed': 1.0, 'hot': 0}.items()),
                      'values')
         watcher.wait(lambda: watcher.verdicts.get('SLOW-1', [])[-1:] == [True]
                      and watcher.verdicts.get('COOL', [])[-1:] == [True], 'satisfied')
@@ -225,9 +232,15 @@ def test_a_monitor_is_watched_and_reset(
         hot.publish(UInt8(data=0))
         watcher.wait(lambda: watcher.verdicts['COOL'][-1] is True
                      and any(item['isOver'] for item in watcher.occurrences), 'over')
+        assert 'FAR[robot=alpha]' not in watcher.verdicts
+        near.publish(Bool(data=True))
+        watcher.wait(lambda: watcher.verdicts.get('FAR[robot=alpha]') == [False], 'the instance')
+        near.publish(Bool(data=False))
+        watcher.wait(lambda: watcher.verdicts['FAR[robot=alpha]'] == [False, True], 'its end')
         watcher.ask('reset', node='/robot/other')  # none that is watched
         watcher.ask('reset', node='/robot/fret_monitor')
-        watcher.wait(lambda: watcher.told.startswith('restarted'), 'the reset')
+        watcher.wait(lambda: watcher.told.startswith('restarted')
+                     and watcher.verdicts['FAR[robot=alpha]'][-1] is None, 'the reset')
 
 
 SLOW, SPEED = '.lane[aria-label^="SLOW-1"]', '.lane[aria-label^="speed:"]'
@@ -284,6 +297,31 @@ def test_a_violation_is_seen_as_it_comes_up(bundle: Path, domain: int, tmp_path:
         page.click('#live-connect')
         page.wait("document.querySelector('#live-status').textContent"
                   " === 'No monitor is watched.'")
+        assert page.problems == []
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
+def test_an_instance_has_a_row_from_its_first_violation_on(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(BUNDLE)
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.get("""(async () => {
+            const { LiveView } = await import('./live.js');
+            const [talk, place] = [new EventTarget(), document.querySelector('#watch')];
+            const plan = { inputs: [], leftOut: [], requirements: [{ id: 'FAR' }, { id: 'B' }] };
+            new LiveView(place, async () => plan, talk);
+            place.querySelector('#live-connect').click();
+            window.tell = (verdicts) => talk.dispatchEvent(
+              new CustomEvent('live', { detail: { verdicts } })); })()""")
+        page.wait("document.querySelectorAll('#live-rows .lane').length === 2")
+        page.get("""tell({ FAR: [[Date.now() - 500, false]], 'NO[k=1]': [[Date.now(), true]],
+            'FAR[robot=alpha]': [[Date.now() - 500, false]] })""")
+        rows = "[...document.querySelectorAll('#live-rows .name')].map((each) => each.textContent)"
+        assert page.get(rows) == ['FAR', 'FAR[robot=alpha]', 'B']
+        lane = '.lane[aria-label^="FAR[robot=alpha]"]'
+        page.wait(f"document.querySelector('{lane}')?.ariaLabel.endsWith('violated')")
+        page.get(f"document.querySelector('{lane}').scrollIntoView()")
+        page.wait(f"!!document.querySelector('{lane} rect.is-false')")
         assert page.problems == []
 
 

@@ -245,7 +245,19 @@ export class LiveView {
   #note(key, [time, value]) {
     const skew = time - Date.now();
     if (this.#skew === null || skew > this.#skew) this.#skew = skew;
-    if (value !== null) this.#rows.get(key)?.history.add(time, value);
+    const row = this.#rows.get(key) ?? this.#instance(key);
+    if (value !== null) row?.history.add(time, value);
+  }
+
+  // Add the row of an instance below its requirement; it is known from its first violation on.
+  #instance(key) {
+    const above = this.#rows.get(key.split('[')[0]);
+    if (above?.kind !== 'verdict') return null;
+    const row = new Row(key.slice('verdict '.length), 'verdict');
+    this.#rows.set(key, row);
+    above.parts.at(-1).after(...row.parts);
+    this.#seen.observe(row.picture);
+    return row;
   }
 
   #add(item) {
