@@ -30,8 +30,8 @@ from fret_monitor.native.compiler import COMPILE_FLAGS, find_compiler, LIBRARIES
 SOURCE = Path(__file__).resolve().with_name('instances.c')
 _TESTS = SOURCE.parent.parent / 'test' / 'csrc'  # whose random numbers it draws
 _PARTS = ('instance', 'tables', 'due', 'measures', 'steps', 'deadlines', 'evaluator', 'keys',
-          'heap', 'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making', 'scopes',
-          'scheduling')
+          'heap', 'pairs', 'aggregates', 'pool', 'scopes_steps', 'scopes_due', 'scopes_making',
+          'scopes', 'scheduling')
 _FLAGS = [flag for flag in COMPILE_FLAGS if flag not in ('-fPIC', '-fvisibility=hidden')]
 _ROW = '| {} | {} | {} | {} | {} | {} |'
 

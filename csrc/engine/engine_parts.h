@@ -385,4 +385,11 @@ uint32_t fm_engine_message_locked(
   struct fm_engine * engine, uint32_t topic, const uint8_t * message, size_t size,
   const struct fm_origin * origin);
 
+// ---- records.c ---------------------------------------------------------------------------------
+
+/// Take what is due before `now`, at most at `left` instants, one after another, until there are
+/// `most` violations. Returns whether all was taken. Nothing is due before the time has begun.
+bool fm_engine_take_all_due_locked(
+  struct fm_engine * engine, int64_t now, uint32_t most, uint64_t * left);
+
 #endif  // ENGINE_PARTS_H_

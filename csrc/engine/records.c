@@ -24,9 +24,7 @@ static bool is_full(const struct fm_engine * engine, uint32_t most)
   return engine->outbox.n_violations >= most;
 }
 
-// Take what is due before `now`, one instant after another. Returns whether all was taken. Nothing
-// is due before the time has begun.
-static bool take_all_due_locked(
+bool fm_engine_take_all_due_locked(
   struct fm_engine * engine, int64_t now, uint32_t most, uint64_t * left)
 {
   int64_t deadline = fm_engine_deadline_locked(engine);
@@ -51,7 +49,8 @@ bool fm_engine_records(struct fm_engine * engine, struct fm_records * records, u
     const uint32_t key_size = records->keys == NULL ? 0 : records->key_sizes[k];
     const uint8_t * key = key_size == 0 ? NULL : records->keys + records->key_place;
     if (topic < engine->options.n_topics) {
-      if (!take_all_due_locked(engine, fm_later(time, -engine->options.reorder), most, &left)) {
+      const int64_t until = fm_later(time, -engine->options.reorder);
+      if (!fm_engine_take_all_due_locked(engine, until, most, &left)) {
         break;
       }
       const struct fm_origin origin = {time, 0, 0, NULL, false, key, key_size};
@@ -75,7 +74,7 @@ bool fm_engine_rows(struct fm_engine * engine, struct fm_rows * rows, uint32_t m
   engine->has_begun = true;
   while (rows->next < rows->n && !is_full(engine, most)) {
     const int64_t time = rows->times[rows->next];
-    if (!take_all_due_locked(engine, time, most, &left)) {
+    if (!fm_engine_take_all_due_locked(engine, time, most, &left)) {
       break;
     }
     const uint32_t n = fm_evaluator_row(engine->options.evaluator, rows, engine->found);
@@ -93,7 +92,7 @@ bool fm_engine_advance_all(struct fm_engine * engine, int64_t now, uint32_t most
   uint64_t left = FM_MOST_BETWEEN_RECORDS;
   engine->has_begun = true;
   const int64_t end = fm_later(now, -engine->options.reorder);
-  const bool is_there = take_all_due_locked(engine, end, most, &left);
+  const bool is_there = fm_engine_take_all_due_locked(engine, end, most, &left);
   if (is_there) {
     fm_engine_take_due_by_locked(engine, end);
   }

@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "csv.h"
+#include "engine_parts.h"
 #include "fret_cdr.h"
 #include "pairs.h"
 #include "tables.h"
@@ -478,6 +479,27 @@ void fm_keyed_rows_take(struct fm_keyed_rows * rows)
     write_stepped(rows, k);
     fm_keyed_rows_advance(rows, rows->times[k]);
   }
+}
+
+bool fm_engine_keyed_rows(
+  struct fm_engine * engine, struct fm_keyed_rows * rows, uint32_t most)
+{
+  fm_engine_lock(engine);
+  uint64_t left = UINT64_MAX;
+  engine->has_begun = true;
+  while (rows->next < rows->end && engine->outbox.n_violations < most) {
+    const int64_t time = rows->times[rows->next];
+    if (!fm_engine_take_all_due_locked(engine, time, most, &left)) {
+      break;
+    }
+    fm_engine_advance_scopes_locked(engine, time, true);
+    step(rows, rows->next);
+    fm_engine_take_due_by_locked(engine, time);
+    rows->next += 1;
+  }
+  const bool are_all = rows->next == rows->end;
+  fm_engine_unlock(engine);
+  return are_all;
 }
 
 static void free_text(struct fm_keyed_text * text)

@@ -31,7 +31,7 @@
 #ifndef KEYED_ROWS_H_
 #define KEYED_ROWS_H_
 
-#include "scopes.h"
+#include "engine.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -88,6 +88,8 @@ struct fm_keyed_rows
   uint32_t n_receptions;
   // Rows.
   uint64_t n;
+  uint64_t next;                    // of fm_engine_keyed_rows: the first that is not taken yet
+  uint64_t end;                     // the same: the first that is not to be taken
   const int64_t * times;
   int64_t label;                    // of the first row, unless labels are times
   const struct fm_key * keys;       // n of each variable, one variable after the other
@@ -109,6 +111,11 @@ FM_EXPORT void fm_keyed_rows_take(struct fm_keyed_rows * rows);
 
 /// Take what is due by a time, after all rows.
 FM_EXPORT void fm_keyed_rows_advance(struct fm_keyed_rows * rows, int64_t until);
+
+/// Take the rows from `next` to `end` with the scopes of an engine, as fm_engine_rows: no verdict
+/// is written.
+FM_EXPORT bool fm_engine_keyed_rows(
+  struct fm_engine * engine, struct fm_keyed_rows * rows, uint32_t most);
 
 /// Free the texts.
 FM_EXPORT void fm_keyed_rows_free(struct fm_keyed_rows * rows);

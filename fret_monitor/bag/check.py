@@ -34,7 +34,7 @@ from fret_monitor.bag.message_fit import MessageFit
 from fret_monitor.bag.moments import LAST_TIME, Moment
 from fret_monitor.bag.recording import Batch, DamagedRecording, full_name, Recording
 from fret_monitor.bag.routes import matches, Routes, Target
-from fret_monitor.bag.trace import RowBatch, ROWS, Trace, TRACE_SUFFIX
+from fret_monitor.bag.trace import KeyedRowBatch, RowBatch, ROWS, Trace, TRACE_SUFFIX
 from fret_monitor.messages.installed import find_message, fingerprint
 from fret_monitor.model.diagnostics import CompileError, counted, did_you_mean, refuse, Text
 from fret_monitor.model.made import MadeKind
@@ -149,7 +149,7 @@ class Changes(Protocol):
 
 
 AnyRecording = Recording | Trace
-AnyBatch = Batch | RowBatch
+AnyBatch = Batch | RowBatch | KeyedRowBatch
 Watch = Callable[[Engine, AnyBatch], None]
 """Takes all messages or rows that are read, before the engine does."""
 
@@ -313,7 +313,6 @@ class _Run:
         self._progress = progress
         self._monitor = recording.prepare(monitor)
         self._manifest = self._monitor.manifest
-        self._refuse_instances()
         self._scopes = Scopes(self._monitor, is_of_engine=True) \
             if self._manifest.variables else None
         self._evaluator = self._scopes.evaluator() if self._scopes else \
@@ -356,12 +355,6 @@ class _Run:
         self._ended = self._scopes.log_closest() if self._scopes and selection.margins else None
         self._fit = None if isinstance(recording, Trace) else MessageFit(
             self._manifest.topics, recording.find_message)
-
-    def _refuse_instances(self) -> None:
-        """Refuse what is not there yet for bundles with `for_each`."""
-        if self._manifest.variables and self._recording.is_trace:
-            refuse('`bag` does not run a trace with a bundle with for_each',
-                   help='fret-monitor simulate does')
 
     def begin(self) -> None:
         """Get ready for the first batch."""
@@ -704,9 +697,10 @@ class _Run:
                 detail = details.pop()[1] if has_detail else None
                 if first_steps:
                     self._report_judged(first_steps, violation.stamp)
+                if not self._is_judging or violation.requirement in self._unread:
+                    continue
                 findings = self._findings[violation.requirement].of(violation.key)
-                if not self._is_judging or violation.requirement in self._unread or (
-                        violation.is_recovery and findings.since is None):
+                if violation.is_recovery and findings.since is None:
                     continue
                 if violation.is_recovery:
                     findings.end(violation.stamp)

@@ -117,6 +117,10 @@ class Batch:
         """Put the values of the messages into windows."""
         thinning.add(engine, self.topics, self.times, self.sizes, self.messages)
 
+    def at(self, times: 'array[int]') -> 'Batch':
+        """Return the messages at other times."""
+        return replace(self, times=times)
+
     def _part(self, begin: int, end: int) -> 'Batch':
         first = sum(self.sizes[:begin])
         part = Batch(self.topics[begin:end], self.times[begin:end], self.sizes[begin:end],

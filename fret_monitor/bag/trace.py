@@ -17,11 +17,12 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NoReturn
+from weakref import WeakKeyDictionary
 
 from fret_monitor.bag.recording import DamagedRecording
 from fret_monitor.model.diagnostics import CompileError, refuse
@@ -31,8 +32,10 @@ from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
+from fret_monitor.runtime.keyed_rows import KeyedBlock, KeyedColumn, KeyedRows
 from fret_monitor.runtime.thinning import Thinning
 from fret_monitor.traces.csv_trace import open_trace, TIME, TimeColumn, TraceReader
+from fret_monitor.traces.keyed_trace import KeyedTraceReader, read_keyed_trace
 from fret_monitor.traces.simulate import for_trace
 
 ROWS = 'rows'
@@ -65,6 +68,10 @@ class RowBatch:
         """Return the rows after the first `count`."""
         return self._part(count, len(self.times))
 
+    def at(self, times: 'array[int]') -> 'RowBatch':
+        """Return the rows at other times."""
+        return replace(self, times=times)
+
     def _part(self, begin: int, end: int) -> 'RowBatch':
         return RowBatch(self.times[begin:end], tuple(
             None if item is None else item[begin:end] for item in self.columns))
@@ -78,6 +85,57 @@ class RowBatch:
     def add_to(self, thinning: Thinning, engine: Engine) -> None:
         """Put the values into windows."""
         thinning.add_rows(engine, self.columns, self.times)
+
+
+@dataclass(frozen=True)
+class KeyedRowBatch:
+    """
+    Rows with keys, from `begin` to `end` of a block.
+
+    `rows` of an engine take them, for columns of inputs.
+    """
+
+    block: KeyedBlock
+    begin: int
+    end: int
+    rows: Callable[[Engine], KeyedRows]
+
+    @property
+    def times(self) -> 'array[int]':
+        """The times of the rows (ns), in their order."""
+        return self.block.times[self.begin:self.end]
+
+    def before(self, time: int) -> 'KeyedRowBatch':
+        """Return the rows before a time."""
+        return replace(self, end=self.begin + bisect_left(self.times, time))
+
+    def until(self, time: int) -> 'KeyedRowBatch':
+        """Return the rows up to a time."""
+        return replace(self, end=self.begin + bisect_right(self.times, time))
+
+    def after(self, count: int) -> 'KeyedRowBatch':
+        """Return the rows after the first `count`."""
+        return replace(self, begin=self.begin + count)
+
+    def at(self, times: 'array[int]') -> 'KeyedRowBatch':
+        """Refuse to give the rows other times."""
+        _refuse_drawing()
+
+    def deliver(self, engine: Engine, counts: 'array[int]', *,
+                most: int) -> Iterator[list[Violation]]:
+        """Deliver the rows to an engine, as `RowBatch.deliver`."""
+        counts[0] += self.end - self.begin
+        return engine.keyed_rows(self.rows(engine), self.block, self.begin, self.end, most=most)
+
+    def add_to(self, thinning: Thinning, engine: Engine) -> None:
+        """Refuse to put the values into windows."""
+        _refuse_drawing()
+
+
+def _refuse_drawing() -> NoReturn:
+    refuse('a trace with keys is not drawn yet',
+           help='leave out --report: the table, --json, --junit, --csv and --mcap have the '
+           'instances')
 
 
 class Trace:
@@ -115,8 +173,7 @@ class Trace:
         """
         if self.path.is_fifo():  # it is read more than once
             refuse(f"'{self.path}' is a named pipe, not a file of a recording")
-        manifest = monitor.manifest
-        self._inputs = manifest.inputs
+        manifest = self._manifest = monitor.manifest
         self._time = TimeColumn.REQUIRED if manifest.policy is Policy.TIMED \
             else TimeColumn.OPTIONAL
         with open_trace(self.path) as file:
@@ -127,11 +184,17 @@ class Trace:
                                  f'{short_seconds(self._spacing)} s',)
             if not self.recorded:
                 self._measure(reader)
+            if not reader.has_times:  # as for `simulate`, instances do not end then
+                monitor = replace(monitor, manifest=replace(manifest, variables=tuple(
+                    replace(item, forget=0) for item in manifest.variables)))
         return for_trace(monitor)
 
     def _reader(self, file: BinaryIO) -> TraceReader:
-        return TraceReader(str(self.path), file, self._inputs, self._time,
-                           load_evaluator(evaluator_library()))
+        library = load_evaluator(evaluator_library())
+        if self._manifest.variables:
+            return read_keyed_trace(str(self.path), file, self._manifest, self._time, library)
+        return TraceReader(
+            str(self.path), file, self._manifest.inputs, self._time, library)
 
     def _measure(self, reader: TraceReader) -> None:
         """Count the rows, and find the first and the last time, as far as they can be read."""
@@ -146,15 +209,11 @@ class Trace:
         self.start, self.end = (first or 0) * self._spacing, last * self._spacing
 
     def batches(self, wanted: Mapping[tuple[str, str], int],
-                until: int | None = None) -> Iterator[RowBatch]:
+                until: int | None = None) -> Iterator[RowBatch | KeyedRowBatch]:
         """Yield the rows up to a time (ns), many at a time; errors as of `Recording.batches`."""
         try:
             with open_trace(self.path) as file:
-                for times, columns in self._reader(file).blocks():
-                    if self._spacing != 1:  # these are the numbers of rows
-                        times = array('q', range(times[0] * self._spacing,
-                                                 times[-1] * self._spacing + 1, self._spacing))
-                    batch = RowBatch(times, tuple(columns))
+                for batch in self._batches(self._reader(file)):
                     if until is not None and batch.times[-1] > until:
                         batch = batch.until(until)
                         if batch.times:
@@ -164,3 +223,34 @@ class Trace:
         except CompileError as error:
             raise DamagedRecording(' '.join(
                 item.in_one_line for item in error.diagnostics)) from None
+
+    def _batches(self, reader: TraceReader) -> Iterator[RowBatch | KeyedRowBatch]:
+        if isinstance(reader, KeyedTraceReader):
+            rows_of = _KeyedRowsOf(reader.columns)
+            for block in reader.keyed_blocks():
+                block = replace(block, times=self._spaced(block.times))
+                yield KeyedRowBatch(block, 0, len(block.times), rows_of)
+            return
+        for times, columns in reader.blocks():
+            yield RowBatch(self._spaced(times), tuple(columns))
+
+    def _spaced(self, times: 'array[int]') -> 'array[int]':
+        """Return the times of rows; of some that have none, these are their numbers."""
+        return times if self._spacing == 1 else array('q', range(
+            times[0] * self._spacing, times[-1] * self._spacing + 1, self._spacing))
+
+
+class _KeyedRowsOf:
+    """What takes rows with keys, of each engine."""
+
+    def __init__(self, columns: Sequence[KeyedColumn]) -> None:
+        self._columns = columns
+        self._made: WeakKeyDictionary[Engine, KeyedRows] = WeakKeyDictionary()
+
+    def __call__(self, engine: Engine) -> KeyedRows:
+        if engine not in self._made:
+            assert engine.scopes is not None
+            self._made[engine] = KeyedRows(
+                engine.scopes, [[]] * (len(engine.scopes.monitor.kinds) + 1), self._columns,
+                are_times=True)
+        return self._made[engine]

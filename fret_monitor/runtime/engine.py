@@ -35,6 +35,7 @@ from fret_monitor.native.errors import LibraryError
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.evaluator import Evaluator, Violation, violation
 from fret_monitor.runtime.gate import Judgement, MessageGate
+from fret_monitor.runtime.keyed_rows import KeyedBlock, KeyedRows
 from fret_monitor.runtime.scopes import Scopes
 
 MOST_DETAILS_PER_S = 100
@@ -140,7 +141,7 @@ class Engine:
             'takes_recoveries': takes_recoveries,
             'scopes': ffi.NULL if scopes is None else scopes.pointer,
         }))
-        self._has_keys = scopes is not None
+        self.scopes = scopes
         self._keys = ffi.new('uint8_t[]', _BATCH * _KEY_ROOM)
         if pointer == ffi.NULL:
             raise LibraryError('the library does not read the topics of its manifest')
@@ -311,6 +312,12 @@ class Engine:
             yield self._take_all()
         yield self._take_all()
 
+    def keyed_rows(self, rows: KeyedRows, block: KeyedBlock, begin: int, end: int, *,
+                   most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
+        """Take some rows of a trace with keys, as `rows`; of the scopes of this engine."""
+        for _ in rows.feed(self.pointer, block, begin, end, most):
+            yield self._take_all()
+
     def advance_all(self, now: int, *, most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """Move the time while it is told, and yield what is found until then, as `records`."""
         while not self._library.fm_engine_advance_all(self.pointer, now, most):
@@ -386,7 +393,7 @@ class Engine:
         While a clock is followed, this takes what is due, also during the wait.
         """
         batch: Any = ffi.new('struct fm_violation[]', _BATCH)
-        if not self._has_keys:
+        if self.scopes is None:
             count = self._library.fm_engine_take(self.pointer, batch, _BATCH, milliseconds)
             return [violation(item) for item in batch[0:count]]
         count = self._library.fm_engine_take_keyed(

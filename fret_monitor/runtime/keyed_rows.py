@@ -15,7 +15,8 @@
 """A wrapper of `keyed_rows.c`: rows of a trace with keys, and what they make of all scopes."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import csv
 from dataclasses import dataclass
 from io import StringIO
@@ -23,6 +24,7 @@ import math
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.model.policies import InputSource
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.errors import NativeError
 from fret_monitor.native.monitor import CData
@@ -63,17 +65,18 @@ class KeyedRows:
     """Steps scopes with rows; the text of the verdicts is taken by `take_text`."""
 
     def __init__(self, scopes: Scopes, cells: Sequence[Sequence[int]],
-                 columns: Sequence[KeyedColumn], receptions: Sequence[int], *,
+                 columns: Sequence[KeyedColumn], *,
                  are_times: bool, has_margins: bool = False) -> None:
         """
         Prepare to run scopes.
 
         `cells` has, for each kind and last for the bundle, the place of each requirement in a row.
-        `receptions` are inputs of the bundle that are true in each row for all. The monitor has
-        margins if they are wanted.
+        The monitor has margins if they are wanted.
         """
         manifest = scopes.monitor.manifest
         variables, kinds = manifest.variables, manifest.kinds
+        receptions = [index for index, item in enumerate(manifest.inputs)
+                      if item.source is InputSource.RECEIVED]
         slots = [*(manifest.most(place) for place, _ in enumerate(kinds)), 1]
         native = ffi.new('struct fm_keyed_scope[]', len(cells))
         self._library: Any = scopes.library
@@ -116,6 +119,22 @@ class KeyedRows:
 
     def take(self, block: KeyedBlock, label: int) -> None:
         """Take rows, of which the first has a number, which is its label unless it has a time."""
+        with self._filled(block):
+            self._rows.label = label
+            self._library.fm_keyed_rows_take(self._rows)
+
+    def feed(self, engine: CData, block: KeyedBlock, begin: int, end: int,
+             most: int) -> Iterator[None]:
+        """Let an engine with these scopes take some rows; take what it finds each time."""
+        with self._filled(block):
+            self._rows.next, self._rows.end = begin, end
+            while not self._library.fm_engine_keyed_rows(engine, self._rows, most):
+                yield
+        yield
+
+    @contextmanager
+    def _filled(self, block: KeyedBlock) -> Iterator[None]:
+        """Refer to the rows of a block."""
         rows, count = self._rows, len(block.times)
         ones = array('B', [1]) * count
         parts = [(ffi.from_buffer(item[0]), ffi.from_buffer('bool[]', item[1])) if item else
@@ -125,9 +144,8 @@ class KeyedRows:
              'bytes': column.item.value_type.size}
             for column, (values, there) in zip(self._columns, parts, strict=True)] or 1)
         times = ffi.from_buffer('int64_t[]', block.times)
-        rows.n, rows.times, rows.label, rows.keys = count, times, label, block.keys
-        rows.columns = columns
-        self._library.fm_keyed_rows_take(rows)
+        rows.n, rows.times, rows.keys, rows.columns = count, times, block.keys, columns
+        yield
 
     def advance(self, until: int) -> None:
         """Take what is due by a time."""

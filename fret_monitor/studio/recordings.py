@@ -182,7 +182,7 @@ class _TakenRows:
             places = array('q', (
                 bisect_right(times, time) - 1 if time <= self._last else self._count
                 for time in batch.times))
-            replace(batch, times=places).add_to(thinning, engine)
+            batch.at(places).add_to(thinning, engine)
 
         self._read(watch)
         return self._count

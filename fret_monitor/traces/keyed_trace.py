@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 from fret_monitor.model.diagnostics import CompileError, did_you_mean
-from fret_monitor.model.manifest import ManifestVariable
+from fret_monitor.model.manifest import Manifest, ManifestVariable
 from fret_monitor.model.names import LONGEST_KEY
 from fret_monitor.model.policies import InputSource
 from fret_monitor.model.values import ValueType
@@ -170,3 +170,25 @@ class KeyedTraceReader(TraceReader):
                     f"write the key in the column '{name}'")
             if cell:
                 yield item.name, self._column([row], item, place)[0]
+
+
+def read_keyed_trace(name: str, file: BinaryIO, manifest: Manifest, time: TimeColumn,
+                     library: CData) -> KeyedTraceReader:
+    """Read the heading of a trace of a bundle; arguments and errors as of `KeyedTraceReader`."""
+    return KeyedTraceReader(name, file, _columns(manifest), _variables_of(manifest),
+                            manifest.variables, time, library)
+
+
+def _columns(manifest: Manifest) -> list[KeyedColumn]:
+    """Return the inputs that have columns: those of the bundle, then those with keys."""
+    shared = [KeyedColumn(item, BUNDLE, index) for index, item in enumerate(manifest.inputs)
+              if item.source is not InputSource.INSTANCES]
+    return [*shared, *(KeyedColumn(item, place, index)
+                       for place, kind in manifest.bases
+                       for index, item in enumerate(kind.manifest.inputs)
+                       if index in manifest.own_inputs(place))]
+
+
+def _variables_of(manifest: Manifest) -> dict[str, tuple[int, ...]]:
+    return {kind.manifest.inputs[index].name: kind.variables for place, kind in manifest.bases
+            for index in manifest.own_inputs(place)}

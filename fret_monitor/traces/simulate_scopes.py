@@ -26,12 +26,12 @@ from typing import BinaryIO, TextIO
 
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.policies import InputSource, Policy
+from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.keyed_rows import KeyedColumn, KeyedRows
-from fret_monitor.runtime.scopes import BUNDLE, Scopes
+from fret_monitor.runtime.keyed_rows import KeyedRows
+from fret_monitor.runtime.scopes import Scopes
 from fret_monitor.traces.csv_trace import LAST_TICK, seconds_text, TIME, TimeColumn
-from fret_monitor.traces.keyed_trace import KeyedTraceReader
+from fret_monitor.traces.keyed_trace import read_keyed_trace
 from fret_monitor.traces.margin_table import MarginTable
 from fret_monitor.traces.summary import Beyond, Summary
 
@@ -50,15 +50,12 @@ class ScopedRun:
         is_timed = self._manifest.policy is Policy.TIMED
         self._first_column = TIME if is_timed else 'step'
         has_forget = any(item.forget for item in self._manifest.variables)
-        self._trace = KeyedTraceReader(
-            name, file, _columns(self._manifest), _variables_of(self._manifest),
-            self._manifest.variables, TimeColumn.REQUIRED if is_timed else
+        self._trace = read_keyed_trace(
+            name, file, self._manifest, TimeColumn.REQUIRED if is_timed else
             TimeColumn.OPTIONAL if has_forget else TimeColumn.IGNORED, scopes.library)
-        receptions = [index for index, item in enumerate(self._manifest.inputs)
-                      if item.source is InputSource.RECEIVED]
         self._table = None if margins_out is None else MarginTable(
             self._manifest, margins_out, has_times=self._trace.has_times)
-        self._rows = KeyedRows(scopes, _cells(self._manifest), self._trace.columns, receptions,
+        self._rows = KeyedRows(scopes, _cells(self._manifest), self._trace.columns,
                                are_times=is_timed, has_margins=margins_out is not None)
 
     def run(self, until: int | None) -> Summary:
@@ -112,18 +109,3 @@ def _cells(manifest: Manifest) -> list[list[int]]:
     column = {name: place for place, name in enumerate(manifest.ids)}
     return [*([column[item.id] for item in kind.manifest.requirements[:kind.n_reported]]
               for kind in manifest.kinds), [column[item.id] for item in manifest.requirements]]
-
-
-def _columns(manifest: Manifest) -> list[KeyedColumn]:
-    """Return the inputs that have columns: those of the bundle, then those with keys."""
-    shared = [KeyedColumn(item, BUNDLE, index) for index, item in enumerate(manifest.inputs)
-              if item.source is not InputSource.INSTANCES]
-    return [*shared, *(KeyedColumn(item, place, index)
-                       for place, kind in manifest.bases
-                       for index, item in enumerate(kind.manifest.inputs)
-                       if index in manifest.own_inputs(place))]
-
-
-def _variables_of(manifest: Manifest) -> dict[str, tuple[int, ...]]:
-    return {kind.manifest.inputs[index].name: kind.variables for place, kind in manifest.bases
-            for index in manifest.own_inputs(place)}

@@ -34,7 +34,7 @@ from fret_monitor.bag.check import (
 from fret_monitor.bag.findings import Findings, Slack
 from fret_monitor.bag.fleet import asked
 from fret_monitor.bag.slack import slack_of_trace
-from fret_monitor.bag.trace import RowBatch, Trace
+from fret_monitor.bag.trace import KeyedRowBatch, RowBatch, Trace
 from fret_monitor.messages.installed import find_message
 import pytest
 
@@ -192,7 +192,7 @@ def test_margins_and_triggers_take_one_reading(
     path.write_text('\n'.join(ROWS) + '\n')
     readings: list[Trace] = []
 
-    def batches(trace: Trace, *of: Any) -> Iterator[RowBatch]:
+    def batches(trace: Trace, *of: Any) -> Iterator[RowBatch | KeyedRowBatch]:
         readings.append(trace)
         return original(trace, *of)
 

@@ -1,0 +1,130 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`bag` judges a trace with keys as `simulate` does: the same violations of the same instances."""
+
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+from bundles import write_bundle
+from fret_monitor.bag.check import RecordingResult, run as run_bag, Selection
+from fret_monitor.bag.trace import Trace
+from fret_monitor.build import build_specification
+from fret_monitor.cli.main import main
+from fret_monitor.logic.specification import Specification
+from fret_monitor.model.policies import Policy, Report
+from fret_monitor.traces.csv_trace import parse_seconds
+from fret_monitor.traces.simulate import simulate
+from fret_monitor.traces.summary import Summary
+from keyed import random_bundle, random_rows, Row
+import pytest
+from traces.test_keyed_simulate import FOUND, LISTED, OTHER, run, write_rows
+from traces.timed_traces import timed
+
+
+def reported(specification: Specification) -> Specification:
+    """Return a specification whose requirements report when they begin to be violated."""
+    return replace(specification, properties=tuple(
+        replace(item, report=Report.ONSET) for item in specification.properties))
+
+
+def both(folder: Path, specification: Specification, rows: list[Row],
+         has_times: bool = True) -> tuple[Summary, RecordingResult]:
+    """Run a trace with both."""
+    monitor = build_specification(specification).monitor
+    write_rows(specification, rows, folder / 'trace.csv', has_times)
+    summary = simulate(monitor, folder / 'trace.csv', folder / 'out.csv')
+    return summary, run_bag(monitor, Trace(folder / 'trace.csv'), Selection())
+
+
+@pytest.mark.parametrize(('policy', 'forget', 'has_times'), [
+    (Policy.EVERY_MESSAGE, 20, True), (Policy.RELEVANT_MESSAGE, 20, False),
+    (Policy.ALL_INPUTS, 0, True), (Policy.PERIODIC, 9, False)])
+def test_as_many_steps_violate_each_requirement(
+        policy: Policy, forget: int, has_times: bool, tmp_path: Path) -> None:
+    rng = Random(f'{policy} {forget}')
+    specification = replace(reported(random_bundle(
+        rng, [replace(FOUND, forget=forget * 10**9), OTHER], levels=2)), policy=policy)
+    times = [0]
+    for _ in range(119):
+        times.append(times[-1] + rng.choice([1, 2, 5, 20, 21]) * 10**9)
+    rows = random_rows(rng, specification, 120, times)
+    summary, result = both(tmp_path, specification, rows, has_times)
+    assert {item.id: item.violations for item in result.findings} == summary.violations
+    assert sum(summary.violations.values()) > 20
+    assert result.read == result.recorded == {'rows': 120}
+    assert (result.kinds['robot'].ended > 0) == (has_times and forget > 0)
+    first = {item.id: item.first for item in result.findings if item.first is not None}
+    assert {name: times[step] if has_times else step * 10**9
+            for name, step in summary.first.items()} == first
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_under_timed_the_violations_of_each_instance_begin_when_its_verdict_changes(
+        seed: int, tmp_path: Path) -> None:
+    rng = Random(f'{seed} timed')
+    specification = reported(timed(random_bundle(
+        rng, [LISTED] if seed else [FOUND, OTHER], loops=0, levels=2)))
+    times = [5 * 10**9]
+    for _ in range(59):
+        times.append(times[-1] + rng.choice([1, 2, 5, 9, 30]))
+    rows = random_rows(rng, specification, 60, times)
+    _, result = both(tmp_path, specification, rows)
+    _, (heading, *table) = run(tmp_path, specification, rows, has_times=True)
+    keys = len(specification.instance_variables)
+    expected: dict[tuple[str, str], list[int]] = defaultdict(list)
+    before: dict[tuple[str, str], str] = {}
+    variables_of = {item.id: item.variables for item in result.findings}
+    names = [item.name for item in specification.instance_variables]
+    for time, *cells in table:
+        for name, cell in zip(heading[1 + keys:], cells[keys:], strict=True):
+            key = ''.join(cells[names.index(variable)] for variable in variables_of[name])
+            if cell == '0' and before.get((name, key)) != '0':
+                expected[name, key].append(parse_seconds(time))
+            before[name, key] = cell or before.get((name, key), '')
+    found = {(item.id, key.decode()): [begin for begin, _ in one.spans]
+             for item in result.findings
+             for key, one in (item.instances.items() if item.variables else [(b'', item)])
+             if one.spans}
+    assert found == expected
+    assert len(found) > 2
+
+
+FLEET = """
+format: 1
+for_each: {robot: [alpha, beta]}
+inputs: {speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}}
+requirements:
+  - {id: SPEED, ptltl: "speed <= 1.0"}
+"""
+
+
+def test_a_part_of_a_trace_is_judged_and_a_wrong_key_has_its_place(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bundle, trace = write_bundle(tmp_path, FLEET), tmp_path / 'trace.csv'
+    trace.write_text('time,robot,speed\n0,alpha,2\n1,beta,0.5\n2,alpha,0.5\n3,beta,3\n4,beta,0\n',
+                     encoding='utf-8')
+    assert main(['bag', str(bundle), str(trace), '--from', '1', '--to', '3', '--csv',
+                 str(tmp_path / 'out.csv')]) == 0
+    assert capsys.readouterr().out.splitlines()[2:] == [
+        'requirement        verdict   occurrences  first at  longest',
+        'SPEED              VIOLATED            1       3 s      0 s',
+        'SPEED[robot=beta]  VIOLATED            1       3 s      0 s']
+    trace.write_text('time,robot,speed\n0,alpha,2\n1,gamma,0.5\n', encoding='utf-8')
+    assert main(['bag', str(bundle), str(trace)]) == 1
+    assert "trace.csv:3:3: 'gamma' is not a key of 'robot'" in capsys.readouterr().err
+    assert main(['bag', str(bundle), str(trace), '--report', str(tmp_path / 'r.html')]) == 1
+    assert 'a trace with keys is not drawn yet' in capsys.readouterr().err
