@@ -21,8 +21,8 @@ They are compiled in place of the requirements of a bundle, as monitors beside i
 from collections.abc import Iterator
 from dataclasses import replace
 
-from fret_monitor.bag.evidence import beside
-from fret_monitor.bag.waits import Lanes
+from fret_monitor.bag.observers import beside
+from fret_monitor.bag.waits import WaitLanes
 from fret_monitor.build import Reading
 from fret_monitor.elaboration.durations import TimeScale
 from fret_monitor.elaboration.fretish import has_deadline, required_so_far
@@ -37,7 +37,7 @@ from fret_monitor.model.policies import Report, Stale
 
 
 def with_lanes(reading: Reading, find: FindMessage) -> Reading:
-    """Return two requirements for each sentence with a deadline (`Lanes`), in a bundle."""
+    """Return two requirements for each sentence with a deadline (`WaitLanes`), in a bundle."""
     return _instead(reading, tuple(_deadlines(reading, find)))
 
 
@@ -76,7 +76,7 @@ def _deadlines(reading: Reading, find: FindMessage) -> Iterator[Property]:
     for number, (waits, at_once) in enumerate(zip(found[::2], found[1::2], strict=True)):
         item, timing = items[waits.id], sentences[waits.id].timing
         assert timing is not None and timing.duration is not None
-        lanes = Lanes(item.id, scale.timing(timing.duration))
+        lanes = WaitLanes(item.id, scale.timing(timing.duration))
         yield _lane(lanes.waits, f'waits_{number}', waits, required_so_far(waits.formula), item,
                     specification)
         yield _lane(lanes.at_once, f'at_once_{number}', at_once, at_once.formula, item,

@@ -30,11 +30,12 @@ from fret_monitor.bag.check import (
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
 from fret_monitor.bag.moments import Anchor, Moment
+from fret_monitor.bag.observers import beside, names_in, unknown_values
 from fret_monitor.bag.overview import MOST_SHOWN, Start
 from fret_monitor.build import Reading
 from fret_monitor.explain.report import Meaning
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Constant, Conversion, Formula, Historically, postorder, Unary,
+    Binary, Constant, Conversion, Formula, Historically, postorder, Unary,
     UnaryOperator, Variable, variables,
 )
 from fret_monitor.logic.printing import to_smv
@@ -215,20 +216,10 @@ def _formulas(item: Property, specification: Specification,
             found[trigger] = (text(trigger), 'trigger')
     for proposition in propositions(item)[:_MOST_LANES]:
         found.setdefault(proposition, (text(proposition), 'proposition'))
-    unknown = _unknown(specification)
-    equations = {name for _, equation in item.feedback for name in _names(equation)}
+    unknown = unknown_values(specification)
+    equations = {name for _, equation in item.feedback for name in names_in(equation)}
     return [(label, kind, formula) for formula, (label, kind) in found.items()
-            if unknown.isdisjoint(_names(formula) | equations)]
-
-
-def _unknown(specification: Specification) -> set[str]:
-    """Return the values over instances, where there are no instances: nothing is known of them."""
-    return set() if specification.aggregates else {
-        item.name for item in specification.signals if item.source is InputSource.INSTANCES}
-
-
-def _names(formula: Formula) -> set[str]:
-    return {item.name for item in variables(formula)}
+            if unknown.isdisjoint(names_in(formula) | equations)]
 
 
 def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, reading: Reading,
@@ -282,21 +273,6 @@ def _property(number: int, formula: Formula, item: Property,
     """Return a requirement that is violated whenever a formula of another one is false."""
     return replace(beside(formula, item, specification), id=f'lane {number}',
                    handler=f'lane_{number}', report=Report.ONSET)
-
-
-def beside(formula: Formula, item: Property, specification: Specification) -> Property:
-    """Return a requirement with a formula that starts and steps together with another one."""
-    left_out = _unknown(specification) | _names(formula)
-    for signal in specification.signals:
-        if signal.name in item.inputs and signal.name not in left_out:
-            formula = Binary(BinaryOperator.AND, formula, _tautology(signal))
-    return replace(item, title='', text='', formula=formula, sentence=None, place=None)
-
-
-def _tautology(signal: Signal) -> Formula:
-    value = Variable(signal.name, signal.type)
-    known = value if signal.type is ValueType.BOOL else Binary(BinaryOperator.EQ, value, value)
-    return Binary(BinaryOperator.OR, known, Unary(UnaryOperator.NOT, known))
 
 
 class _LaneChanges:

@@ -19,49 +19,21 @@ A monitor beside the bundle's has requirements that are violated while a respons
 (`deadlines.py`).
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-import csv
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from fret_monitor.bag.check import Aside, compiled, RecordingResult, Selection, variant_of
-from fret_monitor.bag.findings import Findings, MOST_KEPT, Slack
-from fret_monitor.bag.waits import Lanes, lanes_of
-from fret_monitor.model.manifest import Manifest
-from fret_monitor.model.policies import Policy
+from fret_monitor.bag.findings import Findings, MOST_KEPT
+from fret_monitor.bag.waits import FoundSlack, lanes_of, Waits
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import Violation
-from fret_monitor.runtime.reporting import StatusRecord
 from fret_monitor.start import Variant
-from fret_monitor.traces.csv_trace import parse_seconds, TIME
-from fret_monitor.traces.simulate import simulate
 
 if TYPE_CHECKING:  # what is in the cache needs no parser
     from fret_monitor.build import Reading
     from fret_monitor.elaboration.signals import FindMessage
-
-
-@dataclass(frozen=True)
-class _Wait:
-    """How long a response was waited for, in steps or nanoseconds, and when (ns)."""
-
-    length: int
-    trigger: int
-    until: int | None
-
-
-@dataclass(frozen=True)
-class Found:
-    """As in `Findings`: the least slack, a trigger that waits, and the slack of each trigger."""
-
-    slack: Slack | None
-    waiting: int | None
-    slacks: tuple[Slack, ...] = ()
 
 
 def slack_asides(bundle: Path, selection: Selection, find: 'FindMessage') -> Iterator[Aside]:
@@ -77,7 +49,7 @@ def slack_asides_of(reading: 'Reading', find: 'FindMessage') -> Iterator[Aside]:
 
 def _asides(monitor: Monitor) -> Iterator[Aside]:
     lanes = [*lanes_of(item.id for item in monitor.manifest.numbered)]
-    waits = _Waits(monitor.manifest)
+    waits = Waits(monitor.manifest)
 
     def note(result: RecordingResult, findings: Sequence[Findings]) -> None:
         violations = {item.id: item.violations for item in result.findings}
@@ -93,7 +65,7 @@ def _asides(monitor: Monitor) -> Iterator[Aside]:
         yield Aside(monitor, note, [waits])
 
 
-def _sum_up(item: Findings, found: Mapping[bytes | None, Found]) -> None:
+def _sum_up(item: Findings, found: Mapping[bytes | None, FoundSlack]) -> None:
     """Note the slack of a requirement; of all instances the least, and that of each trigger."""
     if None in found:
         own = found[None]
@@ -111,169 +83,9 @@ def _sum_up(item: Findings, found: Mapping[bytes | None, Found]) -> None:
                          key=attrgetter('trigger'))[:MOST_KEPT]
 
 
-def slack_of_trace(reading: 'Reading', find: 'FindMessage', trace: Path,
-                   until: int | None = None) -> dict[str, Found]:
-    """
-    Return by id the slack of the sentences with a deadline in a trace, as `simulate` takes it.
-
-    Triggers and responses are numbers of rows, under `timed` times (ns). Without those of
-    instances: a trace has no verdicts of a key in rows of others.
-    """
-    with_lanes = _make(reading, find)
-    specification = with_lanes.specification
-    keyed = {item.name for item in specification.signals if item.variables}
-    lanes = [*lanes_of(item.id for item in specification.properties
-                       if keyed.isdisjoint(item.inputs))]
-    if not lanes:
-        return {}
-    monitor = compiled(with_lanes).monitor
-    waits = _Waits(monitor.manifest)
-    with TemporaryDirectory() as folder:
-        table = Path(folder, 'verdicts.csv')
-        summary = simulate(monitor, trace, table, until=until)
-        with table.open(newline='', encoding='utf-8') as file:
-            last = waits.take_table(csv.DictReader(file), [*summary.violations])
-    end = last if until is None else until
-    found = {each.id: waits.found(each, end, lambda name, _: summary.violations[name])
-             for each in lanes}
-    return {name: of_keys[None] for name, of_keys in found.items() if None in of_keys}
-
-
 def _make(reading: 'Reading', find: 'FindMessage') -> 'Reading':
     from fret_monitor.bag.deadlines import with_lanes
     return with_lanes(reading, find)
 
 
 _DEADLINES = Variant('deadlines', _make)
-
-
-class _OfLane:
-    """The waits of a lane, of one instance."""
-
-    def __init__(self) -> None:
-        self.since: tuple[int, int] | None = None  # the step and the time
-        self.first: int | None = None  # the time of the first one
-        self.over = 0  # how long all waits together were that are over
-        self.longest: _Wait | None = None  # of those that are over
-        self.ended: _Wait | None = None  # the longest that ended with an instance
-        self.kept: list[_Wait] = []  # the first `MOST_KEPT` of both
-
-    def begin(self, step: int, time: int) -> None:
-        """Take that a wait begins."""
-        self.since = step, time
-        self.first = time if self.first is None else self.first
-
-    def end(self, wait: _Wait) -> None:
-        """Take that it is over, or that the instance has ended."""
-        self.since = None
-        self.over += wait.length
-        if wait.until is None:
-            self.ended = _longer(self.ended, wait)
-        else:
-            self.longest = _longer(self.longest, wait)
-        if len(self.kept) < MOST_KEPT:
-            self.kept.append(wait)
-
-
-def _longer(one: _Wait | None, other: _Wait | None) -> _Wait | None:
-    """Return the longer wait, the first of equal ones."""
-    if one is None or other is None:
-        return other if one is None else one
-    return other if other.length > one.length else one
-
-
-class _Waits:
-    """Finds how long each response of each sentence was waited for."""
-
-    wants_details = False
-
-    def __init__(self, manifest: Manifest) -> None:
-        self._is_timed, self._period = manifest.policy is Policy.TIMED, manifest.period
-        self._lanes: defaultdict[str, dict[bytes | None, _OfLane]] = defaultdict(dict)
-
-    def begin(self, begin: int, end: int, manifest: Manifest) -> None:
-        """Begin a run."""
-        self._names = [item.id for item in manifest.numbered]
-
-    def judged(self, requirement: int, time: int) -> None:
-        """Take that nothing is waited for at the first step."""
-
-    def change(self, violation: Violation, detail: StatusRecord | None) -> None:
-        """Take that a wait begins, or that it is over."""
-        lane = self._lane(self._names[violation.requirement], violation.key)
-        if not violation.is_recovery:
-            lane.begin(violation.step, violation.stamp)
-        elif lane.since is not None:
-            lane.end(self._wait(lane.since, violation.step, violation.stamp,
-                                None if violation.is_end else violation.stamp))
-
-    def take_table(self, rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> int:
-        """Take the verdicts of the lanes in a table; return the step or time of its last row."""
-        at = 0
-        for row in rows:
-            at = parse_seconds(row[TIME]) if self._is_timed else int(row['step'])
-            for name in names:
-                lane = self._lane(name, None)
-                if row[name] == '0' and lane.since is None:
-                    lane.begin(at, at)
-                elif row[name] == '1' and lane.since is not None:
-                    lane.end(self._wait(lane.since, at, at, at))
-        return at
-
-    def _lane(self, name: str, key: bytes | None) -> _OfLane:
-        return self._lanes[name].setdefault(key, _OfLane())
-
-    def _wait(self, since: tuple[int, int], step: int, time: int, until: int | None) -> _Wait:
-        begin, trigger = since
-        return _Wait(time - trigger if self._is_timed else step - begin, trigger, until)
-
-    def end(self, time: int) -> None:
-        """End the run."""
-
-    def found(self, lanes: Lanes, end: int,
-              steps: Callable[[str, bytes | None], int | None]) -> dict[bytes | None, Found]:
-        """
-        Return by key the slack of a sentence, and since when one is waited for with time left.
-
-        `end` is that of the run (ns), and `steps` returns those that a lane has taken by then, of
-        a lane without instances those at which it was violated.
-        """
-        waits, at_once = self._lanes[lanes.waits], self._lanes[lanes.at_once]
-        return {key: self._of_key(lanes.bound, waits.get(key), at_once.get(key),
-                                  self._last(lanes.waits, key, end, steps))
-                for key in dict.fromkeys([*waits, *at_once])}
-
-    def _of_key(self, bound: int, waits: _OfLane | None, at_once: _OfLane | None,
-                last: _Wait | None) -> Found:
-        lane = waits or _OfLane()
-        late = [item for item in (last, lane.ended) if item and item.length > bound]
-        wait = lane.longest
-        for item in late:
-            wait = _longer(wait, item)
-        if wait is None and at_once is not None and at_once.first is not None:
-            wait = _Wait(0, at_once.first, at_once.first)
-        kept = [item for item in lane.kept if item.until is not None or item.length > bound]
-        kept += [item for item in (last,) if item in late and item]
-        return Found(None if wait is None else self._slack(bound, wait),
-                     last.trigger if last and last not in late else None,
-                     tuple(self._slack(bound, item) for item in kept))
-
-    def _last(self, name: str, key: bytes | None, end: int,
-              steps: Callable[[str, bytes | None], int | None]) -> _Wait | None:
-        """Return the wait that is not over when a run ends: how long it is at least."""
-        lane = self._lanes[name].get(key)
-        if lane is None or lane.since is None:
-            return None
-        before = lane.over if key is None else lane.since[0]
-        length = end + 1 - lane.since[1] if self._is_timed else \
-            (steps(name, key) or 0) - before
-        return _Wait(length, lane.since[1], None)
-
-    def _slack(self, bound: int, wait: _Wait) -> Slack:
-        left = bound - wait.length
-        if self._is_timed:
-            return Slack(left / 10**9, 's', wait.trigger, wait.until)
-        if self._period is not None:
-            period = Fraction(repr(self._period))
-            return Slack(float(left * period), 's', wait.trigger, wait.until)
-        return Slack(left, 'steps', wait.trigger, wait.until)

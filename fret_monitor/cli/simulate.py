@@ -36,7 +36,7 @@ from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
 
 if TYPE_CHECKING:
-    from fret_monitor.bag.slack import Found
+    from fret_monitor.bag.waits import FoundSlack
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -107,9 +107,9 @@ def _horizons(manifest: Manifest) -> dict[str, int]:
             if item.horizon}
 
 
-def _slacks(options: Namespace) -> 'dict[str, Found]':
+def _slacks(options: Namespace) -> 'dict[str, FoundSlack]':
     """Return the slack of the sentences with a deadline, by id."""
-    from fret_monitor.bag.slack import slack_of_trace  # it needs the parser
+    from fret_monitor.bag.trace_slack import slack_of_trace  # it needs the parser
     from fret_monitor.build import read
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
                    takes_instances=True)
@@ -122,7 +122,7 @@ def _when(at: int, is_timed: bool) -> str:
     return f'{seconds_text(at)} s' if is_timed else f'step {at:,}'
 
 
-def _slack_text(found: 'Found', is_timed: bool) -> str:
+def _slack_text(found: 'FoundSlack', is_timed: bool) -> str:
     """Return the least slack in words."""
     slack = found.slack
     if slack is None:
@@ -133,7 +133,7 @@ def _slack_text(found: 'Found', is_timed: bool) -> str:
 
 
 def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int],
-           slacks: 'Mapping[str, Found]') -> str:
+           slacks: 'Mapping[str, FoundSlack]') -> str:
     noun = 'row' if is_timed else 'step'
     lines = [counted(summary.steps, noun)]
     for name, count in summary.violations.items():
@@ -155,7 +155,7 @@ def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int],
 
 
 def _as_dict(summary: Summary, is_timed: bool, horizons: dict[str, int],
-             slacks: 'Mapping[str, Found]') -> dict[str, object]:
+             slacks: 'Mapping[str, FoundSlack]') -> dict[str, object]:
     def requirement(name: str, count: int) -> dict[str, object]:
         first = summary.first.get(name)
         when: dict[str, object] = {
@@ -173,7 +173,7 @@ def _as_dict(summary: Summary, is_timed: bool, horizons: dict[str, int],
             **({'overflows': summary.overflows} if summary.overflows else {})}
 
 
-def _slack_dict(found: 'Found', is_timed: bool) -> dict[str, object]:
+def _slack_dict(found: 'FoundSlack', is_timed: bool) -> dict[str, object]:
     def instant(at: int | None) -> object:
         return at if at is None or not is_timed else seconds_text(at)
 

@@ -33,8 +33,8 @@ from fret_monitor.bag.check import (
 )
 from fret_monitor.bag.findings import Findings, Slack
 from fret_monitor.bag.fleet import asked
-from fret_monitor.bag.slack import slack_of_trace
 from fret_monitor.bag.trace import KeyedRowBatch, RowBatch, Trace
+from fret_monitor.bag.trace_slack import slack_of_trace
 from fret_monitor.messages.installed import find_message
 import pytest
 
@@ -314,3 +314,14 @@ def test_a_report_has_the_least_slacks_and_that_of_each_occurrence(tmp_path: Pat
     assert '<br>Slack: -1 steps.' in fast
     assert run('bag', bundle, path, '--report', report).status == 0
     assert 'lack' not in report.read_text().split('<article', 1)[1].split('</article>')[0]
+
+
+def test_a_trace_needs_no_reader_of_recordings(tmp_path: Path) -> None:
+    bundle, path = write_bundle(tmp_path, LANDING), tmp_path / 'run.csv'
+    path.write_text('\n'.join(ROWS) + '\n')
+    script = ('import sys\nsys.modules["rosbags"] = None\n'
+              'from fret_monitor.cli.main import main\nmain(sys.argv[1:])')
+    done = subprocess.run(
+        [sys.executable, '-c', script, 'simulate', bundle, '--trace', path,
+         '--margins', tmp_path / 'margins.csv'], capture_output=True, text=True, check=False)
+    assert 'LAND: least slack 2 steps' in done.stderr
