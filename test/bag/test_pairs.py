@@ -15,6 +15,7 @@
 """Pairs in a recording: each is judged as a plain bundle is on the messages of its keys."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 import json
 from pathlib import Path
@@ -142,19 +143,26 @@ CASES = [(Policy.EVERY_MESSAGE, False), (Policy.TIMED, True), (Policy.PERIODIC, 
 def test_a_pair_of_listed_keys_is_judged_as_a_plain_bundle_on_its_slice(
         policy: Policy, swaps: bool, tmp_path: Path) -> None:
     found = list(messages(Random(f'{policy}')))
-    whole = judged(tmp_path, 'all', bundle(
-        policy, f'[{", ".join(ROBOTS[:2])}]', f'["{TRACKS[0]}", "{TRACKS[1]}"]', swaps=swaps),
-        found)
+
+    def with_rates(text: str) -> str:  # of margins
+        return text.replace('{topic:', '{max_rate: 1000, topic:')
+
+    whole = judged(tmp_path, 'all', with_rates(bundle(
+        policy, f'[{", ".join(ROBOTS[:2])}]', f'["{TRACKS[0]}", "{TRACKS[1]}"]', swaps=swaps)),
+        found, margins=True)
     by_id = {item.id: item for item in whole.findings}
     occurrences = 0
     for pair in ((ROBOTS[0], TRACKS[1]), (ROBOTS[1], TRACKS[0])):
-        plain = judged(tmp_path, '_'.join(pair), bundle(policy, '', '', pair),
-                       slice_of(found, pair))
+        plain = judged(tmp_path, '_'.join(pair), with_rates(bundle(policy, '', '', pair)),
+                       slice_of(found, pair), margins=True)
         key = pair_key(*(item.encode() for item in (pair[::-1] if swaps else pair)))
         for item in plain.findings:
             instance = by_id[item.id].instances.get(key, Findings(item.id))
             assert outline(instance) == outline(item), (pair, item.id)
             occurrences += item.occurrences
+            assert item.closest is not None
+            assert by_id[item.id].closest_of[key] == replace(
+                item.closest, key=by_id[item.id].shown_key(key)), (pair, item.id)
     assert occurrences > 10
 
 
