@@ -16,10 +16,12 @@
 
 #include "pool.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "due.h"
 #include "fret_windows.h"
+#include "steps.h"
 
 // ---- layout ------------------------------------------------------------------------------------
 
@@ -191,6 +193,31 @@ static void end_margins(const struct fm_pool * pool, uint32_t slot)
 {
   for (uint32_t r = 0; r < pool->evaluator->monitor->n_requirements; ++r) {
     fm_heap_remove(&pool->margins[r], slot);
+  }
+}
+
+static struct fm_margin least_margin(const struct fm_pool * pool, uint32_t requirement)
+{
+  const struct fm_margin none = {(double)INFINITY, (double)INFINITY, 0, -1};
+  const uint32_t first = fm_heap_first(&pool->margins[requirement]);
+  const uint64_t place = pool->evaluator->margins->margins[requirement];
+  return first == FM_NO_SLOT ? none : *(const struct fm_margin *)(const void *)(
+    (const char *)instance_at(pool, first).state + place);
+}
+
+void fm_pool_draw(struct fm_pool * pool, int64_t instant)
+{
+  const struct fm_evaluator * evaluator = pool->evaluator;
+  if (evaluator->lanes == NULL || pool->margins == NULL) {
+    return;
+  }
+  if (pool->entered != FM_NO_SLOT) {
+    order_margins(pool, pool->entered);
+  }
+  for (uint32_t r = 0; r < evaluator->monitor->n_requirements; ++r) {
+    if (pool->margins[r].n > 0 || pool->counts.alive == 0) {
+      fm_draw_last(evaluator->lanes, r, least_margin(pool, r), instant);
+    }
   }
 }
 

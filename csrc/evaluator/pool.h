@@ -110,6 +110,11 @@ FM_INTERNAL uint32_t fm_pool_nearest(struct fm_pool * pool, uint32_t requirement
 /// fm_evaluator_take_margin. It leaves the instance that is entered. O(log n).
 FM_INTERNAL double fm_pool_take_margin(struct fm_pool * pool, uint32_t requirement);
 
+/// Draw the least present margin of all instances, which one has changed at an instant: in lanes
+/// it is the last one. Without instances it is plus infinity; where none is known, nothing is
+/// drawn. O(requirements x log n), and O(1) without lanes.
+FM_INTERNAL void fm_pool_draw(struct fm_pool * pool, int64_t instant);
+
 /// When the instance that is entered ends; FM_NEVER. O(1).
 FM_INTERNAL int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot);
 

@@ -180,7 +180,7 @@ static void step(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_
   fm_scopes_before_step(scopes, kind);
   const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
     fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
-  fm_scopes_after_step(scopes, kind);
+  fm_scopes_after_step(scopes, kind, at);
   fm_pool_leave(pool);
   message->reached = at > message->reached ? at : message->reached;
   message->instant = at > message->instant ? at : message->instant;

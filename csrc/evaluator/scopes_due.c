@@ -192,6 +192,7 @@ static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot
       fm_pool_leave(&scopes->kinds[k].pool);
       fm_scopes_uncount(scopes, k, slot);
       is_open = fm_pool_end(&scopes->kinds[k].pool, slot) || is_open;
+      fm_pool_draw(&scopes->kinds[k].pool, instant);
     }
   }
   own->counts.open += is_open ? 1u : 0u;

@@ -98,7 +98,7 @@ struct fm_evaluator * fm_scopes_enter_slot(
 /// Note the steps of the operands of an instance that is entered; after it was evaluated, count
 /// what they have become.
 void fm_scopes_before_step(struct fm_scopes * scopes, uint32_t kind);
-void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind);
+void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
 
 /// Store the aggregates that a kind reads in its instance that is entered, where they are others,
 /// at an instant; under FM_TIMED at least 1 ns after its last evaluation. O(aggregates).

@@ -54,9 +54,9 @@ void fm_scopes_before_step(struct fm_scopes * scopes, uint32_t kind)
   }
 }
 
-void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind)
+void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
 {
-  const struct fm_pool * pool = &scopes->kinds[kind].pool;
+  struct fm_pool * pool = &scopes->kinds[kind].pool;
   const struct fm_instance * instance = &pool->evaluator->instance;
   for (uint32_t a = 0; a < scopes->n_totals; ++a) {
     struct fm_total * total = &scopes->totals[a];
@@ -64,6 +64,7 @@ void fm_scopes_after_step(struct fm_scopes * scopes, uint32_t kind)
       fm_total_update(total, instance, pool->entered);
     }
   }
+  fm_pool_draw(pool, instant);
 }
 
 void fm_scopes_uncount(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
@@ -264,7 +265,7 @@ void fm_scopes_take_due_of(struct fm_scopes * scopes, uint32_t kind, int64_t las
     }
     fm_scopes_before_step(scopes, kind);
     const uint32_t n = fm_take_first_due(evaluator, last, scopes->found);
-    fm_scopes_after_step(scopes, kind);
+    fm_scopes_after_step(scopes, kind, due);
     fm_scopes_report(scopes, FM_SCOPE_STEPPED, kind, slot, due, n);
     evaluator = fm_scopes_enter_slot(scopes, kind, slot);  // the sink may have looked elsewhere
   }

@@ -144,6 +144,16 @@ static void keep_less(
   }
 }
 
+void fm_draw_last(
+  const struct fm_margin_lanes * lanes, uint32_t requirement, struct fm_margin margin,
+  int64_t instant)
+{
+  const int64_t part = instant < lanes->begin ? -1 : (instant - lanes->begin) / lanes->width;
+  if (part >= 0 && (uint64_t)part < lanes->n) {
+    lanes->last[requirement * lanes->n + (uint64_t)part] = margin;
+  }
+}
+
 static void draw(
   const struct fm_margin_lanes * lanes, uint32_t requirement, const struct fm_margin * margin,
   int64_t instant)

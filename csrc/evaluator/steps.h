@@ -54,6 +54,11 @@ FM_INTERNAL void fm_evaluate_due_groups(
 FM_INTERNAL const struct fm_margin * fm_margin_in(
   const struct fm_evaluator * evaluator, uint32_t requirement);
 
+/// Draw a margin as the last one of the part that an instant is in. O(1).
+FM_INTERNAL void fm_draw_last(
+  const struct fm_margin_lanes * lanes, uint32_t requirement, struct fm_margin margin,
+  int64_t instant);
+
 /// Let the inputs become false that said that a message came, if that is over by an instant.
 FM_INTERNAL void fm_end_receptions(struct fm_evaluator * evaluator, int64_t instant);
 

@@ -411,7 +411,7 @@ class _Run:
     def _note_closest(self) -> None:
         """Note the least margins of what was judged."""
         for index, _ in enumerate(self._findings if self._selection.margins else ()):
-            kind, place = _scope_of(self._manifest, index)
+            kind, place = scope_of(self._manifest, index)
             if kind is not None and self._scopes is not None:
                 for key, margin, step in self._scopes.closest(kind, place):
                     self._note_margin(index, margin, step, key)
@@ -430,7 +430,7 @@ class _Run:
     def _note_margin(self, index: int, margin: Margin, step: int,
                      key: bytes | None = None) -> None:
         """Note a least margin of a requirement; of the instance of a key."""
-        kind, _ = _scope_of(self._manifest, index)
+        kind, _ = scope_of(self._manifest, index)
         scope = self._manifest if kind is None else self._manifest.kinds[kind].manifest
         if index not in self._unread and math.isfinite(margin.value):
             comparison = scope.comparisons[margin.comparison]
@@ -454,7 +454,7 @@ class _Run:
 
     def _steps(self) -> Iterator[tuple[str, Mapping[bytes, int]]]:
         for index, item in enumerate(self._manifest.numbered):
-            kind, place = _scope_of(self._manifest, index)
+            kind, place = scope_of(self._manifest, index)
             if kind is not None and self._scopes is not None:
                 yield item.id, dict(self._scopes.steps(kind, place))
 
@@ -868,13 +868,13 @@ class _Run:
         return found
 
     def _input_of(self, index: int, number: int) -> ManifestInput:
-        kind, _ = _scope_of(self._manifest, index)
+        kind, _ = scope_of(self._manifest, index)
         manifest = self._manifest if kind is None else self._manifest.kinds[kind].manifest
         return manifest.inputs[number]
 
     def _counts(self, index: int) -> RequirementCounts:
         """Return the counters of a requirement, those of all instances together."""
-        kind, place = _scope_of(self._manifest, index)
+        kind, place = scope_of(self._manifest, index)
         if kind is None or self._scopes is None:
             return self._evaluator.requirement_counts(place)
         return self._scopes.requirement_counts(kind, place)
@@ -887,7 +887,7 @@ class _Run:
                 self._errors.append(f'{what} recorded, {read[name]:,} read')
 
 
-def _scope_of(manifest: Manifest, index: int) -> tuple[int | None, int]:
+def scope_of(manifest: Manifest, index: int) -> tuple[int | None, int]:
     """Return the kind of a requirement of `Manifest.numbered`, and its index there."""
     place = index - len(manifest.requirements)
     if place < 0:

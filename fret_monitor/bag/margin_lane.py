@@ -21,7 +21,7 @@ import math
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.page import escaped, table
 from fret_monitor.bag.results import by_text
-from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.manifest import ManifestComparison
 from fret_monitor.model.times import short_seconds
 from fret_monitor.runtime.evaluator import Margin
 
@@ -37,8 +37,8 @@ def margin_row(item: Findings, margins: Sequence[Margin | None]) -> Iterator[str
                f'{_drawn(margins)}')
 
 
-def margin_section(item: Findings, margins: Sequence[Margin | None], manifest: Manifest,
-                   start: int) -> Iterator[str]:
+def margin_section(item: Findings, margins: Sequence[Margin | None],
+                   comparisons: Sequence[ManifestComparison], start: int) -> Iterator[str]:
     """Yield how close a requirement came, and the comparisons that decide its lane."""
     if item.closest is not None:
         found = item.closest
@@ -47,7 +47,7 @@ def margin_section(item: Findings, margins: Sequence[Margin | None], manifest: M
     decided = _deciding(margins)
     if decided:
         yield table(('decides the margin', 'shade', 'of the time'), [
-            (manifest.comparisons[number].text, f'{_shade(place):.0%}',
+            (comparisons[number].text, f'{_shade(place):.0%}',
              f'{sum(_number(margin) == number for margin in margins) / len(margins):.1%}')
             for place, number in enumerate(decided)])
 

@@ -17,10 +17,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fret_monitor.bag.check import AnyBatch
+from fret_monitor.bag.check import AnyBatch, scope_of
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.lanes import FALSE, Lane, TRUE
-from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.manifest import Manifest, ManifestComparison
 from fret_monitor.model.policies import InputSource
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
@@ -125,7 +125,7 @@ class Overview:
         self.thinning = Thinning(
             self._monitor, [TimeWindow(index, begin, end, parts) for index in range(count)])
         self._begin, self._end = begin, end
-        self._margins: MarginLanes | None = None
+        self._margins: list[MarginLanes] = []  # of the bundle, then of each kind
         self._lanes = [self._lane() for _ in self._place]
         self._keyed: list[dict[bytes, _Painted]] = [{} for _ in self._place]
 
@@ -134,8 +134,10 @@ class Overview:
 
     def watch(self, engine: Engine, batch: AnyBatch) -> None:
         """Take the values of messages or rows."""
-        if self._manifest.has_margins and self._margins is None:
-            self._margins = engine.evaluator.draw_margins(self._begin, self._end, _LANE_PARTS)
+        if self._manifest.has_margins and not self._margins:
+            stretch = self._begin, self._end, _LANE_PARTS
+            self._margins = [engine.evaluator.draw_margins(*stretch), *(
+                engine.scopes.draw_margins(*stretch) if engine.scopes else ())]
         batch.add_to(self.thinning, engine)
 
     def judged(self, requirement: int, time: int) -> None:
@@ -188,10 +190,15 @@ class Overview:
         return found
 
     def margins(self, index: int) -> list[Margin | None]:
-        """Return the least margin of a requirement in each part; [] without, and of instances."""
-        number = self._numbers[index]
-        return [] if self._margins is None or number >= len(self._manifest.requirements) \
-            else self._margins.lane(number)
+        """Return the least margin of a requirement in each part, of all keys; [] without."""
+        kind, place = scope_of(self._manifest, self._numbers[index])
+        return self._margins[0 if kind is None else kind + 1].lane(place) if self._margins else []
+
+    def comparisons(self, index: int) -> tuple[ManifestComparison, ...]:
+        """Return the comparisons that decide these margins, as they are numbered."""
+        kind, _ = scope_of(self._manifest, self._numbers[index])
+        return (self._manifest if kind is None else
+                self._manifest.kinds[kind].manifest).comparisons
 
     def of_instances(self, index: int) -> Mapping[bytes, str]:
         """Return the lanes of the instances that violated a requirement, by key."""

@@ -204,8 +204,8 @@ class RecordingReport:
                 yield f'<dt>{escaped(title)}</dt><dd{kind}>{escaped(text)}</dd>'
             yield f'</dl>{self._count(index)}'
             yield from probability_section(item)
-            yield from margin_section(item, self._overview.margins(index), self._manifest,
-                                      self.result.start)
+            yield from margin_section(item, self._overview.margins(index),
+                                      self._overview.comparisons(index), self.result.start)
             yield from slack_section(item, self._since)
             for number, occurrence in enumerate(
                     self.occurrences[index], 1 + self._count_before(index)):

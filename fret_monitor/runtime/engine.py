@@ -121,7 +121,7 @@ class Engine:
         LibraryError
             if the monitor's library does not read the messages of its topics.
         """
-        self.evaluator = evaluator
+        self.evaluator, self.scopes = evaluator, scopes
         self._library: Any = evaluator.library
         self._monitor = evaluator.monitor
         options = evaluator.options

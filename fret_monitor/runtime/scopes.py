@@ -32,8 +32,8 @@ from fret_monitor.native import evaluator_library, LibraryError, load_evaluator,
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, MonitorKind
 from fret_monitor.runtime.evaluator import (
-    closest_of, Evaluator, EvaluatorOptions, input_counts, InputCounts, Margin, margin_of, NEVER,
-    requirement_counts, RequirementCounts,
+    closest_of, Evaluator, EvaluatorOptions, input_counts, InputCounts, Margin, margin_of,
+    MarginLanes, NEVER, requirement_counts, RequirementCounts,
 )
 
 BUNDLE = 2**32 - 1
@@ -186,6 +186,14 @@ class Scopes:
         self._log = ClosestLog()
         self.library.fm_scopes_log_closest(self.pointer, self._log.pointer)
         return self._log
+
+    def draw_margins(self, begin: int, end: int, parts: int) -> list[MarginLanes]:
+        """Return the margins of each kind: of all instances the least, as `Evaluator` has them."""
+        self._lanes = [MarginLanes(len(kind.monitor.manifest.requirements), begin, end, parts)
+                       for kind in self.monitor.kinds]
+        for kind, lanes in enumerate(self._lanes):
+            self.library.fm_evaluator_draw_margins(self._blank(kind), lanes.pointer)
+        return self._lanes
 
     def begin_row(self, is_for_all: bool, now: int) -> None:
         """Begin a row of a trace: a step of all scopes that it is for."""

@@ -19,6 +19,7 @@ from csv import DictReader
 from dataclasses import replace
 from io import StringIO
 import json
+from math import inf, isfinite
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -26,10 +27,13 @@ from typing import Any
 from bag.recordings import START, statuses_of, TYPES, verdicts_of
 from cli.command import run
 from differential.compiled import unoptimised
-from fret_monitor.bag.check import check_recording, RecordingResult, Selection
+from fret_monitor.bag.check import (
+    check_recording, compiled, opened, read_bundle, RecordingResult, run as run_over, Selection,
+)
 from fret_monitor.bag.findings import Closest, Findings, Slack
 from fret_monitor.bag.fleet import asked
 from fret_monitor.bag.moments import Anchor, Moment
+from fret_monitor.bag.overview import Overview
 from fret_monitor.bag.report import check_and_report
 from fret_monitor.bag.results import ChangesCsv
 from fret_monitor.bag.violations import open_violations
@@ -332,6 +336,58 @@ def test_margins_and_slack_of_an_instance_are_those_of_a_plain_bundle_on_its_sli
     for item in whole.findings:
         assert item.closest == min(item.closest_of.values(), key=lambda found: found.margin,
                                    default=None)
+
+
+def lanes_of(folder: Path, name: str, text: str, found: Sequence[Message]) -> dict[
+        str, list[float | None]]:
+    """Return the margins in the lanes of a report, by requirement."""
+    file, path = folder / f'{name}.yaml', record(folder / f'{name}_bag', found)
+    file.write_text(text, encoding='utf-8')
+    selection = Selection(may_miss=True, margins=True)
+    with unoptimised(), opened(path) as (recording, find):
+        monitor = compiled(read_bundle(file, selection, find)).monitor
+        overview = Overview(monitor)
+        result = run_over(monitor, recording, selection, changes=[overview],
+                          watch=overview.watch)
+    return {item.id: [None if margin is None else margin.value
+                      for margin in overview.margins(index)]
+            for index, item in enumerate(result.findings)}
+
+
+@pytest.mark.parametrize(('policy', 'variable'), [
+    (Policy.TIMED, 'robot'), (Policy.EVERY_MESSAGE, 'joint')])
+def test_the_lane_of_a_margin_is_the_least_of_all_keys(
+        policy: Policy, variable: str, tmp_path: Path) -> None:
+    found = list(messages(Random(f'{policy} {variable} lanes'), KEYS))
+
+    def lanes(key: str) -> dict[str, list[float | None]]:
+        text = bundle(policy, [variable], f'[{", ".join(KEYS[:2])}]', key)
+        return lanes_of(tmp_path, f'of_{key}', text.replace('{topic:', '{max_rate: 1000, topic:'),
+                        slice_of(found, variable, key) if key else found)
+
+    whole, one, other = lanes(''), lanes(KEYS[0]), lanes(KEYS[1])
+    values = 0
+    for name, lane in whole.items():
+        expected = [min((value for value in values if value is not None), default=None)
+                    for values in zip(one[name], other[name], strict=True)]
+        assert lane == expected, name
+        values += len({value for value in lane if value is not None and isfinite(value)})
+    assert values > 30
+
+
+def test_an_instance_that_has_ended_is_not_in_the_lane(tmp_path: Path) -> None:
+    text = f"""format: 1
+for_each: {{robot: {{most: 2, forget: 2}}}}
+inputs: {{x: {{topic: "/{{robot}}/speed", type: {FLOAT}}}}}
+requirements: [{{id: LOW, ptltl: "x < 10"}}]
+"""
+    lane = lanes_of(tmp_path, 'ending', text, [
+        (round(second * 1e9), f'/{key}/speed', FLOAT, TYPES.types[FLOAT](value), frozenset())
+        for second, key, value in [
+            (0, 'a', 9.5), (0.5, 'b', 1.0), (1.9, 'b', 2.0), (3.8, 'b', 3.0), (6.9, 'b', 1.0)]])
+    parts = lane['LOW']
+    assert [parts[int(second / 6.9 * len(parts))] for second in (1, 1.95, 3, 5, 6.3)] == [
+        0.5, 0.5, 8.0, 7.0, inf]
 
 
 def test_the_least_margin_of_a_key_is_that_of_all_its_instances(tmp_path: Path) -> None:
