@@ -193,7 +193,7 @@ def selection_of(options: Namespace, constants: Sequence[tuple[str, Text]],
 def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict[str, str]) -> int:
     """Check recordings, and add the line of each to `lines`."""
     from fret_monitor.bag.results_file import recording_key, ResultsFile
-    status = 0
+    status, errors = 0, set[str]()
     folder = _report_folder(options)
     results = None if options.results is None else ResultsFile(options.results)
     texts: Mapping[str, str] = {}
@@ -203,7 +203,7 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
         lines[recording_key(outcome.path)] = outcome.line
         if outcome.result is not None:
             texts = {item.id: item.text for item in outcome.result.manifest.numbered}
-        _print(outcome, selection, is_json=options.json)
+        _print(outcome, selection, errors, is_json=options.json)
         content = json.loads(outcome.line)
         is_violated = any(item['verdict'] is False for item in content['requirements'].values())
         if outcome.error or (content['errors'] and not selection.is_partial) \
@@ -277,9 +277,14 @@ def _write_junit(options: Namespace, bundle: Path, selection: 'Selection', found
                          pooled=figures))
 
 
-def _print(outcome: 'Outcome', selection: 'Selection', *, is_json: bool) -> None:
+def _print(outcome: 'Outcome', selection: 'Selection', errors: set[str], *,
+           is_json: bool) -> None:
+    """Print an outcome; one of the `errors` that were printed before is not printed again."""
     from fret_monitor.bag.results import table
-    if outcome.error:
+    if outcome.error in errors:
+        print(f'error: {outcome.path}: the same as before', file=sys.stderr)
+    elif outcome.error:
+        errors.add(outcome.error)
         print(outcome.error, file=sys.stderr)
     if outcome.result is not None:
         kind = 'warning' if selection.is_partial else 'error'

@@ -299,6 +299,15 @@ def test_a_cluster_without_workers_is_an_error(
     assert f'= help: start one, or several: dask worker {address}' in err
 
 
+def test_an_error_of_the_bundle_is_printed_once(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
+    bad = write_bundle(tmp_path, LOW.replace('< 0.5', '< < 0.5'), 'bad.yaml')
+    assert main(['bag', str(bad), *[str(recording)] * 2]) == 1
+    first, *others, last = capsys.readouterr().err.splitlines()
+    assert first.startswith(f'{bad}:3:') and not any('error' in line for line in others)
+    assert last == f'error: {recording}: the same as before'
+
+
 def test_every_error_is_json(
         tmp_path: Path, bundle: Path, recording: Path, capsys: Capture,
         monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from fractions import Fraction
 from itertools import islice
 from math import isclose, lgamma, log
 from random import Random
+from statistics import mean
 
 from fret_monitor.logic.formula import NotRefuted, Variable
 from fret_monitor.logic.trials import Product, SequentialTest
@@ -147,6 +148,17 @@ def test_of_2000_runs_at_the_bound_few_are_ever_refuted(confidence: str, require
     refuted = sum(first_refusal(of, of.allowed, 1500, rng) is not None for _ in range(2000))
     error = 1 - float(of.confidence)
     assert refuted / 2000 <= error + 4 * (error * (1 - error) / 2000) ** 0.5
+
+
+@pytest.mark.parametrize('ratio', [2, 3, 5])
+def test_runs_beyond_the_bound_are_refuted_soon_after_the_theory_says(ratio: int) -> None:
+    of, p = asked('> 0.9', '0.99'), 0.1
+    q = ratio * p
+    wald = log(100) / (q * log(q / p) + (1 - q) * log((1 - q) / (1 - p)))
+    found = [first_refusal(of, q, 100_000, Random(run)) for run in range(40)]
+    delays = [number + 1 for number in found if number is not None]
+    assert len(delays) == 40  # none is assured before
+    assert 0.9 * wald < mean(delays) < 1.7 * wald
 
 
 @thorough
