@@ -27,6 +27,7 @@ from bag.test_instances import (
     BOOL, changes_in, FLOAT, JOINTS, judged, Message, outline, POINT, record, told, TRANSFORMS,
     written,
 )
+from bag.test_keyed_traces import both, reported
 from bag.test_report_by_key import lanes, page_of
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.results import json_line, table
@@ -35,6 +36,7 @@ from fret_monitor.model.policies import Policy
 import numpy
 import pytest
 from strategies import some
+from traces.test_pairs import JOINT, pair_bundle, pair_rows, ROBOT
 
 ROBOTS, TRACKS = ('a', 'long_robot', 'c'), ('1', '-20', '3')
 OF_ROBOT, OF_TRACK, OF_BOTH = ('speed', 'many'), ('human',), ('near', 'load', 'seen')
@@ -237,3 +239,14 @@ def test_what_is_drawn_of_a_pair_is_what_is_of_a_plain_bundle_on_its_slice(
     drawn = lanes(whole, f'{pair[0]},track={pair[1]}')
     assert drawn == lanes(plain, '')
     assert len(drawn) > 3
+
+
+@pytest.mark.parametrize('policy', some([Policy.EVERY_MESSAGE, Policy.ALL_INPUTS], 1))
+def test_a_table_with_pairs_has_the_violations_that_simulate_counts(
+        policy: Policy, tmp_path: Path) -> None:
+    rng = Random(f'{policy} table')
+    specification = reported(replace(pair_bundle(rng, [ROBOT, JOINT]), policy=policy))
+    rows = pair_rows(rng, specification, 120, [number * 10**9 for number in range(120)])
+    summary, result = both(tmp_path, specification, rows)
+    assert {item.id: item.violations for item in result.findings} == summary.violations
+    assert sum(count for name, count in summary.violations.items() if name[0] == 'P') > 20
