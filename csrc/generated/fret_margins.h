@@ -325,7 +325,9 @@ static inline struct fm_margin_kept fm_margin_within_at(
     queue[1] -= 1;
   }
   fm_margin_enter(ring, queue, capacity, now, FM_NEVER);
-  fm_lower(next, queue[1] > 1, queue[4 + queue[0]] + bound + 1);
+  if (queue[1] > 1) {  // the tick of the newest is no number to add to
+    fm_lower(next, true, queue[4 + queue[0]] + bound + 1);
+  }
   return ring[queue[0]];
 }
 
