@@ -193,7 +193,7 @@ def by_text(comparison: str, distance: float, key: str = '') -> str:
 
 def _first_instances(item: Findings) -> list[Findings]:
     """Return the violated instances of a requirement that are shown, by their keys."""
-    return [replace(found, closest=item.closest_of.get(key), slack=item.slack_of.get(key))
+    return [_of_key(item, key, found)
             for key, found in sorted(item.instances.items())[:_MOST_INSTANCES]]
 
 
@@ -201,9 +201,15 @@ def _others(item: Findings) -> list[Findings]:
     """Return other instances that are shown, with what is known of them, the closest first."""
     keys = sorted({*item.closest_of, *item.slack_of} - {*item.instances}, key=lambda key: (
         item.closest_of[key].margin if key in item.closest_of else inf, key))
-    return [Findings(f'{item.id}[{item.shown_key(key)}]', closest=item.closest_of.get(key),
-                     slack=item.slack_of.get(key))
+    return [_of_key(item, key, Findings(f'{item.id}[{item.shown_key(key)}]'))
             for key in keys[:max(0, _MOST_INSTANCES - len(item.instances))]]
+
+
+def _of_key(item: Findings, key: bytes, found: Findings) -> Findings:
+    """Return what was found of an instance with its margin and slack, whose row has its key."""
+    closest, slack = item.closest_of.get(key), item.slack_of.get(key)
+    return replace(found, closest=closest and replace(closest, key=''),
+                   slack=slack and replace(slack, key=''))
 
 
 def aligned(row: Sequence[str], widths: Sequence[int], words: int = 2) -> str:
