@@ -191,15 +191,17 @@ def _filled_reqif(text: str, path: Path, heads: Sequence[str],
     identifiers = {item.getAttribute('IDENTIFIER'): {
         head: _attribute(document, item, head) for head in heads} for item in kinds}
     for item in _named(document, 'SPEC-OBJECT'):
-        added = rows.get(f'{path.name}, {item.getAttribute("IDENTIFIER")}')
-        kind = next((_text(part) for part in _named(item, 'SPEC-OBJECT-TYPE-REF')),
-                    '')
+        identifier = item.getAttribute('IDENTIFIER')
+        added = rows.get(f'{path.name}, {identifier}')
+        kind = next((_text(part) for kind in _children(item, 'TYPE')
+                     for part in _children(kind, 'SPEC-OBJECT-TYPE-REF')), '')
         if added is not None and kind in identifiers:
-            for head, cell in zip(heads, (*added, *[''] * len(heads)), strict=False):
-                _set_value(document, item, identifiers[kind][head], cell)
+            cells = (*added, *[''] * len(heads))
+            _set_values(document, item, {
+                identifiers[kind][head]: cell for head, cell in zip(heads, cells, strict=False)})
         elif added is not None:
-            refuse(f'{shown(str(path))}: the requirement {shown(item.getAttribute("IDENTIFIER"))} '
-                   'has no type, to which attributes could be added')
+            refuse(f'{shown(str(path))}: the requirement {shown(identifier)} has no type, to '
+                   'which attributes could be added')
     return document.toxml(encoding='UTF-8')
 
 
@@ -231,18 +233,21 @@ def _string_type(document: 'Document') -> str:
     return new.getAttribute('IDENTIFIER')
 
 
-def _set_value(document: 'Document', item: 'Element', identifier: str, text: str) -> None:
+def _set_values(document: 'Document', item: 'Element', texts: Mapping[str, str]) -> None:
+    """Set attributes of a requirement, by the identifiers of their definitions."""
     values = _part(document, item, 'VALUES')
-    for old in _named(values, 'ATTRIBUTE-VALUE-STRING'):
-        if any(_text(part) == identifier for part in
-               _named(old, 'ATTRIBUTE-DEFINITION-STRING-REF')):
-            old.setAttribute('THE-VALUE', text)
-            return
-    new = _child(document, values, 'ATTRIBUTE-VALUE-STRING')
-    new.setAttribute('THE-VALUE', text)
-    reference = _child(document, _child(document, new, 'DEFINITION'),
-                       'ATTRIBUTE-DEFINITION-STRING-REF')
-    reference.appendChild(document.createTextNode(identifier))
+    known = {_text(part): old for old in _children(values, 'ATTRIBUTE-VALUE-STRING')
+             for definition in _children(old, 'DEFINITION')
+             for part in _children(definition, 'ATTRIBUTE-DEFINITION-STRING-REF')}
+    for identifier, text in texts.items():
+        if identifier in known:
+            known[identifier].setAttribute('THE-VALUE', text)
+            continue
+        new = _child(document, values, 'ATTRIBUTE-VALUE-STRING')
+        new.setAttribute('THE-VALUE', text)
+        reference = _child(document, _child(document, new, 'DEFINITION'),
+                           'ATTRIBUTE-DEFINITION-STRING-REF')
+        reference.appendChild(document.createTextNode(identifier))
 
 
 def _change(element: 'Element', document: 'Document') -> None:
@@ -253,12 +258,17 @@ def _change(element: 'Element', document: 'Document') -> None:
 
 def _part(document: 'Document', element: 'Element', name: str) -> 'Element':
     """Return a part of an element; it comes first where it is new, as the standard has it."""
-    for child in element.childNodes:
-        if isinstance(child, minidom.Element) and child.localName == name:
-            return child
+    if known := _children(element, name):
+        return known[0]
     new = _new(document, name)
     element.insertBefore(new, element.firstChild)
     return new
+
+
+def _children(element: 'Element', name: str) -> 'list[Element]':
+    """Return the elements of a name directly below."""
+    return [child for child in element.childNodes
+            if isinstance(child, minidom.Element) and child.localName == name]
 
 
 def _child(document: 'Document', element: 'Element', name: str) -> 'Element':
