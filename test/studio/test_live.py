@@ -20,6 +20,7 @@ from itertools import pairwise
 import json
 import os
 from pathlib import Path
+from threading import Event, Thread
 from time import monotonic, sleep
 from typing import Any
 from urllib.parse import urlsplit
@@ -28,6 +29,7 @@ from fret_monitor import build
 from fret_monitor.studio.plan import plan
 from fret_monitor.studio.turn import MOST_CHANGES, MOST_OCCURRENCES, read_path, Turn
 import pytest
+from strategies import thorough
 from studio.browser import browser, CHROMIUM, Page
 from studio.serving import studio
 
@@ -168,14 +170,14 @@ def bundle(tmp_path: Path) -> Path:
 
 @contextmanager
 def robot(folder: Path, domain: int, *arguments: str) -> Iterator[Any]:
-    """Run a monitor of the bundle in the namespace /robot, beside a node of the test."""
+    """Run a monitor of the bundle in the namespace /robot, beside a node of the test: both."""
     pytest.importorskip('rclpy')
     from ros.harness import Partner, started
     partner = Partner(domain, '/robot')
     try:
         with started('monitor', '-p', f'spec:={folder / "b.yaml"}', '-r', '__ns:=/robot',
-                     *arguments):
-            yield partner
+                     *arguments) as node:
+            yield partner, node.process
     finally:
         partner.close()
 
@@ -199,7 +201,7 @@ def wait_for_all(partner: Any, *publishers: Any) -> None:
 def test_a_monitor_is_watched_and_reset(
     bundle: Path, domain: int, arguments: tuple[str, ...],
 ) -> None:
-    with robot(bundle, domain, *arguments) as partner, watching(bundle) as watcher:
+    with robot(bundle, domain, *arguments) as (partner, _), watching(bundle) as watcher:
         from ros.harness import LATCHED
         from std_msgs.msg import Bool, Float64, UInt8
         near = partner.publisher(Bool, '/alpha/near', LATCHED)
@@ -254,7 +256,7 @@ def looks(page: Page, selector: str) -> Any:
 
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
 def test_a_violation_is_seen_as_it_comes_up(bundle: Path, domain: int, tmp_path: Path) -> None:
-    with robot(bundle, domain) as partner, studio(bundle, 'b.yaml') as url, \
+    with robot(bundle, domain) as (partner, _), studio(bundle, 'b.yaml') as url, \
             browser(tmp_path / 'profile') as page:
         from std_msgs.msg import Float64
         speed = partner.publisher(Float64, 'speed')
@@ -300,6 +302,97 @@ def test_a_violation_is_seen_as_it_comes_up(bundle: Path, domain: int, tmp_path:
         assert page.problems == []
 
 
+COUNTING = """
+window.WebSocket = class extends WebSocket {
+  constructor(...given) {
+    super(...given);
+    this.addEventListener('message', () => { window.came = (window.came ?? 0) + 1; });
+  } };"""
+
+
+class Flood(Thread):
+    """Publishes at 1 kHz, as well as the machine can; `count` are sent."""
+
+    def __init__(self, publisher: Any) -> None:
+        super().__init__(daemon=True)
+        self._publisher, self._is_over, self.count = publisher, Event(), 0
+
+    def __enter__(self) -> 'Flood':
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over.set()
+        self.join()
+
+    def run(self) -> None:
+        from std_msgs.msg import Float64
+        begin = monotonic()
+        while not self._is_over.wait(max(0.0, begin + self.count / 1000 - monotonic())):
+            self.count += 1
+            self._publisher.publish(Float64(data=self.count % 100 / 100))
+
+
+def processor_s(process: Any) -> float:
+    """Return the processor time that a process has taken."""
+    fields = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+@thorough
+@pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
+def test_a_topic_of_1_khz_is_watched_for_a_minute(
+    bundle: Path, domain: int, tmp_path: Path,
+) -> None:
+    with robot(bundle, domain) as (partner, monitor), studio(bundle, 'b.yaml') as url, \
+            browser(tmp_path / 'profile') as page:
+        from std_msgs.msg import Float64
+        speed = partner.publisher(Float64, 'speed')
+        page.call('Page.addScriptToEvaluateOnNewDocument', source=COUNTING)
+        page.open(url)
+        page.wait('!!document.body.dataset.checked')
+        partner.wait_for_listener(speed)
+        with Flood(speed) as flood:
+            _watch_for_a_minute(page, monitor, flood)
+        assert page.problems == []
+
+
+def _watch_for_a_minute(page: Page, monitor: Any, flood: Flood) -> None:
+    def cost(seconds: int) -> float:
+        """Return the processor time (s) of the monitor for a message."""
+        count, taken = flood.count, processor_s(monitor)
+        for _ in range(seconds):
+            sleep(1)
+            page.get('0')  # reads what the browser tells of frames
+        return (processor_s(monitor) - taken) / (flood.count - count)
+
+    def size() -> tuple[int, int]:
+        """Return the bytes and the elements of the page."""
+        page.call('HeapProfiler.collectGarbage')
+        return (page.call('Runtime.getHeapUsage')['usedSize'],
+                page.call('Memory.getDOMCounters')['nodes'])
+
+    alone = cost(15)
+    page.get("document.querySelector('#live-namespace').value = '/robot'; "
+             "document.querySelector('#live-connect').click()")
+    page.see(f'#watch {SPEED}')
+    page.get(f"document.querySelector('#watch {SPEED}').scrollIntoView()")
+    page.wait(f"document.querySelector('#watch {SPEED} path')?.getAttribute('d').length > 1000")
+    cost(10)
+    shown = "Number(document.querySelector('#watch').dataset.drawn)"
+    before, begin = size(), monotonic()
+    came, drawn = page.get(f'[window.came, {shown}]')
+    watched = cost(60)
+    seconds = monotonic() - begin
+    came, drawn = page.get(f'[window.came - {came}, {shown} - {drawn}]')
+    after = size()
+    print(f'{flood.count} messages; {alone * 1e6:.1f} and {watched * 1e6:.1f} us a message; '
+          f'{came / seconds:.1f} and {drawn / seconds:.1f} a second; {before}, {after}')
+    assert 60 <= came <= 20 * seconds and 60 <= drawn <= 20 * seconds
+    assert watched < 1.25 * alone + 20e-6
+    assert after[0] < before[0] + 1_500_000 and after[1] < before[1] + 3_000
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
 def test_an_instance_has_a_row_from_its_first_violation_on(tmp_path: Path) -> None:
     (tmp_path / 'b.yaml').write_text(BUNDLE)
@@ -309,15 +402,31 @@ def test_an_instance_has_a_row_from_its_first_violation_on(tmp_path: Path) -> No
             const { LiveView } = await import('./live.js');
             const [talk, place] = [new EventTarget(), document.querySelector('#watch')];
             const plan = { inputs: [], leftOut: [], requirements: [{ id: 'FAR' }, { id: 'B' }] };
-            new LiveView(place, async () => plan, talk);
+            const { Picture } = await import('./picture.js');
+            const nodes = [['requirement', 'FAR'], ['requirement', 'B'], ['topic', 'near'],
+              ['topic', '/far']].map(([kind, name]) => ({ kind, name, detail: '', from: null }));
+            window.picture = new Picture(
+              document.querySelector('#drawn'), async () => ({ nodes, links: [] }), () => null);
+            picture.use();
+            new LiveView(place, async () => plan, talk, (...names) => picture.mark(...names));
             place.querySelector('#live-connect').click();
-            window.tell = (verdicts) => talk.dispatchEvent(
-              new CustomEvent('live', { detail: { verdicts } })); })()""")
+            window.tell = (verdicts, more) => talk.dispatchEvent(
+              new CustomEvent('live', { detail: { verdicts, ...more } })); })()""")
+        page.wait("document.querySelectorAll('#drawn .node').length === 4")
         page.wait("document.querySelectorAll('#live-rows .lane').length === 2")
         page.get("""tell({ FAR: [[Date.now() - 500, false]], 'NO[k=1]': [[Date.now(), true]],
-            'FAR[robot=alpha]': [[Date.now() - 500, false]] })""")
+            'FAR[robot=alpha]': [[Date.now() - 500, false]] }, { 'health /m': [
+              { name: 'topic /alpha/near', level: 1, values: [] },
+              { name: 'topic /so/far', level: 0, values: [] }] })""")
         rows = "[...document.querySelectorAll('#live-rows .name')].map((each) => each.textContent)"
         assert page.get(rows) == ['FAR', 'FAR[robot=alpha]', 'B']
+        broken = """[...document.querySelectorAll('#drawn .broken')].map(
+            (each) => each.ariaLabel.split(';')[0] + each.ariaLabel.split(';').at(-1))"""
+        assert page.get(broken) == ['requirement FAR broken now', 'topic near broken now']
+        page.get('tell({ FAR: [[Date.now(), true]] }); 0')
+        assert page.get(broken)[0] == 'requirement FAR broken now'  # the instance
+        page.get("tell({ 'FAR[robot=alpha]': [[Date.now(), null]] }); 0")
+        assert page.get(broken) == ['topic near broken now']
         lane = '.lane[aria-label^="FAR[robot=alpha]"]'
         page.wait(f"document.querySelector('{lane}')?.ariaLabel.endsWith('violated')")
         page.get(f"document.querySelector('{lane}').scrollIntoView()")

@@ -245,7 +245,7 @@ export class Lane {
   }
 }
 
-// `width` in pixels: as many labels as have room.
+// Return labels for a width in pixels: as many as have room.
 export function scale(view, seconds, width) {
   const marks = [];
   const every = niceStep(view.count / Math.max(1, Math.min(8, width / LABEL)));
@@ -257,7 +257,7 @@ export function scale(view, seconds, width) {
     mark.style.left = left;
     marks.push(mark);
   }
-  return h('div', { class: 'scale', 'aria-hidden': 'true' }, ...marks);
+  return marks;
 }
 
 function niceStep(size) {

@@ -27,6 +27,7 @@ const COLUMNS = 300; // of a curve: more changes than that are thinned
 const SPANS = [10, 60, 300];
 const HEIGHT = { verdict: 20, input: 48 };
 const OF_ALL = ['stamp', 'suppressed']; // details that say nothing beside the time
+const TOPIC = /^topic /; // of a status
 const LEVELS = ['is-good', 'is-warning', 'is-bad'];
 
 // The changes of a row, oldest first; what is too old is dropped, but for what still holds.
@@ -118,9 +119,13 @@ export class LiveView {
   #span = 60;
   #drawing = 0;
   #seen;
+  #violated = new Set(); // requirements and instances, now
+  #broken;
 
-  // `ask` as of the editor, with the bundle in the question; `talk` has what is pushed.
-  constructor(place, ask, talk) {
+  // `ask` as of the editor, with the bundle in the question; `talk` has what is pushed;
+  // `broken(requirements, topics)` is given the names of what is violated or in trouble now.
+  constructor(place, ask, talk, broken) {
+    this.#broken = broken;
     this.#place = place;
     this.#ask = ask;
     talk.addEventListener('live', (event) => this.#take(event.detail));
@@ -192,6 +197,7 @@ export class LiveView {
     const rows = [...plan.requirements.map((item) => new Row(item.id, 'verdict')), ...inputs];
     this.#rows = new Map(rows.map((row) => [`${row.kind} ${row.name}`, row]));
     this.#health = {};
+    this.#violated.clear();
     this.#isOn = true;
     this.#frozen = this.#skew = null;
     this.#seen.disconnect();
@@ -212,6 +218,8 @@ export class LiveView {
   #leave(text) {
     if (!this.#isOn) return;
     this.#isOn = false;
+    this.#violated.clear();
+    this.#broken([], []);
     clearInterval(this.#drawing);
     this.#tell(text);
     this.#enable();
@@ -240,12 +248,16 @@ export class LiveView {
       this.#parts.note.textContent += ` ${words.notInstalled(found.missing)}`;
     }
     if (found.told) this.#tell(found.told);
+    this.#broken([...this.#violated].map((id) => id.split('[')[0]),
+      Object.values(this.#health).flat().filter(({ level, name }) => level && TOPIC.test(name))
+        .map(({ name }) => name.replace(TOPIC, '')));
   }
 
   #note(key, [time, value]) {
     const skew = time - Date.now();
     if (this.#skew === null || skew > this.#skew) this.#skew = skew;
     const row = this.#rows.get(key) ?? this.#instance(key);
+    if (row?.kind === 'verdict') this.#violated[value === false ? 'add' : 'delete'](row.name);
     if (value !== null) row?.history.add(time, value);
   }
 

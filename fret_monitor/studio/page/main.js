@@ -56,7 +56,7 @@ const recordings = new Recordings(at('recorded'), ask, (trace, note) => {
   tryout.take(trace, note);
   at('try').scrollIntoView();
 });
-new LiveView(at('watch'), ask, talk);
+new LiveView(at('watch'), ask, talk, (...names) => picture.mark(...names));
 show(at('trace'), h('p', { class: 'faint' }, words.noTrace));
 
 const files = h('select', { id: 'file', onchange: () => open(files.value || null) });

@@ -29,6 +29,7 @@ export class Picture {
   #nodes = [];
   #active = 0;
   #pause = 0;
+  #broken = {};
   #isSeen = false;
   #isOld = false; // it is drawn when it is near the window
 
@@ -41,6 +42,22 @@ export class Picture {
       this.#isSeen = entry.isIntersecting;
       this.#load();
     }, { rootMargin: '2000px' }).observe(place);
+  }
+
+  // Mark what is broken in a monitor that is watched: requirements, and topics by their full names.
+  mark(requirements, topics) {
+    this.#broken = { requirement: (name) => requirements.includes(name),
+      topic: (name) => topics.some((each) => `/${each}`.endsWith(`/${name.replace(/^\//, '')}`)) };
+    this.#nodes.forEach((node) => this.#show(node));
+  }
+
+  #show(node) {
+    const isBroken = this.#broken[node.kind]?.(node.name) ?? false;
+    if (node.isBroken === isBroken) return;
+    node.isBroken = isBroken;
+    node.shown.classList.toggle('broken', isBroken);
+    node.shown.setAttribute('aria-label',
+      [label(node, this.#nodes), isBroken && words.brokenNow].filter(Boolean).join('; '));
   }
 
   // Draw the bundle that is in the editor, when nothing has been typed for a while.
@@ -103,6 +120,7 @@ export class Picture {
     svg('title', {}, [node.name, node.detail].filter(Boolean).join('\n')),
     svg('rect', { width: WIDTH, height: HEIGHT, rx: 5 }),
     svg('text', { x: 8, y: 16 }, node.level ? `! ${short}` : short));
+    this.#show(node);
     return node.shown;
   }
 

@@ -176,7 +176,7 @@ export class Tryout {
       filter: h('p', {}, h('label', {}, words.rowsWith, ' ', filter)),
       selection: h('span', { class: 'faint', id: 'chosen' }),
       valueLabel: h('label', { for: 'value' }),
-      scale: h('div', { class: 'scale' }),
+      scale: h('div', { class: 'scale', 'aria-hidden': 'true' }),
       why: h('div', { id: 'why', role: 'status' }),
       note: h('p', { role: 'status', id: 'trace-note' }),
       tools: h('div', { class: 'tools' },
@@ -204,9 +204,9 @@ export class Tryout {
     const parts = this.#parts;
     const width = parts.scale.getBoundingClientRect().width;
     for (const lane of this.#lanes) this.#drawLane(lane);
-    const marks = scale(this.#view, this.#seconds, width);
-    parts.scale.replaceWith(marks);
-    parts.scale = marks;
+    const drawn = [this.#view.first, this.#view.count, this.#seconds, width].join();
+    if (parts.drawn !== drawn) show(parts.scale, ...scale(this.#view, this.#seconds, width));
+    parts.drawn = drawn;
     const time = this.#seconds ? `, ${Number((cursor * this.#seconds).toPrecision(9))} s` : '';
     parts.selection.textContent = words.chosen(low, high, time);
     const active = this.#active;

@@ -118,6 +118,7 @@ export const words = {
     `${kind} ${name}`, detail, sources && `reads ${sources}`, targets && `read by ${targets}`,
     level].filter(Boolean).join('; '),
   newRequirement: 'New requirement', newId: 'Id', addRequirement: 'Write it into the bundle',
+  brokenNow: 'broken now',
   form: 'Fields of the sentence; what is written here is written into the text',
   fieldNames: { scope: 'scope', condition: 'condition', component: 'component',
     probability: 'probability', timing: 'timing', response: 'response' },
