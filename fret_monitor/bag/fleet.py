@@ -255,6 +255,7 @@ def reusable(lines: Mapping[str, str], path: Path, settings: str,
         return None
     content = json.loads(line)
     is_same = content.get('settings') == settings and not content.get('errors') \
+        and all('meaning' in item for item in content['requirements'].values()) \
         and content.get('sha256') is not None and content['sha256'] == digest(path) \
         and (page is None or content.get('report') in _page_digests(page))
     return line if is_same else None

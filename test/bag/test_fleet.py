@@ -85,6 +85,19 @@ requirements: [{id: LOW, ptltl: "level < limit"}]
     assert 'satisfied' in capsys.readouterr().out
 
 
+def test_results_without_what_was_judged_are_found_anew(
+        tmp_path: Path, bundle: Path, recording: Path, capsys: Capture) -> None:
+    results = tmp_path / 'r.jsonl'
+    arguments = ['bag', str(bundle), str(recording), '--results', str(results)]
+    assert main(arguments) == 0
+    line = json.loads(results.read_text())
+    del line['requirements']['LOW']['meaning']  # as earlier versions wrote it
+    results.write_text(json.dumps(line) + '\n')
+    assert main(arguments) == 0
+    assert 'checked before' not in capsys.readouterr().out
+    assert '"meaning"' in results.read_text().splitlines()[-1]
+
+
 def test_results_do_not_count_if_the_recording_changed_meanwhile(
         tmp_path: Path, bundle: Path, recording: Path, capsys: Capture,
         monkeypatch: pytest.MonkeyPatch) -> None:
