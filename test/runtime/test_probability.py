@@ -190,7 +190,8 @@ def test_of_2000_runs_few_intervals_ever_miss_the_probability() -> None:
 
 @thorough
 def test_the_interval_beside_that_of_confseq() -> None:
-    boundaries = pytest.importorskip('confseq.boundaries', reason='confseq is not installed')
+    boundaries = pytest.importorskip(
+        'confseq.boundaries', reason='confseq is not installed: pip install confseq')
     for events, trials in ((20, 1000), (300, 1000), (50, 100_000)):
         pooled = PooledTest(asked('> 0.98', '0.95'))
         pooled.add(True, events)
