@@ -98,16 +98,18 @@ static double processor_seconds(void)
   return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
 }
 
+// The key in each message, one message after another as they come.
 static char (* keys)[KEY_BYTES + 4];
-static uint32_t * order;   // the instance of each message
+
+static void write_key(char * out, uint32_t k)
+{
+  (void)snprintf(out, sizeof keys[0], "robot_%08u", k);
+}
 
 static void make_messages(uint32_t n_keys)
 {
-  for (uint32_t k = 0; k < n_keys; ++k) {
-    (void)snprintf(keys[k], sizeof keys[k], "robot_%08u", k);
-  }
   for (uint32_t m = 0; m < MESSAGES; ++m) {
-    order[m] = random_below(n_keys);
+    write_key(keys[m], random_below(n_keys));
   }
 }
 
@@ -117,12 +119,12 @@ static union fm_value speed_of(uint32_t m)
   return value;
 }
 
-static int64_t give_keyed(struct fm_scopes * scopes, uint32_t key, uint32_t m, int64_t now)
+static int64_t give_keyed(struct fm_scopes * scopes, const char * key, uint32_t m, int64_t now)
 {
   while (fm_scopes_wake(scopes) < now && fm_scopes_advance_to(scopes, now) != FM_NEVER) {
   }
   fm_scopes_begin(scopes, 0, now);
-  (void)fm_scopes_enter(scopes, 0, keys[key], KEY_BYTES);
+  (void)fm_scopes_enter(scopes, 0, key, KEY_BYTES);
   fm_scopes_store_keyed(scopes, 0, speed_of(m));
   return fm_scopes_end(scopes);
 }
@@ -150,7 +152,7 @@ static double rate(struct fm_scopes * scopes, struct fm_evaluator * plain, int64
   for (uint32_t m = 0; m < MESSAGES; ++m) {
     *now += SPACING;
     if (scopes != NULL) {
-      (void)give_keyed(scopes, order[m], m, *now);
+      (void)give_keyed(scopes, keys[m], m, *now);
     } else {
       give_plain(plain, m, *now);
     }
@@ -193,8 +195,10 @@ static int measure(bool is_timed, uint32_t n_keys)
   (void)fm_scopes_advance(scopes, 0);
   (void)fm_evaluator_advance(plain, 0, NULL);
   for (uint32_t k = 0; k < n_keys; ++k) {
+    char key[sizeof keys[0]];
+    write_key(key, k);
     keyed_now += SPACING;
-    (void)give_keyed(scopes, k, 0, keyed_now);
+    (void)give_keyed(scopes, key, 0, keyed_now);
   }
   for (int round = 0; round < ROUNDS; ++round) {
     keyed_rates[round] = rate(scopes, NULL, &keyed_now);
@@ -205,7 +209,7 @@ static int measure(bool is_timed, uint32_t n_keys)
   const struct fm_keys * table = scopes->kinds[0].pool.keys;
   const uint64_t bytes = fm_instance_bytes(&monitor, 0) + sizeof(struct fm_key_chunk) +
     (table->mask + UINT64_C(1)) * sizeof(struct fm_key_entry) / n_keys + fm_heap_bytes(n_keys) /
-    n_keys + sizeof(int64_t) + sizeof(uint8_t);
+    n_keys + sizeof(uint16_t);
   printf(
     "%s\t%u\t%.1f\t%.1f\t%llu\t%llu\n", is_timed ? "timed" : "relevant_message", n_keys,
     keyed_rates[ROUNDS / 2] / 1e6, plain_rates[ROUNDS / 2] / 1e6, (unsigned long long)bytes,
@@ -219,12 +223,10 @@ int main(void)
 {
   static const uint32_t N_KEYS[] = {25, 10000, 500000};
   int status = 0;
-  keys = calloc(N_KEYS[2], sizeof *keys);
-  order = calloc(MESSAGES, sizeof *order);
-  for (uint32_t k = 0; k < 6 && keys != NULL && order != NULL; ++k) {
+  keys = calloc(MESSAGES, sizeof *keys);
+  for (uint32_t k = 0; k < 6 && keys != NULL; ++k) {
     status |= measure(k >= 3, N_KEYS[k % 3]);
   }
   free(keys);
-  free(order);
   return status;
 }

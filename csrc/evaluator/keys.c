@@ -52,9 +52,14 @@ static uint64_t whole_word(const uint8_t * bytes)
          (uint64_t)bytes[6] << 48 | (uint64_t)bytes[7] << 56;
 }
 
-static uint64_t word_of(const uint8_t * bytes, size_t n)
+// The last bytes of a key, after its whole words.
+static uint64_t rest_of(const uint8_t * bytes, size_t size)
 {
+  const size_t n = size % 8;
   uint64_t word = 0;
+  if (size >= 8) {
+    return n == 0 ? 0 : whole_word(bytes + size - 8) >> (64 - 8 * n);
+  }
   for (size_t i = 0; i < n; ++i) {
     word |= (uint64_t)bytes[i] << (8u * i);
   }
@@ -73,7 +78,7 @@ static uint64_t siphash(const uint64_t * seed, const uint8_t * bytes, size_t siz
     mix(v);
     v[0] ^= word;
   }
-  const uint64_t last = word_of(bytes + place, size - place) | (uint64_t)size << 56;
+  const uint64_t last = rest_of(bytes, size) | (uint64_t)size << 56;
   v[3] ^= last;
   mix(v);
   v[0] ^= last;

@@ -43,7 +43,7 @@ struct layout
 };
 
 static struct layout lay_out(
-  const struct fm_evaluator_options * options, uint64_t most, bool has_keys)
+  const struct fm_evaluator_options * options, uint64_t most, bool has_keys, bool forgets)
 {
   const uint64_t evaluator = fm_evaluator_bytes(options);
   struct layout layout = {0};
@@ -59,7 +59,7 @@ static struct layout lay_out(
   layout.heaps = fm_block_append(&layout.block, n_margins * fm_heap_bytes(most), 1);
   layout.keys = fm_block_append(&layout.block, has_keys ? fm_keys_bytes(most) : 0, 1);
   layout.due = fm_block_append(&layout.block, fm_heap_bytes(most), 1);
-  layout.lasts = fm_block_append(&layout.block, most, sizeof(int64_t));
+  layout.lasts = fm_block_append(&layout.block, forgets ? most : 0, sizeof(int64_t));
   layout.turns = fm_block_append(&layout.block, most, sizeof(uint16_t));
   layout.blocks = fm_block_append(
     &layout.block, most,
@@ -68,12 +68,12 @@ static struct layout lay_out(
 }
 
 uint64_t fm_pool_bytes(
-  const struct fm_evaluator_options * options, uint64_t most, bool has_keys)
+  const struct fm_evaluator_options * options, uint64_t most, bool has_keys, bool forgets)
 {
   if (options->monitor == NULL || options->monitor->abi != FM_ABI) {
     return 0;
   }
-  const struct layout layout = lay_out(options, most, has_keys);
+  const struct layout layout = lay_out(options, most, has_keys, forgets);
   return layout.block.fits ? layout.block.bytes : 0;
 }
 
@@ -92,7 +92,8 @@ bool fm_pool_make(
   struct fm_pool * pool, void * memory, const struct fm_pool_options * made)
 {
   const struct fm_evaluator_options * options = made->options;
-  const struct layout layout = lay_out(options, made->most, made->keys == NULL);
+  const struct layout layout = lay_out(
+    options, made->most, made->keys == NULL, made->forget > 0);
   char * const bytes = memory;
   pool->evaluator = fm_evaluator_init(bytes + layout.evaluator, options);
   if (pool->evaluator == NULL || made->forget < 0) {
@@ -249,11 +250,15 @@ static void count(struct fm_pool * pool, uint64_t by)
 {
   const struct fm_evaluator * evaluator = pool->evaluator;
   const struct fm_monitor * monitor = evaluator->monitor;
-  for (uint32_t g = 0; g < monitor->n_groups; ++g) {
-    evaluator->steps_before[g] += by * evaluator->instance.groups[g].steps;
+  const struct fm_instance_group * groups = evaluator->instance.groups;
+  const bool * previous = evaluator->instance.previous;
+  uint64_t * steps = evaluator->steps_before;
+  uint64_t * violated = pool->violated;
+  for (uint32_t g = 0, n = monitor->n_groups; g < n; ++g) {
+    steps[g] += by * groups[g].steps;
   }
-  for (uint32_t r = 0; r < monitor->n_requirements; ++r) {
-    pool->violated[r] += evaluator->instance.previous[r] ? 0u : by;
+  for (uint32_t r = 0, n = monitor->n_requirements; r < n; ++r) {
+    violated[r] += previous[r] ? 0u : by;
   }
   if (monitor->overflows != NULL) {
     pool->overflows += by * monitor->overflows(evaluator->instance.state);
@@ -292,6 +297,20 @@ void fm_pool_enter(
   pool->entered = slot;
   count(pool, UINT64_MAX);
   tell_time(evaluator, time);
+}
+
+void fm_pool_note_last(struct fm_pool * pool, uint32_t slot, int64_t now)
+{
+  if (pool->forget > 0) {
+    pool->lasts[slot] = now;
+  }
+}
+
+void fm_pool_shift_last(struct fm_pool * pool, uint32_t slot, int64_t by)
+{
+  if (pool->forget > 0) {
+    pool->lasts[slot] = fm_later(pool->lasts[slot], by);
+  }
 }
 
 int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot)

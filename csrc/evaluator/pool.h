@@ -39,7 +39,7 @@ struct fm_pool
   struct fm_keys own_keys;
   struct fm_keys * keys;  // its own, or those of another pool, which adds and removes them
   struct fm_heap due;    // not after the deadline of the instance
-  int64_t * lasts;       // an instance: the time of the last message of its key
+  int64_t * lasts;       // with `forget`, an instance: the time of the last message of its key
   uint16_t * turns;      // an instance: the turn in which it took a message last
   uint16_t turn;         // that of the message that is being taken; not 0
   uint64_t * violated;   // a requirement: the instances whose violation goes on
@@ -67,7 +67,7 @@ struct fm_pool_options
 
 /// The bytes of a pool; 0 if they do not fit in the address space. O(groups).
 FM_INTERNAL uint64_t fm_pool_bytes(
-  const struct fm_evaluator_options * options, uint64_t most, bool has_keys);
+  const struct fm_evaluator_options * options, uint64_t most, bool has_keys, bool forgets);
 
 /// Make a pool without instances in fm_pool_bytes bytes, aligned to FM_ALIGNMENT. It must stay
 /// where it is. Returns false as fm_evaluator_init. O(bytes).
@@ -114,6 +114,10 @@ FM_INTERNAL double fm_pool_take_margin(struct fm_pool * pool, uint32_t requireme
 /// it is the last one. Without instances it is plus infinity; where none is known, nothing is
 /// drawn. O(requirements x log n), and O(1) without lanes.
 FM_INTERNAL void fm_pool_draw(struct fm_pool * pool, int64_t instant);
+
+/// Note when the last message of a key came; let it have come later. O(1).
+FM_INTERNAL void fm_pool_note_last(struct fm_pool * pool, uint32_t slot, int64_t now);
+FM_INTERNAL void fm_pool_shift_last(struct fm_pool * pool, uint32_t slot, int64_t by);
 
 /// When the instance that is entered ends; FM_NEVER. O(1).
 FM_INTERNAL int64_t fm_pool_end_of(const struct fm_pool * pool, uint32_t slot);

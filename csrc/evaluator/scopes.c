@@ -177,7 +177,9 @@ static void step(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   const int64_t at = scopes->kinds[kind].reads_aggregates ?
     read_aggregates(scopes, kind, arrival) : arrival;
-  fm_scopes_before_step(scopes, kind);
+  if (scopes->n_totals > 0) {
+    fm_scopes_before_step(scopes, kind);
+  }
   const uint32_t n = message->is_row ? fm_evaluator_step(pool->evaluator, at, scopes->found) :
     fm_evaluator_message(pool->evaluator, message->topic, at, scopes->found);
   fm_scopes_after_step(scopes, kind, at);
@@ -339,9 +341,7 @@ uint32_t fm_scopes_enter(
   if (slot == FM_NO_SLOT || pool->turns[slot] == pool->turn) {
     return FM_NO_SLOT;
   }
-  if (pool->forget > 0) {
-    pool->lasts[slot] = message->now;
-  }
+  fm_pool_note_last(pool, slot, message->now);
   pool->turns[slot] = pool->turn;
   message->entered_at = enter(scopes, kind, slot);
   message->kind = kind;
@@ -425,9 +425,22 @@ static void store_in_bundle(struct fm_scopes * scopes, int64_t at)
   fm_scopes_store_aggregates(scopes, at);
 }
 
+// Whether the bundle's scope has nothing that a message changes, but for counts.
+static bool is_bundle_empty(const struct fm_scopes * scopes)
+{
+  const struct fm_monitor * monitor = scopes->bundle->monitor;
+  return monitor->n_groups == 0 && monitor->n_inputs == 0 && scopes->n_totals == 0 &&
+         scopes->options.policy != FM_TIMED;
+}
+
 static void step_bundle(struct fm_scopes * scopes)
 {
   const struct fm_scopes_message * message = &scopes->message;
+  if (is_bundle_empty(scopes) && !message->is_row && message->topic < scopes->options.n_topics) {
+    scopes->bundle->topics[message->topic].counts.messages += 1;
+    fm_scopes_report(scopes, FM_SCOPE_STEPPED, FM_BUNDLE, 0, message->instant, 0);
+    return;
+  }
   const int64_t at = message->instant;
   if (at != message->now) {
     fm_scopes_take_bundle(scopes, fm_later(at, -1));

@@ -25,7 +25,7 @@ static void begin_instances(struct fm_scopes * scopes, int64_t now)
     struct fm_pool * pool = &scopes->kinds[k].pool;
     for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
       if (fm_keys_has(pool->keys, slot)) {
-        pool->lasts[slot] = now;
+        fm_pool_note_last(pool, slot, now);
         (void)fm_reach(fm_scopes_enter_slot(scopes, k, slot), now);
         fm_pool_leave(pool);
       }
@@ -40,7 +40,7 @@ static void set_instances_back(struct fm_scopes * scopes, int64_t now)
     struct fm_pool * pool = &scopes->kinds[k].pool;
     for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
       if (fm_keys_has(pool->keys, slot)) {
-        pool->lasts[slot] = fm_later(pool->lasts[slot], by);
+        fm_pool_shift_last(pool, slot, by);
         (void)fm_reach(fm_scopes_enter_slot(scopes, k, slot), now);
         fm_scopes_give_aggregates(scopes, k, now);
         fm_pool_leave(pool);
@@ -73,7 +73,7 @@ void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
     struct fm_pool * pool = &scopes->kinds[k].pool;
     for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
       if (fm_keys_has(pool->keys, slot)) {
-        pool->lasts[slot] = fm_later(pool->lasts[slot], by);
+        fm_pool_shift_last(pool, slot, by);
         fm_evaluator_shift(fm_scopes_enter_slot(scopes, k, slot), by);
         fm_pool_leave(pool);
       }

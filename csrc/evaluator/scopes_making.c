@@ -151,7 +151,7 @@ static uint64_t bundle_bytes(const struct fm_scopes_options * options)
 
 static uint64_t pool_bytes(const struct fm_kind * kind)
 {
-  return fm_pool_bytes(kind->options, kind->most, kind->of_base == NULL);
+  return fm_pool_bytes(kind->options, kind->most, kind->of_base == NULL, kind->forget > 0);
 }
 
 static uint64_t pairs_bytes(const struct fm_kind * kind)

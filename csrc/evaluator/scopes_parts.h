@@ -87,9 +87,19 @@ struct fm_scopes
 // ---- scopes_steps.c ----------------------------------------------------------------------------
 
 /// Report an event to the sink, and note it.
-void fm_scopes_report(
+void fm_scopes_note(
   struct fm_scopes * scopes, enum fm_scope_event event, uint32_t kind, uint32_t slot,
   int64_t instant, uint32_t n);
+
+/// The same, if anybody takes it.
+FM_INLINE void fm_scopes_report(
+  struct fm_scopes * scopes, enum fm_scope_event event, uint32_t kind, uint32_t slot,
+  int64_t instant, uint32_t n)
+{
+  if (scopes->sink != NULL || scopes->most_stepped > 0) {
+    fm_scopes_note(scopes, event, kind, slot, instant, n);
+  }
+}
 
 /// Enter an instance, at the time of the bundle's scope. Returns its evaluator.
 struct fm_evaluator * fm_scopes_enter_slot(

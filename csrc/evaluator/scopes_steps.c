@@ -20,7 +20,7 @@
 #include "due.h"
 #include "scopes_parts.h"
 
-void fm_scopes_report(
+void fm_scopes_note(
   struct fm_scopes * scopes, enum fm_scope_event event, uint32_t kind, uint32_t slot,
   int64_t instant, uint32_t n)
 {
