@@ -436,9 +436,68 @@ static void pairs_are_found_by_each_of_their_keys(void)
   free(memory);
 }
 
+static void give_part(
+  struct fm_scopes * scopes, uint32_t kind, const char * first, const char * second, int64_t x)
+{
+  const union fm_value value = {.i = x};
+  uint8_t bytes[FM_PAIR_ROOM];
+  fm_scopes_begin(scopes, 0, 0);
+  if (second == NULL) {
+    (void)fm_scopes_enter(scopes, kind, first, strlen(first));
+  } else {
+    const size_t size = fm_pair_key(
+      bytes, (const uint8_t *)first, strlen(first), (const uint8_t *)second, strlen(second));
+    (void)fm_scopes_enter(scopes, kind, bytes, size);
+  }
+  fm_scopes_store_keyed(scopes, 0, value);
+  (void)fm_scopes_end(scopes);
+}
+
+static int64_t value_of_pair(struct fm_scopes * scopes, uint32_t slot)
+{
+  return ((const struct inputs *)fm_evaluator_inputs(fm_scopes_look(scopes, 0, slot)))->x;
+}
+
+// Two firsts at most are in pairs, and one has room for its own inputs.
+static void of_what_finds_no_room_nothing_is_known(void)
+{
+  const struct fm_evaluator_options bundle = {
+    &BUNDLE, WITHOUT, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
+    NULL, NULL, NULL, NULL};
+  const struct fm_evaluator_options instances = {
+    &INSTANCES, WITH_KEY, 1, FM_EVERY_MESSAGE, NULL, NULL, NULL, 0, 0, NULL, false, NULL,
+    NULL, NULL, NULL, NULL};
+  const struct fm_half halves[2] = {
+    {NULL, 0, 2, 1, FIRST}, {NULL, 0, 2, FM_BUNDLE, NOT_SHARED}};
+  const struct fm_kind kinds[2] = {
+    {&instances, NULL, CONCERNS, NULL, NOT_SHARED, NULL, 0, halves, NULL, 0, 4, 0},
+    {&instances, NULL, CONCERNS, NULL, NOT_SHARED, NULL, 0, NULL, NULL, 0, 1, 0}};
+  const struct fm_scopes_options options = {&bundle, kinds, 2, 0, NULL, NULL, NULL, NULL, 0};
+  void * memory = calloc(1, (size_t)fm_scopes_bytes(&options));
+  struct fm_scopes * scopes = fm_scopes_init(memory, &options);
+  CHECK(scopes != NULL);
+  fm_scopes_count_unknown(scopes);
+  give_part(scopes, 0, "a", "s", 1);
+  give_part(scopes, 0, "b", "s", 2);
+  give_part(scopes, 1, "a", NULL, 7);
+  CHECK(value_of_pair(scopes, 0) == 7 && value_of_pair(scopes, 1) == 2);
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 0);
+  give_part(scopes, 1, "b", NULL, 8);
+  CHECK(value_of_pair(scopes, 1) == 2);
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 1 && fm_scopes_counts(scopes, 1).beyond == 1);
+  fm_scopes_reset(scopes);
+  give_part(scopes, 0, "a", "s", 1);
+  give_part(scopes, 0, "b", "s", 2);
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 0);
+  give_part(scopes, 0, "c", "s", 3);
+  CHECK(fm_scopes_unknown(scopes, 0, 0) == 1 && fm_scopes_counts(scopes, 0).beyond == 1);
+  free(memory);
+}
+
 int main(void)
 {
   pairs_are_found_by_each_of_their_keys();
+  of_what_finds_no_room_nothing_is_known();
   keys_that_collide_are_found();
   a_heap_has_the_least_first();
   a_group_does_not_step_without_the_least_of_all_instances();
