@@ -111,21 +111,26 @@ def read_files(paths: Sequence[Path], problems: Problems,
 
 
 def _is_xml(path: Path) -> bool:
-    try:
-        with path.open('rb') as file:
-            begin = file.read(_BEGIN_BYTES)
-    except (OSError, ValueError):
+    begin = _begin(path)
+    if not begin:
         return True  # reading it will report why
     return begin.decode(encoding_of(begin), 'replace').lstrip().startswith('<')
 
 
+def _begin(path: Path) -> bytes:
+    """Return how a file begins; nothing of a pipe of the shell, which can be read once only."""
+    try:
+        if path.is_file():
+            with path.open('rb') as file:
+                return file.read(_BEGIN_BYTES)
+    except (OSError, ValueError):
+        pass  # reading it will report why
+    return b''
+
+
 def _source(path: Path) -> Source:
     """Return a file that is in UTF-8, or in another encoding by its mark or declaration."""
-    try:
-        with path.open('rb') as file:
-            begin = file.read(_BEGIN_BYTES)
-    except (OSError, ValueError):
-        begin = b''  # reading it will report why
+    begin = _begin(path)
     refuse_packed(begin, shown(str(path)))
     if encoding_of(begin) == 'utf-8-sig':
         return read_source(path, MAX_BYTES)

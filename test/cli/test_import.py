@@ -158,6 +158,19 @@ def test_a_named_pipe_is_neither_read_nor_written(
     assert f"cannot write '{pipe}': it is no file" in capsys.readouterr().err
 
 
+def test_a_pipe_of_the_shell_is_read(tmp_path: Path) -> None:
+    [file] = written(tmp_path, moon_json=PROJECT)
+    reading, writing = os.pipe()
+    os.write(writing, file.read_bytes())
+    os.close(writing)
+    try:
+        target = tmp_path / 'rover.yaml'
+        assert main(['import', f'/dev/fd/{reading}', '-o', str(target)]) == 0
+        assert 'R-1' in target.read_text()
+    finally:
+        os.close(reading)
+
+
 def test_the_imported_file_is_not_overwritten_even_with_force(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [file] = written(tmp_path, moon_json=PROJECT)
