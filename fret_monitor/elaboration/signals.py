@@ -37,6 +37,7 @@ from fret_monitor.messages.field_path import (
 from fret_monitor.messages.installed import listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, MessageLayout
 from fret_monitor.messages.path_parts import read_part
+from fret_monitor.messages.serialize import has_stamp
 from fret_monitor.model.diagnostics import CompileError, did_you_mean, Problems, refuse, Text
 from fret_monitor.model.manifest import REDUCTIONS
 from fret_monitor.model.names import is_integer, looks_like_number
@@ -183,10 +184,11 @@ def _where(entry: InputEntry, layout: MessageLayout) -> LookUp:
     if key is None or key.array is not ArrayKind.NONE or not is_key(key.base):
         names = [item.name for item in layout.fields
                  if item.type.array is ArrayKind.NONE and is_key(item.type.base)]
+        names += ['header.frame_id'] if has_stamp(layout) else []
         refuse(f"'{name}' cannot be compared in 'where'", place,
                f'{layout.name} has no such field' if key is None else f'this is {key}',
-               listed(names) if names else 'a string or a whole number can, such as '
-               "'header.frame_id'")
+               listed(names) if names else
+               f'{layout.name} has no string and no whole number to select by')
     if key.base != _TEXT and not found.variable and not is_integer(found.name):
         refuse(f"'{name}' is a number", text.span, f'this compares it with the text {found.name}',
                f'where: "{name} = 1"')
