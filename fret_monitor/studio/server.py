@@ -58,6 +58,7 @@ _OF_RECORDINGS = frozenset({'recording', 'taken'})
 _COMPILED = frozenset({'simulate', 'why'})
 _RECORDING_S = 120.0
 _PREPARING_S = 300.0
+_PART_S = 60.0  # of a bundle, which is compiled
 
 
 @dataclass(frozen=True)
@@ -250,8 +251,9 @@ class Talk:
             return bool(self._newest[do] == question['number'])
 
         if do in _COMPILED:  # part by part, so that other questions have their turn
-            prepare = {**question, 'do': 'prepare'} if do == 'simulate' else {'do': 'prepare'}
-            while await self._slow.ask(prepare, is_wanted, _PREPARING_S):
+            await self._slow.ask({'do': 'prepare'}, is_wanted, _PREPARING_S)
+            while do == 'simulate' and await self._slow.ask(
+                    {**question, 'do': 'prepare'}, is_wanted, _PART_S):
                 pass
         process = self._slow if do in _SLOW else \
             self._recordings if do in _OF_RECORDINGS else self._quick
