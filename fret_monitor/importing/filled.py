@@ -81,7 +81,7 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
 
     `results` and `texts` have the cells and the text of each requirement by its id in the bundle.
     A requirement of the table that has none is 'not monitored' in the first of the columns; one
-    that has another text there gets no result, and is reported.
+    that has another text there gets no result, and is reported, as is one without a row.
 
     Raises
     ------
@@ -90,13 +90,22 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
     """
     rows: dict[str, tuple[str, ...]] = {}
     other: list[str] = []
-    for label, (id_, wordings) in _rows_of(path, columns).items():
+    found = _rows_of(path, columns)
+    for label, (id_, wordings) in found.items():
         if id_ in results and not _has_text(wordings, texts.get(id_, '')):
             rows[label] = (_OTHER,)
             other.append(f'{label.removeprefix(f"{path.name}, ")} ({shown(id_)})')
         else:
             rows[label] = tuple(results.get(id_, (_MISSING,)))
-    _report_others(path, other, problems)
+    if other:
+        problems.warning(
+            f'{shown(path.name)}: the text is not the one that was judged: {_listed(other)}', None,
+            '', f"the verdict there is '{_OTHER}'; import the table again, or write there what "
+            'the bundle has')
+    if without := results.keys() - {id_ for id_, _ in found.values()}:
+        problems.warning(
+            f'{shown(path.name)} has no row for {_listed([*map(shown, sorted(without))])}', None,
+            '', 'what was found about it is printed, and not in the new file')
     if path.suffix.lower() == WORKBOOK:
         return write_cells(path, MAX_BYTES, heads, rows, heads[_TEXT_COLUMNS:])
     text = decoded(path, MAX_BYTES)
@@ -105,14 +114,9 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
     return _filled_csv(text, path, heads, rows)
 
 
-def _report_others(path: Path, rows: Sequence[str], problems: Problems) -> None:
-    if rows:
-        more = f' and {len(rows) - _MOST_NAMED:,} more' if len(rows) > _MOST_NAMED else ''
-        problems.warning(
-            f'{shown(path.name)}: the text is not the one that was judged: '
-            f'{", ".join(rows[:_MOST_NAMED])}{more}', None, '',
-            f"the verdict there is '{_OTHER}'; import the table again, or write there what the "
-            'bundle has')
+def _listed(names: Sequence[str]) -> str:
+    more = f' and {len(names) - _MOST_NAMED:,} more' if len(names) > _MOST_NAMED else ''
+    return ', '.join(names[:_MOST_NAMED]) + more
 
 
 def _rows_of(path: Path, columns: Mapping[str, str]) -> dict[str, tuple[str, list[Wording]]]:

@@ -182,6 +182,15 @@ def test_of_several_recordings_the_first_with_a_violation_is_named(bundle: Path,
                      'R-2': '2 recordings', 'R-4': '2 recordings'}
 
 
+def test_a_requirement_without_a_row_is_named(
+        bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, new = tmp_path / 'out.csv', tmp_path / 'new.csv'
+    assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 0
+    out.write_text(out.read_text(encoding='utf-8').replace('R-2,', 'R-9,', 1), encoding='utf-8')
+    assert checked(tmp_path, bundle, '--fill', str(out), str(new)) == 0
+    assert "warning: 'out.csv' has no row for 'R-2'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(('table', 'new', 'message'), [
     ('out.csv', 'out.csv', 'this command reads it'),
     ('out.csv', 'rover.yaml', 'this command reads it'),
