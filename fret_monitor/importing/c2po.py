@@ -22,8 +22,9 @@ that `mltl` cannot read are left out with their reasons, as of other files. An a
 contract `p => q` becomes an implication. Other sections (STRUCT, for instance) are reported.
 
 C2PO binds some operators otherwise than `mltl`: `->`, `xor` and `<->` alike and from the left, `!`
-and the operators over time tighter than comparisons. What this could change is reported, and left
-out, with what reads it: parentheses make it the same in both.
+tighter than comparisons, and in older versions the operators over time, too. What this could
+change is reported, and left out, with what reads it: parentheses make it the same in both. So are
+`S` and `T` with a lower bound above 0: R2U2 asks for `p` at the steps up to that bound alone.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,6 +44,7 @@ _DEFINED = re.compile(r'([A-Za-z_]\w*)\s*:?=(?![=>])')
 _LEXEME = re.compile(r'\s+|[A-Za-z_]\w*|[\d.]+|<->|<<|>>|->|=>|&&|\|\||[<>=!]=|.', re.DOTALL)
 _FROM_LEFT = frozenset({'->', '<->', 'xor'})
 _PREFIX = frozenset('!GFHOYX')
+_SHIFTED = {'S': 'O', 'T': 'H'}
 _TIGHTER = frozenset({'<', '>', '<=', '>=', '=', '==', '!=', '+', '-', '*', '/', '%'})
 _OF_BITS = frozenset({'&', '|', '^', '~', '<<', '>>'})
 _OPENING = frozenset('([')
@@ -144,14 +146,27 @@ def _other_meaning(text: str) -> tuple[str, str] | None:
         elif lexeme in _FROM_LEFT | {'=>'} and seen[-1] & (_FROM_LEFT | {'=>'}):
             return 'C2PO reads this from the left', 'put parentheses around one of the two'
         elif lexeme in _PREFIX and _after_operand(lexemes, place + 1) in _TIGHTER:
-            return (f"C2PO reads '{lexeme}' before the comparison",
+            older = '' if lexeme == '!' else ' in older versions'
+            return (f"C2PO reads '{lexeme}' before the comparison{older}",
                     'put parentheses around the comparison')
+        elif lexeme in _SHIFTED and _has_lower_bound(lexemes[place + 1:place + 4]):
+            return (f"'p {lexeme}[a,b] q' of R2U2 asks for p up to step t-a only",
+                    f'write {_SHIFTED[lexeme]}[a,a] (p {lexeme}[0,b-a] q)')
         seen[-1].add(lexeme)
     return None
 
 
+def _has_lower_bound(lexemes: list[str]) -> bool:
+    """Whether the bound that begins here is `[a,b]` with another `a` than 0."""
+    return lexemes[::2] == ['[', ','] and lexemes[1] != '0'
+
+
 def _after_operand(lexemes: list[str], place: int) -> str:
-    """Return what follows the bound and the operand of a prefix operator that ends at a place."""
+    """
+    Return what follows the bound and the operand of a prefix operator that ends at a place.
+
+    It is '' if the operand begins with another prefix operator, which is closer to what follows.
+    """
     depth = 0
     is_bound = lexemes[place:place + 1] == ['[']
     while place < len(lexemes):
@@ -160,7 +175,9 @@ def _after_operand(lexemes: list[str], place: int) -> str:
         place += 1
         if depth == 0 and is_bound:
             is_bound = False
-        elif depth == 0 and lexeme not in _PREFIX and lexemes[place:place + 1] != ['(']:
+        elif depth == 0 and lexeme in _PREFIX:
+            return ''
+        elif depth == 0 and lexemes[place:place + 1] != ['(']:
             break
     return lexemes[place] if place < len(lexemes) else ''
 

@@ -108,9 +108,12 @@ def test_a_file_without_formulas_is_no_specification(text: str, tmp_path: Path,
     ('a <-> b -> c', 'from the left'),
     ('a -> b xor c', 'from the left'),
     ('a -> b => c', 'from the left'),
-    ('F[0,2] a == b', "'F'"),
-    ('!x > 3', "'!'"),
-    ('G[0,2] !(x) > 3', "'G'"),
+    ('F[0,2] a == b', "'F' before the comparison in older versions"),
+    ('!F[1,1] x != 0', "'F' before the comparison in older versions"),
+    ('!x > 3', "'!' before the comparison"),
+    ('G[0,2] !(x) > 3', "'!' before the comparison"),
+    ('a S[1,3] c', 'up to step t-a only'),
+    ('b -> (a T[2,2] c)', 'up to step t-a only'),
     ('(x ^ 2) > 3', 'of bits'),
     ('a | b', 'of bits'),
 ])
@@ -127,6 +130,7 @@ def test_a_formula_that_c2po_reads_otherwise_is_left_out(formula: str, reason: s
 @pytest.mark.parametrize('formula', [
     'a -> (b -> c)', '(a -> b) -> c', '(a -> b) => c', 'F[0,2] (a == b)', 'F[0,2] a && x > 3',
     'a -> F[0,2] !b', '!(x > 3) || H[0,2] a', 'a U[0,2] (b || c)', 'G[0,2] F[0,1] a',
+    'a S[0,2] b', 'a U[1,2] b', 'O[1,1] (a S[0,2] b)',
 ])
 def test_what_both_read_alike_is_kept(formula: str, tmp_path: Path) -> None:
     text = f'INPUT a, b, c: bool; x: int;\nFTSPEC\n  {formula};\n'
