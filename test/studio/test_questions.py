@@ -44,6 +44,27 @@ TIMED = BUNDLE.replace('every_message', 'timed').replace('3 ticks', '2 seconds')
 RATED = TIMED.replace('Float64}', 'Float64, max_rate: 100}').replace(
     'Bool}', 'Bool, max_rate: 100}').replace('Int8,', 'Int8, max_rate: 100,')
 
+MIXED = """\
+format: 1
+evaluation: {policy: timed}
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float64, max_rate: 50}
+  hot: {topic: hot, type: std_msgs/msg/Bool, max_rate: 50}
+  scan: {topic: scan, type: std_msgs/msg/Float64, field: rate(1 s), max_rate: 50}
+  front: {topic: front, type: std_msgs/msg/Float64}
+actions: {stop: {lock: {topic: e_stop}}}
+gates:
+  drive: {from: a, to: b, type: std_msgs/msg/Float64, keep: [NEAR], otherwise: drop}
+requirements:
+  - {id: MEAN, ptltl: "meanOver(0.5 s, x) <= 0.75"}
+  - {id: ONCE, ptltl: "O[0.15 s, 0.35 s] hot -> x < 1.5"}
+  - {id: NEAR, ptltl: "front > 0.5", on_violation: [stop]}
+  - {id: HELD, ptltl: "heldAt(hot, x) < 0.5"}
+  - {id: BUSY, ptltl: "timeOver(1 s, x > 0.5) <= 0.75"}
+  - {id: SOON, fretish: upon hot the robot shall within 0.25 seconds satisfy x > 1.75}
+  - {id: SCANS, ptltl: "scan >= 5"}
+"""
+
 
 def ask(folder: Path, do: str, text: str = BUNDLE, **more: Any) -> Any:
     found = Questions(folder).answer({'do': do, 'name': 'b.yaml', 'text': text, **more})
@@ -67,6 +88,24 @@ def test_problems_have_places_in_units_of_javascript_and_fixes(tmp_path: Path) -
     way = ask(tmp_path, 'fixes', text)[0][0]
     mended = wide[:2 * way['from']] + way['text'].encode('utf-16-le') + wide[2 * way['to']:]
     assert ask(tmp_path, 'check', mended.decode('utf-16-le'))['bundle'] is not None
+
+
+@pytest.mark.parametrize(
+    'text', [BUNDLE.replace('DRIVE ->', 'DRIV ->').replace('C,', 'SLOW,'), MIXED],
+    ids=['errors', 'warnings'])
+def test_an_editor_has_the_same_diagnostics(tmp_path: Path, text: str) -> None:
+    pytest.importorskip('pygls')
+    from lsp.client import editor
+    uri = (tmp_path / 'b.yaml').as_uri()
+    with editor() as client:
+        client.open(uri, text)
+        listed = client.diagnostics(uri, 1)
+    found = ask(tmp_path, 'check', text)['diagnostics']
+    assert len(found) >= 2
+    assert [(item['line'] - 1, item['severity'], item['code'], '\n'.join(filter(None, (
+        item['title'], item['label'], item['help'])))) for item in found] == [
+            (item['range']['start']['line'], {1: 'error', 2: 'warning'}[item['severity']],
+             item['code'], item['message']) for item in listed]
 
 
 def test_a_bundle_without_errors_has_its_inputs_and_requirements(tmp_path: Path) -> None:
@@ -133,26 +172,6 @@ def test_verdicts_are_those_of_simulate(tmp_path: Path, text: str) -> None:
             assert now == int(cells[number]), (name, label)
 
 
-MIXED = """\
-format: 1
-evaluation: {policy: timed}
-inputs:
-  x: {topic: x, type: std_msgs/msg/Float64, max_rate: 50}
-  hot: {topic: hot, type: std_msgs/msg/Bool, max_rate: 50}
-  scan: {topic: scan, type: std_msgs/msg/Float64, field: rate(1 s), max_rate: 50}
-  front: {topic: front, type: std_msgs/msg/Float64}
-actions: {stop: {lock: {topic: e_stop}}}
-gates:
-  drive: {from: a, to: b, type: std_msgs/msg/Float64, keep: [NEAR], otherwise: drop}
-requirements:
-  - {id: MEAN, ptltl: "meanOver(0.5 s, x) <= 0.75"}
-  - {id: ONCE, ptltl: "O[0.15 s, 0.35 s] hot -> x < 1.5"}
-  - {id: NEAR, ptltl: "front > 0.5", on_violation: [stop]}
-  - {id: HELD, ptltl: "heldAt(hot, x) < 0.5"}
-  - {id: BUSY, ptltl: "timeOver(1 s, x > 0.5) <= 0.75"}
-  - {id: SOON, fretish: upon hot the robot shall within 0.25 seconds satisfy x > 1.75}
-  - {id: SCANS, ptltl: "scan >= 5"}
-"""
 COUNTED = MIXED.replace('timed', 'every_message').replace('0.15 s, 0.35 s', '1, 3').replace(
     '0.25 seconds', '2 ticks').replace('0.5 s', '5').replace(
     'timeOver(1 s, x > 0.5) <= 0.75', 'countOver(9, x > 0.5) <= 6')
