@@ -370,7 +370,9 @@ def _lowered_scope(scope: InstanceScope, reading: Reading, max_state_bytes: int)
     program, layouts = _lowered(scope.specification, max_state_bytes)
     check_instances(program, layouts, ', '.join(scope.variables), math.prod(
         item.most for item in reading.specification.instance_variables
-        if item.name in scope.variables))
+        if item.name in scope.variables), next(
+            (item.name.span for item in reading.bundle.instance_variables
+             if item.name.value in scope.variables), None) if reading.bundle else None)
     return program, layouts
 
 

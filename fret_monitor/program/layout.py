@@ -31,7 +31,7 @@ from functools import cached_property
 
 from fret_monitor.logic.formula import Ago, Over, postorder, TimeOver
 from fret_monitor.logic.specification import Property, written_input
-from fret_monitor.model.diagnostics import Diagnostic, Problems
+from fret_monitor.model.diagnostics import Diagnostic, Problems, Span
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
@@ -260,21 +260,21 @@ def _inputs_bytes(program: MonitorProgram) -> int:
 
 
 def check_instances(program: MonitorProgram, layouts: tuple[GroupLayout, ...], variable: str,
-                    most: int) -> None:
+                    most: int, place: Span | None = None) -> None:
     """
     Refuse more instances than memory allows.
 
     Raises
     ------
     CompileError
-        with the place of the first requirement, and the bytes.
+        with a place, that of the first requirement if there is none, and the bytes.
     """
     each = instance_bytes(program, layouts)
     if program.properties and each * most > MOST_INSTANCE_BYTES:
         problems = Problems()
         problems.error(
             f"{most:,} instances of '{variable}' need {each * most:,} bytes; at most "
-            f'{MOST_INSTANCE_BYTES:,} are allowed', program.properties[0].place,
+            f'{MOST_INSTANCE_BYTES:,} are allowed', place or program.properties[0].place,
             f'{each:,} bytes each', f'most: {MOST_INSTANCE_BYTES // each}')
         problems.raise_errors()
 

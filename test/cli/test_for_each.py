@@ -161,6 +161,8 @@ def test_more_instances_than_memory_allows_are_refused_with_their_bytes(here: He
     assert done.status == 1
     assert "16,777,216 instances of 'robot' need" in done.err
     assert 'at most 4,294,967,296 are allowed' in done.err
+    line = 1 + text.splitlines().index('  robot: {most: 16777216, forget: 2}')
+    assert f'fleet.yaml:{line}:3: error: ' in done.err
 
 
 def simulate(here: Here, trace: str, text: str = FLEET) -> tuple[list[str], str]:
