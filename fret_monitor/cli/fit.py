@@ -99,6 +99,7 @@ def _shown(item: 'Fit') -> str:
         f'  {item.tried:,} values tried, of {item.kind}; all on one side of it are satisfied, '
         'all on the other are not' if item.other_end is None else
         f'  {item.tried:,} values tried, of {item.kind}; the verdicts are not monotone: from '
-        f'{item.value} to {item.other_end} all that were tried are satisfied, not so beyond',
+        f'{item.value} to {item.other_end} all that were tried are satisfied, and perhaps others '
+        'outside',
         '', 'constants:', f'  {item.name}: {item.value}']
     return '\n'.join(lines)

@@ -75,7 +75,7 @@ class Lanes(NamedTuple):
     windows: dict[str, Lane]
 
 
-class Part(NamedTuple):
+class TracePart(NamedTuple):
     """
     A part of a bundle, to be compiled.
 
@@ -86,7 +86,7 @@ class Part(NamedTuple):
     has_windows: bool = False
 
 
-def parts_of(specification: Specification) -> tuple[Part, ...]:
+def parts_of(specification: Specification) -> tuple[TracePart, ...]:
     """Return a bundle as parts, each with some of its requirements, or with its windows."""
     items = specification.properties
     # A requirement stays in its part when others come and go, or are written in another order.
@@ -95,8 +95,8 @@ def parts_of(specification: Specification) -> tuple[Part, ...]:
     for item in items:
         parts[crc32(item.id.encode()) % count].append(item)
     windows = [_as_requirement(*item) for item in windows_of(specification).items()]
-    return (*(Part(_part(specification, part)) for part in parts if part),
-            *([Part(replace(_part(specification, windows), has_margins=True), True)]
+    return (*(TracePart(_part(specification, part)) for part in parts if part),
+            *([TracePart(replace(_part(specification, windows), has_margins=True), True)]
               if windows else []))
 
 
@@ -142,7 +142,7 @@ def _part(specification: Specification, items: Sequence[Property]) -> Specificat
 class CompiledPart:
     """A part of a bundle, compiled; for one thread."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: TracePart) -> None:
         """Compile it; errors as `compile_monitor`."""
         self._part = part.specification
         self._has_windows = part.has_windows

@@ -48,7 +48,7 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library
 from fret_monitor.native.errors import NativeError
 from fret_monitor.studio.drawn_trace import (
-    CompiledPart, DrawnTrace, Part, parts_of, windows_of,
+    CompiledPart, DrawnTrace, TracePart, parts_of, windows_of,
 )
 from fret_monitor.studio.folder import Folder
 from fret_monitor.studio.plan import plan
@@ -75,8 +75,8 @@ class Questions:
         self._last: tuple[tuple[str, str], EditedBundle] | None = None
         self._memory = RequirementMemory()
         self._is_ready = False  # what all bundles share is compiled
-        self._compiled: dict[Part, CompiledPart] = {}
-        self._divided: dict[tuple[str, str, bool], tuple[Part, ...]] = {}
+        self._compiled: dict[TracePart, CompiledPart] = {}
+        self._divided: dict[tuple[str, str, bool], tuple[TracePart, ...]] = {}
         self._answers: dict[str, Callable[[Question], Answer]] = {
             'check': self._check, 'hover': self._hover, 'complete': self._complete,
             'fixes': self._fixes, 'format': self._format, 'picture': self._picture,
@@ -233,7 +233,7 @@ class Questions:
         found, _ = explain(self._reading(question), [question['id']])
         return as_dict(found[0])
 
-    def _parts(self, question: Question) -> tuple[Part, ...]:
+    def _parts(self, question: Question) -> tuple[TracePart, ...]:
         key = question['name'], question['text'], bool(question.get('margins'))
         if key not in self._divided:
             self._divided = {key: parts_of(replace(

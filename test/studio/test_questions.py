@@ -23,7 +23,7 @@ from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.explain.report import as_dict, explain
 from fret_monitor.studio import drawn_trace
-from fret_monitor.studio.drawn_trace import CompiledPart, Part
+from fret_monitor.studio.drawn_trace import CompiledPart, TracePart
 from fret_monitor.studio.questions import Questions, Utf16
 import pytest
 
@@ -262,7 +262,7 @@ def test_a_change_of_a_requirement_compiles_its_part_alone(
 
     class Noted(CompiledPart):
 
-        def __init__(self, part: Part) -> None:
+        def __init__(self, part: TracePart) -> None:
             if not part.has_windows:
                 compiled.append(tuple(item.id for item in part.specification.properties))
             super().__init__(part)
