@@ -48,7 +48,7 @@ from fret_monitor.model.values import ValueType
 from fret_monitor.native import evaluator_library
 from fret_monitor.native.errors import NativeError
 from fret_monitor.studio.drawn_trace import (
-    CompiledPart, DrawnTrace, TracePart, parts_of, windows_of,
+    CompiledPart, DrawnTrace, parts_of, TracePart, windows_of,
 )
 from fret_monitor.studio.folder import Folder
 from fret_monitor.studio.plan import plan
