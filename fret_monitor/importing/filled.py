@@ -35,7 +35,8 @@ from fret_monitor.importing.parsed_wording import names_in, parse_wording, renam
 from fret_monitor.importing.reqif_file import is_reqif
 from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE
 from fret_monitor.importing.tables import (
-    decoded, encoding_of, read_table, split_separator, SUFFIXES, WORKBOOK,
+    csv_rows, decoded, encoding_of, more_cells_help, read_table, split_separator, SUFFIXES,
+    WORKBOOK,
 )
 from fret_monitor.importing.workbook import write_cells
 from fret_monitor.importing.xml_text import refuse_hostile
@@ -59,14 +60,17 @@ def check_fillable(path: Path) -> None:
     Raises
     ------
     CompileError
-        if the file is no table and no ReqIF.
+        if the file is no table and no ReqIF, or a cell of a CSV would be lost.
     """
     refuse_irregular(path)
     kind = path.suffix.lower()
     if kind == ARCHIVE:
         refuse(f'{shown(str(path))} is an archive, in which no results are written',
                help='unpack it, and fill its file that ends in .reqif')
-    if kind in (*SUFFIXES, WORKBOOK) or is_reqif(text := decoded(path, MAX_BYTES)):
+    if kind in SUFFIXES:
+        _fillable_rows(decoded(path, MAX_BYTES), path)
+        return
+    if kind == WORKBOOK or is_reqif(text := decoded(path, MAX_BYTES)):
         return
     refuse(f'{shown(str(path))} is no table (.csv, .tsv, .xlsx) and no ReqIF, in which results '
            'are written', Span(Source(str(path), text), 0, 1) if text else None,
@@ -163,10 +167,21 @@ def places_of(head: Sequence[str], wanted: Sequence[str]) -> list[int]:
     return [found.index(name) for name in wanted]
 
 
+def _fillable_rows(text: str, path: Path) -> list[list[str]]:
+    """Return the rows of a CSV; refuse a cell without a head, which results might replace."""
+    rows = [*csv_rows(text, path)]
+    head = next((cells for cells in rows if any(map(str.strip, cells))), [])
+    for number, cells in enumerate(rows, 1):
+        if any(map(str.strip, cells[len(head):])):
+            refuse(f'{shown(str(path))}, row {number} has more cells than there are heads',
+                   help=more_cells_help(split_separator(text)[2]))
+    return rows
+
+
 def _filled_csv(text: str, path: Path, heads: Sequence[str],
                 rows: Mapping[str, Sequence[str]]) -> bytes:
+    read = _fillable_rows(text, path)
     before, text, sign = split_separator(text)
-    read = list(csv.reader(io.StringIO(text, newline=''), delimiter=sign, strict=True))
     first = next(number for number, cells in enumerate(read) if any(map(str.strip, cells)))
     places = places_of(read[first], heads)
     for number, cells in enumerate(read, 1):

@@ -23,7 +23,7 @@ row by row; everything else is prose, which is kept as a comment and reported.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import io
 from pathlib import Path
 import re
@@ -86,12 +86,17 @@ class _Row:
 
 @dataclass(frozen=True)
 class _Table:
-    """A table: its name in errors and in labels, its heads, and the rows that are not empty."""
+    """
+    A table: its name in errors and in labels, its heads, and the rows that are not empty.
+
+    `sign` is what separates the cells, in CSV.
+    """
 
     name: str
     label: str
     head: tuple[str, ...]
     rows: list[_Row]
+    sign: str = ''
 
 
 def has_heads(path: Path, max_bytes: int) -> bool:
@@ -151,9 +156,26 @@ def _components(tables: Iterable[_Table], path: Path, columns: Mapping[str, str]
             has_text = any(cells.get(role) for role in ('text', *_LANGUAGES))
             if has_text or 'identifier' not in places and any(cells.values()):  # no chapter
                 item = _requirement(cells, row.name, table.label, problems)
-                found.setdefault(cells.get('component', '') or _component(item), []).append(item)
+                component = cells.get('component', '') or _component(item)
+                found.setdefault(component, []).append(_checked(item, row, table))
     return [ImportedComponent(name, path.stem, (), tuple(items), (path.name,))
             for name, items in found.items()]
+
+
+def _checked(item: ComponentRequirement, row: _Row, table: _Table) -> ComponentRequirement:
+    """Return a requirement, not to be parsed if a cell of its row of a CSV has no head."""
+    heads = max(place for place, head in enumerate(table.head, 1) if head.strip())
+    if not table.sign or not any(cell.strip() for cell in row.cells[heads:]):
+        return item
+    fault = Diagnostic(
+        'its row has more cells than there are heads', level=Level.WARNING,
+        help=f'{table.label}, {row.name}: {more_cells_help(table.sign)}')
+    return replace(item, wordings=tuple(replace(one, fault=fault) for one in item.wordings))
+
+
+def more_cells_help(sign: str) -> str:
+    """Return what to do with a row of a CSV that has more cells than heads."""
+    return f'put a text with {shown(sign)} in quotes, or give each column a head'
 
 
 def _in_one_line(text: str) -> str:
@@ -167,7 +189,9 @@ def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
             problems: Problems) -> list[_Table]:
     """Return the table of a file, or the sheets of a workbook that have the columns."""
     if path.suffix.lower() != WORKBOOK:
-        return [_table(_csv_rows(decoded(path, max_bytes), path), str(path), path.name)]
+        text = decoded(path, max_bytes)
+        table = _table(csv_rows(text, path), str(path), path.name)
+        return [replace(table, sign=split_separator(text)[2])]
     read = [(name, rows) for name, rows in sheets(path, max_bytes, MAX_ROWS, problems)
             if any(map(any, rows))]
     if len(read) == 1:
@@ -255,7 +279,8 @@ def _head(cell: str) -> str:
     return ' '.join(cell.split()).casefold()
 
 
-def _csv_rows(text: str, path: Path) -> Iterator[Sequence[str]]:
+def csv_rows(text: str, path: Path) -> Iterator[list[str]]:
+    """Yield the rows of a CSV without a line that only says what separates cells."""
     _, text, sign = split_separator(text)
     reader = csv.reader(io.StringIO(text, newline=''), delimiter=sign, strict=True)
     csv.field_size_limit(max(csv.field_size_limit(), len(text)))

@@ -271,3 +271,22 @@ def test_the_ending_says_what_is_exported(bundle: Path, tmp_path: Path,
     assert main(['export', str(bundle), '--to', 'requirements', '-o', str(out)]) == 1
     assert 'ends in none of .csv, .xlsx, .reqif' in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_cell_without_a_head_is_no_part_of_a_requirement_and_is_not_lost(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / 'cut.csv'
+    table.write_text('ID,Requirement\nA,the rover shall always satisfy speed <= 20,5\n'
+                     'B,the rover shall always satisfy speed <= 20,\n')
+    bundle, new = tmp_path / 'cut.yaml', tmp_path / 'new.csv'
+    assert main(['import', str(table), '-o', str(bundle)]) == 0
+    said = capsys.readouterr()
+    assert 'its row has more cells than there are heads' in said.err
+    assert "cut.csv, row 2: put a text with ',' in quotes, or give each column a head" in said.err
+    assert [item.id for item in read(bundle).specification.properties] == ['B']
+    assert checked(tmp_path, bundle, '--fill', str(table), str(new)) == 1
+    assert ', row 2 has more cells than there are heads' in capsys.readouterr().err
+    assert not new.exists()
+    table.write_text(table.read_text().replace(',5', ''))
+    assert checked(tmp_path, bundle, '--fill', str(table), str(new)) == 0
+    assert rows_of(new)[2][1:3] == ['the rover shall always satisfy speed <= 20', 'satisfied']
