@@ -105,10 +105,11 @@ def _stop(source: Source, match: re.Match[str], title: str, help: str) -> NoRetu
 
 # Mermaid
 
-_STATEMENT = re.compile(r'(?:"[^"\n]*"|\|[^|\n]*\||%%[^\n]*|&?\#?\w+;(?=[^\n]*\|)|[^;\n])+')
+_STATEMENT = re.compile(r'(?:"[^"\n]*"|\|[ \t]*"[^"\n]*"[ \t]*\||\|[^|\n]*\||%%[^\n]*'
+                        r'|&?\#?\w+;(?=[^\n]*\|)|[^;\n])+')
 _NODE = re.compile(r'\s*(\w+)\s*(?:\[[^]\n]*\]+|\(+[^)\n]*\)+|\{+[^}\n]*\}+|>[^]\n]*\])?'
                    r'(?::::\w+)?\s*')
-_LINK = re.compile(r'(?:--+>|==+>|-\.+->)\s*(?:\|([^|\n]*)\|)?'
+_LINK = re.compile(r'(?:--+>|==+>|-\.+->)\s*(?:\|([ \t]*"[^"\n]*"[ \t]*|[^|\n]*)\|)?'
                    r'|(?:--|==|-\.)\s*([^-=.\n|>][^\n]*?)\s*(?:--+>|==+>|\.+->)')
 _HEAD = re.compile(r'[^;\n]*')
 _DRAWING = re.compile(r'\s*(?:direction|classDef|class|style|linkStyle|click|accTitle|accDescr|'
@@ -158,7 +159,8 @@ def _chain(source: Source, statement: re.Match[str]) -> Iterator[Edge]:
         yield Edge(node[1], target[1], _label(link[group] or ''), place)
         node = target
     if not node or node.end() < end:
-        _stop(source, statement, 'this is no edge of a diagram', 'write A -->|condition| B')
+        _stop(source, statement, 'this is no edge of a diagram', 'write A -->|condition| B'
+              + (', with quotes around a condition with |' if '|' in statement[0] else ''))
 
 
 def _label(text: str) -> str:

@@ -210,6 +210,20 @@ def test_the_forms_of_an_edge_mean_the_same(text: str) -> None:
     assert edges(text) == ALIKE
 
 
+@pytest.mark.parametrize('text', [
+    'graph TD\nA-->|"x > 2 | y; < 2"|B', 'graph TD\nA-->|  "x > 2 | y; < 2" |B',
+    'graph TD\nA-- "x > 2 | y; < 2" -->B', 'digraph { A -> B [label="x > 2 | y; < 2"]; }'])
+def test_a_label_in_quotes_may_have_the_sign_around_labels(text: str) -> None:
+    assert edges(text) == [('A', 'B', 'x > 2 | y; < 2')]
+
+
+def test_a_label_with_the_sign_around_labels_needs_quotes() -> None:
+    with pytest.raises(CompileError) as raised:
+        edges('graph TD\nA-->|x > 2 | y < 2|B')
+    assert raised.value.diagnostics[0].help == (
+        'write A -->|condition| B, with quotes around a condition with |')
+
+
 @pytest.mark.parametrize(('text', 'line', 'message'), [
     ('graph TD\nA-->B\nA---C', 3, 'this is no edge'),
     ('graph TD\nA-->B & C', 2, 'this is no edge'),
