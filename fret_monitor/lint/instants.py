@@ -20,6 +20,7 @@ that look back one nanosecond where no change is looked for.
 """
 
 from collections.abc import Iterator
+import re
 from typing import TypeAlias
 
 from fret_monitor.logic.formula import (
@@ -33,6 +34,7 @@ from fret_monitor.model.policies import InputSource, Policy, Report
 _Kinds: TypeAlias = tuple[type[Previous | WeakYesterday | Yesterday], ...]
 
 _ONE_BACK: _Kinds = (Previous, WeakYesterday, Yesterday)
+_LOOKS_BACK = re.compile(r'\b(?:[YZ]|pre\w*)\b')
 _TEMPORAL = (Historically, Once, Since, Triggered, *NUMBERS_OVER_TIME, *_ONE_BACK)
 
 
@@ -61,6 +63,8 @@ def _instants(item: Property, received: set[str]) -> Iterator[Diagnostic]:
     # Y and Z in the formula of a sentence are FRET's; only `pre` was written by the user.
     back = _ONE_BACK if item.sentence is None else (Previous,)
     nodes = postorder(item.roots)
+    if item.horizon and not _LOOKS_BACK.search(item.text):
+        return  # each Y is of the rewriting to the past
     name = next(_received_before(nodes, received, back), '')
     if name:
         yield _warning(

@@ -47,6 +47,11 @@ TIMED = [
     ('fretish', 'upon p sw shall always satisfy prevOcc(p, q)', ''),
     ('fretish', 'when p sw shall after 2 seconds satisfy q', 'at exactly one nanosecond'),
     ('fretish', 'when p sw shall at the next timepoint satisfy q', 'one nanosecond later'),
+    ('mltl', 'p R[1 ns,4 ns] (q R[2 ns,4 ns] x > 1)', ''),
+    ('mltl', 'p -> F[1 ns, 1 ns] q', ''),
+    ('mltl', 'p -> X q', ''),
+    ('mltl', 'p -> Y q', 'looks back one nanosecond'),
+    ('mltl', 'F[0, 2 s] (p -> Y q)', 'looks back one nanosecond'),
 ]
 
 
