@@ -75,7 +75,7 @@ class SeenField:
                  if not math.isnan(value)]
         found += [value for value in (self.least, self.most) if not math.isnan(value)]
         if found:
-            self.least, self.most = min(found), max(found)
+            self.least, self.most = min(found) + 0.0, max(found) + 0.0  # no '-0'
 
 
 @dataclass
@@ -334,15 +334,21 @@ def _examples(fields: Sequence[SeenField]) -> Iterator[str]:
     """Yield two requirements in comments: they pass `check` when the marks are removed."""
     if not fields:
         return
-    item = max(fields, key=lambda one: (one.type is not ValueType.BOOL, one.most > one.least))
+    item = max(fields, key=lambda one: (
+        one.type is not ValueType.BOOL, _is_finite(one), not one.has_nan, one.most > one.least))
     most, high = _limits(item)
+    limit = 'beyond what was seen' if _is_finite(item) else 'above 100'
     yield from (
         '', '# Remove the marks `# ` of the next lines, and write what your robot shall do.',
         '# requirements:',
-        '#   - id: EXAMPLE-1   # never beyond what was seen',
+        f'#   - id: EXAMPLE-1   # never {limit}',
         f'#     fretish: the system shall always satisfy {most}',
         '#   - id: EXAMPLE-2   # back within two seconds',
         f'#     fretish: when {high} the system shall within 2 seconds satisfy !({high})')
+
+
+def _is_finite(item: SeenField) -> bool:
+    return math.isfinite(item.most - item.least)
 
 
 def _limits(item: SeenField) -> tuple[str, str]:
@@ -350,12 +356,13 @@ def _limits(item: SeenField) -> tuple[str, str]:
     name = item.name
     if item.type is ValueType.BOOL:
         return f'{name} | !{name}', name
-    if not math.isfinite(item.most - item.least):
+    if not _is_finite(item):
         return f'{name} <= 100', f'{name} > 50'
     middle = item.least / 2 + item.most / 2
     if item.type.is_integer:
         return f'{name} <= {_not_less(item)}', f'{name} > {math.floor(middle)}'
-    return f'{name} <= {item.most!r}', f'{name} > {float(f"{middle:.3g}")!r}'
+    most = f'!({name} > {item.most!r})' if item.has_nan else f'{name} <= {item.most!r}'
+    return most, f'{name} > {float(f"{middle:.3g}")!r}'
 
 
 def _not_less(item: SeenField) -> int:

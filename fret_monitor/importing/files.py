@@ -310,6 +310,7 @@ def _one(first: ComponentRequirement, second: ComponentRequirement) -> Component
 def _with_ids(requirements: Iterable[ComponentRequirement],
               problems: Problems) -> Iterator[ComponentRequirement]:
     handlers: set[str] = set()
+    ids: set[str] = set()
     for item in requirements:
         usable = _usable_id(item.id)
         name = _free_id(usable, handlers)
@@ -318,8 +319,10 @@ def _with_ids(requirements: Iterable[ComponentRequirement],
             problems.warning(
                 f'the requirement {shown(item.id)} has the id {shown(name)} in the bundle', None,
                 '', 'an id is one line of printable characters, of which some fit into the name '
-                'of a handler' if name == usable else 'handler names must be unique: they keep '
-                "only the letters and digits of an id, and '_' for the rest")
+                'of a handler' if name == usable else 'another requirement has this id'
+                if item.id in ids else 'handler names must be unique: they keep only the letters '
+                "and digits of an id, and '_' for the rest")
+        ids.add(item.id)
         yield replace(item, id=name, source='' if name == item.id else item.id)
 
 

@@ -52,6 +52,12 @@ def recording(folder: Path) -> Path:
     return folder
 
 
+def with_examples(text: str) -> str:
+    """Return a new bundle without the marks before its examples."""
+    before, _, after = text.partition('# requirements:')
+    return before + ('# requirements:' + after).replace('\n# ', '\n').removeprefix('# ')
+
+
 def test_each_field_has_what_was_seen_of_it(tmp_path: Path) -> None:
     target = tmp_path / 'new.yaml'
     bag = str(recording(tmp_path / 'run'))
@@ -70,8 +76,7 @@ def test_two_edits_find_a_violation(tmp_path: Path, capsys: pytest.CaptureFixtur
     target, bag = tmp_path / 'new.yaml', recording(tmp_path / 'run')
     main(['new', '--bag', str(bag), '--topics', 'base/cmd_vel', '-o', str(target)])
     text = target.read_text(encoding='utf-8')
-    before, _, after = text.partition('# requirements:')
-    live = before + ('# requirements:' + after).replace('\n# ', '\n').removeprefix('# ')
+    live = with_examples(text)
     target.write_text(live, encoding='utf-8')
     assert len(read(target).specification.properties) == 2
     assert main(['bag', str(target), str(bag)]) == 0
@@ -79,6 +84,22 @@ def test_two_edits_find_a_violation(tmp_path: Path, capsys: pytest.CaptureFixtur
     target.write_text(live.replace('cmd_vel_linear_x <= 2.0', 'cmd_vel_linear_x <= 1.5'))
     main(['bag', str(target), str(bag)])
     assert 'EXAMPLE-1    VIOLATED' in capsys.readouterr().out
+
+
+def test_the_first_example_holds_in_the_recording_though_a_value_was_nan(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = write(tmp_path / 'run', [('x', 0, -0.0), ('x', SECOND, float('nan')),
+                                   ('x', 2 * SECOND, -1.5), ('y', 0, float('inf'))])
+    target = tmp_path / 'new.yaml'
+    assert main(['new', '--bag', str(bag), '--all', '-o', str(target)]) == 0
+    text = target.read_text(encoding='utf-8')
+    assert '# -1.5 to 0 and NaN' in text and 'satisfy !(x > 0.0)' in text
+    target.write_text(with_examples(text), encoding='utf-8')
+    assert main(['bag', str(target), str(bag)]) == 0
+    assert 'EXAMPLE-1    satisfied' in capsys.readouterr().out
+    endless = write(tmp_path / 'endless', [('y', 0, 1.0), ('y', SECOND, float('inf'))])
+    assert main(['new', '--bag', str(endless), '--all']) == 0
+    assert 'EXAMPLE-1   # never above 100\n' in capsys.readouterr().out
 
 
 def test_several_recordings_are_one(tmp_path: Path) -> None:
@@ -116,9 +137,7 @@ def test_what_a_bundle_cannot_say_is_not_written(tmp_path: Path) -> None:
         assert main(['new', '--bag', str(bag), '--all', '-o', str(target)]) == 0
         text = target.read_text(encoding='utf-8')
         assert f'  {name}: ' in text and what in text
-        before, _, after = text.partition('# requirements:')
-        target.write_text(before + ('# requirements:' + after).replace(
-            '\n# ', '\n').removeprefix('# '), encoding='utf-8')
+        target.write_text(with_examples(text), encoding='utf-8')
         assert main(['check', str(target)]) == 0
         assert main(['bag', str(target), str(bag)]) == 0 or name == 'until_value'
 

@@ -215,7 +215,11 @@ def test_rows_that_repeat_a_requirement_are_one_and_are_reported(
     assert [(item.id.value, item.text.value, item.source) for item in found.requirements] == [
         ('R-1', 'x > 0', ''), ('R-2', 'x > 1', ''), ('R-1_2', 'x > 2', 'R-1'),
         ('R.1_3', 'x > 3', 'R.1')]
-    assert "a.csv, row 4: the requirement 'R-1' is that of a.csv, row 2" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "a.csv, row 4: the requirement 'R-1' is that of a.csv, row 2" in said
+    reasons = said.split("has the id 'R")[1:]
+    assert 'another requirement has this id' in reasons[0]
+    assert 'handler names must be unique' in reasons[1]
     out = tmp_path / 'out.csv'
     assert main(['export', str(target), '--to', 'requirements', '-o', str(out)]) == 0
     assert [line.split(',')[0] for line in out.read_text().splitlines()] == [
