@@ -328,8 +328,10 @@ def _places(table: _Table, columns: Mapping[str, str]) -> dict[str, int]:
             found[role] = place
     if not found.keys() & {'id', 'identifier'} or not found.keys() & {'text', *_LANGUAGES}:
         missing = 'ids' if not found.keys() & {'id', 'identifier'} else 'requirements'
+        write = ('cells are separated by , ; or tabs, or by what a first line such as sep=| says'
+                 if len(table.head) == 1 else f'write --columns {_columns_of(table)}')
         refuse(f'{shown(table.name)} has no column of {missing}',
-               help=f'{_listed(table.head)}; write --columns {_columns_of(table)}')
+               help=f'{_listed(table.head)}; {write}')
     return found
 
 

@@ -35,6 +35,7 @@ MAX_CELLS = 2_000_000
 """Cells of a workbook, also of empty ones that are written."""
 
 _CELL, _FORMULA = (re.compile(rb'<(?:\w+:)?%s[\s>/]' % name) for name in (b'c', b'f'))
+_DIGITS = re.compile(r'(0+)(?:\.(0+))?')
 _TYPE = b'<!DOCTYPE'
 _BROKEN = (ParseError, zipfile.BadZipFile, KeyError, ValueError, TypeError, IndexError,
            AttributeError, EOFError, OSError, SyntaxError)
@@ -158,7 +159,7 @@ def _rows(sheet: Any, formulas: Any, file: str, max_rows: int, problems: Problem
           ) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a sheet, with the empty ones between, until there are too many."""
     sheet.reset_dimensions()  # some programs write too few
-    rows = sheet.iter_rows(values_only=True)
+    rows = sheet.iter_rows()
     pairs: Iterable[tuple[Sequence[Any], Sequence[Any]]] = ((row, ()) for row in rows)
     if formulas is not None:
         formulas.reset_dimensions()
@@ -166,15 +167,26 @@ def _rows(sheet: Any, formulas: Any, file: str, max_rows: int, problems: Problem
     left = max_rows + 1  # and the heads
     for number, (cells, written) in enumerate(pairs, 1):
         for cell, text in zip(cells, written):
-            if cell is None and text is not None:
+            if cell.value is None and text is not None:
                 problems.warning(
                     f'{file}, {sheet.title}, row {number} has a formula of the spreadsheet '
                     f'without its value: {shown(str(text))}', None, '',
                     'open and save it with a spreadsheet program')
-        left -= any(cell is not None for cell in cells)
-        yield tuple(map(_text, cells))
+        left -= any(cell.value is not None for cell in cells)
+        yield tuple(map(_shown_text, cells))
         if left < 0:
             return
+
+
+def _shown_text(cell: Any) -> str:
+    """Return the text of a cell, of a number with the digits of its format `0000` or `0.00`."""
+    text = _text(cell.value)
+    if isinstance(cell.value, int | float) and not isinstance(cell.value, bool) and (
+            digits := _DIGITS.fullmatch(cell.number_format)):
+        after = len(digits[2] or '')
+        written = f'{cell.value:0{len(digits[1]) + after + bool(after)}.{after}f}'
+        return written if float(written) == cell.value else text
+    return text
 
 
 def _text(cell: Any) -> str:

@@ -28,7 +28,7 @@ from fret_monitor.importing.files import ImportOptions
 from fret_monitor.importing.tables import MAX_ROWS
 from fret_monitor.language.fretish import parse_fretish
 from fret_monitor.language.sentence import Sentence
-from fret_monitor.model.diagnostics import CompileError, Text
+from fret_monitor.model.diagnostics import CompileError, Problems, Text
 import openpyxl
 import pytest
 
@@ -139,6 +139,31 @@ def test_a_workbook_becomes_what_its_table_does(tmp_path: Path) -> None:
     path = workbook(tmp_path / 'rover.xlsx', Rover=ROWS)
     assert main(['import', str(path), '-o', str(target), '--force']) == 0
     assert target.read_text(encoding='utf-8') == from_csv.replace('rover.csv', 'rover.xlsx')
+
+
+def test_a_number_of_a_workbook_has_the_digits_that_are_shown(tmp_path: Path) -> None:
+    shown = {'1.10': (1.1, '0.00'), '1.1': (1.1, 'General'), '0003': (3, '0000'), '3': (3, '0'),
+             '1.5': (1.5, '0'), '2.25': (2.25, '#,##0.00'), '04.50': (4.5, '00.00')}
+    path = workbook(tmp_path / 'ids.xlsx', A=(
+        ('id', 'text'), *((value, f'x > {number}')
+                          for number, (value, _) in enumerate(shown.values()))))
+    book = openpyxl.load_workbook(path)
+    for number, (_, form) in enumerate(shown.values(), 2):
+        book['A'][f'A{number}'].number_format = form
+    book.save(path)
+    found, = tables.read_table(path, 2 ** 20, {}, Problems())
+    assert [item.id for item in found.requirements] == [*shown]
+
+
+def test_one_column_alone_is_told_what_separates_cells(tmp_path: Path) -> None:
+    text = 'ID|Requirement\nR-1|x > 0\n'
+    (tmp_path / 'a.csv').write_text(text)
+    with pytest.raises(CompileError) as caught:
+        import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')
+    assert 'such as sep=| says' in str(caught.value.diagnostics[0].help)
+    (tmp_path / 'a.csv').write_text('sep=|\n' + text)
+    found, = import_bundles([tmp_path / 'a.csv'], tmp_path / 'a.yaml')
+    assert [item.id for item in found.draft.requirements] == ['R-1']
 
 
 def test_each_sheet_with_the_columns_is_read_and_others_are_told(
