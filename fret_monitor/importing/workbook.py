@@ -32,7 +32,7 @@ NEEDED: Mapping[str, str] = {'openpyxl': 'openpyxl'}
 """The module that is needed, and its package."""
 
 MAX_CELLS = 2_000_000
-"""Cells of a workbook, also of empty ones that are written."""
+"""Cells of a workbook, also of empty ones that are written or stand before others in a row."""
 
 _CELL, _FORMULA = (re.compile(rb'<(?:\w+:)?%s[\s>/]' % name) for name in (b'c', b'f'))
 _DIGITS = re.compile(r'(0+)(?:\.(0+))?')
@@ -64,8 +64,15 @@ def sheets(path: Path, max_bytes: int, max_rows: int,
         stack.callback(values.close)
         formulas = load_workbook(path, read_only=True) if has_formulas else None
         stack.callback(formulas.close if formulas else bool)
-        found = [(sheet, list(_rows(sheet, formulas and formulas[sheet.title], path.name,
-                                    max_rows, problems))) for sheet in values.worksheets]
+        found, left = [], MAX_CELLS
+        for sheet in values.worksheets:
+            rows: list[tuple[str, ...]] = []
+            for row in _rows(sheet, formulas and formulas[sheet.title], path.name, max_rows,
+                             problems):
+                rows.append(row)
+                left -= len(row)
+                _require_cells(left, path)
+            found.append((sheet, rows))
     for sheet, rows in found:
         if sheet.sheet_state != 'visible' and any(map(any, rows)):
             problems.warning(f'{path.name}: the sheet {shown(sheet.title)} is left out', None, '',
@@ -149,10 +156,14 @@ def _check_parts(path: Path, max_bytes: int) -> bool:
                 if part.filename.startswith('xl/worksheets/'):
                     cells += len(_CELL.findall(text)) - len(_CELL.findall(rest))
                     has_formulas |= _FORMULA.search(text) is not None
-            if cells > MAX_CELLS:
-                refuse(f'{name} has more than {MAX_CELLS:,} cells',
-                       help="delete the empty ones that have a format, or save it as 'CSV UTF-8'")
+            _require_cells(MAX_CELLS - cells, path)
     return has_formulas
+
+
+def _require_cells(left: int, path: Path) -> None:
+    if left < 0:
+        refuse(f'{shown(str(path))} has more than {MAX_CELLS:,} cells',
+               help="delete the empty ones that have a format, or save it as 'CSV UTF-8'")
 
 
 def _rows(sheet: Any, formulas: Any, file: str, max_rows: int, problems: Problems

@@ -222,6 +222,10 @@ def test_what_is_no_workbook_is_refused(tmp_path: Path,
     with zipfile.ZipFile(tmp_path / 'bz.xlsx', 'w', zipfile.ZIP_BZIP2) as target:
         target.writestr('xl/workbook.xml', '<a/>')
     assert 'is packed in an unusual way' in message(tmp_path / 'bz.xlsx')
+    far = workbook(tmp_path / 'far.xlsx', A=(('id', 'text', *[None] * 50, 'x'),), B=(
+        ('id', 'text', *[None] * 50, 'x'),))
+    monkeypatch.setattr(workbooks, 'MAX_CELLS', 99)
+    assert 'has more than 99 cells' in message(far)
     monkeypatch.setattr(workbooks, 'MAX_CELLS', 3)
     assert 'has more than 3 cells' in message(good)
     cut = tmp_path / 'cut.xlsx'
