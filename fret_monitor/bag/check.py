@@ -397,15 +397,16 @@ class _Run:
         for each in self._changes:
             each.end(end)
         self._note_closest()
-        self._finish(end)
+        kinds = dict(self._kind_counts())
         self._complain()
+        self._finish(end)  # last: it goes on behind the end
         read = dict(zip(self._names, self._read))
         if not self._is_limited:
             self._compare(read)
         return RecordingResult(
             recording.path, manifest, self._recorded, read, self._in_order(),
             tuple(self._errors), begin, end, recording.start, tuple(self._warnings),
-            recording.is_trace, recording.has_checksums, dict(self._kind_counts()),
+            recording.is_trace, recording.has_checksums, kinds,
             dict(self._steps()) if self._is_aside else {})
 
     def _note_closest(self) -> None:

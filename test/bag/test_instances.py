@@ -390,6 +390,20 @@ requirements: [{{id: LOW, ptltl: "x < 10"}}]
         0.5, 0.5, 8.0, 7.0, inf]
 
 
+def test_an_instance_that_is_not_forgotten_by_the_end_has_not_ended(tmp_path: Path) -> None:
+    # All three wait for something that is due behind the end.
+    result = judged(tmp_path, 'ending', f"""format: 1
+evaluation: {{policy: timed}}
+for_each: {{robot: {{most: 3, forget: 2}}}}
+inputs: {{x: {{topic: "/{{robot}}/speed", type: {FLOAT}}}}}
+requirements:
+  - {{id: LOW, fretish: "whenever x > 1 the robot shall within 5 seconds satisfy x < 1"}}
+""", [(round(second * 1e9), f'/{key}/speed', FLOAT, TYPES.types[FLOAT](2.0), frozenset[str]())
+      for second, key in [(0, 'a'), (2.5, 'b'), (3, 'c')]])
+    counts = result.kinds['robot']
+    assert (counts.begun, counts.ended, counts.open, counts.alive) == (3, 1, 1, 2)
+
+
 def test_the_least_margin_of_a_key_is_that_of_all_its_instances(tmp_path: Path) -> None:
     file = tmp_path / 'bundle.yaml'
     file.write_text(f"""format: 1
