@@ -199,7 +199,7 @@ def check_recording(
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[AnyRecording, 'FindMessage']]:
     """Yield a recording, and a function that finds message types in it, or what is installed."""
-    if path.suffix == TRACE_SUFFIX:
+    if path.suffix == TRACE_SUFFIX and not path.is_dir():
         yield Trace(path), find_message
         return
     with Recording(path) as recording:

@@ -159,7 +159,7 @@ class Recording(AbstractContextManager['Recording']):
         """
         self.path = path
         self._stack = ExitStack()
-        self._is_ros1 = path.suffix == '.bag'
+        self._is_ros1 = path.suffix == '.bag' and not path.is_dir()
         self._check_path()
         self.errors: tuple[str, ...] = ()
         self._reader = self._open()

@@ -486,6 +486,15 @@ def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
     assert result.findings[0].violations == 7
 
 
+@pytest.mark.parametrize('name', ['run.bag', 'run.csv', 'run.mcap'])
+def test_a_folder_of_rosbag2_is_that_whatever_its_name(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path / name, [('/level', k, float(k)) for k in range(8)] + [
+        ('/flow', 8 + k, 0.0) for k in range(2)])
+    result = check_recording(bundle(tmp_path, 'every_message'), path, Selection())
+    assert (result.errors, sum(result.read.values())) == ((), 10)
+    assert result.findings[0].violations
+
+
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     file = bundle(tmp_path, 'every_message')
     write(tmp_path / 'bags' / 'one', [('/level', 0, 0.0)])
