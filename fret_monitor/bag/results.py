@@ -15,7 +15,6 @@
 """What was found in a recording, as JSON, JUnit, CSV and a table."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-import csv
 from dataclasses import replace
 import json
 from math import inf
@@ -25,6 +24,7 @@ from xml.etree import ElementTree
 from fret_monitor.bag.check import RecordingResult
 from fret_monitor.bag.findings import Closest, Findings, Slack
 from fret_monitor.bag.results_file import meanings_of
+from fret_monitor.model.csv_writer import CsvWriter
 from fret_monitor.model.diagnostics import counted, printable
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import key_text, parts_of_key
@@ -368,7 +368,7 @@ class ChangesCsv:
 
     def __init__(self, file: TextIO) -> None:
         """Write to `file`, an open CSV file."""
-        self._writer = csv.writer(file, lineterminator='\n')
+        self._writer = CsvWriter(file)
         self._state: list[int | None] = []
         self._waiting: int | None = None  # the time of a row to which more may be added
 

@@ -41,6 +41,7 @@ from fret_monitor.importing.tables import (
 from fret_monitor.importing.workbook import write_cells
 from fret_monitor.importing.xml_text import refuse_hostile
 from fret_monitor.model.bundle_files import refuse_irregular
+from fret_monitor.model.csv_writer import CsvWriter
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, shown
 
@@ -192,8 +193,9 @@ def _filled_csv(text: str, path: Path, heads: Sequence[str],
                 cells[place] = cell
     file = io.StringIO(newline='')
     file.write(before)
-    csv.writer(file, delimiter=sign, lineterminator='\r\n' if '\r\n' in text else '\n'
-               ).writerows(read)
+    writer = csv.writer(file, delimiter=sign, lineterminator='\r\n') if '\r\n' in text else \
+        CsvWriter(file, sign)
+    writer.writerows(read)
     begin = path.read_bytes()[:len(BOM_UTF8)]
     encoding = encoding_of(begin)
     return file.getvalue().encode(

@@ -24,7 +24,6 @@ from array import array
 from codecs import BOM_UTF8, getincrementaldecoder
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-import csv
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -36,6 +35,7 @@ from pathlib import Path
 import re
 from typing import Any, BinaryIO, NoReturn, TYPE_CHECKING, TypeAlias
 
+from fret_monitor.model.csv_writer import CsvWriter
 from fret_monitor.model.diagnostics import CompileError, counted, refuse, Source, Span
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.manifest import ManifestInput
@@ -97,7 +97,7 @@ def trace_text(signals: 'Sequence[Signal]', rows: Iterable[Sequence[bool | int |
     `times` are the times of the rows, for a column of them.
     """
     text = StringIO()
-    writer = csv.writer(text, lineterminator='\n')
+    writer = CsvWriter(text)
     writer.writerow([*(() if times is None else (TIME,)), *(signal.name for signal in signals)])
     for number, row in enumerate(rows):
         cells = [_cell(value, signal) for value, signal in zip(row, signals, strict=True)]

@@ -16,10 +16,10 @@
 
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-import csv
 import math
 from typing import Any, TextIO
 
+from fret_monitor.model.csv_writer import CsvWriter
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
 from fret_monitor.runtime.evaluator import Evaluator, Margin
@@ -42,7 +42,7 @@ class MarginTable:
         self._manifest = manifest
         self._is_timed = manifest.policy is Policy.TIMED
         self._has_times = has_times
-        self._writer = csv.writer(out, lineterminator='\n')
+        self._writer = CsvWriter(out)
         self._steps = 0
         self._writer.writerow([TIME if self._is_timed else 'step',
                                *(item.name for item in manifest.variables), *_HEADING])

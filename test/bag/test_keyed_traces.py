@@ -15,6 +15,7 @@
 """`bag` judges a trace with keys as `simulate` does: the same violations of the same instances."""
 
 from collections import defaultdict
+import csv
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -128,3 +129,17 @@ def test_a_part_of_a_trace_is_judged_and_a_wrong_key_has_its_place(
     assert "trace.csv:3:3: 'gamma' is not a key of 'robot'" in capsys.readouterr().err
     assert main(['bag', str(bundle), str(trace), '--report', str(tmp_path / 'r.html')]) == 1
     assert 'a trace with keys is not drawn yet' in capsys.readouterr().err
+
+
+def test_a_key_with_a_carriage_return_is_in_quotes_in_each_file_of_rows(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, FLEET.replace('[alpha, beta]', '{most: 2}'))
+    trace, out, margins = (str(tmp_path / name) for name in ('t.csv', 'out.csv', 'm.csv'))
+    Path(trace).write_bytes(b'robot,speed\n"a\rb",2\n"a\rb",0.5\n')
+    assert main(['simulate', str(bundle), '--trace', trace, '--verdicts', out,
+                 '--margins', margins]) == 0
+    assert main(['bag', str(bundle), trace, '--csv', str(tmp_path / 'bag.csv')]) == 0
+    for path in (out, margins, str(tmp_path / 'bag.csv')):
+        with open(path, newline='', encoding='utf-8') as file:
+            heading, *rows = csv.reader(file)
+        assert {row[1] for row in rows} - {''} == {'a\rb'}, path
+        assert {len(row) for row in rows} == {len(heading)}
