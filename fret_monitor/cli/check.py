@@ -41,7 +41,7 @@ from fret_monitor.model.diagnostics import (
     by_place, CompileError, counted, Diagnostic, missing_packages, printable, Problems,
     Text,
 )
-from fret_monitor.model.manifest import ManifestAction, ManifestVariable
+from fret_monitor.model.manifest import ManifestAction
 from fret_monitor.model.policies import InputSource, Policy, Stamp
 from fret_monitor.model.times import known_text, time_text
 from fret_monitor.native.errors import NativeError
@@ -166,7 +166,7 @@ def _as_dict(item: _Checked, traced: Evidence | None) -> dict[str, object]:
                     for found in _windows(item.generated)],
         'gates': list(map(_gate_as_dict, specification.gates)),
         'actions': [{'name': action.name, 'kind': action.kind.value, 'target': action.target,
-                     'requirements': users} for action, users in _users(specification)],
+                     'requirements': users} for action, users in _users(item.generated)],
         **({} if traced is None else {'trace': [
             as_dict(link) for link in _links(item, item.generated, traced)]}),
     }
@@ -319,7 +319,7 @@ def _report(path: Path, generated: GeneratedMonitor) -> Iterator[str]:
     late = [f'{item.id}: known {known_text(item.horizon, is_timed=is_timed)}'
             for item, *_ in _requirements(generated) if item.horizon]
     yield from ['', *late] if late else []
-    acting = [*_acting(generated.specification, manifest.variables)]
+    acting = [*_acting(generated)]
     yield from ['', *acting] if acting else []
 
 
@@ -365,22 +365,22 @@ def _filled_by(found: WindowSize, signals: tuple[Signal, ...]) -> str:
     return f'{entries}: max_rate of {names} x {time_text(found.past)}' if names else entries
 
 
-def _acting(specification: Specification,
-            variables: Iterable[ManifestVariable]) -> Iterator[str]:
+def _acting(generated: GeneratedMonitor) -> Iterator[str]:
     """Yield a line for each gate and each action."""
-    for gate in specification.gates:
-        names = names_with_keys(gate, variables)
+    for gate in generated.specification.gates:
+        names = names_with_keys(gate, generated.manifest.variables)
         each = '' if names == [gate.name] else f', as {", ".join(names)}'
         yield (f'gate {gate.name}: {gate.settings.source} -> {gate.settings.target}{each}, '
                f'keeps {", ".join(gate.keep)}')
-    for action, users in _users(specification):
+    for action, users in _users(generated):
         yield f'{action.kind.value} {action.name}: {action.target}, of {", ".join(users) or "-"}'
 
 
-def _users(specification: Specification) -> Iterator[tuple[ManifestAction, list[str]]]:
-    """Yield each action and the ids of the requirements that it follows."""
-    for action in specification.actions:
-        yield action, [item.id for item in specification.properties
+def _users(generated: GeneratedMonitor) -> Iterator[tuple[ManifestAction, list[str]]]:
+    """Yield each action and the ids of the requirements that it follows, of all scopes."""
+    items = [found.item for found in _requirements(generated)]
+    for action in generated.specification.actions:
+        yield action, [item.id for item in items
                        if action.name in (*item.on_violation, *item.on_end)]
 
 

@@ -154,6 +154,29 @@ def test_check_says_of_what_each_requirement_is_one(here: Here) -> None:
     assert Manifest.from_json(generated.manifest.to_json()) == generated.manifest
 
 
+def test_check_says_which_requirements_of_instances_an_action_follows(here: Here) -> None:
+    path = here.file('fleet.yaml', """\
+format: 1
+for_each: {robot: {most: 2}, joint: [a, b]}
+inputs:
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float32}
+  near:
+    {topic: "/{robot}/arm", type: sensor_msgs/msg/JointState, field: "effort[name = {joint}]"}
+  enabled: {topic: enable, type: std_msgs/msg/Bool}
+actions:
+  stop: {lock: {topic: e_stop}}
+  tell: {publish: {topic: told, type: std_msgs/msg/Empty}}
+requirements:
+  - {id: PAIR, ptltl: "near < 1.0 | speed < 1.0", on_violation: [stop]}
+  - {id: WHOLE, ptltl: "enabled", on_violation: [stop]}
+  - {id: SPEED, ptltl: "speed < 2.0", on_violation: [stop], on_end: [tell]}
+""")
+    shown = here.run('check', path).out
+    assert 'lock stop: e_stop, of PAIR, WHOLE, SPEED\npublish tell: told, of SPEED\n' in shown
+    found = json.loads(here.run('check', '--json', path).out)['bundles'][0]['actions']
+    assert [item['requirements'] for item in found] == [['PAIR', 'WHOLE', 'SPEED'], ['SPEED']]
+
+
 def test_more_instances_than_memory_allows_are_refused_with_their_bytes(here: Here) -> None:
     text = FLEET.replace('most: 2', 'most: 16777216').replace(
         'speed > 0.5', 'O[=9999] speed > 0.5')
