@@ -39,15 +39,17 @@ _SHORTEST_FORGET_S, _LONGEST_FORGET_S = SECONDS.sizes['ns'], SECONDS.sizes['h'] 
 _NAME = re.compile('[A-Za-z_][A-Za-z0-9_]*')
 Variables: TypeAlias = Mapping[str, InstanceVariable | None]
 _OF_ROS = ('node', 'ns', 'namespace')  # rcl substitutes these in a topic
+_OF_TABLES = ('time', 'step')  # columns of traces and verdicts, beside one of each variable
 
 
 def read_variable(name: DeclaredName, node: Node, problems: Problems) -> InstanceVariable | None:
     """Return an entry under `for_each`: a list of its keys, or how many there are at most."""
-    if not _NAME.fullmatch(name.value) or name.value in _OF_ROS:
+    if not _NAME.fullmatch(name.value) or name.value in (*_OF_ROS, *_OF_TABLES):
+        label = "'{node}' and '{ns}' are names of ROS" if name.value in _OF_ROS else \
+            'tables have a column of that name' if name.value in _OF_TABLES else \
+            "letters, digits and '_'"
         problems.error(f'{shown(name.value)} cannot be the name of an instance variable',
-                       name.span, "'{node}' and '{ns}' are names of ROS"
-                       if name.value in _OF_ROS else "letters, digits and '_'",
-                       VARIABLE_EXAMPLE)
+                       name.span, label, VARIABLE_EXAMPLE)
         return None
     if isinstance(node, YamlList):
         keys = tuple(_keys(name, node, problems))
