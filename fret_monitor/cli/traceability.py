@@ -126,6 +126,7 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
     tests: dict[str, list[str]] = {}
     seen: dict[str, list[Seen]] = {}
     bags: dict[str, None] = {}
+    verdicts: dict[tuple[str, str, str], bool | None] = {}
     has_tests = False
     for path in paths:
         source = read_source(path / _INDEX if path.is_dir() else path, _MAX_BYTES)
@@ -136,8 +137,18 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
             continue
         for bag, found in _results(source, path, problems):
             bags[recording_key(bag)] = None
+            other = []
             for id_, item in found.items():
                 seen.setdefault(id_, []).append(item)
+                key = id_, recording_key(bag), item.meaning
+                if {verdicts.get(key), item.verdict} == {True, False}:
+                    other.append(id_)
+                verdicts[key] = item.verdict
+            if other:
+                problems.warning(
+                    f'{path}: {shown(bag)} has other verdicts than before: {_named(other)}', None,
+                    '', 'the last ones count; of two recordings with one name, give `bag` longer '
+                    'paths, such as tue/run.csv')
     return Evidence(tests, seen, len(bags), has_tests)
 
 

@@ -215,3 +215,14 @@ def test_files_that_are_no_results_are_refused(here: Here) -> None:
     done = here.run('check', bundle, '--trace', cut)
     assert done.status == 0 and f'{cut}:2:1: warning: {cut}: this line has no results' in done.err
     assert 'that are in no bundle here: OLD' in done.err
+
+
+def test_other_verdicts_of_a_recording_with_one_name_are_told(here: Here) -> None:
+    bundle = here.file('rover.yaml', BUNDLE)
+    results = [here.file(f'{name}.jsonl', json.dumps({'bag': bag, 'requirements': {
+        'IN': {'verdict': verdict, 'meaning': 'm'}}})) for name, bag, verdict in (
+            ('mon', 'run.csv', True), ('tue', 'run.csv', False), ('far', 'tue/run.csv', False))]
+    assert "tue.jsonl: 'run.csv' has other verdicts than before: IN" in here.run(
+        'check', bundle, '--trace', *results[:2]).err
+    for known in (results[0], results[2]):
+        assert 'than before' not in here.run('check', bundle, '--trace', results[0], known).err
