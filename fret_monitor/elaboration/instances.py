@@ -15,6 +15,7 @@
 """Of which instance variables each requirement is one for each key; what cannot be."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 
 from fret_monitor.bundle.bundle import Bundle, InstanceVariable, Requirement
 from fret_monitor.bundle.instances import mentioned, MOST_VARIABLES
@@ -22,10 +23,14 @@ from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScala
 from fret_monitor.elaboration.gates_with_keys import check_gates
 from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import Property, Signal
+from fret_monitor.messages.field_path import key_type
+from fret_monitor.messages.installed import nested_layout
+from fret_monitor.messages.layout import FieldType
 from fret_monitor.model.diagnostics import Problems, Text
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.names import LONGEST_KEY, pair_key, shown
 from fret_monitor.model.paths import LookUp, path_text
+from fret_monitor.model.values import ValueType
 
 
 def described_variable(item: InstanceVariable) -> ManifestVariable:
@@ -42,6 +47,7 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
     for item in properties:
         _check(item, inputs, problems)
     pairs = _pairs(bundle, properties, inputs, problems)
+    _check_numbers(bundle, inputs.values(), problems)
     _check_keys([item for item in inputs.values() if len(item.variables) == 1
                  or item.variables in pairs], problems)
     _check_actions(bundle, properties, inputs, problems)
@@ -140,6 +146,49 @@ def _keys(signal: Signal) -> list[str]:
             end = place - 1 if step.is_parallel else place
             found.append(f'{path_text(signal.path[:end])}[{step}]')
     return found
+
+
+def _check_numbers(bundle: Bundle, signals: Iterable[Signal], problems: Problems) -> None:
+    """Report listed keys that the whole numbers of messages cannot be."""
+    found: dict[str, tuple[Signal, FieldType]] = {}
+    for signal in signals:
+        for variable, kind in _types_of_keys(signal):
+            if kind.base != 'string':
+                found.setdefault(variable, (signal, kind))
+    for variable, key in ((item.name.value, key) for item in bundle.instance_variables
+                          if item.name.value in found for key in item.keys):
+        signal, kind = found[variable]
+        least, most = ValueType.of_field(kind.base).limits
+        number = _number(key.value)
+        is_within = number is not None and least <= number <= most
+        if not is_within or str(number) != key.value:
+            problems.error(
+                f'the key {shown(key.value)} is in no message', key.span,
+                f"those of '{signal.name}' are whole numbers ({kind.base})",
+                str(number) if is_within else f'a whole number from {least} to {most}')
+
+
+def _number(text: str) -> int | None:
+    for base in (0, 10):  # 0x10; 007
+        with suppress(ValueError):
+            return int(text, base)
+    return None
+
+
+def _types_of_keys(signal: Signal) -> Iterator[tuple[str, FieldType]]:
+    """Yield the variables that fields are compared with, and the types of these fields."""
+    inner = outer = signal.layout
+    if inner is None or outer is None:
+        return
+    if signal.where and signal.where.variable and (kind := key_type(inner, signal.where.key)):
+        yield signal.where.variable, kind
+    for step in signal.path:
+        if isinstance(step, str) and (found := inner.find_field(step)):
+            outer = inner
+            inner = nested_layout(outer, found.type) if found.type.is_message else outer
+        elif isinstance(step, LookUp) and step.variable and (
+                kind := key_type(outer if step.is_parallel else inner, step.key)):
+            yield step.variable, kind
 
 
 def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> None:
