@@ -60,7 +60,7 @@ void fm_engine_note_instance_locked(
 
 void fm_engine_end_instances_locked(struct fm_engine * engine)
 {
-  const struct fm_outbox_scope all = {NULL, NULL, {NULL, 0}, 0};
+  const struct fm_outbox_scope all = {NULL, NULL, {NULL, 0}, 0, 0};
   fm_engine_note_instance_locked(engine, engine->n_requirements, false, &all);
 }
 
@@ -109,12 +109,12 @@ void fm_engine_update_states_locked(struct fm_engine * engine)
 
 void fm_engine_queue_of_locked(
   struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
-  const struct fm_outbox_scope * scope, int64_t later)
+  const struct fm_outbox_scope * scope)
 {
   const uint32_t n_details = engine->outbox.n_details;
   for (uint32_t k = 0; k < n; ++k) {
     struct fm_violation violation = found[k];
-    violation.stamp = fm_later(violation.stamp, later);
+    violation.stamp = fm_later(violation.stamp, scope->later);
     violation.requirement += scope->first;
     fm_outbox_add(&engine->outbox, &violation, scope);
     note_occurrence_locked(engine, &violation);
@@ -128,9 +128,9 @@ void fm_engine_queue_of_locked(
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later)
 {
   const struct fm_outbox_scope scope =
-  {engine->options.evaluator, engine->options.monitor, {NULL, 0}, 0};
+  {engine->options.evaluator, engine->options.monitor, {NULL, 0}, 0, later};
   if (n > 0) {
-    fm_engine_queue_of_locked(engine, engine->found, n, &scope, later);
+    fm_engine_queue_of_locked(engine, engine->found, n, &scope);
   }
 }
 

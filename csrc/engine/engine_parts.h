@@ -208,10 +208,10 @@ void fm_engine_begin_violation_locked(struct fm_engine * engine, uint32_t requir
 /// Keep what locks and the gate depend on, if it has changed. O(requirements + inputs).
 void fm_engine_note_conditions_locked(struct fm_engine * engine);
 
-/// Queue violations of a scope; `later` is added to their stamps.
+/// Queue violations of a scope, with stamps in place of times of the evaluator.
 void fm_engine_queue_of_locked(
   struct fm_engine * engine, const struct fm_violation * found, uint32_t n,
-  const struct fm_outbox_scope * scope, int64_t later);
+  const struct fm_outbox_scope * scope);
 
 /// Queue the violations of engine->found; `later` is added to their stamps.
 void fm_engine_queue_locked(struct fm_engine * engine, uint32_t n, int64_t later);

@@ -59,7 +59,7 @@ static void note_violated_locked(
 
 // The scope of a step, with its key, which is copied.
 static struct fm_outbox_scope scope_of(
-  const struct fm_engine * engine, const struct fm_stepped * stepped,
+  struct fm_engine * engine, const struct fm_stepped * stepped,
   uint8_t key[FM_MOST_KEY_BYTES])
 {
   struct fm_scopes * scopes = engine->options.scopes;
@@ -67,7 +67,7 @@ static struct fm_outbox_scope scope_of(
     fm_scopes_key(scopes, stepped->kind, stepped->slot, key);
   return (struct fm_outbox_scope) {
     fm_scopes_look(scopes, stepped->kind, stepped->slot), monitor_of(engine, stepped->kind),
-    {key, (uint32_t)size}, first_number(engine, stepped->kind)};
+    {key, (uint32_t)size}, first_number(engine, stepped->kind), later_locked(engine)};
 }
 
 // Queue violations of a scope.
@@ -78,7 +78,7 @@ static void queue_of_scope_locked(
   struct fm_scopes * scopes = engine->options.scopes;
   uint8_t key[FM_MOST_KEY_BYTES];
   const struct fm_outbox_scope scope = scope_of(engine, stepped, key);
-  fm_engine_queue_of_locked(engine, violations, n, &scope, later_locked(engine));
+  fm_engine_queue_of_locked(engine, violations, n, &scope);
   for (uint32_t k = 0; stepped->kind != FM_BUNDLE && k < n; ++k) {
     const uint32_t r = violations[k].requirement;
     note_violated_locked(

@@ -21,6 +21,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "instance.h"
 #include "thread.h"
 
 #define SECOND_NS 1000000000
@@ -180,6 +181,14 @@ static void write_flags(uint8_t * flags, const struct fm_outbox_scope * scope)
   }
 }
 
+// How far a violation went beyond, with its instant as a stamp.
+static struct fm_closest beyond_of(const struct fm_outbox_scope * scope, uint32_t requirement)
+{
+  struct fm_closest beyond = fm_evaluator_beyond(scope->evaluator, requirement);
+  beyond.margin.instant = fm_later(beyond.margin.instant, scope->later);
+  return beyond;
+}
+
 static void add_detail(
   struct fm_outbox * outbox, const struct fm_violation * violation,
   const struct fm_outbox_scope * scope)
@@ -193,7 +202,7 @@ static void add_detail(
   const struct fm_detail detail = {
     *violation, quota->suppressed, quota->violations,
     fm_evaluator_requirement_counts(scope->evaluator, own).test,
-    fm_evaluator_beyond(scope->evaluator, own)};
+    beyond_of(scope, own)};
   const size_t inputs_bytes = (size_t)scope->monitor->inputs_bytes;
   const uint32_t place = (outbox->detail_begin + outbox->n_details) % outbox->detail_slots;
   uint8_t * slot = outbox->details + place * outbox->detail_slot_bytes;

@@ -64,6 +64,7 @@ struct fm_outbox_scope
   const struct fm_monitor * monitor;
   struct fm_key key;           // of an instance; size 0: the bundle's scope
   uint32_t first;              // the number of its first requirement
+  int64_t later;               // how much later stamps are than the times of the evaluator
 };
 
 struct fm_outbox

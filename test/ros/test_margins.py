@@ -63,6 +63,7 @@ class Face:
     ids: tuple[str, ...] = IDS
     margins: defaultdict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     ended: list[tuple[str, int, str, str, str]] = field(default_factory=list)
+    begun: list[tuple[str, str]] = field(default_factory=list)  # stamp, and decided at
     health: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
 
     def listen(self, partner: Partner) -> Callable[[], bool]:
@@ -84,6 +85,8 @@ class Face:
                 self.ended.append((
                     status.name, int(values['step']), values['least margin'],
                     values['deciding distance'], values['deciding comparison']))
+            elif status.name != 'MOST':  # which is still violated at a later step
+                self.begun.append((values['stamp'], values['decided at']))
 
     def _take_health(self, array: DiagnosticArray) -> None:
         self.health |= {status.name.removeprefix(f'{self.name}/fret_monitor: '): [
@@ -243,6 +246,7 @@ def test_of_instances_both_nodes_publish_the_least_margin_and_details_name_the_k
                                               for place, name in enumerate(ids)}
                 wait_until(lambda: len(face.ended) == 5, 'ends')  # noqa: B023
                 assert [item for item in face.ended if item[0] != 'MOST'] == ENDED_OF_KEYS
+                assert len(face.begun) == 4 and all(at == stamp for stamp, at in face.begun)
                 wait_until(lambda: face.health.get('NOW') == [  # noqa: B023
                     ('margin', '5.0'), ('margin by', 'current < 20.0 (5.0)'),
                     ('margin of', 'robot=beta')], 'the margin of NOW in /diagnostics')
