@@ -430,6 +430,38 @@ static struct fm_key key_of(
       pair, first->bytes, first->size, second->bytes, second->size)};
 }
 
+static bool has_value(const struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
+{
+  bool has = false;
+  for (uint32_t c = 0; c < rows->n_columns; ++c) {
+    has = has || (rows->columns[c].kind == kind && value_at(&rows->columns[c], k) != NULL);
+  }
+  return has;
+}
+
+// Whether a row is of a pair that has the variable of a kind.
+static bool is_of_pair_with(const struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
+{
+  const uint32_t variable = rows->kinds[kind].variables[0];
+  bool is_of_one = false;
+  for (uint32_t other = 0; other < rows->n_kinds; ++other) {
+    const struct fm_keyed_scope * scope = &rows->kinds[other];
+    is_of_one = is_of_one || (scope->is_of_pairs &&
+      (scope->variables[0] == variable || scope->variables[1] == variable) &&
+      rows->keys[scope->variables[0] * rows->n + k].size > 0 &&
+      rows->keys[scope->variables[1] * rows->n + k].size > 0);
+  }
+  return is_of_one;
+}
+
+// Whether a row is one of the instance of its key: a row of a pair is one of each of both only
+// with a value of an input of its own.
+static bool is_of_kind(const struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
+{
+  return rows->kinds[kind].is_of_pairs || has_value(rows, k, kind) ||
+         !is_of_pair_with(rows, k, kind);
+}
+
 static void store_keyed(struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
 {
   if (rows->kinds[kind].base != kind) {
@@ -438,7 +470,7 @@ static void store_keyed(struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
   }
   uint8_t pair[FM_PAIR_ROOM];
   const struct fm_key key = key_of(rows, k, kind, pair);
-  rows->own[kind] = key.size == 0 ? FM_NO_SLOT :
+  rows->own[kind] = key.size == 0 || !is_of_kind(rows, k, kind) ? FM_NO_SLOT :
     fm_scopes_enter(rows->scopes, kind, key.bytes, key.size);
   for (uint32_t c = 0; c < rows->n_columns && rows->own[kind] != FM_NO_SLOT; ++c) {
     const struct fm_keyed_column * column = &rows->columns[c];

@@ -29,6 +29,7 @@ from bag.test_instances import (
 )
 from bag.test_keyed_traces import both, reported
 from bag.test_report_by_key import lanes, page_of
+from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.results import json_line, table
 from fret_monitor.model.names import pair_key
@@ -250,3 +251,37 @@ def test_a_table_with_pairs_has_the_violations_that_simulate_counts(
     summary, result = both(tmp_path, specification, rows)
     assert {item.id: item.violations for item in result.findings} == summary.violations
     assert sum(count for name, count in summary.violations.items() if name[0] == 'P') > 20
+
+
+def test_a_row_of_a_pair_is_as_its_message(tmp_path: Path) -> None:
+    # It is one of the robot or of the track only with a value of their own.
+    text = f"""format: 1
+for_each: {{robot: {{most: 5, forget: 2}}, track: {{most: 5}}}}
+inputs:
+  seen: {INPUTS['seen']}
+  speed: {{topic: "/{{robot}}/speed", type: {FLOAT}}}
+  human: {INPUTS['human'].replace('{topic:', '{initial: 0.2, topic:')}
+requirements:
+  - {{id: D, ptltl: "seen > 2 | speed < 0.5"}}
+  - {{id: N, ptltl: "count(robot: speed > 0.5) = 1"}}
+  - {{id: H, ptltl: "human > 0.5"}}
+"""
+    (tmp_path / 'table.csv').write_text('time,robot,track,seen,speed,human\n0,a,,,9,\n' + ''.join(
+        f'{time},a,1,3,,\n' for time in range(1, 5)) + '5,a,3,1,,\n')
+    types = TYPES.types
+
+    def seen(track: str, value: float) -> Any:
+        header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](0, 0), track)
+        return types[POINT](header, types['geometry_msgs/msg/Point'](value, 0.0, 0.0))
+
+    whole = judged(tmp_path, 'bag', text, [
+        (0, '/a/speed', FLOAT, types[FLOAT](9.0), frozenset[str]()), *(
+            (time * 10**9, '/a/seen', POINT, seen(track, value), frozenset[str]())
+            for time, track, value in [
+                *((time, '1', 3.0) for time in range(1, 5)), (5, '3', 1.0)])])
+    rows = check_recording(tmp_path / 'bag.yaml', tmp_path / 'table.csv', Selection())
+    assert rows.kinds == whole.kinds
+    assert [(item.id, item.verdict, item.occurrences, item.longest) for item in rows.findings] == [
+        (item.id, item.verdict, item.occurrences, item.longest) for item in whole.findings]
+    assert (rows.kinds['robot'].ended, 'track' in rows.kinds) == (1, True)
+    assert [item.occurrences for item in rows.findings] == [0, 1, 0]

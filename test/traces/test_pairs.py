@@ -26,8 +26,8 @@ from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.policies import Policy
 from fret_monitor.traces.csv_trace import parse_seconds
 from keyed import (
-    bundle_values, known, Life, lives, OTHER, OWN, random_bundle, random_requirement, random_rows,
-    Row, step_table, stepwise, with_aggregates,
+    bundle_values, known, Life, lives, NEVER, OTHER, OWN, random_bundle, random_requirement,
+    random_rows, Row, step_table, stepwise, with_aggregates,
 )
 import pytest
 from strategies import INPUTS
@@ -75,10 +75,19 @@ def pair_rows(rng: Random, specification: Specification, count: int,
             for row in random_rows(rng, specification, count, times, are_pairs=True)]
 
 
+def of_one(specification: Specification, rows: Sequence[Row]) -> list[Row]:
+    """Return rows with the keys that they are of: a pair's is of one with a value of its own."""
+    alone = [{item.name for item in specification.signals if item.variables == (one.name,)}
+             for one in specification.instance_variables]
+    return [row if None in row.keys else replace(row, keys=tuple(
+        key if own.intersection(row.values) else None
+        for key, own in zip(row.keys, alone, strict=True))) for row in rows]
+
+
 def pair_lives(specification: Specification, rows: Sequence[Row]) -> list[PairLife]:
     """Return the lives of pairs, from what a pair is."""
     both = specification.instance_variables
-    halves = [lives(specification, rows, place) for place in range(2)]
+    halves = [lives(specification, of_one(specification, rows), place) for place in range(2)]
     alone = [{item.name for item in specification.signals if item.variables == (one.name,)}
              for one in both]
     shared = {item.name for item in specification.signals if not item.variables}
@@ -94,6 +103,15 @@ def pair_lives(specification: Specification, rows: Sequence[Row]) -> list[PairLi
                 return {name: value for name, value in life.values[life.rows.index(number)].items()
                         if name in alone[half]}
         return None
+
+    def known_of(half: int, key: str, number: int) -> dict[str, Any]:
+        """Return the inputs of an instance of a half that is there at a row."""
+        for life in halves[half]:
+            if life.key == key and (life.end == NEVER or life.after >= number):
+                values = [values for row, values in zip(life.rows, life.values) if row <= number]
+                return {name: value for name, value in values[-1].items()
+                        if name in alone[half]} if values else {}
+        return {}
 
     def let_end(by: int, besides: object, row: int) -> None:
         for keys, life in [*alive.items()]:
@@ -115,7 +133,7 @@ def pair_lives(specification: Specification, rows: Sequence[Row]) -> list[PairLi
                 alive[own] = PairLife('', row.time, keys=own)
                 found.append(alive[own])
                 for half in range(2):
-                    alive[own].inputs |= single(half, own[half], number) or {}
+                    alive[own].inputs |= known_of(half, own[half], number)
             if own in alive:
                 alive[own].last = row.time
                 alive[own].inputs |= {name: value for name, value in row.values.items()
@@ -169,11 +187,12 @@ def test_a_pair_is_the_plain_bundle_on_its_rows(
     plain, others, pairs = split(specification)
     assert len(pairs) > 5
     expected = [[''] * len(specification.properties) for _ in rows]
-    for cells, wanted in zip(expected, step_table(plain, rows), strict=True):
+    single = of_one(plain, rows)
+    for cells, wanted in zip(expected, step_table(plain, single), strict=True):
         for place, cell in zip(others, wanted, strict=True):
             cells[place] = cell
-    by_variable = {item.name: lives(plain, rows, place) for place, item in enumerate(both)}
-    values = bundle_values(plain, rows, by_variable)
+    by_variable = {item.name: lives(plain, single, place) for place, item in enumerate(both)}
+    values = bundle_values(plain, single, by_variable)
     count = 0
     for life in pair_lives(specification, rows):
         inputs = with_aggregates(specification, life, values)
