@@ -92,6 +92,33 @@ static void copy_instances_locked(
   }
 }
 
+static bool is_of_occurrences(const struct fm_kind * kind, uint32_t requirement)
+{
+  return kind->options->reports != NULL && kind->options->reports[requirement] == FM_OCCURRENCE;
+}
+
+// Of all instances: no violation goes on, and with FM_OCCURRENCE, `H p` holds.
+static void copy_verdicts_locked(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t n_requirements,
+  struct fm_requirement_counts * out)
+{
+  const struct fm_kind * options = fm_scopes_kind(scopes, kind);
+  bool is_any = false;
+  for (uint32_t r = 0; r < n_requirements; ++r) {
+    out[r].is_violated = fm_scopes_violated(scopes, kind, r) > 0;
+    out[r].verdict = !out[r].is_violated;
+    is_any = is_any || is_of_occurrences(options, r);
+  }
+  for (uint32_t slot = is_any ? fm_scopes_next(scopes, kind, 0) : FM_NO_SLOT;
+    slot != FM_NO_SLOT; slot = fm_scopes_next(scopes, kind, slot + 1u))
+  {
+    const bool * verdicts = fm_evaluator_verdicts(fm_scopes_look(scopes, kind, slot));
+    for (uint32_t r = 0; r < n_requirements; ++r) {
+      out[r].verdict = out[r].verdict && (verdicts[r] || !is_of_occurrences(options, r));
+    }
+  }
+}
+
 // The least margin of all instances, and whose it is.
 static void copy_nearest_locked(
   struct fm_scopes * scopes, uint32_t kind, uint32_t requirement, struct fm_kind_snapshot * out,
@@ -116,9 +143,8 @@ static void copy_kinds_locked(struct fm_engine * engine, struct fm_snapshot * ou
     const struct fm_evaluator * all = fm_scopes_look(scopes, k, FM_NO_SLOT);
     for (uint32_t r = 0; r < n; ++r) {
       out->requirements[first + r] = fm_evaluator_requirement_counts(all, r);
-      out->requirements[first + r].is_violated = fm_scopes_violated(scopes, k, r) > 0;
-      out->requirements[first + r].verdict = !out->requirements[first + r].is_violated;
     }
+    copy_verdicts_locked(scopes, k, n, &out->requirements[first]);
     for (uint32_t i = 0; i < all->monitor->n_inputs; ++i) {
       out->kinds[k].inputs[i] = (struct fm_keyed_snapshot) {
         fm_evaluator_input_counts(all, i), fm_evaluator_silence(all, i).count};

@@ -102,7 +102,7 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
             'kind': NONE if kind is None else kind,
             **_listed('inputs', item.inputs), **_listed('constants', item.constants),
             'horizon': item.horizon, 'is_warning': item.severity is Severity.WARN,
-            'shows_verdict': item.report is Report.OCCURRENCE and kind is None}
+            'shows_verdict': item.report is Report.OCCURRENCE}
             for item, kind, margins in zip(
                 manifest.numbered, manifest.kind_of,
                 manifest.margin_topics or repeat(''), strict=False))),

@@ -90,7 +90,8 @@ class Face:
 
     def _take_health(self, array: DiagnosticArray) -> None:
         self.health |= {status.name.removeprefix(f'{self.name}/fret_monitor: '): [
-            (item.key, item.value) for item in status.values if item.key.startswith('margin')]
+            (item.key, item.value) for item in status.values
+            if item.key.startswith('margin') or item.key == 'verdict']
             for status in array.status if status.name.startswith(f'{self.name}/')}
 
     def shows(self, margins: Sequence[float]) -> bool:
@@ -251,8 +252,8 @@ def test_of_instances_both_nodes_publish_the_least_margin_and_details_name_the_k
                     ('margin', '5.0'), ('margin by', 'current < 20.0 (5.0)'),
                     ('margin of', 'robot=beta')], 'the margin of NOW in /diagnostics')
                 assert face.health['SOFAR'] == [
-                    ('margin', '-4.0'), ('margin by', 'current < 20.0 (-4.0)'),
-                    ('margin of', 'robot=alpha')]
+                    ('verdict', 'false'), ('margin', '-4.0'),
+                    ('margin by', 'current < 20.0 (-4.0)'), ('margin of', 'robot=alpha')]
                 assert face.health['MOST'] == [
                     ('margin', '7.0'), ('margin by', 'max(robot: current) < 22.0 (7.0)')]
                 line = '[step 2, margin -1.0 by current < 20.0 (-1.0): current = 15.0]'
