@@ -22,7 +22,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 import hashlib
-import math
 from pathlib import Path
 
 from fret_monitor.bundle.bundle import Bundle
@@ -368,11 +367,12 @@ def _lowered(specification: Specification, max_state_bytes: int) -> tuple[
 def _lowered_scope(scope: InstanceScope, reading: Reading, max_state_bytes: int) -> tuple[
         MonitorProgram, tuple[GroupLayout, ...]]:
     program, layouts = _lowered(scope.specification, max_state_bytes)
-    check_instances(program, layouts, ', '.join(scope.variables), math.prod(
-        item.most for item in reading.specification.instance_variables
-        if item.name in scope.variables), next(
+    check_instances(program, layouts, [
+        item for item in reading.specification.instance_variables
+        if item.name in scope.variables], next(
             (item.name.span for item in reading.bundle.instance_variables
-             if item.name.value in scope.variables), None) if reading.bundle else None)
+             if item.name.value in scope.variables and not item.keys), None)
+        if reading.bundle else None)
     return program, layouts
 
 

@@ -24,14 +24,16 @@ in 64 bits.
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+import math
 
 from fret_monitor.logic.formula import Ago, Over, postorder, TimeOver
 from fret_monitor.logic.specification import Property, written_input
 from fret_monitor.model.diagnostics import Diagnostic, Problems, Span
+from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
@@ -259,24 +261,34 @@ def _inputs_bytes(program: MonitorProgram) -> int:
     return max(1, -(-used // widest) * widest)
 
 
-def check_instances(program: MonitorProgram, layouts: tuple[GroupLayout, ...], variable: str,
-                    most: int, place: Span | None = None) -> None:
+def check_instances(program: MonitorProgram, layouts: tuple[GroupLayout, ...],
+                    variables: Sequence[ManifestVariable], place: Span | None = None) -> None:
     """
-    Refuse more instances than memory allows.
+    Refuse more instances of one or two variables than memory allows.
 
     Raises
     ------
     CompileError
         with a place, that of the first requirement if there is none, and the bytes.
     """
-    each = instance_bytes(program, layouts)
+    each, most = instance_bytes(program, layouts), math.prod(item.most for item in variables)
     if program.properties and each * most > MOST_INSTANCE_BYTES:
         problems = Problems()
         problems.error(
-            f"{most:,} instances of '{variable}' need {each * most:,} bytes; at most "
-            f'{MOST_INSTANCE_BYTES:,} are allowed', place or program.properties[0].place,
-            f'{each:,} bytes each', f'most: {MOST_INSTANCE_BYTES // each}')
+            f"{most:,} instances of '{', '.join(item.name for item in variables)}' need "
+            f'{each * most:,} bytes; at most {MOST_INSTANCE_BYTES:,} are allowed',
+            place or program.properties[0].place, f'{each:,} bytes each',
+            _allowed(variables, MOST_INSTANCE_BYTES // each))
         problems.raise_errors()
+
+
+def _allowed(variables: Sequence[ManifestVariable], most: int) -> str:
+    """Return how many instances of each variable may be found, of `most` of all together."""
+    found = [item.name for item in variables if not item.keys]
+    most //= math.prod(len(item.keys) for item in variables if item.keys)
+    if len(found) == 2:
+        return f'most: {math.isqrt(most)}, of {found[0]} and of {found[1]}'
+    return f'most: {most}' if found and most else ''
 
 
 def check_bounds(program: MonitorProgram, layouts: tuple[GroupLayout, ...],

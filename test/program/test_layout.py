@@ -16,6 +16,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import isqrt
 from pathlib import Path
 from random import Random
 import time
@@ -29,6 +30,7 @@ from fret_monitor.logic.formula import (
 )
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import CompileError
+from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.program.layout import (
@@ -210,12 +212,28 @@ def test_instances_may_need_4_gib_and_not_a_byte_more() -> None:
     layouts = tuple(lay_out(group) for group in program.groups)
     each = instance_bytes(program, layouts)
     most = 4 * 1024 ** 3 // each
-    check_instances(program, layouts, 'robot', most)
+    check_instances(program, layouts, [ManifestVariable('robot', (), most)])
     with pytest.raises(CompileError) as refused:
-        check_instances(program, layouts, 'robot', most + 1)
+        check_instances(program, layouts, [ManifestVariable('robot', (), most + 1)])
     assert f"{most + 1:,} instances of 'robot' need {each * (most + 1):,} bytes" in str(
         refused.value)
     assert f'most: {most}' in str(refused.value)
+
+
+@pytest.mark.parametrize('keys', [(), ('a', 'b', 'c')])
+def test_the_help_about_too_many_pairs_works(keys: tuple[str, ...]) -> None:
+    program = lower(specified('p'))
+    layouts = tuple(lay_out(group) for group in program.groups)
+    most = 4 * 1024 ** 3 // instance_bytes(program, layouts)
+    robot = ManifestVariable('robot', keys, len(keys) or 10**7)
+    with pytest.raises(CompileError) as refused:
+        check_instances(program, layouts, [robot, ManifestVariable('person', (), 10**8)])
+    allowed = most // len(keys) if keys else isqrt(most)
+    line = f'most: {allowed}' if keys else f'most: {allowed}, of robot and of person'
+    assert "instances of 'robot, person' need" in str(refused.value)
+    assert str(refused.value).splitlines()[-1].endswith(f'= help: {line}')
+    check_instances(program, layouts, [
+        replace(robot, most=len(keys) or allowed), ManifestVariable('person', (), allowed)])
 
 
 @pytest.mark.parametrize(('formula', 'most'), [
