@@ -22,6 +22,7 @@
 #include <stdlib.h>
 
 #include "due.h"
+#include "steps.h"
 
 // ---- what instances report ---------------------------------------------------------------------
 
@@ -96,7 +97,7 @@ static void end_violations_locked(struct fm_engine * engine, const struct fm_ste
     if (!ended->instance.previous[r]) {
       const uint32_t group = ended->monitor->requirements[r].group;
       const struct fm_violation end = {
-        fm_evaluator_steps(ended, group), stepped->instant, r, true, false, true};
+        fm_number_at(ended, group, stepped->instant), stepped->instant, r, true, false, true};
       if (ended->reports_recoveries) {
         queue_of_scope_locked(engine, stepped, &end, 1);
       }

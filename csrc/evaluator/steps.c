@@ -57,8 +57,7 @@ static void judge(
   *previous = compared;
 }
 
-// The number that a violation of a group has at an instant.
-static uint64_t number_of(const struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
+uint64_t fm_number_at(const struct fm_evaluator * evaluator, uint32_t g, int64_t instant)
 {
   const struct fm_instance_group * cell = &evaluator->instance.groups[g];
   if (evaluator->policy != FM_TIMED || cell->steps == 0) {
@@ -70,7 +69,7 @@ static uint64_t number_of(const struct fm_evaluator * evaluator, uint32_t g, int
 void fm_judge_group(struct fm_evaluator * evaluator, uint32_t g, struct fm_findings * report)
 {
   const struct fm_group * group = &evaluator->monitor->groups[g];
-  const uint64_t number = number_of(evaluator, g, report->stamp);
+  const uint64_t number = fm_number_at(evaluator, g, report->stamp);
   for (uint32_t k = 0; k < group->n_requirements; ++k) {
     judge(evaluator, group->requirements[k], number, report);
   }

@@ -13,7 +13,8 @@
 // limitations under the License.
 
 /// steps.h: the steps of groups, and the violations that they report. For the files of the
-/// evaluator only. Complexity as the functions of evaluator.h that use them; none fails.
+/// evaluator and engine_scopes.c. Complexity as the functions of evaluator.h that use them; none
+/// fails.
 
 #ifndef STEPS_H_
 #define STEPS_H_
@@ -68,6 +69,10 @@ FM_INTERNAL const int64_t * fm_test_words(
   const struct fm_evaluator * evaluator, const struct fm_test * test);
 FM_INTERNAL const double * fm_test_parts(
   const struct fm_evaluator * evaluator, const struct fm_test * test);
+
+/// The number that a violation of a group has at an instant (`step` of fm_violation). O(1).
+FM_INTERNAL uint64_t fm_number_at(
+  const struct fm_evaluator * evaluator, uint32_t g, int64_t instant);
 
 /// Count and report the verdicts of a group.
 FM_INTERNAL void fm_judge_group(

@@ -601,6 +601,18 @@ SCENARIO(an_instance_ends_after_its_last_message_and_its_violations_with_it)
   end(&scoped);
 }
 
+SCENARIO(a_violation_that_ends_with_its_instance_has_the_tick_of_the_end)
+{
+  const struct settings timed = {FM_TIMED, 0, -1, 100, 0, 2};
+  begin_found(&timed);
+  give_element(&scoped, &KEYS[0], 3, 10);  // violates A
+  fm_engine_advance(scoped.engine, 110);
+  take(&scoped);
+  const struct fm_violation * ended = &scoped.found[scoped.n - 1];
+  CHECK(ended->is_end && ended->stamp == 110 && ended->step == 100);
+  end(&scoped);
+}
+
 SCENARIO(a_violation_of_a_requirement_goes_on_while_an_instance_violates_it)
 {
   struct fm_detail_counts counts[4];
