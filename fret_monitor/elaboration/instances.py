@@ -72,7 +72,7 @@ def _check_actions(bundle: Bundle, properties: Iterable[Property], inputs: Mappi
                 problems.error(
                     f'the action {shown(action.name.value)} has keys of two variables', place,
                     f"'{keyed[action.name.value]}' is one, too",
-                    'a violation has the key of one: write two actions')
+                    'the key of one, for requirements of each of it; those of pairs take none')
     variables = {item.id: variables_of(
         {name: inputs[name].variables for name in item.inputs}, inputs) for item in properties}
     kept = {name.value for gate in bundle.gates for name in gate.keep}
