@@ -105,8 +105,9 @@ struct fm_pool_counts
   uint64_t alive;
   uint64_t begun;
   uint64_t ended;
-  uint64_t open;    // of those that ended, how many had a deadline
-  uint64_t beyond;  // parts of messages whose key found no room, or has too many bytes or none
+  uint64_t open;     // of those that ended, how many had a deadline
+  uint64_t beyond;   // parts of messages whose key found no room, or has too many bytes or none
+  uint64_t unsized;  // of these, how many whose key has too many bytes or none
 };
 
 #ifdef __cplusplus

@@ -319,6 +319,7 @@ static uint32_t find_or_begin(
   slot = add_key(&scopes->kinds[kind], &found);
   if (slot == FM_NO_SLOT) {
     pool->counts.beyond += 1;
+    pool->counts.unsized += size == 0 || size > FM_MOST_KEY_BYTES ? 1u : 0u;
     pool->is_short = pool->is_short || size > 0;
     fm_scopes_report(scopes, FM_SCOPE_BEYOND, kind, slot, scopes->message.now, 0);
   } else {
@@ -585,7 +586,7 @@ static const struct fm_pool * base_of(const struct fm_scopes * scopes, uint32_t 
 
 struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes, uint32_t kind)
 {
-  const struct fm_pool_counts none = {0, 0, 0, 0, 0};
+  const struct fm_pool_counts none = {0, 0, 0, 0, 0, 0};
   return kind < scopes->n_kinds ? base_of(scopes, kind)->counts : none;
 }
 

@@ -19,6 +19,7 @@
 #include <inttypes.h>
 
 #include "key_text.h"
+#include "words.h"
 
 // The place of a requirement among those of its kind.
 static uint32_t place_of(const struct fm_report_table * table, uint32_t requirement)
@@ -95,11 +96,16 @@ enum fm_status_level fm_describe_instances(
   const struct fm_review * review, uint32_t requirement, struct fm_text * message)
 {
   const uint32_t kind = review->reporter->table->requirements[requirement].kind;
-  const uint64_t more =
-    review->now.kinds[kind].counts.beyond - review->before.kinds[kind].counts.beyond;
+  const struct fm_pool_counts * now = &review->now.kinds[kind].counts;
+  const struct fm_pool_counts * before = &review->before.kinds[kind].counts;
+  const uint64_t more = now->beyond - before->beyond;
+  const uint64_t unsized = now->unsized - before->unsized;
   const enum fm_status_level level = describe(review, requirement, message);
   if (more > 0) {
     fm_text_add(message, "; %" PRIu64 " beyond `most` since the last report", more);
+  }
+  if (unsized > 0) {
+    fm_text_add(message, ", of them %" PRIu64 " for their size: " FM_WORDS_KEY_SIZE, unsized);
   }
   return more > 0 ? FM_STATUS_ERROR : level;
 }
@@ -134,13 +140,27 @@ void fm_add_nearest(
 static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
 {
   const struct fm_report_kind * about = &review->reporter->table->kinds[kind];
-  if (review->now.kinds[kind].counts.beyond > 0 && !review->kinds[kind].is_beyond_logged) {
+  const struct fm_pool_counts * counts = &review->now.kinds[kind].counts;
+  if (counts->beyond > counts->unsized && !review->kinds[kind].is_beyond_logged) {
     struct fm_text variables = {NULL, 0, 0};
     review->kinds[kind].is_beyond_logged = true;
     fm_add_variables(&variables, about);
     fm_lines_add(lines, FM_ERROR,
       "there is no room for another %s (`most` is %" PRIu32 "): its messages are not evaluated; "
       "/diagnostics counts them", fm_text_get(&variables), about->most);
+    fm_text_free(&variables);
+  }
+}
+
+static void log_unsized(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
+{
+  if (review->now.kinds[kind].counts.unsized > 0 && !review->kinds[kind].is_unsized_logged) {
+    struct fm_text variables = {NULL, 0, 0};
+    review->kinds[kind].is_unsized_logged = true;
+    fm_add_variables(&variables, &review->reporter->table->kinds[kind]);
+    fm_lines_add(lines, FM_ERROR,
+      "messages with a key of %s are not evaluated: " FM_WORDS_KEY_SIZE "; /diagnostics counts "
+      "them", fm_text_get(&variables));
     fm_text_free(&variables);
   }
 }
@@ -168,6 +188,7 @@ void fm_review_instances(struct fm_review * review, struct fm_lines * lines)
   for (uint32_t k = 0; k < review->reporter->table->n_kinds; ++k) {
     if (!review->reporter->table->kinds[k].has_base) {
       log_beyond(review, k, lines);
+      log_unsized(review, k, lines);
     }
     for (uint32_t t = 0; t < review->reporter->table->n_topics; ++t) {
       log_silences(review, k, t, lines);

@@ -42,6 +42,7 @@ struct fm_topic_log
 struct fm_kind_log
 {
   bool is_beyond_logged;
+  bool is_unsized_logged;
   bool is_unusable_logged;
 };
 

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// words.h: words in which both nodes log and refuse where nothing else is to be decided, and why
-/// an action failed; formats of printf, of which Python reads %s, %d and %.3f alike
-/// (`native/words.py`, generated).
+/// words.h: words in which both nodes (and `bag`) log and refuse where nothing else is to be
+/// decided, and why an action failed; formats of printf, of which Python reads %s, %d and %.3f
+/// alike (`native/words.py`, generated).
 
 #ifndef WORDS_H_
 #define WORDS_H_
@@ -30,6 +30,7 @@
   "to tell them apart in /diagnostics, ~/reset and transitions"
 #define FM_WORDS_UNANSWERED "gate '%s': no server of %s answers; the request is refused"
 #define FM_WORDS_NEGATIVE_TIME "a message on /clock is ignored: its time is negative, %.3f s"
+#define FM_WORDS_KEY_SIZE "a key has 1 to 255 bytes"
 
 // ---- why an action failed ----------------------------------------------------------------------
 

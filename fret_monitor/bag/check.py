@@ -45,6 +45,7 @@ from fret_monitor.model.policies import Policy, Report, Stale, Stamp
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.model.times import overflow_text, short_seconds
 from fret_monitor.model.transforms import TOPICS
+from fret_monitor.native import words
 from fret_monitor.native.compiled import CompiledMonitor
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine, MOST_QUEUED
@@ -813,7 +814,12 @@ class _Run:
     def _complain_of_instances(self) -> None:
         for place, kind in self._manifest.bases if self._scopes else ():
             assert self._scopes is not None
-            if beyond := self._scopes.counts(place).beyond:
+            found = self._scopes.counts(place)
+            if found.unsized:
+                self._errors.append(
+                    f'{counted(found.unsized, "message")} with a key of '
+                    f'{self._variables(place)} not evaluated: {words.KEY_SIZE}')
+            if beyond := found.beyond - found.unsized:
                 self._errors.append(
                     f'{counted(beyond, "message")} with a key of {self._variables(place)} for '
                     f'which `most: {self._manifest.most(place)}` leaves no room: not evaluated')

@@ -25,6 +25,7 @@ HANGS = 'a thread of the monitor hangs: no sign of life on ~/alive'
 NAMESAKE = 'there is another node %s: both watch and announce; give one another name (-r __node:=NAME) to tell them apart in /diagnostics, ~/reset and transitions'
 UNANSWERED = "gate '%s': no server of %s answers; the request is refused"
 NEGATIVE_TIME = 'a message on /clock is ignored: its time is negative, %.3f s'
+KEY_SIZE = 'a key has 1 to 255 bytes'
 NO_SERVER = 'no server of %s in %g s'
 NO_ANSWER = '%s has not answered in %g s'
 NO_SUCCESS = '%s answered without success%s%s'

@@ -65,13 +65,18 @@ class Stepped(NamedTuple):
 
 @dataclass(frozen=True)
 class KindCounts:
-    """Counters of the instances of a kind; `open`: ended while something was pending."""
+    """
+    Counters of the instances of a kind; `open`: ended while something was pending.
+
+    `unsized` are those of `beyond` whose key has too many bytes or none.
+    """
 
     alive: int
     begun: int
     ended: int
     open: int
     beyond: int
+    unsized: int
 
 
 class Scopes:
@@ -269,7 +274,8 @@ class Scopes:
     def counts(self, kind: int) -> KindCounts:
         """Return the counters of the instances of a kind."""
         found = self.library.fm_scopes_counts(self.pointer, kind)
-        return KindCounts(found.alive, found.begun, found.ended, found.open, found.beyond)
+        return KindCounts(found.alive, found.begun, found.ended, found.open, found.beyond,
+                          found.unsized)
 
 
 class ClosestLog:

@@ -201,7 +201,10 @@ def test_a_pair_of_found_keys_begins_with_its_first_message(
     assert sum(item.occurrences for item in plain.findings) > 5
     counts = whole.kinds
     assert counts['robot and track'].begun == len(ROBOTS) * len(TRACKS) + len(ROBOTS)  # 'other'
-    assert counts['robot and track'].beyond > 0  # an empty key
+    empty = counts['robot and track'].beyond
+    assert 1 < empty == counts['robot and track'].unsized
+    assert f'{empty} messages with a key of robot and track not evaluated: a key has 1 to 255 ' \
+        'bytes' in whole.errors
 
 
 def test_what_is_written_of_a_pair_names_both_keys(tmp_path: Path) -> None:

@@ -72,8 +72,11 @@ def test_the_words_are_those_of_the_header_and_both_nodes_use_each() -> None:
     assert kept.endswith(declarations.words_text()), declarations.__doc__
     root = Path(declarations.__file__).parents[2]
     of_c, of_python, of_both = (
-        ''.join(path.read_text(encoding='utf-8') for path in root.glob(pattern))
-        for pattern in ('csrc/node/*.c', 'fret_monitor/ros/**/*.py', 'csrc/ros/*.c'))
+        ''.join(path.read_text(encoding='utf-8') for pattern in patterns
+                for path in root.glob(pattern))
+        for patterns in (('csrc/node/*.c', 'csrc/reporting/*.c'),
+                         ('fret_monitor/ros/**/*.py', 'fret_monitor/bag/*.py'),
+                         ('csrc/ros/*.c',)))
     names = re.findall(r'FM_WORDS_\w+', csrc_file('words.h').read_text(encoding='utf-8'))
     names = [name for name in names if name not in of_both]
     assert len(names) > 20

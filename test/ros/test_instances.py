@@ -171,7 +171,7 @@ def joint_state(limit: float, elements: Sequence[tuple[str, float]]) -> Any:
 def test_both_nodes_publish_of_instances_what_bag_says(
         keys: str, partner: Partner, tmp_path: Path) -> None:
     rng = Random(keys)
-    names = ('elbow', 'k%s\n', 'wrist', 'beyond')
+    names = ('elbow', 'k%s\n', 'wrist', 'beyond', '')
     bundle = write_bundle(tmp_path, JOINTS.replace('KEYS', keys))
     sent = random_elements(rng, names, 50)
     expected = judged_by_bag(tmp_path / 'out.mcap', bundle, recorded(
@@ -203,6 +203,8 @@ def test_both_nodes_publish_of_instances_what_bag_says(
     for output in outputs:
         assert output.count('there is no room for another joint (`most` is 3)') == (
             'most' in keys)
+        assert output.count('messages with a key of joint are not evaluated: a key has 1 to 255 '
+                            'bytes') == ('most' in keys)
         for name in {name for name, level, *_ in expected if level > 0}:
             assert f'{name} violated at ' in output
 
