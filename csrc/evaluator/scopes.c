@@ -36,7 +36,6 @@ static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
   message->kind = FM_BUNDLE;
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     fm_pool_begin_turn(&scopes->kinds[k].pool);
-    scopes->kinds[k].has_part = false;
   }
 }
 
@@ -237,20 +236,6 @@ static void give_half(struct fm_scopes * scopes, uint32_t kind, uint32_t half, u
   }
 }
 
-// Whether a message of an instance is one for all pairs of its key. A row with a key for the pair,
-// and no value of the instance, is of that pair alone.
-static bool is_for_pairs(
-  const struct fm_scopes * scopes, uint32_t single, uint32_t kind, uint32_t half)
-{
-  const struct fm_scope_kind * cell = &scopes->kinds[kind];
-  if (cell->pairs == NULL || cell->options.halves[half].kind != single) {
-    return false;
-  }
-  const struct fm_scope_kind * base =
-    cell->parts == NULL ? cell : &scopes->kinds[cell->options.base];
-  return !scopes->message.is_row || !base->has_part || scopes->message.n_parts > 0;
-}
-
 // The message of an instance is one for all pairs of its key.
 static void give_to_pairs(struct fm_scopes * scopes, uint32_t single, uint32_t slot)
 {
@@ -258,10 +243,11 @@ static void give_to_pairs(struct fm_scopes * scopes, uint32_t single, uint32_t s
   const size_t size = fm_keys_copy(scopes->kinds[single].pool.keys, slot, bytes);
   const struct fm_key key = {bytes, (uint32_t)size};
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    const struct fm_pairs * pairs = scopes->kinds[k].pairs;
+    const struct fm_scope_kind * cell = &scopes->kinds[k];
+    const struct fm_pairs * pairs = cell->pairs;
     for (uint32_t h = 0; h < 2; ++h) {
-      uint32_t pair = is_for_pairs(scopes, single, k, h) ? fm_pairs_first(pairs, h, &key) :
-        FM_NO_SLOT;
+      uint32_t pair = pairs != NULL && cell->options.halves[h].kind == single ?
+        fm_pairs_first(pairs, h, &key) : FM_NO_SLOT;
       for (; pair != FM_NO_SLOT; pair = fm_pairs_next(pairs, h, pair)) {
         give_half(scopes, k, h, pair);
       }
@@ -337,7 +323,6 @@ uint32_t fm_scopes_enter(
   struct fm_scopes_message * message = &scopes->message;
   struct fm_pool * pool = &scopes->kinds[kind].pool;
   step_entered(scopes);
-  scopes->kinds[kind].has_part = true;
   const uint32_t slot = find_or_begin(scopes, kind, key, size);
   if (slot == FM_NO_SLOT || pool->turns[slot] == pool->turn) {
     return FM_NO_SLOT;

@@ -35,7 +35,6 @@ struct fm_scope_kind
   uint32_t n_waiting;
   bool reads_aggregates;
   bool keeps_parts;   // of the instance that is entered: it is a base, or a half of pairs
-  bool has_part;      // the message has one for a pair of this kind, or it had no room
 };
 
 // A value of a message for more than one scope.
