@@ -14,7 +14,8 @@
 
 """The index of the reports of many recordings: a table of recordings and requirements."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 import json
 from pathlib import Path
 from typing import Any
@@ -33,11 +34,11 @@ _SHORT_LEGEND = '<p class="legend">' + ''.join(
 
 
 def index_page(title: str, lines: Iterable[str], folder: Path,
-               pooled: Iterable[Sequence[str]] = ()) -> str:
+               tables: Mapping[str, Sequence[Sequence[str]]]) -> str:
     """
     Return the index of recordings, each a line of JSON; it links to the pages in `folder`.
 
-    `pooled` are the rows of the table of probabilities over all recordings, its heads first.
+    `tables` are the rows of tables over all recordings by their titles, the heads first.
     """
     recordings = [json.loads(line) for line in lines]
     ids = list(dict.fromkeys(key for item in recordings for key in item['requirements']))
@@ -53,15 +54,13 @@ def index_page(title: str, lines: Iterable[str], folder: Path,
         f'{failed:,} with errors.</p>',
         f'<div class="card wide"><table class="index{" many" if is_short else ""}"><tr>'
         f'<th>recording</th><th>messages</th>{head}<th>errors</th></tr>{rows}</table>',
-        _SHORT_LEGEND if is_short else '', '</div>', *_pooled(list(pooled))], is_broad=True)
+        _SHORT_LEGEND if is_short else '', '</div>', *chain.from_iterable(
+            _table(name, rows) for name, rows in tables.items())], is_broad=True)
 
 
-def _pooled(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the table of probabilities, if there are any."""
-    if not rows:
-        return
+def _table(title: str, rows: Sequence[Sequence[str]]) -> Iterator[str]:
     heads, *others = rows
-    yield '<h2>Probabilities over all recordings</h2><div class="card wide"><table><tr>'
+    yield f'<h2>{escaped(title)}</h2><div class="card wide"><table><tr>'
     yield ''.join(f'<th>{escaped(cell)}</th>' for cell in heads)
     yield '</tr>'
     for row in others:

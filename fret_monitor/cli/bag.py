@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 _OUTPUTS = ('junit', 'csv', 'mcap', 'report', 'results')
 _PAGES = ('.html', '.htm')
+_RANKED = {'closest': 'Closest to a violation', 'slack': 'Least slack'}
 _MOMENT = 'seconds since the start, seconds since 1970, or such as end-3'
 
 
@@ -217,10 +218,10 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
     if options.fail_on_violation and any(
             item.verdict == 'refuted' for item in figures.values()):
         status = 1
-    if options.margins and len(found) > 1 and not options.json:
-        from fret_monitor.bag.closest import closest_table
-        if ranking := closest_table(found):
-            print(ranking, flush=True)
+    from fret_monitor.bag.closest import closest_json, closest_table, rankings
+    ranked = rankings(found) if options.margins and len(found) > 1 else []
+    if ranked:
+        print((closest_json if options.json else closest_table)(ranked, len(found)), flush=True)
     if options.junit is not None or options.fill is not None:
         texts = texts or _texts_of(bundle, selection, found)
     if options.junit is not None:
@@ -231,8 +232,10 @@ def _check(options: Namespace, bundle: Path, selection: 'Selection', lines: dict
         from fret_monitor.bag.index import index_page
         with open_output(folder / 'index.html') as file:
             file.write(index_page(
-                f'{bundle.stem}: {len(found)} recordings', found, folder,
-                pooled_rows(figures, required_of(found)) if figures else ()))
+                f'{bundle.stem}: {len(found)} recordings', found, folder, {
+                    **({'Probabilities over all recordings': pooled_rows(
+                        figures, required_of(found))} if figures else {}),
+                    **{_RANKED[item.key]: item.rows for item in ranked}}))
     if results is not None and results.error:
         refuse(results.error, help='the recordings printed since then will be checked again')
     return status

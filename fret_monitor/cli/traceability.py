@@ -170,6 +170,8 @@ def _results(source: Source, path: Path,
     for start, line in _lines(source.text):
         try:
             content = json.loads(line)
+            if 'bags' in content:  # what `bag` says of all recordings
+                continue
             found = {str(id_): Seen(str(content['bag']), str(item.get('meaning', '')),
                                     item['verdict'], item.get('triggered'))
                      for id_, item in content['requirements'].items()}

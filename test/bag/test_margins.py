@@ -99,6 +99,19 @@ def test_several_recordings_are_ranked_and_results_have_the_margins(tmp_path: Pa
         assert [(Path(line.split()[1]).name, line.split()[2]) for line in ranking[2:]] == [
             ('b.csv', '-1.5'), ('a.csv', '0.5'), ('c.csv', '4.5')]
     assert ranking[2].endswith('x <= 10.0 (-3)')
+    reports = tmp_path / 'reports'
+    done = run('bag', bundle, *paths, '--margins', '--json', '--report', reports)
+    last = json.loads(done.out.splitlines()[-1])
+    assert [(Path(item['bag']).name, item['margin'], item['comparison'])
+            for item in last['closest']['LOW']] == [
+        ('b.csv', -1.5, 'x <= 10.0'), ('a.csv', 0.5, 'x <= 10.0'), ('c.csv', 4.5, 'x <= 10.0')]
+    assert (last['bags'], list(last)) == (3, ['bags', 'closest'])
+    page = (reports / 'index.html').read_text().split('<h2>Closest to a violation</h2>')[1]
+    assert [page.index(f'<td>{line.split()[2]}</td>') for line in ranking[2:]] == sorted(
+        page.index(f'<td>{line.split()[2]}</td>') for line in ranking[2:])
+    (tmp_path / 'lines.jsonl').write_text(done.out)
+    done = run('check', bundle, '--trace', tmp_path / 'lines.jsonl')
+    assert 'no results of a recording' not in done.err
     found = [json.loads(line)['requirements'] for line in results.read_text().splitlines()]
     assert [item['LOW']['closest']['margin'] for item in found] == [0.5, -1.5, 4.5]
     assert all('closest' not in item['ON'] for item in found)
