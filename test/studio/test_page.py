@@ -239,6 +239,109 @@ def test_a_new_requirement_is_written_from_a_form(tmp_path: Path) -> None:
         assert page.problems == []
 
 
+TWO = """\
+format: 1
+component: robot
+inputs:
+  speed: {topic: speed, type: std_msgs/msg/Float64}
+requirements:
+  - {id: SLOW, fretish: the robot shall always satisfy speed <= 1.0}
+  - {id: FAST, fretish: the robot shall always satisfy speed >= 0.0}
+"""
+TEXT = "[...document.querySelectorAll('.cm-line')].map((each) => each.textContent).join('\\n')"
+
+
+def at_once(page: Page, *steps: str) -> None:
+    """Run steps without a pause; `put(selector, text)` writes, `choose` chooses."""
+    page.get("""{
+        const find = (selector) => document.querySelector(selector);
+        const set = (kind) => (selector, text) => {
+          find(selector).value = text; find(selector).dispatchEvent(new Event(kind)); };
+        const [put, choose] = [set('input'), set('change')];
+        const write = (text) => document.execCommand('insertText', false, text);
+        """ + '; '.join(steps) + '; 0 }')
+
+
+@needs_browser
+def test_what_is_typed_is_written_into_the_text_as_it_is_then(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_text(TWO)
+    checked = 'Number(document.body.dataset.checked)'
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.wait("document.querySelector('#field-response')?.value === 'speed <= 1.0'")
+        # A draft of a requirement, then another text, then Enter right after a letter.
+        page.click('#new-requirement')
+        page.wait("document.activeElement.id === 'new-id'")
+        at_once(page, "put('#new-id', 'NEW')", "put('#new-timing', 'always')",
+                "put('#new-response', 'speed < 5')")
+        page.see('#meaning figure')
+        at_once(page, "find('.cm-content').focus()", "write('# a comment, and a long one\\n')",
+                "put('#new-response', 'speed < 5 & speed > -5')",
+                "find('#new-add').click()")
+        page.see('.lane[aria-label^="NEW"]')
+        assert page.get(TEXT).rstrip() == '# a comment, and a long one\n' + TWO + (
+            '  - id: NEW\n'
+            '    fretish: "the robot shall always satisfy speed < 5 & speed > -5"')
+        # A field, then another requirement.
+        page.wait("document.querySelector('#field-response')?.value === 'speed < 5 & speed > -5'")
+        seen = page.get(checked)
+        at_once(page, "put('#field-response', 'speed < 6')", "choose('#requirement', 'FAST')")
+        page.wait(f'{checked} > {seen}')
+        page.wait("document.querySelector('#field-response')?.value === 'speed >= 0.0'")
+        assert page.get(TEXT).rstrip().endswith('satisfy speed < 6"')
+        # A field, then a line in the editor before the answer comes.
+        at_once(page, "put('#field-response', 'speed >= 7.0')",
+                "find('#field-response').dispatchEvent(new Event('change'))",
+                "find('.cm-content').focus()", "write('# later\\n')")
+        page.wait(f'({TEXT}).includes("satisfy speed >= 7.0")')
+        assert len(page.get(TEXT).splitlines()) == len(TWO.splitlines()) + 4
+        page.wait("document.querySelector('#state').textContent.startsWith('no problems')")
+        assert page.problems == []
+
+
+@needs_browser
+def test_another_file_takes_nothing_of_the_one_before(tmp_path: Path) -> None:
+    (tmp_path / 'b.yaml').write_bytes(TWO.replace('\n', '\r\n').encode())
+    (tmp_path / 'c.yaml').write_text(TWO.replace('speed:', 'height:').replace('SLOW', 'LOW'))
+    title = "document.querySelector('#try-title').textContent"
+    state = "document.querySelector('#state').textContent"
+    lane = '.lane[aria-label^="SLOW"]'
+    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+        page.open(url)
+        page.see(f'{lane} rect.is-true')
+        page.see('#meaning figure')
+        page.wait(f"{state} === 'no problems · saved'")
+        # An error: what is shown is of an older text, until there is none.
+        page.get("document.querySelector('.cm-content').focus()")
+        page.type('# [\n  : x\n')
+        page.wait(f"{title} === 'Try it on a trace (of an older text)'")
+        assert page.get("document.body.classList.contains('is-old')")
+        for _ in range(2):
+            page.key('z', 2)
+        page.wait(f"{title} === 'Try it on a trace' && {state} === 'no problems · saved'")
+        assert page.get(TEXT) == TWO  # the loading cannot be undone
+        # Line ends are kept.
+        page.type('# noted\n')
+        page.wait(f"{state} === 'no problems · not saved'")
+        page.click('#save')
+        page.click('#ask-yes')
+        page.wait(f"{state} === 'no problems · saved'")
+        assert (tmp_path / 'b.yaml').read_bytes() == (
+            '# noted\n' + TWO).replace('\n', '\r\n').encode()
+        # Another file, with an error.
+        at_once(page, "choose('#file', 'c.yaml')")
+        page.wait(f"/errors?.*saved/.test({state}) && ({TEXT}).includes('height')")
+        assert page.get("document.querySelectorAll('.lane[aria-label$=steps]').length") == 0
+        assert not page.get("document.querySelector('#meaning figure, #requirement')")
+        page.get("document.querySelector('.cm-content').focus()")
+        page.key('z', 2)
+        page.wait(f'{TEXT} === {(tmp_path / "c.yaml").read_text()!r}')
+        at_once(page, "choose('#file', 'b.yaml')")
+        page.see(f'{lane} rect.is-true')
+        page.see('#meaning figure')
+        assert page.problems == []
+
+
 def crowd(count: int) -> str:
     """Return a bundle with so many requirements."""
     return BUNDLE + ''.join(

@@ -38,35 +38,35 @@ const COLOURS = HighlightStyle.define([
 export class Editor {
   #view;
   #ask;
-  #isSilent = false;
+  #extensions;
 
   // `ask(what, question)` asks the server; `changed` and `moved` are called by the editor.
   constructor(place, { ask, changed, moved, save }) {
     this.#ask = ask;
-    this.#view = new EditorView({
-      parent: place,
-      state: EditorState.create({
-        extensions: [
-          EditorView.cspNonce.of(document.querySelector('meta[name=csp-nonce]').content),
-          EditorState.phrases.of({}),
-          lineNumbers(), foldGutter(), history(), drawSelection(), highlightActiveLine(),
-          bracketMatching(), indentUnit.of('  '), yaml(), syntaxHighlighting(COLOURS),
-          syntaxHighlighting(defaultHighlightStyle, { fallback: true }), lintGutter(), search(),
-          EditorView.lineWrapping,
-          EditorView.contentAttributes.of({ 'aria-label': words.write }),
-          autocompletion({ override: [(context) => this.#complete(context)] }),
-          hoverTooltip((_, offset) => this.#hover(offset)),
-          keymap.of([
-            { key: 'Mod-s', preventDefault: true, run: () => { save(); return true; } },
-            ...defaultKeymap, ...searchKeymap, ...historyKeymap, ...foldKeymap,
-            ...completionKeymap, ...lintKeymap]),
-          EditorView.updateListener.of((update) => {
-            if (update.docChanged && !this.#isSilent) changed();
-            if (update.selectionSet || update.docChanged) moved(this.offset);
-          }),
-        ],
+    this.#extensions = [
+      EditorView.cspNonce.of(document.querySelector('meta[name=csp-nonce]').content),
+      EditorState.phrases.of({}),
+      lineNumbers(), foldGutter(), history(), drawSelection(), highlightActiveLine(),
+      bracketMatching(), indentUnit.of('  '), yaml(), syntaxHighlighting(COLOURS),
+      syntaxHighlighting(defaultHighlightStyle, { fallback: true }), lintGutter(), search(),
+      EditorView.lineWrapping,
+      EditorView.contentAttributes.of({ 'aria-label': words.write }),
+      autocompletion({ override: [(context) => this.#complete(context)] }),
+      hoverTooltip((_, offset) => this.#hover(offset)),
+      keymap.of([
+        { key: 'Mod-s', preventDefault: true, run: () => { save(); return true; } },
+        ...defaultKeymap, ...searchKeymap, ...historyKeymap, ...foldKeymap,
+        ...completionKeymap, ...lintKeymap]),
+      EditorView.updateListener.of((update) => {
+        if (update.docChanged) changed();
+        if (update.selectionSet || update.docChanged) moved(this.offset);
       }),
-    });
+    ];
+    this.#view = new EditorView({ parent: place, state: this.#begun('') });
+  }
+
+  #begun(doc, anchor = 0) {
+    return EditorState.create({ doc, selection: { anchor }, extensions: this.#extensions });
   }
 
   get text() {
@@ -77,15 +77,29 @@ export class Editor {
     return this.#view.state.selection.main.head;
   }
 
-  // Replace the text; by `silent` the page is not told.
-  write(text, { silent = false } = {}) {
+  // Show the text of a file: nothing before it can be undone, and the page is not told.
+  load(text) {
+    this.#view.setState(this.#begun(text, Math.min(this.offset, text.length)));
+  }
+
+  // Replace the text.
+  write(text) {
     if (text === this.text) return;
-    this.#isSilent = silent;
     this.#view.dispatch({
       changes: { from: 0, to: this.#view.state.doc.length, insert: text },
       selection: { anchor: Math.min(this.offset, text.length) },
     });
-    this.#isSilent = false;
+  }
+
+  // Make the edit that `ask` answers, null: none; it asks again if the text changes meanwhile.
+  async change(ask) {
+    for (;;) {
+      const { text } = this;
+      const found = await ask();
+      if (found && text !== this.text) continue;
+      if (found) this.edit(found, { focus: false });
+      return found;
+    }
   }
 
   edit({ from, to, text }, { focus = true } = {}) {

@@ -27,6 +27,7 @@ export class Fields {
   #changed;
   #inputs = {};
   #pause = 0;
+  #writing = null;
 
   // `changed` is called when somebody has written something.
   constructor(prefix, changed) {
@@ -39,9 +40,23 @@ export class Fields {
       Object.entries(this.#inputs).map(([name, input]) => [name, input.value]));
   }
 
+  // Write at once what somebody has just written.
+  async flush() {
+    if (this.#pause) {
+      this.drop();
+      this.#writing = this.#changed();
+    }
+    await this.#writing;
+  }
+
+  drop() {
+    clearTimeout(this.#pause);
+    this.#pause = 0;
+  }
+
   // Show the fields, in place of those before.
   show(fields) {
-    clearTimeout(this.#pause);
+    this.drop();
     this.#inputs = {};
     show(this.element, ...fields.map((field) => this.#field(field)));
   }
@@ -62,8 +77,9 @@ export class Fields {
       oninput: () => {
         this.#fill(input, input.value);
         clearTimeout(this.#pause);
-        this.#pause = setTimeout(this.#changed, PAUSE_MS);
-      } });
+        this.#pause = setTimeout(() => this.flush(), PAUSE_MS);
+      },
+      onchange: () => this.flush() }); // it is left
     this.#inputs[name] = input;
     this.#fill(input, text);
     return h('label', { class: `field of-${name}` }, h('small', {}, words.fieldNames[name]), ' ',
@@ -88,7 +104,7 @@ export class Form {
   #fields = new Fields('field', () => this.#write());
   element = form(words.form, this.#fields.element);
 
-  // `edit({from, to, text})` writes into the text.
+  // `edit(ask)` writes into the text what `ask` answers.
   constructor(ask, edit) {
     this.#ask = ask;
     this.#edit = edit;
@@ -98,6 +114,7 @@ export class Form {
 
   // Show the fields of a requirement; return whether it is a sentence.
   async use(id) {
+    await this.flush();
     const fields = await this.#ask('form', { id }).catch(() => []);
     const isHere = id === this.#id && this.element.contains(document.activeElement);
     if (isHere) this.#fields.update(fields);
@@ -108,17 +125,29 @@ export class Form {
     return fields.length > 0 || isHere;
   }
 
+  async flush() { await this.#fields.flush(); }
+
+  // Show no requirement, since the text is that of another file.
+  clear() {
+    this.#id = null;
+    this.#fields.show([]);
+  }
+
   async #write() {
-    const found = await this.#ask('reword', { id: this.#id, fields: this.#fields.values })
-      .catch(() => null);
-    if (found) this.#edit(found);
+    const [id, fields] = [this.#id, this.#fields.values];
+    await this.#edit(async () => {
+      const found = await this.#ask('reword', { id, fields }).catch(() => null);
+      return id === this.#id ? found : null;
+    });
   }
 }
 
 // The fields of a new requirement, which is written into the text when somebody wants it.
 export class NewForm {
   #ask;
+  #edit;
   #explain;
+  #isAdding = false;
   #fields = new Fields('new', () => this.#try());
   #id = h('input', { id: 'new-id', size: 12, autocomplete: 'off', spellcheck: 'false',
     oninput: () => this.#try() });
@@ -129,14 +158,28 @@ export class NewForm {
     this.#fields.element, this.#problems, h('div', { class: 'tools' }, this.#add,
       h('button', { type: 'button', onclick: () => this.#close(null) }, words.no)));
 
-  // `explain(text, id)` shows what it means in a text, null: nothing; `close(edit, id)` ends it.
-  constructor(ask, explain, close) {
+  // `edit` is as of the form; `explain(text, id)` shows what it means in a text, null: nothing;
+  // `close(id)` ends it, null: there is none.
+  constructor(ask, edit, explain, close) {
     this.#ask = ask;
+    this.#edit = edit;
     this.#explain = explain;
     this.#close = close;
-    this.element.addEventListener('submit', () => {
-      if (this.#found) this.#close(this.#found, this.#id.value.trim());
-    });
+    this.element.addEventListener('submit', () => this.#write());
+  }
+
+  // Write what is in the fields now into the text as it is now.
+  async #write() {
+    this.#isAdding = true;
+    this.#fields.drop();
+    const found = await this.#edit(() => this.#try());
+    this.#isAdding = false;
+    if (found) this.#close(this.#id.value.trim());
+  }
+
+  // The text is another one.
+  again() {
+    if (this.#found && !this.#isAdding) this.#try();
   }
 
   #close;
@@ -153,9 +196,12 @@ export class NewForm {
   async #try() {
     try {
       const found = await this.#ask('draft', { id: this.#id.value, fields: this.#fields.values });
+      if (!this.element.isConnected) return null;
       this.#take(found, found.problems);
+      return found;
     } catch (error) {
-      if (error.message !== OUTDATED) this.#take(null, [error.message]);
+      if (error.message !== OUTDATED && this.element.isConnected) this.#take(null, [error.message]);
+      return null;
     }
   }
 

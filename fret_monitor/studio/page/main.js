@@ -36,7 +36,7 @@ requirements:
 
 const at = (id) => document.getElementById(id);
 const talk = new Talk();
-const file = { name: null, stamp: null, saved: '' };
+const file = { name: null, stamp: null, saved: '', ends: '\n', isShown: false };
 let pause = 0;
 
 for (const name of ['write', 'read', 'try', 'recordings', 'picture', 'live']) {
@@ -49,7 +49,7 @@ const ask = (what, question = {}) => talk.ask(what, {
 const editor = new Editor(at('editor'), {
   ask, changed, moved: (offset) => meaning.follow(offset), save });
 const meaning = new Meaning(at('meaning'), ask, (offset) => editor.go(offset),
-  (way) => editor.edit(way, { focus: false }));
+  (asked) => editor.change(asked));
 const picture = new Picture(at('drawn'), ask, (offset) => editor.go(offset));
 const tryout = new Tryout(at('trace'), ask);
 const recordings = new Recordings(at('recorded'), ask, (trace, note) => {
@@ -97,20 +97,26 @@ function list(names) {
 
 async function open(name) {
   try {
+    await meaning.flush();
     const found = name ? await talk.ask('read', { name }) : { text: NEW, stamp: null };
-    Object.assign(file, { name, stamp: found.stamp, saved: name ? found.text : '' });
+    const text = found.text.replace(/\r\n?/g, '\n'); // the editor has no other line ends
+    if (name !== file.name) forget();
+    Object.assign(file, { name, stamp: found.stamp, saved: name ? text : '',
+      ends: found.text.match(/\r?\n/)?.[0] ?? '\n' });
     files.value = name ?? '';
     notice();
     const kept = localStorage.getItem(draft());
-    editor.write(kept ?? found.text, { silent: true });
-    if (kept !== null && kept !== found.text) notice(words.restored, []);
+    editor.load(kept ?? text);
+    if (kept !== null && kept !== text) notice(words.restored, []);
     await check();
   } catch (error) {
+    files.value = file.name ?? '';
     notice(error.message, []);
   }
 }
 
 async function save() {
+  await meaning.flush();
   if (!file.name) return saveAs();
   if (editor.text === file.saved || !await asked(words.askSave(file.name))) return undefined;
   return write(file.name, file.stamp);
@@ -124,7 +130,8 @@ async function saveAs() {
 async function write(name, stamp) {
   const { text } = editor;
   try {
-    const found = await talk.ask('write', { name, text, stamp });
+    const found = await talk.ask('write', {
+      name, text: text.replaceAll('\n', file.ends), stamp });
     localStorage.removeItem(draft());
     Object.assign(file, { name, stamp: found.stamp, saved: text });
     list((await talk.ask('open')).names);
@@ -137,12 +144,17 @@ async function write(name, stamp) {
 }
 
 async function format() {
+  const { text } = editor;
   const found = await ask('format').catch(() => null);
-  if (found !== null) editor.write(found);
+  if (found !== null && text === editor.text) editor.write(found);
 }
 
 const changedBy = (name) => notice(words.changed(name), [
-  [words.reload, () => { localStorage.removeItem(draft()); open(name); }],
+  [words.reload, async () => {
+    await meaning.flush();
+    localStorage.removeItem(draft());
+    await open(name);
+  }],
   [words.overwrite, async () => {
     const found = await talk.ask('read', { name }).catch(() => null);
     await write(name, found?.stamp ?? null);
@@ -201,13 +213,34 @@ async function check() {
     problems(found.diagnostics, text);
     document.body.dataset.checked = String(Number(document.body.dataset.checked ?? 0) + 1);
     picture.use();
+    old(!found.bundle);
     if (found.bundle) {
+      file.isShown = true;
       meaning.use(found.bundle);
       tryout.use(found.bundle);
     }
   } catch (error) {
-    if (error.message !== OUTDATED) state(error.message);
+    if (error.message === OUTDATED) return;
+    state(error.message);
+    old(true);
   }
+}
+
+// Say whether what is shown of the text is of an older one.
+function old(isOld) {
+  const isShown = isOld && file.isShown;
+  document.body.classList.toggle('is-old', isShown);
+  for (const name of ['read', 'try']) {
+    show(at(`${name}-title`), words[name], isShown ? h('small', {}, ` ${words.old}`) : null);
+  }
+}
+
+// Show nothing of the text, since that of another file comes.
+function forget() {
+  file.isShown = false;
+  old(false);
+  meaning.clear();
+  tryout.clear();
 }
 
 async function problems(diagnostics, text) {
@@ -222,7 +255,7 @@ async function problems(diagnostics, text) {
   const found = await ask('fixes').catch(() => []);
   if (text !== editor.text) return;
   found.forEach((ways, number) => rows[number].append(...ways.map((way) => h(
-    'button', { type: 'button', class: 'fix', onclick: () => editor.edit(way) },
+    'button', { type: 'button', class: 'fix', onclick: () => { if (text === editor.text) editor.edit(way); } },
     `${words.fix}: ${way.title}`))));
 }
 

@@ -32,7 +32,6 @@ export class Meaning {
   #go;
   #form;
   #new;
-  #edit;
   #wanted = null; // what was just written
   #isNew = false; // what is shown is a new requirement
   #add = h('button', { type: 'button', id: 'new-requirement', onclick: () => this.#begin() },
@@ -45,9 +44,8 @@ export class Meaning {
   // `go(offset)` shows a place in the editor, `edit` is as of the form.
   constructor(place, ask, go, edit) {
     this.#form = new Form(ask, edit);
-    this.#new = new NewForm(ask, (text, id) => this.#explainNew(text, id),
-      (found, id) => this.#end(found, id));
-    this.#edit = edit;
+    this.#new = new NewForm(ask, edit, (text, id) => this.#explainNew(text, id),
+      (id) => this.#end(id));
     this.#place = place;
     this.#ask = ask;
     this.#go = go;
@@ -70,13 +68,10 @@ export class Meaning {
     this.#new.begin(this.#form.component);
   }
 
-  // Write the new requirement; null: there is none.
-  #end(found, id) {
+  // The new requirement is written; null: there is none.
+  #end(id) {
     this.#isNew = false;
-    if (found) {
-      this.#wanted = id;
-      this.#edit(found);
-    }
+    this.#wanted = id;
     this.#showNone();
     if (this.#bundle) this.use(this.#bundle);
   }
@@ -94,9 +89,24 @@ export class Meaning {
     }
   }
 
+  // Write at once what is in the fields of the form.
+  async flush() { await this.#form.flush(); }
+
+  // Show nothing, since the text is that of another file.
+  clear() {
+    clearTimeout(this.#pause);
+    [this.#bundle, this.#id, this.#shownId, this.#wanted] = [null, null, null, null];
+    this.#form.clear();
+    show(this.#body);
+    if (!this.#isNew) this.#showNone();
+  }
+
   use(bundle) {
     this.#bundle = bundle;
-    if (this.#isNew) return;
+    if (this.#isNew) {
+      this.#new.again();
+      return;
+    }
     const ids = bundle.requirements.map((item) => item.id);
     this.#id = [this.#wanted, this.#id, ids[0]].find((id) => ids.includes(id)) ?? null;
     show(this.#select, ...ids.map((id) => h('option', { value: id }, id)));
@@ -138,7 +148,9 @@ export class Meaning {
       const found = await this.#ask('explain', { id });
       if (id === this.#id && !this.#isNew) show(this.#body, ...this.#shown(found));
     } catch (error) {
-      if (error.message !== OUTDATED) show(this.#body, h('p', {}, error.message));
+      if (id === this.#id && !this.#isNew && error.message !== OUTDATED) {
+        show(this.#body, h('p', {}, error.message));
+      }
     }
   }
 

@@ -49,6 +49,7 @@ export class Tryout {
   }), { rootMargin: NEAR });
   #isWaiting = true; // for verdicts
   #asked = 0;
+  #opened = 0; // files
   #active = null; // the input whose value is typed
   #parts = {};
 
@@ -59,6 +60,18 @@ export class Tryout {
     this.#view.addEventListener('chosen', () => this.#draw());
     this.#view.addEventListener('moved', () => this.#draw());
     addEventListener('resize', () => this.#draw());
+  }
+
+  // Show nothing, since the text is that of another file.
+  clear() {
+    clearTimeout(this.#pause);
+    this.#opened += 1;
+    this.#bundle = null;
+    this.#lanes = [];
+    [this.#verdicts, this.#margins, this.#windows] = [{}, {}, {}];
+    this.#view.marks = [];
+    this.#isWaiting = true;
+    show(this.#place, h('p', { class: 'faint' }, words.noTrace));
   }
 
   // Show the inputs of another version of the bundle.
@@ -330,17 +343,19 @@ export class Tryout {
     if (!more.csv) this.#forget();
     const { steps, period, values } = this.#trace;
     const number = ++this.#asked;
+    const opened = this.#opened;
     const late = setTimeout(() => this.#wait(true), LATE_MS);
     try {
       const found = await this.#ask('simulate', {
         steps, period, values, margins: this.#hasMargins, ...more });
+      if (opened !== this.#opened) return null;
       this.#verdicts = this.#kept(this.#verdicts, found.verdicts, period);
       this.#margins = this.#kept(this.#margins, found.margins, period);
       this.#windows = this.#kept(this.#windows, found.windows, period);
       this.#place.dataset.judged = String(Number(this.#place.dataset.judged ?? 0) + 1);
       return found;
     } catch (error) {
-      if (error.message === OUTDATED) return null;
+      if (error.message === OUTDATED || opened !== this.#opened) return null;
       [this.#verdicts, this.#margins, this.#windows] = [{}, {}, {}];
       if (this.#hasMargins) { // verdicts may be known without them
         this.#hasMargins = false;

@@ -18,6 +18,7 @@ export const words = {
   write: 'Bundle',
   read: 'What it means',
   try: 'Try it on a trace',
+  old: '(of an older text)',
   live: 'Watch a running monitor',
   namespace: 'Namespace',
   connect: 'Connect', disconnect: 'Disconnect', connecting: 'connecting',
