@@ -153,11 +153,11 @@ FM_EXPORT void fm_scopes_unusable(struct fm_scopes * scopes, uint32_t input);
 
 /// The message has a part for the instance of a key; the values of that part follow. The instance
 /// that was entered before steps now. An instance begins if there is none with the key. Parts of
-/// pairs come before those of their halves, which are for all pairs of their key, unless it is a
-/// row with a part for a pair of the kind, and no value for the half. Returns its slot, or
-/// FM_NO_SLOT, and the part is left out: there is no room for the key, it is none of the listed
-/// keys, the message had a part for it before, or the kind has a base. O(1) expected, O(pairs of
-/// the key) for a half, O(log n) if a deadline comes forward, and the operations of a step.
+/// pairs come before those of their halves, which are for all pairs of their key. Returns its
+/// slot, or FM_NO_SLOT, and the part is left out: there is no room for the key, it is none of the
+/// listed keys, the message had a part for it before, or the kind has a base. O(1) expected,
+/// O(pairs of the key) for a half, O(log n) if a deadline comes forward, and the operations of a
+/// step.
 FM_EXPORT uint32_t fm_scopes_enter(
   struct fm_scopes * scopes, uint32_t kind, const void * key, size_t size);
 

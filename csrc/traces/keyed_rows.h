@@ -16,11 +16,11 @@
 /// as rows of CSV.
 ///
 /// A row with a key is a message of that instance; one with a value of a shared input, or without
-/// any key, is one of all. One with two keys is a message of their pair, and of the other pairs of
-/// one of them if it has a value of an input that mentions it alone. It gives a row of its key's
-/// verdicts and the bundle's. Under FM_TIMED there is a row for each other scope whose verdicts
-/// have changed, by kind and slot, the bundle last, and for what is due between the rows. A cell
-/// is empty where nothing is known.
+/// any key, is one of all. One with two keys is a message of their pair, and of one of them, with
+/// its other pairs, if it has a value of an input that mentions it alone. It gives a row of its
+/// key's verdicts and the bundle's. Under FM_TIMED there is a row for each other scope whose
+/// verdicts have changed, by kind and slot, the bundle last, and for what is due between the
+/// rows. A cell is empty where nothing is known.
 ///
 /// Margins have a label with keys (a head) and n_cells margins for each of these rows, and under
 /// FM_TIMED also for each time at which only margins have changed.
