@@ -121,16 +121,19 @@ void fm_engine_release_locked(struct fm_engine * engine, int64_t now)
   engine->released = now;
 }
 
+// A message at the very instant at which the time begins comes before what is due then.
 void fm_engine_take_due_by_locked(struct fm_engine * engine, int64_t now)
 {
   fm_engine_release_locked(engine, now);
-  advance_locked(engine, now, engine->source == FM_CLOCK);
+  const bool begins = !fm_evaluator_has_begun(engine->options.evaluator);
+  advance_locked(engine, now, begins || engine->source == FM_CLOCK);
 }
 
 void fm_engine_note_restart_locked(struct fm_engine * engine, int64_t now)
 {
   if (now < engine->released) {
-    fm_engine_take_due_by_locked(engine, now);
+    fm_engine_release_locked(engine, now);
+    advance_locked(engine, now, true);  // the message comes before what is due at this instant
   }
 }
 

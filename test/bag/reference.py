@@ -126,9 +126,7 @@ def findings(specification: Specification, messages: Sequence[Message], *,
         times.sort()
     end = max(last + more, times[-1])
     if specification.policy is Policy.TIMED:
-        initial = {item.name for item in specification.signals if item.initial is not None}
-        is_taken = any(initial.issuperset(item.inputs) for item in specification.properties)
-        times = _apart(times, begin + 1 if is_taken else begin)
+        times = _apart(times, begin)
         end = max(end, times[-1])
     return [_Alone(item, specification, begin, dict(carried or {})).found(times, messages, end)
             for item in specification.properties]
@@ -313,6 +311,7 @@ class _Alone:
     def _step(self, time: int, *, is_event: bool = True) -> None:
         if self.policy is Policy.TIMED and self.rows and self.rows[-1][0] == time:
             self.rows.pop()
+            is_event = is_event and self.events[-1:] != [(time, 'step')]  # at the begin
         self.rows.append((time, dict(self.values)))
         if is_event:
             self.events.append((time, 'step'))

@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 
+from bag.recordings import FLOAT, Message, START, write
 from bundles import write_bundle
 from fret_monitor.bag.check import RecordingResult, run as run_bag, Selection
 from fret_monitor.bag.trace import Trace
@@ -129,6 +130,44 @@ def test_a_part_of_a_trace_is_judged_and_a_wrong_key_has_its_place(
     assert "trace.csv:3:3: 'gamma' is not a key of 'robot'" in capsys.readouterr().err
     assert main(['bag', str(bundle), str(trace), '--report', str(tmp_path / 'r.html')]) == 1
     assert 'a trace with keys is not drawn yet' in capsys.readouterr().err
+
+
+COUNTED = f"""
+format: 1
+evaluation: {{policy: timed}}
+for_each: {{robot: {{most: 5}}}}
+inputs:
+  speed: {{topic: "/{{robot}}/speed", type: {FLOAT}}}
+  limit: {{topic: /limit, type: {FLOAT}, initial: 1}}
+requirements:
+  - {{id: FLEET, ptltl: "count(robot: speed > 0.5) = 1"}}
+  - {{id: EVER, ptltl: "H (count(robot: speed > 0.5) >= 1)"}}
+  - {{id: BEFORE, ptltl: "!O[0, 1 s] (count(robot: speed > 0.5) = 0)"}}
+  - {{id: MOST, ptltl: "max(robot: speed) < 9.5"}}
+  - {{id: LIMIT, ptltl: "limit > 5"}}
+  - {{id: OTHERS, ptltl: "speed < limit | count(robot: speed > 0.5) > 1"}}
+"""
+FIRST_MESSAGES: dict[str, list[Message]] = {
+    'of a key': [('/a/speed', 0, 9.0), ('/b/speed', 10**9, 9.0), ('/b/speed', 25 * 10**8, 0.25),
+                 ('/limit', 3 * 10**9, 9.5), ('/a/speed', 4 * 10**9, 0.0)],
+    'shared': [('/limit', 0, 9.0), ('/a/speed', 10**9, 9.75), ('/a/speed', 3 * 10**9, 8.0)],
+    'of two keys': [('/a/speed', 0, 9.75), ('/b/speed', 1, 9.0), ('/limit', 10**9, 0.25)],
+}
+
+
+@pytest.mark.parametrize('messages', FIRST_MESSAGES.values(), ids=FIRST_MESSAGES)
+def test_the_first_message_of_a_recording_is_of_its_first_instant_as_in_a_table(
+        messages: list[Message], tmp_path: Path) -> None:
+    bundle, trace = write_bundle(tmp_path, COUNTED), tmp_path / 'trace.csv'
+    lines = [f'{(START + time) // 10**9}.{time % 10**9:09},'
+             + (f',,{value}' if topic == '/limit' else f'{topic[1]},{value},')
+             for topic, time, value in messages]
+    trace.write_text('\n'.join(['time,robot,speed,limit', *lines, '']), encoding='utf-8')
+    changes = []
+    for source in (trace, write(tmp_path / 'bag', messages)):
+        assert main(['bag', str(bundle), str(source), '--csv', str(tmp_path / 'out.csv')]) == 0
+        changes.append((tmp_path / 'out.csv').read_text(encoding='utf-8'))
+    assert changes[0] == changes[1]
 
 
 def test_a_key_with_a_carriage_return_is_in_quotes_in_each_file_of_rows(tmp_path: Path) -> None:
