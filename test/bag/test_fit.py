@@ -178,6 +178,9 @@ def test_the_command_has_a_line_to_paste_and_takes_processes(
     assert found['n']['requirement'] == 'SOON'
     assert main(['fit', str(bundle), str(paths[0]), '--constant', 'n=3']) == 1
     assert '--constant NAME, without a value' in capsys.readouterr().err
+    # The next one has no value.
+    assert main([*arguments[:-1], 'other']) == 1
+    assert capsys.readouterr().out.startswith(f"n: 4 -> {found['n']['value']}, ")
 
 
 def test_a_cluster_finds_the_same(
