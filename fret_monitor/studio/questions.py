@@ -58,6 +58,7 @@ Question: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Any
 
 MOST_STEPS = 100_000
+_LONGEST = 100 * 365 * 86_400 * 10**9  # ns
 _MOST_PARTS = 64  # that are kept beside those of the present text
 _MEMORY = 3_000_000_000
 _FIXED = 5  # diagnostics for which fixes are looked for: each way is tried
@@ -241,11 +242,10 @@ class Questions:
         return self._divided[key]
 
     def _simulate(self, question: Question) -> Answer:
+        specification = self._traced(question).specification
+        trace = DrawnTrace(question['values'], _steps(question), _period(question, specification))
         while self._prepare(question):
             pass
-        specification = self._traced(question).specification
-        trace = DrawnTrace(question['values'], _steps(question), nanoseconds(
-            question.get('period')) if specification.policy is Policy.TIMED else 0)
         parts = self._parts(question)
         found = [self._compiled[part].lanes(trace) for part in parts]
         for unused in [part for part in self._compiled if part not in parts][:-_MOST_PARTS]:
@@ -267,8 +267,7 @@ class Questions:
                    for signal in specification.signals]
         rows: Iterable[tuple[Any, ...]] = zip(*columns, strict=True) if columns else (
             () for _ in range(steps))
-        period = nanoseconds(question.get('period')) \
-            if specification.policy is Policy.TIMED else 0
+        period = _period(question, specification)
         times = [seconds(step * period) for step in range(steps)] if period else None
         with tempfile.TemporaryDirectory() as name:
             path = Path(name, 'trace.csv')
@@ -425,6 +424,17 @@ def _requirement(item: Property, places: Utf16) -> Answer:
     return {'id': item.id, 'title': item.title, 'text': item.text,
             'inputs': sorted(item.inputs),
             **(places.range(place) if place else {'from': 0, 'to': 0})}
+
+
+def _period(question: Question, specification: Specification) -> int:
+    """Return the time (ns) between two rows, 0: they have none."""
+    if specification.policy is not Policy.TIMED:
+        return 0
+    period = nanoseconds(question.get('period'))
+    if period * _steps(question) > _LONGEST:
+        raise Refused('a trace lasts at most 100 years: take fewer steps, or less time between '
+                      'two rows')
+    return period
 
 
 def _steps(question: Question) -> int:

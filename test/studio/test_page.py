@@ -339,6 +339,21 @@ def test_another_file_takes_nothing_of_the_one_before(tmp_path: Path) -> None:
         at_once(page, "choose('#file', 'b.yaml')")
         page.see(f'{lane} rect.is-true')
         page.see('#meaning figure')
+        # A draft of a file that somebody else has changed since.
+        page.get("document.querySelector('.cm-content').focus()")
+        page.type('# draft\n')
+        page.wait(f"{state} === 'no problems · not saved'")
+        at_once(page, "choose('#file', 'c.yaml')")
+        page.wait(f"({TEXT}).includes('height')")
+        (tmp_path / 'b.yaml').write_text(TWO + '# by hand\n')
+        at_once(page, "choose('#file', 'b.yaml')")
+        page.wait(f"({TEXT}).includes('# draft')")
+        notice = "document.querySelector('#notice').textContent"
+        page.wait(f"{notice}.startsWith('b.yaml was changed on disk by somebody else')")
+        page.click('#save')
+        page.click('#ask-yes')
+        page.wait(f"{notice}.includes('has changed on disk since')")
+        assert (tmp_path / 'b.yaml').read_text() == TWO + '# by hand\n'
         assert page.problems == []
 
 

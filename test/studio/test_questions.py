@@ -386,6 +386,8 @@ def test_what_cannot_be_answered_says_why(tmp_path: Path) -> None:
                                            values={'speed': [[0, 'fast']]})
     assert 'no trace' in refusal(tmp_path, 'example', ids=['C', 'C'], kind='violating')
     assert "no requirement 'X'" in refusal(tmp_path, 'example', ids=['X'], kind='violating')
+    assert 'at most 100 years' in refusal(
+        tmp_path, 'simulate', TIMED, steps=100_000, period=100_000, values={})
     assert 'cannot be answered' in refusal(tmp_path, 'hover')
 
 

@@ -38,6 +38,7 @@ const at = (id) => document.getElementById(id);
 const talk = new Talk();
 const file = { name: null, stamp: null, saved: '', ends: '\n', isShown: false };
 let pause = 0;
+let isLost = false; // the connection
 
 for (const name of ['write', 'read', 'try', 'recordings', 'picture', 'live']) {
   at(`${name}-title`).textContent = words[name];
@@ -68,13 +69,22 @@ show(at('actions'), button(words.save, save, 'save'), button(words.saveAs, saveA
 // What is open, and what of it is saved.
 
 const draft = () => `draft ${file.folder}/${file.name ?? ''}`;
+const draftOf = () => `${draft()} of`; // the stamp of the file that was changed
 
 function changed() {
   clearTimeout(pause);
   pause = setTimeout(check, PAUSE_MS);
   state(words.checking);
-  if (editor.text === file.saved) localStorage.removeItem(draft());
-  else localStorage.setItem(draft(), editor.text);
+  if (editor.text === file.saved) forgetDraft();
+  else {
+    localStorage.setItem(draft(), editor.text);
+    localStorage.setItem(draftOf(), file.stamp ?? '');
+  }
+}
+
+function forgetDraft() {
+  localStorage.removeItem(draft());
+  localStorage.removeItem(draftOf());
 }
 
 function state(text) {
@@ -107,11 +117,20 @@ async function open(name) {
     notice();
     const kept = localStorage.getItem(draft());
     editor.load(kept ?? text);
-    if (kept !== null && kept !== text) notice(words.restored, []);
+    if (kept !== null && kept !== text) restored(localStorage.getItem(draftOf()));
     await check();
   } catch (error) {
     files.value = file.name ?? '';
     notice(error.message, []);
+  }
+}
+
+// The text of a draft is shown: it may be one of an older file.
+function restored(stamp) {
+  if (!file.name || stamp === file.stamp) notice(words.restored, []);
+  else {
+    file.stamp = stamp;
+    changedBy(file.name);
   }
 }
 
@@ -132,14 +151,14 @@ async function write(name, stamp) {
   try {
     const found = await talk.ask('write', {
       name, text: text.replaceAll('\n', file.ends), stamp });
-    localStorage.removeItem(draft());
+    forgetDraft();
     Object.assign(file, { name, stamp: found.stamp, saved: text });
     list((await talk.ask('open')).names);
     files.value = name;
     notice();
     await check();
   } catch (error) {
-    notice(error.message, []);
+    notice(isLost ? words.lost : error.message, []);
   }
 }
 
@@ -152,7 +171,7 @@ async function format() {
 const changedBy = (name) => notice(words.changed(name), [
   [words.reload, async () => {
     await meaning.flush();
-    localStorage.removeItem(draft());
+    forgetDraft();
     await open(name);
   }],
   [words.overwrite, async () => {
@@ -163,9 +182,13 @@ const changedBy = (name) => notice(words.changed(name), [
 
 talk.addEventListener('changed', (event) => changedBy(event.detail));
 talk.addEventListener('recordings', (event) => recordings.list(event.detail));
-talk.addEventListener('close', () => notice(words.lost, []));
+talk.addEventListener('close', () => {
+  isLost = true;
+  notice(words.lost, []);
+});
 talk.addEventListener('open', async () => {
-  if (at('notice').textContent !== words.lost) return;
+  if (!isLost) return;
+  isLost = false;
   notice(); // the connection alone was lost, such as that of a tunnel
   const found = await talk.ask('read', { name: file.name }).catch(() => null);
   if (file.name && found?.stamp !== file.stamp) changedBy(file.name);

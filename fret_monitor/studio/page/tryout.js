@@ -50,6 +50,7 @@ export class Tryout {
   #isWaiting = true; // for verdicts
   #asked = 0;
   #opened = 0; // files
+  #failure = null; // why there are no verdicts
   #active = null; // the input whose value is typed
   #parts = {};
 
@@ -352,6 +353,7 @@ export class Tryout {
       this.#verdicts = this.#kept(this.#verdicts, found.verdicts, period);
       this.#margins = this.#kept(this.#margins, found.margins, period);
       this.#windows = this.#kept(this.#windows, found.windows, period);
+      if (this.#parts.note.textContent === this.#failure) this.#tell('');
       this.#place.dataset.judged = String(Number(this.#place.dataset.judged ?? 0) + 1);
       return found;
     } catch (error) {
@@ -362,6 +364,7 @@ export class Tryout {
         this.#build();
         await this.#judge(more);
       }
+      this.#failure = error.message;
       this.#tell(error.message);
       return null;
     } finally {
