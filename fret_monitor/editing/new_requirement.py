@@ -80,7 +80,8 @@ def _ways(edited: EditedBundle, written: Mapping[str, str]) -> Iterator[TextEdit
         case YamlList():
             column = found.span.start - source.line_start(found.span.line)
             for end in _line_ends(source, _end(found)):
-                yield _insert(source, end, f'\n{_as_item(written, column)}')
+                yield _insert(source, _behind_comments(source, end, column),
+                              f'\n{_as_item(written, column)}')
         case YamlScalar() if key is not None and found.is_missing:
             for end in _line_ends(source, key.span.end):
                 yield _insert(source, end, f'\n{_as_item(written, 2)}')
@@ -123,6 +124,12 @@ def _line_ends(source: Source, offset: int) -> Iterator[int]:
         if end < 0:
             return
         end += 1
+
+
+def _behind_comments(source: Source, end: int, column: int) -> int:
+    """Return where the comments end that follow a line and belong to the item before."""
+    found = re.compile(rf'(?:\n {{{column + 1},}}#[^\n]*)*').match(source.text, end)
+    return found.end() if found else end
 
 
 def _insert(source: Source, offset: int, text: str) -> TextEdit:

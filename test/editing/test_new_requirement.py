@@ -57,6 +57,13 @@ def test_it_is_written_behind_all_others(name: str) -> None:
     assert after.source.text.count('#') == before.source.text.count('#') + 1
 
 
+def test_comments_of_the_item_before_stay_with_it() -> None:
+    text = 'requirements:\n  - id: A\n    ptltl: p  # one\n    # two\n\n  # of none\n'
+    before = edited(text)
+    edit = editing.with_requirement(before, 'B', FIELDS)
+    assert before.source.text[edit.place.start:] == '\n\n  # of none\n'
+
+
 def test_what_is_written_is_a_requirement_of_the_bundle() -> None:
     before = edited(BUNDLES['lines'])
     fields = {**FIELDS, 'response': 'q'}

@@ -272,15 +272,15 @@ def test_what_is_typed_is_written_into_the_text_as_it_is_then(tmp_path: Path) ->
         # A draft of a requirement, then another text, then Enter right after a letter.
         page.click('#new-requirement')
         page.wait("document.activeElement.id === 'new-id'")
-        at_once(page, "put('#new-id', 'NEW')", "put('#new-timing', 'always')",
+        at_once(page, "put('#new-id', ' NEW  ONE')", "put('#new-timing', 'always')",
                 "put('#new-response', 'speed < 5')")
         page.see('#meaning figure')
         at_once(page, "find('.cm-content').focus()", "write('# a comment, and a long one\\n')",
                 "put('#new-response', 'speed < 5 & speed > -5')",
                 "find('#new-add').click()")
-        page.see('.lane[aria-label^="NEW"]')
+        page.see('.lane[aria-label^="NEW ONE"]')
         assert page.get(TEXT).rstrip() == '# a comment, and a long one\n' + TWO + (
-            '  - id: NEW\n'
+            '  - id: "NEW ONE"\n'
             '    fretish: "the robot shall always satisfy speed < 5 & speed > -5"')
         # A field, then another requirement.
         page.wait("document.querySelector('#field-response')?.value === 'speed < 5 & speed > -5'")

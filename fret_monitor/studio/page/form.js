@@ -174,8 +174,11 @@ export class NewForm {
     this.#fields.drop();
     const found = await this.#edit(() => this.#try());
     this.#isAdding = false;
-    if (found) this.#close(this.#id.value.trim());
+    if (found) this.#close(this.#name);
   }
+
+  // The id as it is written.
+  get #name() { return this.#id.value.trim().replace(/\s+/g, ' '); }
 
   // The text is another one.
   again() {
@@ -211,6 +214,6 @@ export class NewForm {
     this.#add.disabled = !found;
     show(this.#problems, ...problems.map((text) => h('li', {}, text)));
     const isGood = found && !problems.length;
-    this.#explain(isGood ? found.whole : null, this.#id.value.trim());
+    this.#explain(isGood ? found.whole : null, this.#name);
   }
 }
