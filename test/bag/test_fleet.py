@@ -389,7 +389,7 @@ requirements:
 
 
 @pytest.mark.parametrize(('policy', 'level', 'flow'), [  # when each takes its first step
-    ('every_message', 1, 2 * SECOND), ('timed', 2, 2 * SECOND),
+    ('every_message', 1, 2 * SECOND), ('timed', 1, 2 * SECOND),
     ('periodic, rate: 100', 1 + SECOND // 100, 1 + 2 * SECOND)])
 def test_verdicts_are_written_from_the_first_step_on(
         tmp_path: Path, policy: str, level: int, flow: int) -> None:
