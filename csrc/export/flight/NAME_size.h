@@ -46,6 +46,7 @@ extern "C" {
     @UPPER@_PART(1u, sizeof(struct fm_evaluator)) + \
     @UPPER@_PART(@UPPER@_N_INPUTS, sizeof(struct fm_input_cell)) + \
     @UPPER@_PART(@UPPER@_N_REQUIREMENTS, sizeof(struct fm_requirement_cell)) + \
+    @UPPER@_PART(@UPPER@_N_REQUIREMENTS, sizeof(struct fm_nearest)) + \
     @UPPER@_PART(@UPPER@_N_TOPICS, sizeof(struct fm_topic_cell)) + \
     @UPPER@_PART(@UPPER@_N_INPUTS, sizeof(uint32_t)) + \
     @UPPER@_PART(@UPPER@_N_GROUPS, sizeof(uint64_t)) + \
