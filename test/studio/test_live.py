@@ -398,6 +398,7 @@ def test_an_instance_has_a_row_from_its_first_violation_on(tmp_path: Path) -> No
     (tmp_path / 'b.yaml').write_text(BUNDLE)
     with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
         page.open(url)
+        page.see('#drawn .node')  # the page's own picture, which this one replaces
         page.get("""(async () => {
             const { LiveView } = await import('./live.js');
             const [talk, place] = [new EventTarget(), document.querySelector('#watch')];
@@ -427,7 +428,7 @@ def test_an_instance_has_a_row_from_its_first_violation_on(tmp_path: Path) -> No
         assert page.get(broken)[0] == 'requirement FAR broken now'  # the instance
         page.get("tell({ 'FAR[robot=alpha]': [[Date.now(), null]] }); 0")
         assert page.get(broken) == ['topic near broken now']
-        lane = '.lane[aria-label^="FAR[robot=alpha]"]'
+        lane = '#live-rows .lane[aria-label^="FAR[robot=alpha]"]'
         page.wait(f"document.querySelector('{lane}')?.ariaLabel.endsWith('violated')")
         page.get(f"document.querySelector('{lane}').scrollIntoView()")
         page.wait(f"!!document.querySelector('{lane} rect.is-false')")
