@@ -71,7 +71,7 @@ def run(options: Namespace) -> int:
             found.append(fit(bundle, paths, name, selection, executor=processes,
                              progress=report))
             if not options.json:  # at once: there may be no value of the next one
-                print(*[''] * (len(found) > 1), _shown(found[-1]), sep='\n', flush=True)
+                print('\n' if len(found) > 1 else '', _shown(found[-1]), sep='', flush=True)
     if options.json:
         print_document({'constants': {item.name: _as_dict(item) for item in found}}, ())
     return 0
