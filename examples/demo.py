@@ -234,7 +234,8 @@ def _environment() -> dict[str, str]:
     """Return an environment in which no other node can disturb the demo."""
     return {
         **os.environ,
-        'ROS_DOMAIN_ID': str(1 + os.getpid() % 100),
+        # These have ports above the ephemeral ones, and nobody else's nodes.
+        'ROS_DOMAIN_ID': str(215 + os.getpid() % 17),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'RCUTILS_CONSOLE_OUTPUT_FORMAT': '[{severity}] {message}',
         'RCUTILS_COLORIZED_OUTPUT': '0',

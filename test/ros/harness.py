@@ -51,6 +51,7 @@ START = 'import sys; from fret_monitor.ros.{0} import main; sys.argv[0] = "{0}";
 READY = {'monitor': 'watching', 'gate': 'watching', 'logger': 'listening'}
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+DEEP = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -239,7 +240,7 @@ class Partner:
 
         for name in handlers:
             subscription = self.node.create_subscription(
-                Empty, prefix + name, listener(name), RELIABLE)
+                Empty, prefix + name, listener(name), DEEP)
             wait_until(partial(_is_matched, subscription, publishers),
                        f'{publishers} of handler {name}')
 

@@ -132,8 +132,9 @@ def test_the_messages_that_a_stopped_monitor_missed_are_reported(
 ) -> None:
     bundle = write_bundle(tmp_path, NEGATIVE)
     operator = Operator(partner)
-    with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}') as node:
-        partner.listen('R')
+    with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={hot_path}',
+                 '-p', 'handler_depth:=3000') as node:
+        partner.listen('R')  # more than the usual depth may be violated at once
         n = partner.publisher(Int32, 'n', SHALLOW)
         partner.wait_for_listener(n)
         wait_until(lambda: n.get_subscription_count() == 1, 'the end of the first subscription')
