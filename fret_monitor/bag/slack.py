@@ -19,15 +19,14 @@ A monitor beside the bundle's has requirements that are violated while a respons
 (`deadlines.py`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fret_monitor.bag.check import Aside, compiled, RecordingResult, Selection, variant_of
-from fret_monitor.bag.findings import Findings, MOST_KEPT
-from fret_monitor.bag.waits import FoundSlack, lanes_of, Waits
+from fret_monitor.bag.findings import Findings
+from fret_monitor.bag.waits import lanes_of, sum_up, Waits
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.start import Variant
 
@@ -59,28 +58,10 @@ def _asides(monitor: Monitor) -> Iterator[Aside]:
             return violations[name] if key is None else result.steps[name].get(key)
 
         for each in lanes:
-            _sum_up(by_id[each.id], waits.found(each, result.end, steps))
+            sum_up(by_id[each.id], waits.found(each, result.end, steps))
 
     if lanes:
         yield Aside(monitor, note, [waits])
-
-
-def _sum_up(item: Findings, found: Mapping[bytes | None, FoundSlack]) -> None:
-    """Note the slack of a requirement; of all instances the least, and that of each trigger."""
-    if None in found:
-        own = found[None]
-        item.slack, item.waiting, item.slacks = own.slack, own.waiting, own.slacks
-        return
-    named = {key: replace(each, slack=each.slack and replace(each.slack, key=item.shown_key(key)),
-                          slacks=tuple(replace(one, key=item.shown_key(key))
-                                       for one in each.slacks))
-             for key, each in found.items() if key is not None}
-    item.slack_of = {key: each.slack for key, each in named.items() if each.slack is not None}
-    item.slack = min(item.slack_of.values(), key=attrgetter('left'), default=None)
-    item.waiting = min((each.waiting for each in named.values() if each.waiting is not None),
-                       default=None)
-    item.slacks = sorted((one for each in named.values() for one in each.slacks),
-                         key=attrgetter('trigger'))[:MOST_KEPT]
 
 
 def _make(reading: 'Reading', find: 'FindMessage') -> 'Reading':

@@ -19,16 +19,16 @@ Requirements with ids of their own (`WaitLanes`) are violated meanwhile.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from operator import attrgetter
 
-from fret_monitor.bag.findings import MOST_KEPT, Slack
+from fret_monitor.bag.findings import Findings, MOST_KEPT, Slack
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
 from fret_monitor.runtime.evaluator import Violation
 from fret_monitor.runtime.reporting import StatusRecord
-from fret_monitor.traces.csv_trace import parse_seconds, TIME
 
 _MARK = '#'  # between the parts of an id
 
@@ -143,19 +143,6 @@ class Waits:
             lane.end(self._wait(lane.since, violation.step, violation.stamp,
                                 None if violation.is_end else violation.stamp))
 
-    def take_table(self, rows: Iterable[Mapping[str, str]], names: Sequence[str]) -> int:
-        """Take the verdicts of the lanes in a table; return the step or time of its last row."""
-        at = 0
-        for row in rows:
-            at = parse_seconds(row[TIME]) if self._is_timed else int(row['step'])
-            for name in names:
-                lane = self._lane(name, None)
-                if row[name] == '0' and lane.since is None:
-                    lane.begin(at, at)
-                elif row[name] == '1' and lane.since is not None:
-                    lane.end(self._wait(lane.since, at, at, at))
-        return at
-
     def _lane(self, name: str, key: bytes | None) -> _OfLane:
         return self._lanes[name].setdefault(key, _OfLane())
 
@@ -213,3 +200,21 @@ class Waits:
             period = Fraction(repr(self._period))
             return Slack(float(left * period), 's', wait.trigger, wait.until)
         return Slack(left, 'steps', wait.trigger, wait.until)
+
+
+def sum_up(item: Findings, found: Mapping[bytes | None, FoundSlack]) -> None:
+    """Note the slack of a requirement; of all instances the least, and that of each trigger."""
+    if None in found:
+        own = found[None]
+        item.slack, item.waiting, item.slacks = own.slack, own.waiting, own.slacks
+        return
+    named = {key: replace(each, slack=each.slack and replace(each.slack, key=item.shown_key(key)),
+                          slacks=tuple(replace(one, key=item.shown_key(key))
+                                       for one in each.slacks))
+             for key, each in found.items() if key is not None}
+    item.slack_of = {key: each.slack for key, each in named.items() if each.slack is not None}
+    item.slack = min(item.slack_of.values(), key=attrgetter('left'), default=None)
+    item.waiting = min((each.waiting for each in named.values() if each.waiting is not None),
+                       default=None)
+    item.slacks = sorted((one for each in named.values() for one in each.slacks),
+                         key=attrgetter('trigger'))[:MOST_KEPT]

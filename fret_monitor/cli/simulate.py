@@ -15,7 +15,8 @@
 """`simulate BUNDLE --trace FILE.csv`: run the compiled monitors over a trace."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from operator import attrgetter
 import os
 from pathlib import Path
 import sys
@@ -26,8 +27,9 @@ from fret_monitor.cli.document import add_json_option, print_document
 from fret_monitor.cli.terminal import painted, print_diagnostics, progress
 from fret_monitor.messages.installed import find_message
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
-from fret_monitor.model.diagnostics import counted, refuse
+from fret_monitor.model.diagnostics import counted, printable, refuse
 from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.names import key_text
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import known_text, overflow_text
 from fret_monitor.start import start
@@ -36,7 +38,9 @@ from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
 
 if TYPE_CHECKING:
-    from fret_monitor.bag.waits import FoundSlack
+    from fret_monitor.bag.findings import Findings, Slack
+
+_MOST_INSTANCES = 10  # of a requirement, whose slack is said in words
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -79,8 +83,8 @@ def run(options: Namespace) -> int:
     horizons = _horizons(compiled.monitor.manifest)
     for name, horizon in horizons.items():
         print(f'{name}: known {known_text(horizon, is_timed=is_timed)}', file=sys.stderr)
-    for name, found in slacks.items() if verdicts is None else ():
-        print(f'{name}: {_slack_text(found, is_timed)}', file=sys.stderr)
+    for found in slacks.values() if verdicts is None else ():
+        print('\n'.join(_slack_lines(found, is_timed)), file=sys.stderr)
     for item in summary.beyond:
         print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' beyond most: {item.most} "
               'not evaluated', file=sys.stderr)
@@ -107,7 +111,7 @@ def _horizons(manifest: Manifest) -> dict[str, int]:
             if item.horizon}
 
 
-def _slacks(options: Namespace) -> 'dict[str, FoundSlack]':
+def _slacks(options: Namespace) -> 'dict[str, Findings]':
     """Return the slack of the sentences with a deadline, by id."""
     from fret_monitor.bag.trace_slack import slack_of_trace  # it needs the parser
     from fret_monitor.build import read
@@ -122,18 +126,26 @@ def _when(at: int, is_timed: bool) -> str:
     return f'{seconds_text(at)} s' if is_timed else f'step {at:,}'
 
 
-def _slack_text(found: 'FoundSlack', is_timed: bool) -> str:
-    """Return the least slack in words."""
-    slack = found.slack
-    if slack is None:
-        return f'the trigger at {_when(found.waiting or 0, is_timed)} waits for its response'
+def _slack_lines(item: 'Findings', is_timed: bool) -> Iterator[str]:
+    """Yield the least slack of a requirement, and of the instances with least, in words."""
+    if item.slack is None:
+        yield f'{item.id}: the trigger at {_when(item.waiting or 0, is_timed)} waits for its ' \
+            'response'
+        return
+    yield f'{item.id}: {_slack_text(item.slack, is_timed)}'
+    least = sorted(item.slack_of.values(), key=attrgetter('left', 'key'))
+    for slack in least[:_MOST_INSTANCES]:
+        yield f'{item.id}[{printable(slack.key)}]: {_slack_text(slack, is_timed)}'
+
+
+def _slack_text(slack: 'Slack', is_timed: bool) -> str:
     until = 'no response' if slack.until is None else f'response at {_when(slack.until, is_timed)}'
     return (f'least slack {slack.left:.6g} {slack.unit}, trigger at '
             f'{_when(slack.trigger, is_timed)}, {until}')
 
 
 def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int],
-           slacks: 'Mapping[str, FoundSlack]') -> str:
+           slacks: 'Mapping[str, Findings]') -> str:
     noun = 'row' if is_timed else 'step'
     lines = [counted(summary.steps, noun)]
     for name, count in summary.violations.items():
@@ -150,12 +162,12 @@ def _shown(summary: Summary, is_timed: bool, horizons: dict[str, int],
         else:
             lines.append(f'{name}: not judged')
         if name in slacks:
-            lines.append(f'{name}: {_slack_text(slacks[name], is_timed)}')
+            lines += _slack_lines(slacks[name], is_timed)
     return '\n'.join(lines)
 
 
 def _as_dict(summary: Summary, is_timed: bool, horizons: dict[str, int],
-             slacks: 'Mapping[str, FoundSlack]') -> dict[str, object]:
+             slacks: 'Mapping[str, Findings]') -> dict[str, object]:
     def requirement(name: str, count: int) -> dict[str, object]:
         first = summary.first.get(name)
         when: dict[str, object] = {
@@ -173,13 +185,17 @@ def _as_dict(summary: Summary, is_timed: bool, horizons: dict[str, int],
             **({'overflows': summary.overflows} if summary.overflows else {})}
 
 
-def _slack_dict(found: 'FoundSlack', is_timed: bool) -> dict[str, object]:
+def _slack_dict(item: 'Findings', is_timed: bool) -> dict[str, object]:
     def instant(at: int | None) -> object:
         return at if at is None or not is_timed else seconds_text(at)
 
-    slack, waiting = found.slack, found.waiting
+    def document(slack: 'Slack') -> dict[str, object]:
+        return {'left': slack.left, 'unit': slack.unit, 'trigger': instant(slack.trigger),
+                'until': instant(slack.until), **({'key': slack.key} if slack.key else {})}
+
     return {
-        **({} if slack is None else {'slack': {
-            'left': slack.left, 'unit': slack.unit, 'trigger': instant(slack.trigger),
-            'until': instant(slack.until)}}),
-        **({} if waiting is None else {'waiting': instant(waiting)})}
+        **({} if item.slack is None else {'slack': document(item.slack)}),
+        **({'slack_of': {key_text(key, item.variables): document(slack)
+                         for key, slack in sorted(item.slack_of.items())}}
+           if item.slack_of else {}),
+        **({} if item.waiting is None else {'waiting': instant(item.waiting)})}

@@ -38,8 +38,8 @@ from typing import Any, BinaryIO, NoReturn, TYPE_CHECKING, TypeAlias
 from fret_monitor.model.csv_writer import CsvWriter
 from fret_monitor.model.diagnostics import CompileError, counted, refuse, Source, Span
 from fret_monitor.model.floats import to_float32
-from fret_monitor.model.manifest import ManifestInput
-from fret_monitor.model.policies import InputSource
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.policies import InputSource, Policy
 from fret_monitor.model.values import ValueType
 from fret_monitor.native.monitor import CData
 from fret_monitor.runtime.csv_rows import CsvColumn, CsvRows
@@ -74,6 +74,15 @@ class TimeColumn(Enum):
     IGNORED = 'ignored'
     OPTIONAL = 'optional'
     REQUIRED = 'required'
+
+
+def time_column(manifest: Manifest) -> TimeColumn:
+    """Return what the column `time` is for a bundle: measured inputs and `forget` need times."""
+    if manifest.policy is Policy.TIMED:
+        return TimeColumn.REQUIRED
+    uses_times = any(item.source.is_measured for item in manifest.inputs) or any(
+        item.forget for item in manifest.variables)
+    return TimeColumn.OPTIONAL if uses_times else TimeColumn.IGNORED
 
 
 @contextmanager

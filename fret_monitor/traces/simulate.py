@@ -32,7 +32,6 @@ import sys
 from typing import BinaryIO, TextIO
 
 from fret_monitor.model.diagnostics import counted, refuse
-from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.output import open_output
 from fret_monitor.model.policies import Policy, Stamp
 from fret_monitor.model.progress import no_progress, Progress
@@ -41,7 +40,7 @@ from fret_monitor.runtime.csv_rows import verdict_rows
 from fret_monitor.runtime.evaluator import Evaluator
 from fret_monitor.runtime.scopes import Scopes
 from fret_monitor.traces.csv_trace import (
-    LAST_TICK, open_trace, seconds_text, TIME, TimeColumn, TraceReader,
+    LAST_TICK, open_trace, seconds_text, TIME, time_column, TraceReader,
 )
 from fret_monitor.traces.margin_table import MarginTable, with_margins
 from fret_monitor.traces.summary import Summary
@@ -92,7 +91,7 @@ def simulate(monitor: Monitor, trace: Path, verdicts: Path | None,
                                partial(_report, file, progress), library, margins_out)
         evaluator = Evaluator(for_trace(monitor), library=library)
         reader = TraceReader(str(trace), file, monitor.manifest.inputs,
-                             _time_column(monitor.manifest), evaluator.library)
+                             time_column(monitor.manifest), evaluator.library)
         table = None if margins_out is None else MarginTable(
             monitor.manifest, margins_out, has_times=reader.has_times)
         return _run(evaluator, reader, out, until, partial(_report, file, progress), table)
@@ -105,13 +104,6 @@ def _run_scopes(monitor: Monitor, name: str, file: BinaryIO, out: TextIO, until:
     from fret_monitor.traces.simulate_scopes import ScopedRun
     scopes = Scopes(for_trace(monitor), library=library)
     return ScopedRun(monitor, name, file, out, report, scopes, margins_out).run(until)
-
-
-def _time_column(manifest: Manifest) -> TimeColumn:
-    if manifest.policy is Policy.TIMED:
-        return TimeColumn.REQUIRED
-    return TimeColumn.OPTIONAL if any(item.source.is_measured for item in manifest.inputs) \
-        else TimeColumn.IGNORED
 
 
 def for_trace(monitor: Monitor) -> Monitor:

@@ -30,7 +30,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.keyed_rows import KeyedRows
 from fret_monitor.runtime.scopes import Scopes
-from fret_monitor.traces.csv_trace import LAST_TICK, seconds_text, TIME, TimeColumn
+from fret_monitor.traces.csv_trace import LAST_TICK, seconds_text, TIME, time_column
 from fret_monitor.traces.keyed_trace import read_keyed_trace
 from fret_monitor.traces.margin_table import MarginTable
 from fret_monitor.traces.summary import Beyond, Summary
@@ -49,10 +49,8 @@ class ScopedRun:
         self._report = report
         is_timed = self._manifest.policy is Policy.TIMED
         self._first_column = TIME if is_timed else 'step'
-        has_forget = any(item.forget for item in self._manifest.variables)
         self._trace = read_keyed_trace(
-            name, file, self._manifest, TimeColumn.REQUIRED if is_timed else
-            TimeColumn.OPTIONAL if has_forget else TimeColumn.IGNORED, scopes.library)
+            name, file, self._manifest, time_column(self._manifest), scopes.library)
         self._table = None if margins_out is None else MarginTable(
             self._manifest, margins_out, has_times=self._trace.has_times)
         self._rows = KeyedRows(scopes, _cells(self._manifest), self._trace.columns,

@@ -14,6 +14,7 @@
 
 """`bag --margins`: how much time was left until the deadlines of FRETish sentences."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 import json
@@ -261,6 +262,62 @@ def test_simulate_finds_the_slack_that_bag_finds(unit: str, tmp_path: Path) -> N
     assert n > 5
 
 
+KEYED_HEAD = {
+    'ticks': 'format: 1\nfor_each: {{robot: {{most: 3{forget}}}}}\ninputs: {inputs}\n',
+    'seconds': 'format: 1\nevaluation: {{policy: timed, unit: 1}}\n'
+               'for_each: {{robot: {{most: 3{forget}}}}}\ninputs: {inputs}\n'}
+
+
+def keyed_rows(rng: Random, times: list[str]) -> Iterator[str]:
+    """Yield rows of instances that begin and end, in which values change now and then."""
+    for time in times:
+        key, m, *own = rng.choice(['a', 'b', '']), rng.randrange(2), \
+            rng.random() < 0.3, rng.random() < 0.2
+        shared = m if not key or rng.random() < 0.3 else ''
+        yield f'{time},{key},{shared},' + (','.join(f'{each:d}' for each in own) if key else ',')
+
+
+def shown(slack: Slack | None, instants: dict[int, int]) -> Slack | None:
+    """Return a slack with its instants as `simulate` shows them."""
+    return slack and replace(slack, trigger=instants[slack.trigger],
+                             until=None if slack.until is None else instants[slack.until])
+
+
+@pytest.mark.parametrize(('unit', 'forget'), some([
+    ('ticks', ''), ('ticks', ', forget: 4'), ('seconds', ', forget: 4')], 2))
+def test_simulate_finds_the_slack_of_each_instance_that_bag_finds(
+        unit: str, forget: str, tmp_path: Path) -> None:
+    inputs = '{m: {topic: /m, type: std_msgs/msg/Bool, max_rate: 5}, ' + ', '.join(
+        f'{name}: {{topic: "/{{robot}}/{name}", type: std_msgs/msg/Bool, max_rate: 5}}'
+        for name in 'pr') + '}'
+    bundle = bundle_of(tmp_path, KEYED_HEAD[unit].format(forget=forget, inputs=inputs), iter([
+        *((key, SENTENCES[key].format(f'{BOUND} {unit}')) for key in ('UPON', 'IN', 'ONLY')),
+        ('SHARED', 'upon m the c shall within 2 ' + unit + ' satisfy !m')]), 'bundle.yaml')
+    rng, path = Random(f'{unit} {forget}'), tmp_path / 'trace.csv'
+    reading = read_bundle(bundle, Selection(), find_message)
+    found_of: Counter[bytes | None] = Counter()
+    for _ in range(3):
+        times, at = [], 0
+        for _ in range(40):
+            at += rng.choice([1, 1, 2, 9])
+            times.append(at)
+        path.write_text('\n'.join(['time,robot,m,p,r', *keyed_rows(rng, [*map(str, times)])]))
+        instants = {time * SECOND: row for row, time in enumerate(times)} \
+            if unit == 'ticks' else {time * SECOND: time * SECOND for time in times}
+        with unoptimised():
+            found = slack_of_trace(reading, find_message, path)
+            expected = with_slack(bundle, path).findings
+        for item in expected:
+            own = found[item.id]
+            assert own.slack == shown(item.slack, instants)
+            assert own.waiting == (item.waiting and instants[item.waiting])
+            assert own.slack_of == {
+                key: shown(one, instants) for key, one in item.slack_of.items()}
+            assert [*own.slacks] == [shown(one, instants) for one in item.slacks]
+            found_of.update([*item.slack_of] if item.variables else [None])
+    assert {*found_of} == {None, b'a', b'b'} and min(found_of.values()) > 2
+
+
 def test_each_trigger_that_is_not_answered_at_once_has_its_slack(tmp_path: Path) -> None:
     bundle = bundle_of(tmp_path, HEAD['ticks'], iter([
         ('UPON', SENTENCES['UPON'].format(f'{BOUND} ticks'))]), 'bundle.yaml')
@@ -299,6 +356,28 @@ def test_simulate_says_the_slack_of_a_trace(tmp_path: Path) -> None:
     assert land['slack'] == {'left': 2, 'unit': 'steps', 'trigger': 1, 'until': 2}
     assert land['waiting'] == 6 and not {'slack', 'waiting'} & {*low}
     assert fast['slack']['left'] == -1 and 'waiting' not in fast
+
+
+def test_simulate_says_the_slack_of_instances_the_least_first(tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, LANDING.replace('inputs: {', 'for_each: {drone: {most: 20}}\n'
+                          'inputs: {').replace('type: bool', 'topic: "/{drone}/a", type: '
+                          'std_msgs/msg/Bool').replace('type: float64', 'topic: "/{drone}/h", '
+                                                       'type: std_msgs/msg/Float64'))
+    path = tmp_path / 'run.csv'
+    path.write_text('drone,alarm,height\n' + ''.join(
+        f'd{k:02},{step == 0:d},{5.0 if step < min(k, 3) else 0.5}\n'
+        for step in range(4) for k in range(12)))
+    arguments = ('simulate', bundle, '--trace', path, '--margins', tmp_path / 'margins.csv')
+    with unoptimised():
+        lines = run(*arguments).err.splitlines()
+        found = json.loads(run(*arguments, '--json').out)['requirements'][0]
+    assert lines == [
+        'LAND: least slack 0 steps, trigger at step 3, response at step 39',
+        *(f'LAND[drone=d{k:02}]: least slack {3 - min(k, 3)} steps, trigger at step {k}, '
+          f'response at step {k + 12 * min(k, 3)}' for k in (*range(3, 12), 2))]
+    assert [found['slack_of'][f'd{k:02}']['left'] for k in range(12)] == [3, 2, 1] + 9 * [0]
+    assert found['slack'] == found['slack_of']['d03'] == {
+        'left': 0, 'unit': 'steps', 'trigger': 3, 'until': 39, 'key': 'drone=d03'}
 
 
 def test_a_report_has_the_least_slacks_and_that_of_each_occurrence(tmp_path: Path) -> None:
