@@ -29,6 +29,12 @@ class Question(Enum):
     VACUITY = 'vacuity'
     REDUNDANCY = 'redundancy'
     REALIZABILITY = 'realizability'
+    REACHABILITY = 'reachability'
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it is asked of each requirement, and yes is a fault."""
+        return self in (Question.VACUITY, Question.REDUNDANCY, Question.REACHABILITY)
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,8 @@ class Analysis:
     """
     All answers: of each component for consistency and realizability, of each requirement else.
 
-    For vacuity and redundancy, `holds` is True if the requirement is vacuous or redundant. `asked`
+    For vacuity and redundancy, `holds` is True if the requirement is vacuous or redundant, for
+    reachability if no run reaches some states of its diagram. `asked`
     are the questions, `seconds` the time taken, `is_partial` whether it was stopped early.
     """
 

@@ -18,7 +18,7 @@ The analysis of a bundle: all questions, each for the parts that it concerns.
     Reading -> parts -> systems -> fixed points -> answers, each no with a run or with conflicts
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,6 +39,7 @@ from fret_monitor.analysis.grid_runs import GridRuns
 from fret_monitor.analysis.letters import Values
 from fret_monitor.analysis.nan_inputs import NanRuns, NanUndecided
 from fret_monitor.analysis.part_runs import PartRuns
+from fret_monitor.analysis.reachability import asked_diagram, AskedDiagram, never, Way
 from fret_monitor.analysis.replay import Replay
 from fret_monitor.analysis.runs import (
     continue_to_violation, NoRun, play_to_violation, run_to, Runner,
@@ -47,6 +48,7 @@ from fret_monitor.analysis.second import NotComparable, SecondCheck
 from fret_monitor.analysis.short_runs import shown_by_short_runs
 from fret_monitor.analysis.unrolling import end_of_runs, Wanted
 from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import counted
 from fret_monitor.model.policies import InputRole, Policy
@@ -65,8 +67,10 @@ _SHORT_S = 2.0  # the same for one requirement
 _MANY = 20  # requirements, for which short runs are searched first
 _RUNS_SHARE = 0.75  # of the time of a part, for short runs
 _MOST_S = 120.0  # of that time
+_WIDTH = 60  # of a condition
 _REFUTED = 'internal error: z3 refutes what the decision diagrams found; please report it'
 _CONTRADICTION = 'the assumptions contradict each other'
+_CONFIRMED = 'confirmed by z3'
 _INTERRUPTED = 'interrupted'
 _OUT_OF_TIME = 'out of time'
 
@@ -164,9 +168,10 @@ class _PartAnalysis:
             with suppress(MemoryError, NotModelled, OutOfTime, TooLarge), MemoryErrors():
                 self._show_by_runs()
         for question in self._questions:
-            if question in (Question.VACUITY, Question.REDUNDANCY):
+            if question.is_list:
                 for place, name in enumerate(self._part.ids):
-                    if name in self._task.chosen:
+                    if name in self._task.chosen and (
+                            question is not Question.REACHABILITY or self._diagram(place)):
                         yield self._guarded(question, place)
             else:
                 found = self._guarded(question)
@@ -216,7 +221,8 @@ class _PartAnalysis:
 
         The runs are short there, and the monitor confirms them in real time.
         """
-        if place is None or self._is_on_grid or not self._is_timed:
+        if place is None or self._is_on_grid or not self._is_timed \
+                or blank.question is Question.REACHABILITY:
             return None
         with suppress(MemoryError, NoRun, NotModelled, OutOfTime, TooLarge), MemoryErrors():
             self._deadline.begin_attempt(_TIMED_S)
@@ -283,6 +289,8 @@ class _PartAnalysis:
         self._deadline.check()
         if self._contradiction is not None:
             return _contradicted(blank, self._contradiction)
+        if blank.question is Question.REACHABILITY and place is not None:
+            return self._reachability(blank, place)
         component = self._built()
         match blank.question:
             case Question.CONSISTENCY:
@@ -464,6 +472,79 @@ class _PartAnalysis:
         return self._possible(blank, component, 'it can be violated alone', Wanted(
             held, t.conjunction(held, t.negation(verdicts[place]))))
 
+    def _reachability(self, blank: Answer, place: int) -> Answer:
+        """Answer whether no run reaches some states of a diagram, and name them with the edges."""
+        diagram = self._diagram(place)
+        assert diagram is not None
+        reached = self._reached(blank, place, diagram.now, diagram.is_required)
+        unreached = {state for state, item in enumerate(reached) if item.holds}
+        asked = [state for state in diagram.asked if state in unreached]
+        if not asked:
+            return next((item for item in reached if item.holds is None), replace(
+                blank, holds=False, method='a run reaches each state'))
+        ways = diagram.into(unreached)
+        tried = self._reached(blank, place, map(diagram.attempt, ways), diagram.is_required)
+        stuck = {way for way, item in zip(ways, tried, strict=True) if item.holds}
+        method = '; '.join(self._why(diagram, state, unreached, stuck) for state in asked)
+        return replace(blank, holds=True, method=f'{method} ({_joint([*reached, *tried])})')
+
+    def _diagram(self, place: int) -> AskedDiagram | None:
+        return asked_diagram(self._part.properties[place])
+
+    def _reached(self, blank: Answer, place: int, goals: Iterable[Formula],
+                 is_required: bool) -> list[Answer]:
+        """Return for each goal whether no run gets there, on which the requirements hold."""
+        more = tuple(never(self._part.properties[place], goals))
+        task = replace(self._task, part=Part((*self._part.properties, *more)))
+        other = _PartAnalysis(self._context, task, self._is_on_grid)
+        required = [number for number, item in enumerate(self._part.properties)
+                    if is_required and not item.is_assumption]
+        count = len(self._part.properties)
+        return [other._goal(blank, count + number, required) for number in range(len(more))]
+
+    def _why(self, diagram: AskedDiagram, state: int, unreached: Collection[int],
+             stuck: Collection[Way]) -> str:
+        """Return a state that is not reached, with the reason for each edge to it."""
+        ways = [way for way in diagram.ways if way.target == state]
+        reasons = [f'from {self._state_name(diagram, way.origin)}, ' + (
+            'which is not reached' if way.origin in unreached else
+            f'where {self._text(way.condition)} never holds' if way in stuck else
+            'where an edge before it is always taken instead') for way in ways]
+        only = f'only {" and ".join(reasons)}' if ways else 'no edge that is ever taken leads to it'
+        return f'{self._state_name(diagram, state)}: {only}'
+
+    def _state_name(self, diagram: AskedDiagram, state: int) -> str:
+        node = diagram.states[state]
+        texts = (item.text for item in self._context.specification.properties
+                 if item.formula is node)
+        return next(texts, self._text(node)).rpartition('= ')[2]
+
+    def _text(self, formula: Formula) -> str:
+        return to_smv(formula, _WIDTH, {item.name: item.values for item
+                                        in self._context.specification.signals if item.values})
+
+    def _goal(self, blank: Answer, place: int, required: Sequence[int]) -> Answer:
+        """Return whether a property holds whenever some requirements do, at all steps."""
+        component = self._built()
+        games, d = component.games, component.games.diagrams
+        found = games.consistent(required)
+        if not found.holds:
+            return replace(blank, reason='; '.join(component.gaps)
+                           or 'no run satisfies all requirements')
+        steps = games.safe(required) & d.before(found.last)
+        layers = games.reach(steps, steps & ~d.outputs[place])
+        if not games.is_reached(layers):
+            by_nan = self._is_violated_by_nan(component, place, required)
+            if by_nan is not False:
+                return _by_nan(blank, by_nan, 'reached with NaN')
+            return self._certain(blank, component, '', lambda second: second.is_closed(
+                ~layers[-1], required, place, found.last))
+        verdicts = component.whole.verdicts
+        held = t.all_of(verdicts[item] for item in (*required, *games.assumptions)
+                        if item not in games.pending)
+        return self._possible(blank, component, '', Wanted(
+            held, t.conjunction(held, t.negation(verdicts[place]))))
+
     def _reads_floats(self, place: int | None = None) -> bool:
         """Whether a requirement reads a float input; None: any of the part."""
         floats = {item.name for item in self._context.specification.signals
@@ -571,7 +652,7 @@ class _PartAnalysis:
             raise _Refuted
         if found is solver.ProofAnswer.UNKNOWN:
             return 'checked once, z3 did not decide it'
-        return 'confirmed by z3' + (', but for `eventually`' if component.games.pending else '')
+        return _CONFIRMED + (', but for `eventually`' if component.games.pending else '')
 
     def _certain(self, blank: Answer, component: Component, method: str,
                  check: Callable[[SecondCheck], solver.ProofAnswer],
@@ -668,6 +749,12 @@ def _contradicted(blank: Answer, contradiction: Answer) -> Answer:
             return replace(found, holds=False, method=_CONTRADICTION)
     names = '; '.join(', '.join(each) for each in contradiction.conflicts)
     return replace(found, reason=f'{_CONTRADICTION}: {names}')
+
+
+def _joint(answers: Iterable[Answer]) -> str:
+    """Return how all that is never reached was checked."""
+    found = {item.method.strip(' ()') for item in answers if item.holds}
+    return min(found, key=lambda text: text.startswith(_CONFIRMED), default='')
 
 
 def _by_nan(blank: Answer, is_so: bool | None, method: str) -> Answer:

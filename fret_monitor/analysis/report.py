@@ -41,6 +41,7 @@ _HEADINGS = {
     Question.REALIZABILITY: 'realizable',
     Question.VACUITY: 'vacuous',
     Question.REDUNDANCY: 'redundant',
+    Question.REACHABILITY: 'unreached states',
 }
 
 
@@ -56,6 +57,8 @@ def as_dict(found: Analysis) -> dict[str, object]:
         'redundant': listed(Question.REDUNDANCY),
         'vacuous_unknown': listed(Question.VACUITY, None),
         'redundant_unknown': listed(Question.REDUNDANCY, None),
+        'unreached': listed(Question.REACHABILITY),
+        'unreached_unknown': listed(Question.REACHABILITY, None),
         'components': [_component(item) for item in found.of(Question.REALIZABILITY)]
         if Question.REALIZABILITY in found.asked else None,
         'answers': [_answer(item) for item in found.answers],
@@ -104,7 +107,7 @@ def shown(found: Analysis, specification: Specification, replay: Replay) -> Iter
         if question not in found.asked:
             continue
         answers = found.of(question)
-        if question in (Question.VACUITY, Question.REDUNDANCY):
+        if question.is_list:
             yield from _of_requirements(heading, answers)
             continue
         yield f'{heading:<22}{_WORDS[found.together(question)]}'
@@ -120,13 +123,16 @@ def warnings(found: Analysis, specification: Specification) -> Iterator[Diagnost
     """Yield a warning at a requirement for each answer that shows a fault."""
     places = {item.id: item.id_place for item in specification.properties}
     for item in found.answers:
-        is_list = item.question in (Question.VACUITY, Question.REDUNDANCY)
+        is_list = item.question.is_list
         if item.holds is not is_list:
             continue
         ids = item.conflicts[0] if item.conflicts else item.requirements
         what = f'{ids[0]} is' if len(ids) == 1 else f'{", ".join(ids[:4])} are'
         negated = '' if is_list else 'not '
-        yield Diagnostic(f'{what} {negated}{_HEADINGS[item.question]}', places[ids[0]],
+        title = f'{ids[0]} has states that no run reaches' \
+            if item.question is Question.REACHABILITY else \
+            f'{what} {negated}{_HEADINGS[item.question]}'
+        yield Diagnostic(title, places[ids[0]],
                          item.method, '`fret-monitor analyze` shows more', Level.WARNING)
 
 

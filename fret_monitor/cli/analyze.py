@@ -44,7 +44,8 @@ if TYPE_CHECKING:
 
 _QUICK_S = 2.0
 NEEDED = {'dd': 'dd', 'z3': 'z3-solver'}
-_QUESTIONS = ('consistency', 'rt-consistency', 'vacuity', 'redundancy', 'realizability')
+_QUESTIONS = ('consistency', 'rt-consistency', 'vacuity', 'redundancy', 'realizability',
+              'reachability')
 _RUN = re.compile(rf'({"|".join(_QUESTIONS)})(_\d+)?\.csv')
 
 
@@ -109,10 +110,17 @@ def quick_warnings(reading: Reading) -> list[Diagnostic]:
 
 def _asked(reading: Reading, only: list[str] | None
            ) -> tuple[list['Question'], tuple[Diagnostic, ...]]:
-    """Return the questions; realizability needs outputs."""
+    """Return the questions; realizability needs outputs, reachability a state diagram."""
     from fret_monitor.analysis.answers import Question
+    from fret_monitor.analysis.reachability import asked_diagram
     from fret_monitor.analysis.report import assumption_warnings
     asked = [item for item in Question if only is None or item.value in only]
+    if Question.REACHABILITY in asked and not any(
+            asked_diagram(item) for item in reading.specification.properties):
+        if only is not None:
+            refuse('no requirement is that a state follows a diagram, so that reachability has '
+                   'no answer', help='`fret-monitor import` makes one of a Mermaid or DOT file')
+        asked.remove(Question.REACHABILITY)
     has_outputs = any(item.role is InputRole.OUTPUT for item in reading.specification.signals)
     if Question.REALIZABILITY not in asked:
         return asked, ()
@@ -176,6 +184,4 @@ def _write_runs(folder: Path, found: 'Analysis', reading: Reading) -> None:
 
 
 def _is_fine(found: 'Analysis') -> bool:
-    from fret_monitor.analysis.answers import Question
-    lists = (Question.VACUITY, Question.REDUNDANCY)
-    return all(item.holds is (item.question not in lists) for item in found.answers)
+    return all(item.holds is (not item.question.is_list) for item in found.answers)

@@ -19,13 +19,13 @@ For each state s the formula requires `Y (state = s) -> following`, where `follo
 `state = t`, or `ite(condition, state = t, following)`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 from xml.sax.saxutils import escape
 
 from fret_monitor.logic.formula import (
-    Binary, BinaryOperator, Choice, Constant, Conversion, Formula, Variable, Yesterday,
+    Binary, BinaryOperator, Choice, Constant, Conversion, Formula, FTP, Variable, Yesterday,
 )
 from fret_monitor.traces.trace import Value
 
@@ -68,24 +68,54 @@ class DrawnDiagram:
     state: int | None
 
 
+@dataclass(frozen=True)
+class StateRule:
+    """What follows a state: the next states and their conditions in order; None: otherwise."""
+
+    state: Formula
+    ways: tuple[tuple[Formula | None, Formula], ...]
+
+
+def rules_of(formula: Formula) -> tuple[StateRule, ...]:
+    """Return the rules of the diagram that a formula describes; without any, it is none."""
+    found = tuple(rule for part in _parts(formula) if (rule := _rule(part)))
+    names = {compared[0] if (compared := _compared(node)) else ''
+             for rule in found for node in (rule.state, *(target for _, target in rule.ways))}
+    return found if len(names) == 1 and '' not in names and len(states_of(found)) > 1 else ()
+
+
+def states_of(rules: Iterable[StateRule]) -> tuple[Formula, ...]:
+    """Return the states of a diagram, each as `state = value`, in the order of the rules."""
+    return tuple(dict.fromkeys(node for rule in rules for node in (
+        rule.state, *(target for _, target in rule.ways))))
+
+
+def first_state(formula: Formula, rules: Sequence[StateRule]) -> Formula:
+    """Return the state that a formula requires at the first step, else that of the first rule."""
+    for part in _parts(formula):
+        match part:
+            case Binary(BinaryOperator.IMPLIES, left, right) if left is FTP and _compared(right):
+                return right
+    return rules[0].state
+
+
 def diagram_of(formula: Formula, text: Callable[[Formula], str]) -> StateDiagram | None:
     """Return the diagram that a formula describes; `text` writes a condition. None if none."""
-    rules = [rule for part in _parts(formula) if (rule := _rule(part))]
-    found: dict[Formula, tuple[str, Value]] = {}
-    for now, following in rules:
-        for node in (now, *(target for _, target in _ways(following))):
-            name, value = _compared(node) or ('', 0)
-            found[node] = (text(node).partition(' = ')[2], value)
-            if not name or name != (_compared(now) or ('',))[0]:
-                return None
-    variables = {(_compared(now) or ('',))[0] for now, _ in rules}
-    if len(variables) != 1 or len(found) < 2:
+    rules = rules_of(formula)
+    if not rules:
         return None
-    numbers = {node: number for number, node in enumerate(found)}
-    return StateDiagram(variables.pop(), tuple(found.values()), tuple(
-        DrawnEdge(numbers[now], numbers[target], text(condition) if condition else '')
-        for now, following in rules for condition, target in _ways(following)
-        if condition or target is not now))
+    nodes = [(node, _compared(node) or ('', 0)) for node in states_of(rules)]
+    numbers = {node: number for number, (node, _) in enumerate(nodes)}
+    return StateDiagram(nodes[0][1][0], tuple(
+        (value_text(node, text), value) for node, (_, value) in nodes), tuple(
+        DrawnEdge(numbers[rule.state], numbers[target], text(condition) if condition else '')
+        for rule in rules for condition, target in rule.ways
+        if condition or target is not rule.state))
+
+
+def value_text(state: Formula, text: Callable[[Formula], str]) -> str:
+    """Return the name of a state, or its number."""
+    return text(state).partition(' = ')[2]
 
 
 def _parts(formula: Formula) -> Iterator[Formula]:
@@ -98,11 +128,11 @@ def _parts(formula: Formula) -> Iterator[Formula]:
             yield node
 
 
-def _rule(part: Formula) -> tuple[Formula, Formula] | None:
-    """Return the state before, and what shall follow; None for another formula."""
+def _rule(part: Formula) -> StateRule | None:
+    """Return what follows a state; None for another formula."""
     match part:
         case Binary(BinaryOperator.IMPLIES, Yesterday(now), following) if _compared(now):
-            return now, following
+            return StateRule(now, tuple(ways_of(following)))
         case _:
             return None
 
@@ -117,8 +147,8 @@ def _compared(node: Formula) -> tuple[str, Value] | None:
             return None
 
 
-def _ways(following: Formula) -> Iterator[tuple[Formula | None, Formula]]:
-    """Yield conditions and the states to which they lead; None: otherwise."""
+def ways_of(following: Formula) -> Iterator[tuple[Formula | None, Formula]]:
+    """Yield conditions and the states or values to which they lead; None: otherwise."""
     while isinstance(following, Choice):
         yield following.condition, following.yes
         following = following.no

@@ -102,6 +102,18 @@ def test_check_warns_of_what_is_found_soon(here: Here) -> None:
     assert 'warning: P-2 is redundant' in done.err
 
 
+def test_reachability_needs_a_diagram(here: Here) -> None:
+    done = here.run('analyze', here.file('valves.yaml', VALVES), '--only', 'reachability')
+    assert (done.status, done.out) == (1, '')
+    assert 'no requirement is that a state follows a diagram' in done.err
+    done = here.run('analyze', here.file('d.yaml', (
+        'format: 1\ninputs: {s: {type: int8}}\nrequirements:\n'
+        '  - {id: D, ptltl: "(Y (s = 1) -> s = 1) & (Y (s = 2) -> s = 2)"}\n')), '--json')
+    assert done.status == 1
+    assert (json.loads(done.out)['unreached'], json.loads(done.out)['unreached_unknown']) == (
+        ['D'], [])
+
+
 def test_one_question_leaves_the_others_open(here: Here) -> None:
     bundle = here.file('valves.yaml', VALVES)
     done = here.run('analyze', bundle, '--only', 'consistency', '--json')
