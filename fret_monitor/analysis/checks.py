@@ -510,7 +510,8 @@ class _PartAnalysis:
             'which is not reached' if way.origin in unreached else
             f'where {self._text(way.condition)} never holds' if way in stuck else
             'where an edge before it is always taken instead') for way in ways]
-        only = f'only {" and ".join(reasons)}' if ways else 'no edge that is ever taken leads to it'
+        only = f'only {" and ".join(reasons)}' if ways else \
+            'no edge that is ever taken leads to it'
         return f'{self._state_name(diagram, state)}: {only}'
 
     def _state_name(self, diagram: AskedDiagram, state: int) -> str:

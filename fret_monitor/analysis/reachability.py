@@ -106,16 +106,18 @@ def _calculated(formula: Formula) -> AskedDiagram | None:
 def _rules(equation: Formula) -> list[StateRule]:
     """Return the rules of `if before = s then (if c then t else s) else ... before`."""
     found = []
+    compared: set[Formula] = set()
     while isinstance(equation, Choice):
         match equation.condition:
             case Binary(BinaryOperator.EQ, Choice(_, _, Feedback()) as before, Constant()) as now:
+                compared.add(before)
                 found.append(StateRule(now, tuple(
                     (condition, Binary(BinaryOperator.EQ, before, target))
                     for condition, target in ways_of(equation.yes))))
             case _:
                 break
         equation = equation.no
-    return found if found and equation is found[0].state.left else []
+    return found if compared == {equation} else []
 
 
 def _ways(rules: Iterable[StateRule], states: Sequence[Formula]) -> Iterator[Way]:

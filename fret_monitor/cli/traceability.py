@@ -20,7 +20,7 @@ Tests are those of `tests`; recordings are those of files that `bag` has written
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import json
 from pathlib import Path
 from typing import Any, NoReturn
@@ -35,6 +35,7 @@ from fret_monitor.model.names import shown
 _MAX_BYTES = 256 * 2 ** 20
 _INDEX = 'tests.json'
 _MOST_NAMED = 3
+_SHOWN_DIGITS = 8
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,15 @@ class Seen:
         if self.verdict is None or self.triggered is False:
             return False
         return True if self.triggered or not self.verdict else None
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What a file says of a recording; `digest` is the hash of its content, '' if unknown."""
+
+    name: str
+    digest: str
+    found: Mapping[str, Seen]
 
 
 @dataclass(frozen=True)
@@ -127,6 +137,7 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
     seen: dict[str, list[Seen]] = {}
     bags: dict[str, None] = {}
     verdicts: dict[tuple[str, str, str], bool | None] = {}
+    judged: list[tuple[Path, _Judged]] = []
     has_tests = False
     for path in paths:
         source = read_source(path / _INDEX if path.is_dir() else path, _MAX_BYTES)
@@ -135,21 +146,43 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
             for name, requirement in cases:
                 tests.setdefault(requirement, []).append(name)
             continue
-        for bag, found in _results(source, path, problems):
-            bags[recording_key(bag)] = None
-            other = []
-            for id_, item in found.items():
-                seen.setdefault(id_, []).append(item)
-                key = id_, recording_key(bag), item.meaning
-                if {verdicts.get(key), item.verdict} == {True, False}:
-                    other.append(id_)
-                verdicts[key] = item.verdict
-            if other:
-                problems.warning(
-                    f'{path}: {shown(bag)} has other verdicts than before: {_named(other)}', None,
-                    '', 'the last ones count; of two recordings with one name, give `bag` longer '
-                    'paths, such as tue/run.csv')
+        judged += [(path, item) for item in _with_last_digests(_results(source, path, problems))]
+    for path, recording in zip((path for path, _ in judged),
+                               _told_apart([item for _, item in judged]), strict=True):
+        bags[recording_key(recording.name)] = None
+        other = []
+        for id_, item in recording.found.items():
+            seen.setdefault(id_, []).append(item)
+            key = id_, recording_key(item.recording), item.meaning
+            if {verdicts.get(key), item.verdict} == {True, False}:
+                other.append(id_)
+            verdicts[key] = item.verdict
+        if other:
+            problems.warning(
+                f'{path}: {shown(recording.name)} has other verdicts than before: '
+                f'{_named(other)}', None, '', 'the last ones count; of two recordings with one '
+                'name, give `bag` longer paths, such as tue/run.csv')
     return Evidence(tests, seen, len(bags), has_tests)
+
+
+def _with_last_digests(found: Iterable[_Judged]) -> list[_Judged]:
+    """Return the results of a file, where the last content of a name counts, as in `bag`."""
+    items = [*found]
+    last = {recording_key(item.name): item.digest for item in items}
+    return [replace(item, digest=last[recording_key(item.name)]) for item in items]
+
+
+def _told_apart(found: Sequence[_Judged]) -> Iterator[_Judged]:
+    """Yield results whose names have a part of the hash, where files differ under one name."""
+    digests: dict[str, set[str]] = {}
+    for item in found:
+        digests.setdefault(recording_key(item.name), set()).update({item.digest} - {''})
+    for item in found:
+        if item.digest and len(digests[recording_key(item.name)]) > 1:
+            name = f'{item.name} ({item.digest[:_SHOWN_DIGITS]})'
+            item = _Judged(name, item.digest, {
+                id_: replace(one, recording=name) for id_, one in item.found.items()})
+        yield item
 
 
 def _traces(source: Source) -> list[tuple[str, str]] | None:
@@ -162,7 +195,7 @@ def _traces(source: Source) -> list[tuple[str, str]] | None:
 
 
 def _results(source: Source, path: Path,
-             problems: Problems) -> Iterator[tuple[str, dict[str, Seen]]]:
+             problems: Problems) -> Iterator[_Judged]:
     if source.text.lstrip().startswith('<'):
         yield from _junit(source, path)
         return
@@ -180,7 +213,7 @@ def _results(source: Source, path: Path,
                              Span(source, start, start + len(line)), 'left out')
             continue
         is_any = True
-        yield str(content['bag']), found
+        yield _Judged(str(content['bag']), str(content.get('sha256') or ''), found)
     if not is_any:
         _refuse_without_results(path)
 
@@ -198,7 +231,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
         start += len(line) + 1
 
 
-def _junit(source: Source, path: Path) -> Iterator[tuple[str, dict[str, Seen]]]:
+def _junit(source: Source, path: Path) -> Iterator[_Judged]:
     suites = [*parsed_xml(source.text, path).iter('testsuite')]
     if not any(item.get('name') == 'meaning' for suite in suites
                for item in suite.iter('property')):
@@ -214,7 +247,7 @@ def _junit(source: Source, path: Path) -> Iterator[tuple[str, dict[str, Seen]]]:
                 found[case.get('name', '')] = Seen(
                     bag, said.get('meaning', ''), verdict,
                     said['triggered'] == 'true' if 'triggered' in said else None)
-        yield bag, found
+        yield _Judged(bag, '', found)
 
 
 def table(links: Sequence[Link], found: Evidence) -> Iterator[tuple[str, ...]]:

@@ -17,6 +17,7 @@
 import json
 import os
 from pathlib import Path
+import re
 from xml.etree import ElementTree
 
 from bag.recordings import write
@@ -226,3 +227,24 @@ def test_other_verdicts_of_a_recording_with_one_name_are_told(here: Here) -> Non
         'check', bundle, '--trace', *results[:2]).err
     for known in (results[0], results[2]):
         assert 'than before' not in here.run('check', bundle, '--trace', results[0], known).err
+
+
+def test_recordings_of_one_name_are_told_apart_by_their_content(
+        here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    bundle = here.file('rover.yaml', BUNDLE)
+    results = []
+    for day, speed in (('mon', '1.0'), ('tue', '1.5')):
+        (here.folder / day).mkdir()
+        monkeypatch.chdir(here.folder / day)
+        Path('run.csv').write_text(f'time,speed,armed\n0,{speed},0\n')
+        results.append(here.folder / f'{day}.jsonl')
+        here.run('bag', bundle, 'run.csv', '--results', results[-1])
+    both = here.run('check', bundle, '--trace', *results)
+    one = r'run\.csv \([0-9a-f]{8}\)\?'
+    assert re.search(f'ALWAYS .* {one}, {one} ', both.out)
+    assert 'than before' not in both.err
+    twice = here.run('check', bundle, '--trace', results[0], results[0]).out
+    assert ' run.csv? ' in twice
+    # A file has two lines of a recording that has changed: the last one counts.
+    changed = here.file('changed.jsonl', ''.join(path.read_text() for path in results))
+    assert ' run.csv? ' in here.run('check', bundle, '--trace', changed).out
