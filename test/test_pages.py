@@ -360,11 +360,10 @@ def test_bundles_of_a_page_pass_check(
 WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increase': (3,),
           'add_status': (4,), 'add_judged': (4,), 'add_reason': (1,),
           'add_requirements': (4,), 'add_state': (1, 2),
-          'fm_log': (2,), 'fm_log_failure': (1,), 'count_result': (5,)}
+          'fm_text_join': (2,), 'fm_log': (2,), 'fm_log_failure': (1,), 'count_result': (5,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.
-REASONS = ('action_call.c', 'action_lines.c', 'health.c', 'input_log.c', 'reasons.c',
-           'monitor_node.c', 'transform_lines.c', 'graph_lines.c', 'instance_lines.c',
-           'trial_lines.c')
+REASONS = ('action_call.c', 'health.c', 'input_log.c', 'condition_log.c',
+           'monitor_node.c', 'graph_lines.c', 'instance_lines.c', 'figures.c')
 # Functions of Python that word what a node logs, but do not log it.
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
            'fret_monitor/ros/acting/gate.py': 'describe_gate',
@@ -404,8 +403,8 @@ def texts_of_c(path: Path) -> set[str]:
     found: set[str] = set()
     for call in re.finditer(r'\b(\w+)\(', source):
         given = arguments(source, call.end()) if call[1] in worded else []
-        if given[:1] == ['&key']:
-            continue  # of a value, not the message of a status
+        if given[:1] == ['&key'] or (call[1] == 'fm_text_join' and given[1].strip() != '"; "'):
+            continue  # of a value, or a refusal, not the message of a status
         if call[1] == 'fm_text_add' and given and given[1].strip() == '"%s"':
             given = given[1:]
         for place in worded.get(call[1], ()):

@@ -12,14 +12,13 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// bound_topics.c: see bound_topics.h for the contract.
+/// bound_topics.c: see session_parts.h for the contract.
 
-#include "bound_topics.h"
+#include "session_parts.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "in_place_types.h"
 #include "rmw_functions.h"
 
 // ---- topics ------------------------------------------------------------------------------------

@@ -12,18 +12,17 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// detail_thread.c: see detail_thread.h for the contract.
+/// detail_thread.c: see session_parts.h for the contract.
 
 #define _POSIX_C_SOURCE 200809L
 
-#include "detail_thread.h"
+#include "session_parts.h"
 
 #include <pthread.h>
 #include <stdlib.h>
 
 #include "details.h"
 #include "endpoints.h"
-#include "status_messages.h"
 #include "violation_log.h"
 
 #define MOST_PER_S 100u  // details of a requirement, while they are published

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// mapped_topic.c: see mapped_topic.h for the contract.
+/// mapped_topic.c: see session_parts.h for the contract.
 
-#include "mapped_topic.h"
+#include "session_parts.h"
 
 #include <rcl/error_handling.h>
 #include <rmw/qos_profiles.h>
@@ -22,7 +22,7 @@
 #include <string.h>
 
 #include "endpoints.h"
-#include "in_place_types.h"
+#include "rmw_functions.h"
 #include "words.h"
 
 #define STAND_IN "fm_key"

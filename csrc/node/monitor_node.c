@@ -29,10 +29,10 @@
 #include <type_description_interfaces/srv/get_type_description.h>
 
 #include "endpoints.h"
-#include "in_place_types.h"
+#include "rmw_functions.h"
 #include "scheduling.h"
+#include "session_parts.h"
 #include "start_lines.h"
-#include "used_names.h"
 #include "words.h"
 
 #define WAIT_NS (FM_SECOND / 5)  // a longer wait would outlast a signal

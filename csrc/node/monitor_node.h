@@ -19,10 +19,9 @@
 #ifndef MONITOR_NODE_H_
 #define MONITOR_NODE_H_
 
-#include "node_health.h"
 #include "lifecycle.h"
-#include "parameter_services.h"
-#include "sign_of_life.h"
+#include "node_health.h"
+#include "parameters.h"
 
 /// Zeroed before fm_monitor_node_begin; fm_monitor_node_end frees all of it.
 struct fm_monitor_node

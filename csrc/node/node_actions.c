@@ -12,10 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
+/// node_actions.c: see session_parts.h for the contract.
 
-/// node_actions.c: see node_actions.h for the contract.
-
-#include "node_actions.h"
+#include "session_parts.h"
 
 #include <lifecycle_msgs/srv/change_state.h>
 #include <lifecycle_msgs/srv/get_state.h>
@@ -24,7 +23,6 @@
 #include <string.h>
 
 #include "endpoints.h"
-#include "mapped_topic.h"
 #include "rmw_functions.h"
 
 #define DEPTH 10u  // messages that wait to be sent

@@ -12,18 +12,16 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_blackbox.c: see node_blackbox.h for the contract.
+/// node_blackbox.c: see session_parts.h for the contract.
 
 #define _POSIX_C_SOURCE 200809L
 
-#include "node_blackbox.h"
+#include "session_parts.h"
 
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include "mapped_topic.h"
 
 #define END_TOPIC "~/blackbox_end"
 #define END_TYPE "std_msgs/msg/Header"

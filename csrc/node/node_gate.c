@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_gate.c: see node_gate.h for the contract.
+/// node_gate.c: see session_parts.h for the contract.
 
-#include "node_gate.h"
+#include "session_parts.h"
 
 #include <rcl/error_handling.h>
 #include <rmw/rmw.h>
@@ -22,8 +22,8 @@
 #include <string.h>
 
 #include "endpoints.h"
-#include "gate_lines.h"
 #include "rmw_functions.h"
+#include "start_lines.h"
 
 #define ALIGNMENT 16u
 

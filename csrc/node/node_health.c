@@ -17,11 +17,14 @@
 #include "node_health.h"
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
+#include <rmw/qos_profiles.h>
+#include <rosidl_runtime_c/string_functions.h>
+#include <std_msgs/msg/header.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "endpoints.h"
-#include "status_messages.h"
+#include "words.h"
 
 static struct fm_blackbox_facts blackbox_facts(const struct fm_session * session)
 {
@@ -106,4 +109,96 @@ void fm_health_review(struct fm_health * health)
       &health->publisher, &health->statuses, fm_clock_now(health->session->clock));
     fm_statuses_clear(&health->statuses);
   }
+}
+
+// ---- the sign of life --------------------------------------------------------------------------
+
+#define LEASE_S 3u      // without a sign, until the middleware reports the publisher as not alive
+#define LOGGED_NS (60 * FM_SECOND)
+
+static void publish(struct fm_sign_of_life * sign)
+{
+  const struct fm_session * session = sign->sessions;
+  const int64_t now = fm_clock_now(session->clock);
+  std_msgs__msg__Header header;
+  if (!std_msgs__msg__Header__init(&header)) {
+    return;
+  }
+  header.stamp.sec = (int32_t)(now / FM_SECOND);
+  header.stamp.nanosec = (uint32_t)(now % FM_SECOND);
+  (void)rosidl_runtime_c__String__assign(
+    &header.frame_id, rcl_node_get_name(&session->node->node));
+  fm_ignore(rcl_publish(&sign->publisher, &header, NULL));
+  std_msgs__msg__Header__fini(&header);
+  sign->published = fm_steady_now();
+  sign->suspected = 0;
+}
+
+bool fm_sign_of_life_begin(
+  struct fm_sign_of_life * sign, const struct fm_session * sessions, uint32_t n)
+{
+  rmw_qos_profile_t profile = rmw_qos_profile_default;
+  profile.depth = 1;
+  profile.liveliness = RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC;
+  profile.liveliness_lease_duration = (rmw_time_t) {LEASE_S, 0};
+  memset(sign, 0, sizeof(*sign));
+  sign->sessions = sessions;
+  sign->n = n;
+  sign->turns = calloc(2u * (size_t)n * FM_SESSION_THREADS, sizeof(*sign->turns));
+  if (sign->turns == NULL || !fm_publisher_open(
+      sessions->node, &sign->publisher, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Header),
+      "~/alive", &profile))
+  {
+    return false;
+  }
+  publish(sign);
+  return true;
+}
+
+// A thread may have had no time to turn, if this is called early after it was late. And if the
+// whole process was stopped, this may be called before the threads turn: they get a second then.
+static void suspect(struct fm_sign_of_life * sign)
+{
+  const int64_t now = fm_steady_now();
+  if (now - sign->published < FM_SECOND) {
+    return;
+  }
+  if (sign->suspected == 0) {
+    sign->suspected = now;
+  } else if (now - sign->suspected >= FM_SECOND &&
+    fm_passes(&sign->next_line, now, LOGGED_NS))
+  {
+    fm_log(sign->sessions->node, FM_ERROR, FM_WORDS_HANGS);
+  }
+}
+
+static bool have_turned(struct fm_sign_of_life * sign)
+{
+  const size_t n_turns = (size_t)sign->n * FM_SESSION_THREADS;
+  bool is_good = true;
+  for (uint32_t k = 0; k < sign->n; ++k) {
+    uint64_t * before = &sign->turns[k * FM_SESSION_THREADS];
+    is_good = fm_session_turns(&sign->sessions[k], before, before + n_turns) && is_good;
+  }
+  return is_good;
+}
+
+void fm_sign_of_life_beat(struct fm_sign_of_life * sign)
+{
+  if (have_turned(sign)) {
+    const size_t n_turns = (size_t)sign->n * FM_SESSION_THREADS;
+    memcpy(sign->turns, sign->turns + n_turns, n_turns * sizeof(*sign->turns));
+    publish(sign);
+  } else {
+    suspect(sign);
+  }
+}
+
+void fm_sign_of_life_end(struct fm_sign_of_life * sign)
+{
+  if (sign->turns != NULL) {
+    fm_publisher_close(sign->sessions->node, &sign->publisher);
+  }
+  free(sign->turns);
+  memset(sign, 0, sizeof(*sign));
 }

@@ -12,10 +12,12 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_health.h: once a second, the log of what is new, and the state on `/diagnostics`: what
-/// review.h says.
+/// node_health.h: what the node says of itself once a second: the log of what is new and the state
+/// on `/diagnostics` (review.h), and `~/alive` while all threads of the monitor go round.
 ///
-/// The main thread only; not for a session that is not active.
+/// The liveliness of the publisher of `~/alive` is asserted by nothing else, so that a subscriber
+/// learns of a monitor that hangs as of one that has ended. The main thread only; not for a
+/// session that is not active.
 
 #ifndef NODE_HEALTH_H_
 #define NODE_HEALTH_H_
@@ -43,5 +45,29 @@ bool fm_health_begin(struct fm_health * health, struct fm_session * session);
 void fm_health_review(struct fm_health * health);
 
 void fm_health_end(struct fm_health * health);
+
+// ---- the sign of life --------------------------------------------------------------------------
+
+/// Zeroed before fm_sign_of_life_begin.
+struct fm_sign_of_life
+{
+  const struct fm_session * sessions;
+  uint32_t n;
+  rcl_publisher_t publisher;
+  uint64_t * turns;     // of the threads of each session: at the last sign, then now
+  int64_t published;    // steady
+  int64_t suspected;    // steady: when a thread was first found not to have turned; 0: none is
+  int64_t next_line;
+};
+
+/// Advertise the topic and publish the first sign. Returns false, with the error logged.
+bool fm_sign_of_life_begin(
+  struct fm_sign_of_life * sign, const struct fm_session * sessions, uint32_t n);
+
+/// Publish the sign, if all threads of all sessions have looked for work since the last one; to be
+/// called once a second.
+void fm_sign_of_life_beat(struct fm_sign_of_life * sign);
+
+void fm_sign_of_life_end(struct fm_sign_of_life * sign);
 
 #endif  // NODE_HEALTH_H_

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// parameter_services.c: see parameter_services.h for the contract.
+/// parameter_services.c: see parameters.h for the contract.
 
-#include "parameter_services.h"
+#include "parameters.h"
 
 #include <rcl_interfaces/msg/parameter.h>
 #include <rcl_interfaces/msg/parameter_descriptor.h>

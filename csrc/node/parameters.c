@@ -26,7 +26,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "mapped_topic.h"
+#include "session_parts.h"
 #include "words.h"
 
 #define OVERRIDES "qos_overrides."
@@ -221,22 +221,11 @@ static bool is_among(const char * text, const char * const * words, size_t n)
   return false;
 }
 
-// Add a line about a parameter, in the format of printf.
-FM_PRINTF(2, 3)
-static void refuse(struct fm_text * reason, const char * format, ...)
-{
-  va_list arguments;
-  fm_text_add(reason, "%s", reason->length > 0 ? "\n" : "");
-  va_start(arguments, format);
-  fm_text_add_arguments(reason, format, arguments);
-  va_end(arguments);
-}
-
 static void refuse_value(
   const char * name, const fm_parameter_value * value, const char * wanted,
   struct fm_text * reason)
 {
-  refuse(reason, "parameter '%s' is ", name);
+  fm_text_join(reason, "\n", "parameter '%s' is ", name);
   add_value(reason, value);
   fm_text_add(reason, ", and has to be %s", wanted);
 }
@@ -421,7 +410,7 @@ static void apply(
     }
   }
   if (strcmp(name, "depth") != 0) {
-    refuse(problems, FM_WORDS_NO_POLICY, given->name);
+    fm_text_join(problems, "\n", FM_WORDS_NO_POLICY, given->name);
   } else if (check(description_of("handler_depth"), given->name, value, problems)) {
     fixed->depth = (uint32_t)value->integer_value;
   }
@@ -455,12 +444,12 @@ static void check_override(const struct fm_parameter * given, struct fm_text * p
   if (policy == NULL || strchr(policy + 1, '.') != NULL || *topic != '/' ||
     !(is_endpoint(endpoint + 1, "subscription") || is_endpoint(endpoint + 1, "publisher")))
   {
-    refuse(problems, FM_WORDS_NO_OVERRIDE, given->name);
+    fm_text_join(problems, "\n", FM_WORDS_NO_OVERRIDE, given->name);
   } else if (begins_with(endpoint, ".subscription_")) {
-    refuse(problems, FM_WORDS_NO_ENDPOINT, given->name);
+    fm_text_join(problems, "\n", FM_WORDS_NO_ENDPOINT, given->name);
   } else if (begins_with(endpoint, SUBSCRIPTION)) {
     if (is_among(policy + 1, timed, sizeof(timed) / sizeof(timed[0]))) {
-      refuse(problems, FM_WORDS_OF_TIME, given->name);
+      fm_text_join(problems, "\n", FM_WORDS_OF_TIME, given->name);
     } else {
       apply(given, policy + 1, &unused, problems);
     }
@@ -511,7 +500,7 @@ static void refuse_publishers(
   fm_text_add(&prefix, OVERRIDES "%s.publisher", resolved == NULL ? "" : resolved);
   for (size_t k = 0; resolved != NULL && k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
-      refuse(problems, FM_WORDS_OF_VIOLATIONS, parameters->given[k].name);
+      fm_text_join(problems, "\n", FM_WORDS_OF_VIOLATIONS, parameters->given[k].name);
     }
   }
   free(resolved);
@@ -607,7 +596,8 @@ static void declare_constant(
   const struct fm_parameter * given =
     find(parameters->given, parameters->n_given, fm_text_get(&name));
   if (given != NULL && !are_equal(&given->value, &value)) {
-    refuse(problems, "parameter '%s': the constant is compiled into this node, as %s: export the "
+    fm_text_join(
+      problems, "\n", "parameter '%s': the constant is compiled into this node, as %s: export the "
       "bundle with another value", fm_text_get(&name), constant->value);
   }
   if (!has_other_value(parameters, constant)) {  // a parameter shows one value
@@ -649,7 +639,7 @@ static void refuse_unknown_constants(
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     if (begins_with(name, CONSTANTS) && !is_constant(parameters, name + strlen(CONSTANTS))) {
-      refuse(problems, "parameter '%s': the bundle has no such constant%s%s", name,
+      fm_text_join(problems, "\n", "parameter '%s': the bundle has no such constant%s%s", name,
         names.length > 0 ? "; its constants are " : "", fm_text_get(&names));
     }
   }
@@ -670,7 +660,8 @@ static void refuse_metrics(const struct fm_parameters * parameters, struct fm_te
 {
   const struct fm_parameter * given = find(parameters->given, parameters->n_given, "metrics");
   if (given != NULL && (given->value.type != FM_WORD || given->value.string_value.size > 0)) {
-    refuse(problems, "parameter 'metrics': this node is in C, and serves no figures for "
+    fm_text_join(
+      problems, "\n", "parameter 'metrics': this node is in C, and serves no figures for "
       "Prometheus; they are on /diagnostics, and `monitor` without native serves them");
   }
 }

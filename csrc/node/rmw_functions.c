@@ -24,6 +24,10 @@
 #include <rmw/names_and_types.h>
 #include <rmw/rmw.h>
 #include <rmw/types.h>
+#include <stdlib.h>
+
+#include "in_place.h"
+#include "in_place_versions.h"
 
 typedef char same_message[
   sizeof(struct fm_serialized) == sizeof(rmw_serialized_message_t) ? 1 : -1];
@@ -141,3 +145,65 @@ static int publish(const void * publisher, const void * message, void * allocati
 
 const struct fm_middleware fm_rmw_functions = {
   take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}};
+
+// ---- reading in place --------------------------------------------------------------------------
+
+enum { WHY_BYTES = 256 };
+
+struct type
+{
+  struct fm_in_place_type made;  // first: a pointer to it is one to its type support
+  struct type * next;
+};
+
+static struct
+{
+  struct fm_middleware middleware;
+  struct type * types;
+  char why[WHY_BYTES];
+  bool has_begun;
+} process;
+
+static void begin(void)
+{
+  if (!process.has_begun) {
+    process.has_begun = true;
+    process.middleware = fm_rmw_functions;
+    (void)fm_in_place_prepare(
+      rmw_get_implementation_identifier(), &process.middleware.in_place, process.why, WHY_BYTES);
+  }
+}
+
+const struct fm_middleware * fm_node_middleware(void)
+{
+  begin();
+  return &process.middleware;
+}
+
+const char * fm_why_copied(void)
+{
+  begin();
+  return process.why;
+}
+
+const rosidl_message_type_support_t * fm_in_place_type_of(
+  const rosidl_message_type_support_t * original)
+{
+  const struct fm_type_support * wanted = (const void *)original;
+  if (fm_why_copied()[0] != '\0') {
+    return NULL;
+  }
+  for (const struct type * type = process.types; type != NULL; type = type->next) {
+    if (type->made.original == wanted) {
+      return (const void *)&type->made.support;
+    }
+  }
+  struct type * type = calloc(1, sizeof(*type));
+  if (type == NULL || !fm_in_place_make(wanted, &type->made)) {
+    free(type);
+    return NULL;
+  }
+  type->next = process.types;
+  process.types = type;
+  return (const void *)&type->made.support;
+}

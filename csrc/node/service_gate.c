@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// service_gate.c: see service_gate.h for the contract.
+/// service_gate.c: see session_parts.h for the contract.
 
-#include "service_gate.h"
+#include "session_parts.h"
 
 #include <rcl/error_handling.h>
 #include <rcl/graph.h>

@@ -25,7 +25,7 @@
 #include <string.h>
 
 #include "endpoints.h"
-#include "in_place_types.h"
+#include "rmw_functions.h"
 #include "scheduling.h"
 #include "shared_names.h"
 #include "verdict_thread.h"

@@ -21,13 +21,7 @@
 #ifndef SESSION_H_
 #define SESSION_H_
 
-#include "bound_topics.h"
-#include "detail_thread.h"
-#include "mapped_topic.h"
-#include "node_actions.h"
-#include "node_blackbox.h"
-#include "node_clock.h"
-#include "node_graph.h"
+#include "session_parts.h"
 
 /// What `configure` has read from the parameters.
 struct fm_settings

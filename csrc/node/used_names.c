@@ -12,13 +12,12 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// used_names.c: see used_names.h for the contract.
+/// used_names.c: see session_parts.h for the contract.
 
-#include "used_names.h"
+#include "session_parts.h"
 
 #include <stdlib.h>
 
-#include "mapped_topic.h"
 #include "shared_names.h"
 
 // Topics of the node itself, and services that no action may call.

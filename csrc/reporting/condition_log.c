@@ -12,19 +12,215 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// condition_log.c: lines about locks that are locked or free, a gate that opens or closes, with
-/// the reason, and about what is wrong around the gate.
+/// condition_log.c: locks and gates in words: what they are and why, each change, and what is
+/// wrong around a gate.
 
 #include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "reasons.h"
 #include "review_parts.h"
+
+static uint8_t flags_of_requirement(const uint8_t * conditions, uint32_t requirement)
+{
+  return conditions[FM_CONDITION_BYTES + requirement];
+}
+
+static uint8_t flags_of_input(
+  const struct fm_reporter * reporter, const uint8_t * conditions, uint32_t input)
+{
+  return conditions[FM_CONDITION_BYTES + reporter->table->n_requirements + input];
+}
+
+bool fm_is_withheld_from_start(
+  const struct fm_reporter * reporter, const uint8_t * conditions, uint32_t requirement)
+{
+  return reporter->table->gate != NULL &&
+         (flags_of_requirement(conditions, requirement) & FM_WAS_ALWAYS_FALSE) != 0;
+}
+
+// Add a reason: what is so of the names that were found.
+static void add_reason(struct fm_text * why, const char * what, struct fm_text * names)
+{
+  if (names->length > 0) {
+    fm_text_add(why, "%s%s%s", why->length > 0 ? "; " : "", what, fm_text_get(names));
+  }
+  fm_text_clear(names);
+}
+
+// Add the inputs among the chosen that have no value, and if `with_silent` those that are silent.
+// Returns whether there are any.
+static bool add_missing(
+  struct fm_text * why, const struct fm_reporter * reporter, const uint8_t * conditions,
+  const bool * is_chosen, bool with_silent)
+{
+  const size_t before = why->length;
+  struct fm_text names = {NULL, 0, 0};
+  for (uint32_t i = 0; i < reporter->monitor->n_inputs; ++i) {
+    if (is_chosen[i] && (flags_of_input(reporter, conditions, i) & FM_HAS_VALUE) == 0) {
+      fm_text_list(&names, ", ", reporter->table->inputs[i].name);
+    }
+  }
+  add_reason(why, "no value yet of ", &names);
+  for (uint32_t i = 0; with_silent && i < reporter->monitor->n_inputs; ++i) {
+    const unsigned flags = flags_of_input(reporter, conditions, i);
+    if (is_chosen[i] && flags == (FM_HAS_VALUE | FM_IS_SILENT)) {
+      fm_text_list(&names, ", ", reporter->table->inputs[i].name);
+    }
+  }
+  add_reason(why, "no message for ", &names);
+  fm_text_free(&names);
+  return why->length > before;
+}
+
+// ---- locks -------------------------------------------------------------------------------------
+
+// The inputs of the bundle's scope on which a requirement depends: those of its group. One of
+// instances shows none: each has values of its own.
+static const struct fm_group * group_of(const struct fm_reporter * reporter, uint32_t requirement)
+{
+  static const struct fm_group none;
+  return requirement >= reporter->monitor->n_requirements ? &none :
+         &reporter->monitor->groups[reporter->monitor->requirements[requirement].group];
+}
+
+static bool is_explained(
+  const struct fm_reporter * reporter, const uint8_t * conditions, uint32_t requirement)
+{
+  const struct fm_group * group = group_of(reporter, requirement);
+  for (uint32_t k = 0; k < group->n_inputs; ++k) {
+    const unsigned flags = flags_of_input(reporter, conditions, group->inputs[k]);
+    if ((flags & FM_HAS_VALUE) == 0 || (flags & FM_IS_SILENT) != 0) {
+      return true;
+    }
+  }
+  return false;
+}
+
+static void add_why_locked(
+  struct fm_text * why, const struct fm_reporter * reporter, const struct fm_report_lock * lock,
+  const uint8_t * conditions, bool * is_read)
+{
+  struct fm_text violated = {NULL, 0, 0};
+  struct fm_text unexplained = {NULL, 0, 0};
+  for (uint32_t k = 0; k < lock->n_requirements; ++k) {
+    const uint32_t r = lock->requirements[k];
+    const unsigned state = flags_of_requirement(conditions, r) & FM_STATE_MASK;
+    if (state == FM_HOLDS) {
+      continue;
+    }
+    for (uint32_t i = 0; i < group_of(reporter, r)->n_inputs; ++i) {
+      is_read[group_of(reporter, r)->inputs[i]] = true;
+    }
+    if (state == FM_VIOLATED) {
+      fm_text_list(&violated, ", ", reporter->table->requirements[r].id);
+    } else if (!is_explained(reporter, conditions, r)) {
+      fm_text_list(&unexplained, ", ", reporter->table->requirements[r].id);
+    }
+  }
+  add_reason(why, "violated: ", &violated);
+  (void)add_missing(why, reporter, conditions, is_read, true);
+  add_reason(
+    why, "not evaluated since the start, ~/reset or a pause of this node: ", &unexplained);
+  fm_text_free(&violated);
+  fm_text_free(&unexplained);
+}
+
+static void add_state(
+  struct fm_text * text, const char * good, const char * bad, struct fm_text * why)
+{
+  fm_text_add(text, "%s%s", why->length > 0 ? bad : good, fm_text_get(why));
+  fm_text_free(why);
+}
+
+void fm_add_lock_state(
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_report_lock * lock,
+  const uint8_t * conditions)
+{
+  struct fm_text why = {NULL, 0, 0};
+  bool * is_read = calloc(reporter->monitor->n_inputs + (size_t)1, sizeof(*is_read));
+  if (is_read != NULL) {
+    add_why_locked(&why, reporter, lock, conditions, is_read);
+  }
+  free(is_read);
+  add_state(text, "free", "locked: ", &why);
+}
+
+// ---- the gate ----------------------------------------------------------------------------------
+
+static void add_requirements(
+  struct fm_text * why, const struct fm_reporter * reporter, const uint8_t * conditions,
+  unsigned flag, const char * what)
+{
+  struct fm_text names = {NULL, 0, 0};
+  for (uint32_t r = 0; r < reporter->monitor->n_requirements; ++r) {
+    if ((flags_of_requirement(conditions, r) & flag) != 0) {
+      fm_text_list(&names, ", ", reporter->table->requirements[r].id);
+    }
+  }
+  add_reason(why, what, &names);
+  fm_text_free(&names);
+}
+
+static void add_why_closed(
+  struct fm_text * why, const struct fm_reporter * reporter, const uint8_t * conditions,
+  bool * is_other)
+{
+  const struct fm_report_table * table = reporter->table;
+  struct fm_text reason = {NULL, 0, 0};
+  memset(is_other, 1, reporter->monitor->n_inputs);
+  for (uint32_t k = 0; table->gate->topic < table->n_topics &&
+    k < table->topic_inputs[table->gate->topic].n_inputs; ++k)
+  {
+    is_other[table->topic_inputs[table->gate->topic].inputs[k]] = false;
+  }
+  const bool is_missing =
+    add_missing(why, reporter, conditions, is_other, !table->gate->passes_silent);
+  if (conditions[FM_GATE_IS_KNOWN] == 0 && !is_missing) {
+    fm_text_add(&reason, "this node stood still: whether an input is silent is not known yet");
+    add_reason(why, "", &reason);
+  }
+  if (conditions[FM_GATE_IS_LATCHED] != 0 && table->gate->open_after > 0) {
+    fm_text_add(&reason, "latched by a violation, until %g s without a violation",
+      (double)table->gate->open_after / 1e9);
+  } else if (conditions[FM_GATE_IS_LATCHED] != 0) {
+    fm_text_add(&reason, "latched by a violation, until ~/reset");
+  }
+  add_reason(why, "", &reason);
+  add_requirements(why, reporter, conditions, FM_IS_FALSE, "violated: ");
+  add_requirements(
+    why, reporter, conditions, FM_WAS_ALWAYS_FALSE, "violated since the first message: ");
+  fm_text_free(&reason);
+}
+
+void fm_add_gate_state(
+  struct fm_text * text, const struct fm_reporter * reporter, const uint8_t * conditions)
+{
+  struct fm_text why = {NULL, 0, 0};
+  bool * is_other = calloc(reporter->monitor->n_inputs + (size_t)1, sizeof(*is_other));
+  if (is_other != NULL) {
+    add_why_closed(&why, reporter, conditions, is_other);
+  }
+  free(is_other);
+  add_state(text, "open", "closed: ", &why);
+}
+
+void fm_add_others(
+  struct fm_text * text, const struct fm_report_gate * gate, const struct fm_gate_facts * facts)
+{
+  if (gate->is_service) {
+    fm_text_add(text, "%s has another server", facts->place);
+  } else {
+    fm_text_add(text, "%s publishes on %s too", facts->others, facts->place);
+  }
+}
+
+// ---- the log -----------------------------------------------------------------------------------
 
 #define MOST_LINES 10u      // of one lock or gate at a look; the others are counted
 #define LOGGED_S 10         // between two lines about one thing that is wrong
 
-static void add_state(
+static void describe(
   struct fm_text * text, const struct fm_review * review, uint32_t k, const uint8_t * conditions)
 {
   const struct fm_report_table * table = review->reporter->table;
@@ -70,7 +266,7 @@ static void review_change(
   struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < review->n_conditions; ++k) {
-    add_state(state, review, k, conditions);
+    describe(state, review, k, conditions);
     if (!is_same_kind(state, &review->conditions[k])) {
       review->changes[k] += 1u;
       set_logged(review, k, state);
@@ -85,7 +281,7 @@ static void review_present(
   struct fm_review * review, struct fm_text * state, struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < review->n_conditions; ++k) {
-    add_state(state, review, k, review->now.conditions);
+    describe(state, review, k, review->now.conditions);
     if (strcmp(fm_text_get(state), fm_text_get(&review->conditions[k])) != 0) {
       set_logged(review, k, state);
       log_of(review, k, lines, "is %s", fm_text_get(state));

@@ -21,9 +21,57 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "figures.h"
 #include "instance.h"
-#include "key_text.h"
-#include "trial_lines.h"
+#include "pairs.h"
+
+// ---- variables and keys of instances -----------------------------------------------------------
+
+static bool is_of_pairs(const struct fm_report_kind * about)
+{
+  return about->second[0] != '\0';
+}
+
+void fm_add_variables(struct fm_text * text, const struct fm_report_kind * about)
+{
+  fm_text_add(text, "%s%s%s", about->variable, is_of_pairs(about) ? " and " : "", about->second);
+}
+
+static void add_part(
+  struct fm_text * text, const struct fm_report_kind * about, const struct fm_key * key,
+  uint32_t which)
+{
+  const struct fm_key part = is_of_pairs(about) ? fm_pair_part(key, which) : *key;
+  fm_text_add_bytes(text, part.bytes, part.size);
+}
+
+void fm_add_key(
+  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size)
+{
+  const struct fm_key whole = {key, (uint32_t)size};
+  if (size == 0) {
+    return;
+  }
+  add_part(text, about, &whole, 0);
+  if (is_of_pairs(about)) {
+    fm_text_add(text, "/");
+    add_part(text, about, &whole, 1);
+  }
+}
+
+void fm_add_named_key(
+  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size)
+{
+  const struct fm_key whole = {key, (uint32_t)size};
+  fm_text_add(text, "%s=", about->variable);
+  add_part(text, about, &whole, 0);
+  if (is_of_pairs(about)) {
+    fm_text_add(text, ",%s=", about->second);
+    add_part(text, about, &whole, 1);
+  }
+}
+
+// ---- details -----------------------------------------------------------------------------------
 
 enum { HAS_VALUE = 1, IS_STALE = 2 };  // flags of an input (outbox.h)
 

@@ -21,6 +21,21 @@
 
 #include "reporter.h"
 
+// ---- variables and keys of instances, as people read them --------------------------------------
+
+/// Add the variable of a kind, or both: robot; robot and track.
+FM_INTERNAL void fm_add_variables(struct fm_text * text, const struct fm_report_kind * about);
+
+/// Add a key: alpha; of a pair, alpha/3. Nothing if its size is 0.
+FM_INTERNAL void fm_add_key(
+  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size);
+
+/// Add the variable and the key, or both of each: robot=alpha; robot=alpha,track=3.
+FM_INTERNAL void fm_add_named_key(
+  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size);
+
+// ---- details -----------------------------------------------------------------------------------
+
 /// Values that all details begin with; the last of them names the silent inputs.
 #define FM_OF_ALL_DETAILS 4
 

@@ -16,6 +16,7 @@
 
 #include "figures.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <string.h>
 
@@ -103,4 +104,35 @@ int64_t fm_figures_more(
     more += 1;
   }
   return more;
+}
+
+// ---- in words ----------------------------------------------------------------------------------
+
+const char fm_trials_key[] = "decided trials";
+
+void fm_add_trials(struct fm_status * status, const struct fm_test_counts * counts)
+{
+  if (counts->test == NULL) {
+    return;
+  }
+  const struct fm_test_figures found = fm_figures_of(counts);
+  fm_status_value(status, fm_trials_key, "%" PRId64, found.trials);
+  fm_status_value(status, "failed trials", "%" PRId64, found.failures);
+  if (found.trials > 0) {
+    fm_status_value(status, "estimated probability", "%.6g", found.estimate);
+  } else {
+    fm_status_value(status, "estimated probability", "%s", "");
+  }
+  fm_status_value(
+    status, "interval of the probability", "%.6g to %.6g, confidence %s", found.low, found.high,
+    counts->test->confidence);
+}
+
+void fm_add_trials_text(struct fm_text * text, const struct fm_test_counts * counts)
+{
+  const struct fm_test_figures found = fm_figures_of(counts);
+  fm_text_add(
+    text, "%s: %" PRId64 " of %" PRId64 " trials failed, probability %s %s required",
+    counts->verdict > 0 ? "assured" : counts->verdict < 0 ? "refuted" : "open", found.failures,
+    found.trials, counts->test->relation, counts->test->bound);
 }

@@ -21,6 +21,7 @@
 #define FIGURES_H_
 
 #include "evaluator.h"
+#include "lines.h"
 
 /// Probabilities are of success. With the confidence of the test, the interval holds the true one
 /// at all moments together, whenever it is looked at: it is the set of those under which the
@@ -49,5 +50,19 @@ FM_EXPORT void fm_figures_add(
 FM_EXPORT int64_t fm_figures_more(
   const struct fm_test * test, const int64_t * words, const double * parts, bool has_failed,
   int64_t most);
+
+// ---- in words ----------------------------------------------------------------------------------
+
+/// How many values fm_add_trials adds.
+#define FM_TRIAL_VALUES 4u
+
+/// The first of their keys. No input has such a name.
+extern const char fm_trials_key[];
+
+/// Add what a test has found to a status; nothing if there is no test.
+void fm_add_trials(struct fm_status * status, const struct fm_test_counts * counts);
+
+/// Add it as text: `open: 1 of 40 trials failed, > 0.98 required`.
+void fm_add_trials_text(struct fm_text * text, const struct fm_test_counts * counts);
 
 #endif  // FIGURES_H_

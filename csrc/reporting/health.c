@@ -19,12 +19,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "reasons.h"
-#include "graph_lines.h"
-#include "instance_lines.h"
+#include "figures.h"
 #include "review_parts.h"
-#include "transform_lines.h"
-#include "trial_lines.h"
 
 enum
 {

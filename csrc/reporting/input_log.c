@@ -19,13 +19,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "details.h"
 #include "engine_locked.h"
-#include "graph_lines.h"
-#include "instance_lines.h"
-#include "key_text.h"
-#include "reasons.h"
 #include "review_parts.h"
-#include "transform_lines.h"
 
 #define ABSENT_S 10   // without a name, until it is logged
 #define MOST_SHOWN 60u  // bytes of a string

@@ -12,13 +12,13 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// instance_lines.c: see instance_lines.h for the contract.
+/// instance_lines.c: the status and the lines of requirements of instances.
 
-#include "instance_lines.h"
+#include "review_parts.h"
 
 #include <inttypes.h>
 
-#include "key_text.h"
+#include "details.h"
 #include "words.h"
 
 // The place of a requirement among those of its kind.

@@ -17,6 +17,7 @@
 #include "lines.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 void fm_lines_add(struct fm_lines * lines, enum fm_level level, const char * format, ...)
 {
@@ -57,4 +58,79 @@ void fm_lines_free(struct fm_lines * lines)
   fm_lines_clear(lines);
   free(lines->lines);
   *lines = (struct fm_lines) {NULL, 0, 0};
+}
+
+// ---- statuses ----------------------------------------------------------------------------------
+
+static void free_status(struct fm_status * status)
+{
+  for (uint32_t k = 0; k < status->n_values; ++k) {
+    free(status->values[k].key);
+    free(status->values[k].value);
+  }
+  free(status->values);
+  free(status->name);
+  free(status->message);
+  free(status->hardware_id);
+}
+
+struct fm_status * fm_statuses_add(
+  struct fm_statuses * list, enum fm_status_level level, const char * name, const char * message,
+  const char * hardware_id)
+{
+  struct fm_status * moved =
+    fm_with_room(list->statuses, list->n, &list->capacity, sizeof(*list->statuses));
+  if (moved == NULL) {
+    return NULL;
+  }
+  list->statuses = moved;
+  struct fm_status * status = &moved[list->n];
+  *status = (struct fm_status) {
+    (uint8_t)level, fm_copy_of(name), fm_copy_of(message), fm_copy_of(hardware_id), NULL, 0, 0};
+  if (status->name == NULL || status->message == NULL || status->hardware_id == NULL) {
+    free_status(status);
+    return NULL;
+  }
+  list->n += 1u;
+  return status;
+}
+
+void fm_status_value(struct fm_status * status, const char * key, const char * format, ...)
+{
+  struct fm_text text = {NULL, 0, 0};
+  va_list arguments;
+  if (status == NULL) {
+    return;
+  }
+  va_start(arguments, format);
+  fm_text_add_arguments(&text, format, arguments);
+  va_end(arguments);
+  struct fm_key_value * moved =
+    fm_with_room(status->values, status->n_values, &status->capacity, sizeof(*status->values));
+  char * named = moved == NULL ? NULL : fm_copy_of(key);
+  char * value = text.bytes != NULL ? text.bytes : fm_copy_of("");
+  if (moved != NULL) {
+    status->values = moved;
+  }
+  if (named == NULL || value == NULL) {
+    free(named);
+    free(value);
+    return;
+  }
+  status->values[status->n_values++] = (struct fm_key_value) {named, value};
+}
+
+void fm_statuses_clear(struct fm_statuses * list)
+{
+  for (uint32_t k = 0; k < list->n; ++k) {
+    free_status(&list->statuses[k]);
+  }
+  list->n = 0;
+}
+
+void fm_statuses_free(struct fm_statuses * list)
+{
+  fm_statuses_clear(list);
+  free(list->statuses);
+  *list = (struct fm_statuses) {NULL, 0, 0};
 }

@@ -12,10 +12,11 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// lines.h: lines of the log, in the order in which they are to be logged.
+/// lines.h: what reporting answers with: lines of the log, and statuses.
 ///
-/// Whoever words a line adds it to a list; the node logs the list, and clears it. Not thread-safe.
-/// When memory is short a line is left out. O(characters).
+/// The node logs the lines and clears their list. It makes messages of the statuses: details of
+/// violations, and `/diagnostics`. Not thread-safe. When memory is short a line, status or value
+/// is left out. O(characters).
 
 #ifndef LINES_H_
 #define LINES_H_
@@ -56,5 +57,56 @@ FM_EXPORT void fm_lines_clear(struct fm_lines * lines);
 
 /// Remove all lines, and free the memory of the list.
 FM_EXPORT void fm_lines_free(struct fm_lines * lines);
+
+// ---- statuses ----------------------------------------------------------------------------------
+
+/// As the constants of diagnostic_msgs/msg/DiagnosticStatus.
+enum fm_status_level
+{
+  FM_STATUS_OK = 0,
+  FM_STATUS_WARN = 1,
+  FM_STATUS_ERROR = 2
+};
+
+struct fm_key_value
+{
+  char * key;
+  char * value;
+};
+
+/// All texts are UTF-8 and ended by a zero.
+struct fm_status
+{
+  uint8_t level;  // enum fm_status_level
+  char * name;
+  char * message;
+  char * hardware_id;
+  struct fm_key_value * values;
+  uint32_t n_values;
+  uint32_t capacity;
+};
+
+/// Zeroed: an empty list. The owner calls fm_statuses_free.
+struct fm_statuses
+{
+  struct fm_status * statuses;
+  uint32_t n;
+  uint32_t capacity;
+};
+
+/// Add a status. NULL if memory is short. Valid until the next one is added.
+struct fm_status * fm_statuses_add(
+  struct fm_statuses * list, enum fm_status_level level, const char * name, const char * message,
+  const char * hardware_id);
+
+/// Add a value, in the format of printf. Does nothing if `status` is NULL.
+void fm_status_value(struct fm_status * status, const char * key, const char * format, ...)
+FM_PRINTF(3, 4);
+
+/// Remove all statuses; keep the memory of the list.
+FM_EXPORT void fm_statuses_clear(struct fm_statuses * list);
+
+/// Remove all statuses, and free the memory of the list.
+FM_EXPORT void fm_statuses_free(struct fm_statuses * list);
 
 #endif  // LINES_H_

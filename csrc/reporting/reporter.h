@@ -12,19 +12,19 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// reporter.h: whose findings are reported, and under which names.
+/// reporter.h: what all of csrc/reporting gets: a reporter, and facts of the node as arguments.
 ///
-/// All of csrc/reporting gets one of these, and facts of the node as arguments: the present time
-/// (CLOCK_MONOTONIC, in nanoseconds), its publishers. It answers with lines (lines.h) and statuses
-/// (statuses.h), and knows no type of ROS. Constant while the engine runs; any thread may read it.
+/// It answers with lines and statuses (lines.h), and knows no type of ROS. A reporter is constant
+/// while the engine runs; any thread may read it. Texts are UTF-8. All that the structs point to
+/// stays the caller's. Times are CLOCK_MONOTONIC in nanoseconds.
 
 #ifndef REPORTER_H_
 #define REPORTER_H_
 
+#include "blackbox_writer.h"
 #include "engine.h"
-#include "lines.h"
 #include "report_table.h"
-#include "statuses.h"
+#include "subscription.h"
 
 struct fm_reporter
 {
@@ -33,6 +33,35 @@ struct fm_reporter
   struct fm_engine * engine;
   const char * node;            // its full name, without the first slash
   const char * const * topics;  // their names as the node resolved them
+};
+
+// ---- facts -------------------------------------------------------------------------------------
+
+/// What is around a gate.
+struct fm_gate_facts
+{
+  const char * others;  // who is where only the gate should be; "": nobody
+  const char * place;   // the full name of the topic or service that is meant
+  uint64_t unsent;      // messages that could not be published, requests that were not answered
+};
+
+/// A thread or timer of the node that failed.
+struct fm_failure
+{
+  const char * name;
+  const char * error;
+};
+
+struct fm_facts
+{
+  int64_t now;           // CLOCK_MONOTONIC, ns
+  bool waits_for_clock;  // /clock is followed, and nothing was received on it
+  const struct fm_publishers * topics;  // those that were discovered
+  const struct fm_action_facts * actions;
+  const struct fm_gate_facts * gate;          // NULL: none
+  const struct fm_blackbox_facts * blackbox;  // NULL: none
+  const struct fm_failure * failures;
+  uint32_t n_failures;
 };
 
 #endif  // REPORTER_H_

@@ -19,7 +19,6 @@
 #include <string.h>
 
 #include "review_parts.h"
-#include "transform_lines.h"
 
 #define MISSING_S 5  // until requirements that are not evaluated yet are logged
 

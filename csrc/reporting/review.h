@@ -21,7 +21,7 @@
 #ifndef REVIEW_H_
 #define REVIEW_H_
 
-#include "facts.h"
+#include "reporter.h"
 #include "snapshot.h"
 
 struct fm_review;
@@ -50,5 +50,10 @@ FM_EXPORT void fm_review_log(struct fm_review * review, struct fm_lines * lines)
 /// violations that were not published, and what has failed. What is counted since the last report
 /// is counted since the look before. O(inputs read by all requirements).
 FM_EXPORT void fm_review_report(const struct fm_review * review, struct fm_statuses * statuses);
+
+/// Add a line for each transform that has no value at the end of a recording: an error if it never
+/// had one, otherwise a warning; then those of fm_add_left_out since the begin. O(topics).
+FM_EXPORT void fm_add_transforms_at_end(
+  struct fm_lines * lines, const struct fm_reporter * reporter);
 
 #endif  // REVIEW_H_

@@ -13,6 +13,9 @@
 // limitations under the License.
 
 /// review_parts.h: the struct of a review, and the functions that its files share.
+///
+/// As review.h: one thread at a time, which may allocate; when memory is short, words are left
+/// out. Conditions are as in states.h.
 
 #ifndef REVIEW_PARTS_H_
 #define REVIEW_PARTS_H_
@@ -105,5 +108,86 @@ FM_INTERNAL void fm_review_silences(struct fm_review * review, struct fm_lines *
 FM_INTERNAL void fm_review_topics(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_instances(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_missing(const struct fm_review * review, struct fm_lines * lines);
+
+// ---- locks and gates ---------------------------------------------------------------------------
+
+/// Add the state of a lock: "free", or "locked: " with the reason.
+FM_INTERNAL void fm_add_lock_state(
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_report_lock * lock,
+  const uint8_t * conditions);
+
+/// Add the state of the gate: "open", or "closed: " with the reason.
+FM_INTERNAL void fm_add_gate_state(
+  struct fm_text * text, const struct fm_reporter * reporter, const uint8_t * conditions);
+
+/// Add who is where only the gate should be.
+FM_INTERNAL void fm_add_others(
+  struct fm_text * text, const struct fm_report_gate * gate, const struct fm_gate_facts * facts);
+
+/// Whether a gate has withheld each message so far on which a requirement was judged.
+FM_INTERNAL bool fm_is_withheld_from_start(
+  const struct fm_reporter * reporter, const uint8_t * conditions, uint32_t requirement);
+
+// ---- topics whose messages are made ------------------------------------------------------------
+
+/// Whether the messages of a topic are made of the graph, or of what a node in it is.
+FM_INTERNAL bool fm_is_of_graph(const struct fm_reporter * reporter, uint32_t topic);
+
+/// Add what was seen last of such a topic to a text. Allocates.
+FM_INTERNAL void fm_add_seen(
+  struct fm_text * text, const struct fm_reporter * reporter, uint32_t topic,
+  const struct fm_observed * observed);
+
+/// Whether something is wrong with it.
+FM_INTERNAL bool fm_is_seen_wrong(const struct fm_observed * observed);
+
+/// Add a line, once, if it was not there when its `startup` was over, and when another fault
+/// comes. O(1).
+FM_INTERNAL void fm_review_graph(
+  struct fm_review * review, uint32_t topic, struct fm_lines * lines);
+
+/// Add a line on a fault of a topic at the end of a recording. As fm_engine_observed.
+FM_INTERNAL void fm_add_fault_at_end(
+  struct fm_lines * lines, const struct fm_reporter * reporter, uint32_t topic);
+
+/// Add where the chain of a transform is broken to a text; nothing if it is whole, or the topic is
+/// none of a transform. Returns whether it is broken. As fm_engine_missing_link.
+FM_INTERNAL bool fm_add_missing_link(
+  struct fm_text * text, const struct fm_reporter * reporter, uint32_t topic);
+
+/// Add a line for each kind of links that were left out, of which there were none `before`. O(1).
+FM_INTERNAL void fm_add_left_out(
+  struct fm_lines * lines, const struct fm_tree_counts * before,
+  const struct fm_tree_counts * now);
+
+// ---- instances ---------------------------------------------------------------------------------
+
+/// The input of the bundle's scope that a requirement reads; UINT32_MAX: one with a key. O(1).
+static inline uint32_t fm_bundle_input(
+  const struct fm_report_table * table, const struct fm_report_requirement * about, uint32_t k)
+{
+  return about->kind == FM_BUNDLE ? about->inputs[k] :
+         table->kinds[about->kind].shared[about->inputs[k]];
+}
+
+/// The inputs with a key of a kind that a topic feeds.
+static inline const struct fm_topic * fm_keyed_inputs(
+  const struct fm_report_table * table, uint32_t kind, uint32_t topic)
+{
+  return &table->kinds[kind].keyed[topic];
+}
+
+/// Whether a requirement of instances is violated, with the first keys that violate it. Returns
+/// the level of its status. O(keys that are named).
+FM_INTERNAL enum fm_status_level fm_describe_instances(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * message);
+
+/// Add how many instances there are, and what became of the others. O(1).
+FM_INTERNAL void fm_add_instances(
+  const struct fm_review * review, uint32_t requirement, struct fm_status * status);
+
+/// Add the key of the instance whose margin is the least: robot=alpha. O(requirements).
+FM_INTERNAL void fm_add_nearest(
+  const struct fm_review * review, uint32_t requirement, struct fm_text * text);
 
 #endif  // REVIEW_PARTS_H_

@@ -12,7 +12,6 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-
 /// shared_names.c: see shared_names.h for the contract.
 
 #include "shared_names.h"

@@ -12,7 +12,6 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-
 /// shared_names.h: names that only one part of a node may use, after remapping.
 ///
 /// Any thread. Lines have the level FM_ERROR.

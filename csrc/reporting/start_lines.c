@@ -16,10 +16,14 @@
 
 #include "start_lines.h"
 
+#include <errno.h>
 #include <inttypes.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "key_text.h"
+#include "details.h"
+
+// ---- what is watched ---------------------------------------------------------------------------
 
 static const char * const POLICIES[] = {
   [FM_EVERY_MESSAGE] = "every_message", [FM_RELEVANT_MESSAGE] = "relevant_message",
@@ -140,4 +144,131 @@ void fm_add_restarted(struct fm_lines * lines, uint64_t groups)
 {
   fm_lines_add(lines, FM_INFO, "restarted %" PRIu64 " step group%s; input values kept", groups,
     groups == 1u ? "" : "s");
+}
+
+// ---- the gate ----------------------------------------------------------------------------------
+
+static void add_otherwise(struct fm_text * text, const struct fm_report_gate * gate)
+{
+  if (gate->is_service) {
+    fm_text_add(text, "the request is refused");
+  } else if (gate->otherwise == FM_HOLD) {
+    fm_text_add(
+      text, "the last message that passed is sent again, for %g s", (double)gate->hold / 1e9);
+  } else if (gate->otherwise == FM_SUBSTITUTE && gate->period > 0) {
+    fm_text_add(text, "the substitute is sent, at %g Hz", 1e9 / (double)gate->period);
+  } else if (gate->otherwise == FM_SUBSTITUTE) {
+    fm_text_add(text, "the substitute is sent, once for each message");
+  } else {
+    fm_text_add(text, "nothing is sent");
+  }
+}
+
+static void add_latch(struct fm_text * text, const struct fm_report_gate * gate)
+{
+  if (gate->latches && gate->open_after > 0) {
+    fm_text_add(
+      text, "; after a violation closed until %g s without a violation",
+      (double)gate->open_after / 1e9);
+  } else if (gate->latches) {
+    fm_text_add(text, "; after a violation closed until ~/reset");
+  }
+}
+
+void fm_describe_gate(
+  struct fm_lines * lines, const struct fm_report_table * table, const char * source,
+  const char * target)
+{
+  struct fm_text ids = {NULL, 0, 0};
+  struct fm_text rest = {NULL, 0, 0};
+  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+    fm_text_list(&ids, ", ", table->requirements[k].id);
+  }
+  add_otherwise(&rest, table->gate);
+  add_latch(&rest, table->gate);
+  fm_text_add(&rest, "%s", table->gate->passes_silent ?
+    "; OPEN WHILE AN INPUT IS STALE (stale: open)" : "");
+  fm_lines_add(lines, FM_INFO, "gate '%s': %s -> %s, keeps %s; otherwise %s", table->gate->name,
+    source, target, fm_text_get(&ids), fm_text_get(&rest));
+  fm_text_free(&ids);
+  fm_text_free(&rest);
+}
+
+void fm_add_gate_refusal(
+  struct fm_lines * lines, const struct fm_report_gate * gate, const char * policy)
+{
+  fm_lines_add(lines, FM_ERROR, "the gate '%s' needs a step for each message: it cannot run with "
+    "the policy %s", gate->name, policy);
+}
+
+// ---- actions and locks -------------------------------------------------------------------------
+
+static void add_effect(
+  struct fm_text * text, const struct fm_action * action, const char * full_name)
+{
+  static const char * const verbs[] = {"publishes on", "calls", "brings"};
+  const bool is_transition = action->kind == FM_ACTION_TRANSITION;
+  fm_text_join(text, "; ", "action '%s' %s %s%s%s", action->name, verbs[action->kind], full_name,
+    is_transition ? " to " : "", is_transition ? action->state : "");
+}
+
+void fm_describe_actions(
+  struct fm_lines * lines, const struct fm_report_table * table, const char * const * locks,
+  const char * const * actions)
+{
+  struct fm_text text = {NULL, 0, 0};
+  for (uint32_t k = 0; k < table->n_locks; ++k) {
+    fm_text_join(&text, "; ", "lock '%s' on %s, %g Hz", table->locks[k].name, locks[k],
+      1e9 / (double)table->locks[k].period);
+  }
+  for (uint32_t k = 0; k < table->n_actions; ++k) {
+    add_effect(&text, &table->actions[k], actions[k]);
+  }
+  if (text.length > 0) {
+    fm_lines_add(lines, FM_INFO, "%s", fm_text_get(&text));
+  }
+  fm_text_free(&text);
+}
+
+void fm_add_failure(
+  struct fm_lines * lines, const struct fm_action * action, uint32_t tries, const char * why)
+{
+  if (tries > 1) {
+    fm_lines_add(lines, FM_ERROR, "the action '%s' failed %" PRIu32 " times: %s", action->name,
+      tries, why);
+  } else {
+    fm_lines_add(lines, FM_ERROR, "the action '%s' failed: %s", action->name, why);
+  }
+}
+
+// ---- the black box -----------------------------------------------------------------------------
+
+void fm_add_blackbox_lines(struct fm_lines * lines, struct fm_blackbox_writer * writer)
+{
+  struct fm_blackbox_event event;
+  while (fm_blackbox_writer_take(writer, &event)) {
+    if (event.error == 0) {
+      fm_lines_add(lines, FM_INFO, "the last messages are in %s", event.path);
+    } else {
+      fm_lines_add(
+        lines, FM_ERROR, "the black box cannot write to %s: %s; /diagnostics counts the files "
+        "that are missing", event.path, strerror(event.error));
+    }
+    free(event.path);
+  }
+}
+
+void fm_add_blackbox_refusal(
+  struct fm_lines * lines, const struct fm_blackbox_options * options, int error)
+{
+  if (error == ENOMEM) {
+    fm_lines_add(lines, FM_ERROR, "parameter 'blackbox_bytes': no %" PRIu64 " bytes of memory",
+      options->memory);
+  } else if (error == EPROTOTYPE) {
+    fm_lines_add(lines, FM_ERROR, "parameter 'blackbox': not supported yet with several `where` "
+      "of one topic: leave it out");
+  } else {
+    fm_lines_add(lines, FM_ERROR, "parameter 'blackbox': cannot write to the folder '%s': %s",
+      options->folder, strerror(error));
+  }
 }

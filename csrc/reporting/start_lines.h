@@ -12,11 +12,14 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// start_lines.h: what a node watches, in words; and lines that belong to no bundle.
+/// start_lines.h: lines at the start, and of what acts: gates, locks, actions, the black box.
+///
+/// Times are in nanoseconds, names of topics, services and nodes are full. Any thread.
 
 #ifndef START_LINES_H_
 #define START_LINES_H_
 
+#include "blackbox_writer.h"
 #include "reporter.h"
 
 /// A bundle that is watched, and where it is from: its file or folder; "": compiled into the node.
@@ -33,5 +36,33 @@ FM_EXPORT void fm_add_watching(
 
 /// Add the line of a reset of `groups` step groups. Any thread. O(1).
 FM_EXPORT void fm_add_restarted(struct fm_lines * lines, uint64_t groups);
+
+/// Add what the gate of a bundle does; `source` and `target` are full names. O(requirements).
+FM_EXPORT void fm_describe_gate(
+  struct fm_lines * lines, const struct fm_report_table * table, const char * source,
+  const char * target);
+
+/// Add why fm_gate_init refuses a policy.
+FM_EXPORT void fm_add_gate_refusal(
+  struct fm_lines * lines, const struct fm_report_gate * gate, const char * policy);
+
+/// Add all locks and actions, as the log shows them at the start; nothing if there are none.
+/// `locks` and `actions` are full names: of their topics, services or nodes.
+FM_EXPORT void fm_describe_actions(
+  struct fm_lines * lines, const struct fm_report_table * table, const char * const * locks,
+  const char * const * actions);
+
+/// Add the line that an action has failed, and why; after `tries` of them, if more than one.
+FM_INTERNAL void fm_add_failure(
+  struct fm_lines * lines, const struct fm_action * action, uint32_t tries, const char * why);
+
+/// Add the lines about files that were written since the last call, and about the first one that
+/// could not be. O(files).
+FM_EXPORT void fm_add_blackbox_lines(
+  struct fm_lines * lines, struct fm_blackbox_writer * writer);
+
+/// Add why there is no black box, after an error of fm_blackbox_writer_create.
+FM_EXPORT void fm_add_blackbox_refusal(
+  struct fm_lines * lines, const struct fm_blackbox_options * options, int error);
 
 #endif  // START_LINES_H_

@@ -79,6 +79,15 @@ void fm_text_add(struct fm_text * text, const char * format, ...)
   va_end(arguments);
 }
 
+void fm_text_join(struct fm_text * text, const char * separator, const char * format, ...)
+{
+  va_list arguments;
+  va_start(arguments, format);
+  fm_text_add(text, "%s", text->length == 0 ? "" : separator);
+  fm_text_add_arguments(text, format, arguments);
+  va_end(arguments);
+}
+
 void fm_text_list(struct fm_text * text, const char * separator, const char * word)
 {
   fm_text_add(text, "%s%s", text->length == 0 ? "" : separator, word);

@@ -12,7 +12,6 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-
 /// action_call.h: the calls of an action: of a service, or those that bring a lifecycle node to a
 /// state. Each try may fail; a try begins `timeout` after the one before.
 ///
@@ -21,8 +20,8 @@
 #ifndef ACTION_CALL_H_
 #define ACTION_CALL_H_
 
-#include "action_lines.h"
 #include "service_call.h"
+#include "start_lines.h"
 
 /// What an action publishes with, or calls. The node makes and owns it.
 struct fm_action_ends

@@ -18,7 +18,7 @@
 
 #define _GNU_SOURCE
 
-#include "blackbox_lines.h"
+#include "start_lines.h"
 
 #include <errno.h>
 #include <pthread.h>
