@@ -304,10 +304,13 @@ uint32_t fm_evaluator_row(
   const int64_t now = fm_evaluator_arrival(evaluator, rows->times[row]);
   for (uint32_t i = 0; i < evaluator->monitor->n_inputs; ++i) {
     const char * column = rows->columns[i];
+    if (!comes(rows, i)) {
+      continue;
+    }
     if (column != NULL) {
       const enum fm_type type = (enum fm_type)evaluator->monitor->inputs[i].type;
       fm_evaluator_store_from(evaluator, i, column + row * fm_instance_value_bytes(type), now);
-    } else if (fm_is_measured(evaluator->inputs[i].source) && comes(rows, i)) {
+    } else if (fm_is_measured(evaluator->inputs[i].source)) {
       fm_evaluator_store(evaluator, i, none, now);
     }
   }

@@ -379,8 +379,8 @@ struct fm_rows
   const int64_t * times;         // a row: ns, strictly increasing
   uint64_t n;
   uint64_t next;                 // the row to take next; 0 at first
-  const uint8_t * const * come;  // a measure: n flags: in which rows a message came; or NULL, as
-                                 // `come` itself may be: in all
+  const uint8_t * const * come;  // an input: n flags: in which rows it has a value, of a measure
+                                 // a message; or NULL, as `come` itself may be: in all
   struct fm_margin * margins;    // room for the margins of n_requirements for each row that is
                                  // written; NULL: none. One that differs makes a row, too
 };

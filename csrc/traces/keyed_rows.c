@@ -430,11 +430,13 @@ static struct fm_key key_of(
       pair, first->bytes, first->size, second->bytes, second->size)};
 }
 
+// Whether a row has a value of a kind in a column of its own.
 static bool has_value(const struct fm_keyed_rows * rows, uint64_t k, uint32_t kind)
 {
   bool has = false;
   for (uint32_t c = 0; c < rows->n_columns; ++c) {
-    has = has || (rows->columns[c].kind == kind && value_at(&rows->columns[c], k) != NULL);
+    const struct fm_keyed_column * column = &rows->columns[c];
+    has = has || (column->kind == kind && column->is_there != NULL && column->is_there[k]);
   }
   return has;
 }
@@ -444,12 +446,10 @@ static bool is_of_pair_with(const struct fm_keyed_rows * rows, uint64_t k, uint3
 {
   const uint32_t variable = rows->kinds[kind].variables[0];
   bool is_of_one = false;
-  for (uint32_t other = 0; other < rows->n_kinds; ++other) {
-    const struct fm_keyed_scope * scope = &rows->kinds[other];
-    is_of_one = is_of_one || (scope->is_of_pairs &&
-      (scope->variables[0] == variable || scope->variables[1] == variable) &&
-      rows->keys[scope->variables[0] * rows->n + k].size > 0 &&
-      rows->keys[scope->variables[1] * rows->n + k].size > 0);
+  for (uint32_t p = 0; p < rows->n_pairs; ++p) {
+    const uint32_t * pair = &rows->pairs[2 * p];
+    is_of_one = is_of_one || ((pair[0] == variable || pair[1] == variable) &&
+      rows->keys[pair[0] * rows->n + k].size > 0 && rows->keys[pair[1] * rows->n + k].size > 0);
   }
   return is_of_one;
 }
@@ -532,6 +532,44 @@ bool fm_engine_keyed_rows(
   const bool are_all = rows->next == rows->end;
   fm_engine_unlock(engine);
   return are_all;
+}
+
+// Whether a row has the keys that an instance has of the variables of a kind.
+static bool is_of_keys(
+  const struct fm_keyed_rows * rows, uint64_t k, uint32_t kind, const struct fm_key * own)
+{
+  bool is = true;
+  for (uint32_t v = 0; v < 2; ++v) {
+    const struct fm_key * key = &rows->keys[rows->kinds[kind].variables[v] * rows->n + k];
+    const struct fm_key * wanted = &own[rows->kinds[kind].variables[v]];
+    is = is && wanted->size > 0 && key->size == wanted->size &&
+      memcmp(key->bytes, wanted->bytes, key->size) == 0;
+  }
+  return is;
+}
+
+static bool is_message_of(
+  const struct fm_keyed_rows * rows, uint64_t k, const struct fm_key * own)
+{
+  bool is = false;
+  for (uint32_t kind = 0; kind < rows->n_kinds; ++kind) {
+    is = is || (rows->kinds[kind].base == kind && is_of_keys(rows, k, kind, own) &&
+      is_of_kind(rows, k, kind));
+  }
+  return is;
+}
+
+void fm_keyed_rows_of(
+  const struct fm_keyed_rows * rows, const struct fm_key * own, uint8_t * are_of, uint8_t * come)
+{
+  for (uint64_t k = 0; k < rows->n; ++k) {
+    are_of[k] = is_for_all(rows, k) ? 2 : is_message_of(rows, k, own) ? 1 : 0;
+    for (uint32_t c = 0; c < rows->n_columns; ++c) {
+      const struct fm_keyed_column * column = &rows->columns[c];
+      come[c * rows->n + k] = value_at(column, k) != NULL &&
+        (column->kind == FM_BUNDLE || is_of_keys(rows, k, column->kind, own)) ? 1 : 0;
+    }
+  }
 }
 
 static void free_text(struct fm_keyed_text * text)

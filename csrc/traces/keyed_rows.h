@@ -76,6 +76,8 @@ struct fm_keyed_rows
   struct fm_scopes * scopes;
   struct fm_keyed_scope * kinds;    // and behind them the bundle, its own base
   uint32_t n_kinds;
+  const uint32_t * pairs;           // variables that a row may be of together, two for each pair
+  uint32_t n_pairs;
   uint32_t n_variables;
   uint32_t n_cells;
   bool is_timed;                    // labels are times
@@ -116,6 +118,13 @@ FM_EXPORT void fm_keyed_rows_advance(struct fm_keyed_rows * rows, int64_t until)
 /// is written.
 FM_EXPORT bool fm_engine_keyed_rows(
   struct fm_engine * engine, struct fm_keyed_rows * rows, uint32_t most);
+
+/// Say of each row whether it is a message of an instance that has a key of some variables (`own`,
+/// of each variable; size 0: none): 0: no, 1: yes, 2: it is one of all instances. Say also in
+/// which rows each column has a value for it: `come` has n flags of each column, one column after
+/// the other. Of the kinds only the variables and the base are read. O(n x (columns + kinds)).
+FM_EXPORT void fm_keyed_rows_of(
+  const struct fm_keyed_rows * rows, const struct fm_key * own, uint8_t * are_of, uint8_t * come);
 
 /// Free the texts.
 FM_EXPORT void fm_keyed_rows_free(struct fm_keyed_rows * rows);

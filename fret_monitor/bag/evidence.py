@@ -118,33 +118,33 @@ class _Shown:
     ready: int | None = None  # when all inputs had a value, within the window
     rises: list[tuple[int, int]] = field(default_factory=list)  # (time, step) of the trigger
     is_by_change: bool = False  # a proposition beside the trigger changes when it begins
+    thinning: Thinning | None = None  # of its inputs, from `place` on
+    place: int = 0
 
 
 def evidence(
-    reading: Reading, meanings: Mapping[str, Meaning], recording: AnyRecording,
+    reading: Reading, meanings: Mapping[str, Meaning], recordings: Sequence[AnyRecording],
     selection: Selection, result: RecordingResult, starts: Sequence[Sequence[Start]],
 ) -> list[list[Occurrence]]:
-    """Return, for each requirement, what is shown of its first occurrences, or why it is open."""
+    """
+    Return, for each requirement, what is shown of its first occurrences, or why it is open.
+
+    `recordings` has the one in which it is looked for, of each requirement.
+    """
     specification = reading.specification
     shown = [list(_shown(item, findings, found, result, specification, meanings[item.id]))
              for item, findings, found in zip(
                  specification.properties, result.findings, starts)]
     count = _shown_count(shown)
     shown = [items[:count] for items in shown]
-    everything = [item for items in shown for item in items]
-    if not everything:
-        return [[] for _ in shown]
-    plots = sum(len(item.plots) for item in everything)
+    plots = sum(len(item.plots) for items in shown for item in items)
     parts = max(_FEWEST_PARTS, min(_MOST_PARTS, _PARTS // max(1, plots)))
-    thinning = _watch(everything, parts, specification, reading, recording, selection)
-    found: list[list[Occurrence]] = []
-    place = 0
-    for items in shown:
-        found.append([])
-        for each in items:
-            found[-1].append(_occurrence(each, parts, thinning, place, specification))
-            place += len(each.inputs)
-    return found
+    for recording in dict.fromkeys(recordings):
+        watched = [item for items, other in zip(shown, recordings, strict=True)
+                   if other is recording for item in items]
+        if watched:
+            _watch(watched, parts, specification, reading, recording, selection)
+    return [[_occurrence(item, parts, specification) for item in items] for items in shown]
 
 
 def _shown_count(shown: Sequence[Sequence[_Shown]]) -> int:
@@ -223,8 +223,8 @@ def _formulas(item: Property, specification: Specification,
 
 
 def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, reading: Reading,
-           recording: AnyRecording, selection: Selection) -> Thinning | None:
-    """Read the recording once more, up to the last window."""
+           recording: AnyRecording, selection: Selection) -> None:
+    """Read the recording once more, up to the last window, for what is shown of it."""
     properties: dict[tuple[Formula, tuple[str, ...]], Property] = {}
     for each in shown:
         for label, kind, formula in each.formulas:
@@ -234,14 +234,14 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
             each.lanes.append(_Lane(label, kind, formula, Lane(*each.window, parts)))
     numbers = {key: number for number, key in enumerate(properties)}
     if not properties:
-        return None
+        return
     try:
         # A lane shows what a formula is of the last values, also while an input is silent.
         monitor = compiled(replace(reading, specification=replace(
             specification, properties=tuple(properties.values()), signals=tuple(
                 replace(item, stale=Stale.WARN) for item in specification.signals)))).monitor
     except CompileError:
-        return None  # more state than allowed; the other parts of the report are worth having
+        return  # more state than allowed; the other parts of the report are worth having
     thinning = Thinning(monitor, [TimeWindow(index, *each.window, parts)
                                   for each in shown for index in each.inputs])
 
@@ -263,9 +263,9 @@ def _watch(shown: Sequence[_Shown], parts: int, specification: Specification, re
         changes=[changes], watch=watch, checks_remaps=False)  # a part of the topics
     place = 0
     for each in shown:
+        each.thinning, each.place = thinning, place
         each.ready = _ready(each, thinning, place)
         place += len(each.inputs)
-    return thinning
 
 
 def _property(number: int, formula: Formula, item: Property,
@@ -349,8 +349,7 @@ class _LaneChanges:
             waiting.pop().rises = list(self._rises[number])
 
 
-def _occurrence(shown: _Shown, parts: int, thinning: Thinning | None, place: int,
-                specification: Specification) -> Occurrence:
+def _occurrence(shown: _Shown, parts: int, specification: Specification) -> Occurrence:
     trigger, is_deadline = _trigger(shown, specification)
     verdict = Lane(*shown.window, parts)
     _paint_verdict(verdict, shown)
@@ -360,11 +359,11 @@ def _occurrence(shown: _Shown, parts: int, thinning: Thinning | None, place: int
     lanes = [*shown.lanes, _Lane(shown.item.id, 'verdict', shown.item.formula, verdict)]
     plots: tuple[Plot, ...] = ()
     signals = bundle_scope(specification).signals
-    if thinning is not None:
+    if (thinning := shown.thinning) is not None:
         plots = tuple(
-            Plot(index, thinning.before(place + number), tuple(thinning.parts(place + number)),
+            Plot(index, thinning.before(place), tuple(thinning.parts(place)),
                  _thresholds(signals[index], shown.item))
-            for number, index in enumerate(shown.inputs) if index in shown.plots)
+            for place, index in enumerate(shown.inputs, shown.place) if index in shown.plots)
     return Occurrence(
         shown.start, shown.end, shown.window, parts, plots,
         tuple((lane.label, lane.kind, lane.lane.text()) for lane in lanes), trigger, is_deadline,

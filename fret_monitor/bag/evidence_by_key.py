@@ -25,14 +25,15 @@ from dataclasses import dataclass, replace
 from fret_monitor.bag.check import AnyRecording, RecordingResult, Selection
 from fret_monitor.bag.evidence import evidence, Occurrence
 from fret_monitor.bag.overview import Start
+from fret_monitor.bag.trace import InstanceTrace, Trace
 from fret_monitor.build import Reading
 from fret_monitor.codegen.inputs import described_input
 from fret_monitor.explain.report import Meaning
-from fret_monitor.logic.expansion import Expansion, Written
+from fret_monitor.logic.expansion import Expansion, with_keys, Written
 from fret_monitor.logic.formula import variables
 from fret_monitor.logic.scopes import instance_scopes, InstanceScope
-from fret_monitor.logic.specification import Specification
-from fret_monitor.model.manifest import ManifestInput
+from fret_monitor.logic.specification import Signal, Specification
+from fret_monitor.model.manifest import Manifest, ManifestInput
 from fret_monitor.model.names import parts_of_key
 from fret_monitor.model.policies import Policy
 
@@ -51,7 +52,7 @@ def evidence_by_key(
     found = evidence(
         replace(reading, specification=replace(specification, properties=tuple(
             specification.properties[place] for place in own))),
-        meanings, recording, selection,
+        meanings, [recording] * len(own), selection,
         replace(result, findings=tuple(result.findings[place] for place in own)),
         [starts[place] for place in own])
     shown: list[list[Occurrence]] = [[] for _ in starts]
@@ -65,7 +66,8 @@ def evidence_by_key(
                  if key is not None and _is_text(key, scope.variables)]
         written, means = _written(items, scope, specification, meanings)
         found = evidence(
-            replace(reading, specification=written), means, recording, selection,
+            replace(reading, specification=written), means,
+            _recordings(items, scope, recording, result.manifest), selection,
             replace(result, findings=tuple(
                 result.findings[item.place].instances[item.key] for item in items)),
             [[start for start in starts[item.place] if start.key == item.key] for item in items])
@@ -122,6 +124,27 @@ def _written(items: Sequence[_Instance], scope: InstanceScope, specification: Sp
         signals=tuple(signals), definitions=tuple(
             found for item in part.definitions for found in expansion.definitions(*item)
             if names.issuperset(one.name for one in variables(found[1])))), means
+
+
+def _recordings(items: Sequence[_Instance], scope: InstanceScope, recording: AnyRecording,
+                manifest: Manifest) -> list[AnyRecording]:
+    """Return what there is of each instance: the recording, or the rows of a table."""
+    if not isinstance(recording, Trace):
+        return [recording] * len(items)
+    rows: dict[bytes, AnyRecording] = {}
+    for item in items:
+        if item.key not in rows:
+            keys = _keys(item, scope.variables)
+            rows[item.key] = InstanceTrace(
+                recording, manifest, {name: key.encode() for name, key in keys},
+                {_name_with(signal, keys): signal.name
+                 for signal in scope.specification.signals})
+    return [rows[item.key] for item in items]
+
+
+def _name_with(signal: Signal, keys: Written) -> str:
+    own = tuple((name, key) for name, key in keys if name in signal.variables)
+    return with_keys(signal.name, own) if own else signal.name
 
 
 def _shifted(item: Occurrence, by: int) -> Occurrence:

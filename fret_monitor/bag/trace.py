@@ -20,22 +20,25 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, BinaryIO
 from weakref import WeakKeyDictionary
 
 from fret_monitor.bag.recording import DamagedRecording
 from fret_monitor.model.diagnostics import CompileError, refuse
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.manifest import Manifest, ManifestInput
+from fret_monitor.model.policies import InputSource, Policy
 from fret_monitor.model.times import short_seconds
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.native.monitor import Monitor
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.evaluator import Violation
-from fret_monitor.runtime.keyed_rows import KeyedBlock, KeyedColumn, KeyedRows
+from fret_monitor.runtime.keyed_rows import InstanceRows, KeyedBlock, KeyedColumn, KeyedRows
+from fret_monitor.runtime.scopes import BUNDLE
 from fret_monitor.runtime.thinning import Thinning
 from fret_monitor.traces.csv_trace import open_trace, TIME, TimeColumn, TraceReader
-from fret_monitor.traces.keyed_trace import KeyedTraceReader, read_keyed_trace
+from fret_monitor.traces.keyed_trace import columns_of, KeyedTraceReader, read_keyed_trace
 from fret_monitor.traces.simulate import for_trace
 
 ROWS = 'rows'
@@ -50,11 +53,13 @@ class RowBatch:
     """
     Rows in the order of their times (ns); `columns` has an array for each input.
 
-    An input that is measured has none.
+    An input that is measured has none. `come` has a flag for each row of each input: whether it
+    has a value; None: all rows have one of all inputs.
     """
 
     times: 'array[int]'
     columns: tuple['array[Any] | None', ...]
+    come: tuple[bytes, ...] | None = None
 
     def before(self, time: int) -> 'RowBatch':
         """Return the rows before a time."""
@@ -74,17 +79,18 @@ class RowBatch:
 
     def _part(self, begin: int, end: int) -> 'RowBatch':
         return RowBatch(self.times[begin:end], tuple(
-            None if item is None else item[begin:end] for item in self.columns))
+            None if item is None else item[begin:end] for item in self.columns),
+            self.come and tuple(item[begin:end] for item in self.come))
 
     def deliver(self, engine: Engine, counts: 'array[int]', *,
                 most: int) -> Iterator[list[Violation]]:
         """Deliver the rows to an engine, as `Engine.rows`; `counts` has their number so far."""
         counts[0] += len(self.times)
-        return engine.rows(self.columns, self.times, most=most)
+        return engine.rows(self.columns, self.times, self.come, most=most)
 
     def add_to(self, thinning: Thinning, engine: Engine) -> None:
         """Put the values into windows."""
-        thinning.add_rows(engine, self.columns, self.times)
+        thinning.add_rows(engine, self.columns, self.times, self.come)
 
 
 @dataclass(frozen=True)
@@ -117,10 +123,6 @@ class KeyedRowBatch:
         """Return the rows after the first `count`."""
         return replace(self, begin=self.begin + count)
 
-    def at(self, times: 'array[int]') -> 'KeyedRowBatch':
-        """Refuse to give the rows other times."""
-        _refuse_drawing()
-
     def deliver(self, engine: Engine, counts: 'array[int]', *,
                 most: int) -> Iterator[list[Violation]]:
         """Deliver the rows to an engine, as `RowBatch.deliver`."""
@@ -128,14 +130,14 @@ class KeyedRowBatch:
         return engine.keyed_rows(self.rows(engine), self.block, self.begin, self.end, most=most)
 
     def add_to(self, thinning: Thinning, engine: Engine) -> None:
-        """Refuse to put the values into windows."""
-        _refuse_drawing()
-
-
-def _refuse_drawing() -> NoReturn:
-    refuse('a trace with keys is not drawn yet',
-           help='leave out --report: the table, --json, --junit, --csv and --mcap have the '
-           'instances')
+        """Put the values of the bundle's inputs into windows."""
+        count, part = len(engine.evaluator.monitor.manifest.inputs), slice(self.begin, self.end)
+        columns: list[array[Any] | None] = [None] * count
+        come = [b''] * count
+        for column, found in zip(self.rows(engine).columns, self.block.columns, strict=True):
+            if column and column.kind == BUNDLE and found is not None:
+                columns[column.input], come[column.input] = found[0][part], bytes(found[1][part])
+        thinning.add_rows(engine, columns, self.times, come)
 
 
 class Trace:
@@ -161,6 +163,7 @@ class Trace:
         self.errors: tuple[str, ...] = ()
         self.warnings: tuple[str, ...] = ()
         self._spacing = 1  # ns; of the numbers of rows that have no times
+        self._manifest: Manifest | None = None
 
     def prepare(self, monitor: Monitor) -> Monitor:
         """
@@ -173,7 +176,9 @@ class Trace:
         """
         if self.path.is_fifo():  # it is read more than once
             refuse(f"'{self.path}' is a named pipe, not a file of a recording")
-        manifest = self._manifest = monitor.manifest
+        manifest = monitor.manifest
+        if self._manifest is None or not manifest.variables:
+            self._manifest = manifest  # of monitors with keys, that of the bundle comes first
         self._time = TimeColumn.REQUIRED if manifest.policy is Policy.TIMED \
             else TimeColumn.OPTIONAL
         with open_trace(self.path) as file:
@@ -191,6 +196,7 @@ class Trace:
 
     def _reader(self, file: BinaryIO) -> TraceReader:
         library = load_evaluator(evaluator_library())
+        assert self._manifest is not None, '`prepare` comes first'
         if self._manifest.variables:
             return read_keyed_trace(str(self.path), file, self._manifest, self._time, library)
         return TraceReader(
@@ -226,7 +232,8 @@ class Trace:
 
     def _batches(self, reader: TraceReader) -> Iterator[RowBatch | KeyedRowBatch]:
         if isinstance(reader, KeyedTraceReader):
-            rows_of = _KeyedRowsOf(reader.columns)
+            assert self._manifest is not None
+            rows_of = _KeyedRowsOf(reader.columns, self._manifest)
             for block in reader.keyed_blocks():
                 block = replace(block, times=self._spaced(block.times))
                 yield KeyedRowBatch(block, 0, len(block.times), rows_of)
@@ -240,17 +247,79 @@ class Trace:
             times[0] * self._spacing, times[-1] * self._spacing + 1, self._spacing))
 
 
+class InstanceTrace(Trace):
+    """
+    A trace with keys as one instance has it: the rows that are messages of it.
+
+    It is for a bundle in which the keys are written in place of the variables.
+    """
+
+    def __init__(self, whole: Trace, manifest: Manifest, keys: Mapping[str, bytes],
+                 names: Mapping[str, str]) -> None:
+        """
+        Take a trace that was prepared for a bundle with instances, and the manifest of that.
+
+        `keys` are those of the instance by variable, `names` are columns by the bundle's input.
+        """
+        super().__init__(whole.path)
+        self.recorded, self.start, self.end = whole.recorded, whole.start, whole.end
+        self._spacing = whole._spacing
+        self._whole = manifest
+        self._keys = [keys.get(item.name, b'') for item in manifest.variables]
+        self._names = names
+
+    def prepare(self, monitor: Monitor) -> Monitor:
+        """Return a monitor as it is to be run over the rows."""
+        self._time = TimeColumn.OPTIONAL if monitor.manifest.policy is not Policy.TIMED \
+            else TimeColumn.REQUIRED
+        self._inputs = monitor.manifest.inputs
+        self._manifest = self._whole
+        return for_trace(monitor)
+
+    def _batches(self, reader: TraceReader) -> Iterator[RowBatch]:
+        assert isinstance(reader, KeyedTraceReader)
+        rows = InstanceRows(self._whole, reader.columns, load_evaluator(evaluator_library()))
+        places = {item.item.name: place for place, item in enumerate(reader.columns)}
+        for block in reader.keyed_blocks():
+            are_of, come = rows.of(block, self._keys)
+            times = array('q', compress(self._spaced(block.times), are_of))
+            found = [self._column(item, places, block, are_of, come)
+                     for item in self._inputs] if times else []
+            if times:
+                yield RowBatch(times, tuple(column for column, _ in found),
+                               tuple(there for _, there in found))
+
+    def _column(
+        self, item: ManifestInput, places: Mapping[str, int], block: KeyedBlock, are_of: bytes,
+        come: Sequence[bytes],
+    ) -> tuple['array[Any] | None', bytes]:
+        """Return the values of an input of the bundle, and in which rows it has one."""
+        count = len(are_of) - are_of.count(0)
+        ones = array('B', [1]) * count
+        place = places.get(self._names.get(item.name, ''))
+        if place is None:  # a reception of all instances needs no column
+            is_of_all = bytes(item.source is InputSource.RECEIVED and each == 2
+                              for each in are_of if each)
+            return ones if any(is_of_all) else None, is_of_all
+        values = block.columns[place]
+        return (ones if values is None else array(values[0].typecode, compress(values[0], are_of)),
+                bytes(compress(come[place], are_of)))
+
+
 class _KeyedRowsOf:
     """What takes rows with keys, of each engine."""
 
-    def __init__(self, columns: Sequence[KeyedColumn]) -> None:
-        self._columns = columns
+    def __init__(self, columns: Sequence[KeyedColumn], bundle: Manifest) -> None:
+        self._names = [item.item.name for item in columns]
+        self._bundle = bundle
         self._made: WeakKeyDictionary[Engine, KeyedRows] = WeakKeyDictionary()
 
     def __call__(self, engine: Engine) -> KeyedRows:
         if engine not in self._made:
             assert engine.scopes is not None
+            monitor = engine.scopes.monitor
+            own = {item.item.name: item for item in columns_of(monitor.manifest)}
             self._made[engine] = KeyedRows(
-                engine.scopes, [[]] * (len(engine.scopes.monitor.kinds) + 1), self._columns,
-                are_times=True)
+                engine.scopes, [[]] * (len(monitor.kinds) + 1), [*map(own.get, self._names)],
+                are_times=True, bundle=self._bundle)
         return self._made[engine]

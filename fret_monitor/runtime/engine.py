@@ -299,15 +299,16 @@ class Engine:
             yield self._take_all()
         yield self._take_all()
 
-    def rows(self, columns: Sequence['array[Any] | None'], times: 'array[int]', *,
+    def rows(self, columns: Sequence['array[Any] | None'], times: 'array[int]',
+             come: 'Sequence[bytes] | None' = None, *,
              most: int = MOST_QUEUED) -> Iterator[list[Violation]]:
         """
         Take rows of a trace, while the time is told; what is due between them is taken first.
 
-        The inputs have no timeouts, and the policy no period. `columns` and `times` are as of
-        `Evaluator.native_rows`; otherwise as `records`.
+        The inputs have no timeouts, and the policy no period. `columns`, `times` and `come` are as
+        of `Evaluator.native_rows`; otherwise as `records`.
         """
-        rows = self.evaluator.native_rows(columns, times)
+        rows = self.evaluator.native_rows(columns, times, come)
         while not self._library.fm_engine_rows(self.pointer, rows.pointer, most):
             yield self._take_all()
         yield self._take_all()

@@ -384,7 +384,8 @@ class Evaluator:
         self._library.fm_evaluator_forget_closest(self.pointer)
 
     def native_rows(
-            self, columns: Sequence['array[Any] | None'], times: 'array[int]') -> 'NativeRows':
+            self, columns: Sequence['array[Any] | None'], times: 'array[int]',
+            come: 'Sequence[bytes] | None' = None) -> 'NativeRows':
         """
         Return rows as C takes them.
 
@@ -395,6 +396,9 @@ class Evaluator:
             the input is to keep its value, or is measured.
         times
             when each row takes effect, in nanoseconds; strictly increasing, typecode `q`.
+        come
+            of each input a flag for each row: whether it has a value in it, of a measured one a
+            message; None: in all, and of a measured one where its reception says so.
 
         Raises
         ------
@@ -405,13 +409,14 @@ class Evaluator:
             raise ValueError(f'{len(columns)} columns for {len(self._next)} inputs')
         return NativeRows([self._column(index, column, len(times))
                            for index, column in enumerate(columns)], times,
-                          [self._come(index, columns) for index in range(len(columns))])
+                          [self._come(index, columns) for index in range(len(columns))]
+                          if come is None else list(map(ffi.from_buffer, come)))
 
     def _come(self, index: int, columns: Sequence['array[Any] | None']) -> CData:
         """Return in which rows a message of a measured input came; NULL: in all."""
         inputs = self.monitor.manifest.inputs
         item = inputs[index]
-        if not item.source.is_measured:
+        if not item.source.is_measured or columns[index] is not None:
             return ffi.NULL
         for other, column in zip(inputs, columns, strict=True):
             if other.source is InputSource.RECEIVED and item.topic and column is not None \

@@ -17,6 +17,7 @@
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import compress
 import math
 from typing import Any, NamedTuple
 
@@ -82,14 +83,21 @@ class Thinning:
         engine.library.fm_engine_thin(engine.pointer, records, self._thinning)
 
     def add_rows(self, engine: Engine, columns: Sequence['array[Any] | None'],
-                 times: 'array[int]') -> None:
-        """Put the values of rows into the windows; a column for each input, or None."""
-        instants = ffi.from_buffer('int64_t[]', times)
+                 times: 'array[int]', come: 'Sequence[bytes] | None' = None) -> None:
+        """
+        Put the values of rows into the windows; a column for each input, or None.
+
+        `come` has a flag for each row: whether it has a value of the input; None: all have.
+        """
         for index, column in enumerate(columns):
             if column is None:
                 continue
-            values = ffi.from_buffer('double[]', array('d', column))
-            engine.library.fm_thin_column(self._thinning, index, instants, values, len(times))
+            there = come[index] if come else None
+            values = array('d', column if there is None else compress(column, there))
+            instants = times if there is None else array('q', compress(times, there))
+            engine.library.fm_thin_column(
+                self._thinning, index, ffi.from_buffer('int64_t[]', instants),
+                ffi.from_buffer('double[]', values), len(instants))
 
     def before(self, index: int) -> float | None:
         """Return the value at the begin of a window, None if there was none yet."""

@@ -33,7 +33,7 @@ from fret_monitor.bag.evidence import Occurrence
 from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.bag.overview import Stretch
 from fret_monitor.bag.report import examine, RecordingReport
-from fret_monitor.bag.trace import Trace
+from fret_monitor.bag.trace import KeyedRowBatch, Trace
 from fret_monitor.build import Reading
 from fret_monitor.bundle.source_file import ReadFile
 from fret_monitor.logic.specification import Signal
@@ -182,6 +182,7 @@ class _TakenRows:
             places = array('q', (
                 bisect_right(times, time) - 1 if time <= self._last else self._count
                 for time in batch.times))
+            assert not isinstance(batch, KeyedRowBatch), '`taken` refuses instances'
             batch.at(places).add_to(thinning, engine)
 
         self._read(watch)

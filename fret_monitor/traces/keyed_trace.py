@@ -175,11 +175,11 @@ class KeyedTraceReader(TraceReader):
 def read_keyed_trace(name: str, file: BinaryIO, manifest: Manifest, time: TimeColumn,
                      library: CData) -> KeyedTraceReader:
     """Read the heading of a trace of a bundle; arguments and errors as of `KeyedTraceReader`."""
-    return KeyedTraceReader(name, file, _columns(manifest), _variables_of(manifest),
+    return KeyedTraceReader(name, file, columns_of(manifest), _variables_of(manifest),
                             manifest.variables, time, library)
 
 
-def _columns(manifest: Manifest) -> list[KeyedColumn]:
+def columns_of(manifest: Manifest) -> list[KeyedColumn]:
     """Return the inputs that have columns: those of the bundle, then those with keys."""
     shared = [KeyedColumn(item, BUNDLE, index) for index, item in enumerate(manifest.inputs)
               if item.source is not InputSource.INSTANCES]

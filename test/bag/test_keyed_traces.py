@@ -128,8 +128,31 @@ def test_a_part_of_a_trace_is_judged_and_a_wrong_key_has_its_place(
     trace.write_text('time,robot,speed\n0,alpha,2\n1,gamma,0.5\n', encoding='utf-8')
     assert main(['bag', str(bundle), str(trace)]) == 1
     assert "trace.csv:3:3: 'gamma' is not a key of 'robot'" in capsys.readouterr().err
-    assert main(['bag', str(bundle), str(trace), '--report', str(tmp_path / 'r.html')]) == 1
-    assert 'a trace with keys is not drawn yet' in capsys.readouterr().err
+
+
+MARGINS = """
+format: 1
+evaluation: {policy: timed}
+for_each: {person: {most: 3}, robot: {most: 4}}
+inputs:
+  near: {topic: "/{person}/near", type: std_msgs/msg/Float64}
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float64, max_rate: 5}
+requirements:
+  - {id: NEAR, ptltl: near <= 1}
+  - {id: SLOWER, fretish: if speed > 1.0 the robot shall within 3 seconds satisfy speed < 0.5}
+"""
+
+
+def test_monitors_beside_that_have_other_kinds_of_instances_take_the_same_rows(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bundle, trace = write_bundle(tmp_path, MARGINS), tmp_path / 'trace.csv'
+    trace.write_text('time,person,robot,near,speed\n0,p,,0.5,\n1,,a,,2.0\n2,q,,3,\n'
+                     '3,,a,,0.4\n4,,b,,1.5\n9,p,,0.2,\n', encoding='utf-8')
+    assert main(['bag', str(bundle), str(trace), '--margins']) == 0
+    found = [line.split()[:5] for line in capsys.readouterr().out.splitlines()[4:]]
+    assert [line for line in found if 'VIOLATED' in line] == [
+        ['NEAR', 'VIOLATED', '1', '2', 's'], ['NEAR[person=q]', 'VIOLATED', '1', '2', 's'],
+        ['SLOWER', 'VIOLATED', '1', '7', 's'], ['SLOWER[robot=b]', 'VIOLATED', '1', '7', 's']]
 
 
 COUNTED = f"""

@@ -14,19 +14,22 @@
 
 """The report of a bundle with instances: a row for each key, and what was around occurrences."""
 
+import csv
 from pathlib import Path
 from random import Random
 import re
 from typing import Any
 
 from bag.outline import Outline
-from bag.recordings import write
-from bag.test_instances import bundle, KEYS, messages, record, slice_of
+from bag.recordings import FLOAT, START, TYPES, write
+from bag.test_instances import BOOL, bundle, KEYS, messages, POINT, record, slice_of
 from differential.compiled import unoptimised
+from fret_monitor.bag import evidence
 from fret_monitor.bag.check import Selection
 from fret_monitor.bag.report import check_and_report
 from fret_monitor.model.policies import Policy
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
 from strategies import some
 
 FLEET = """\
@@ -149,3 +152,72 @@ def test_what_is_shown_of_an_instance_is_what_is_of_a_plain_bundle_on_its_slice(
             assert items[:common] == drawn[name][:common], name
             compared += common
     assert compared > 6
+
+
+PAIRS = """\
+format: 1
+evaluation: {policy: POLICY}
+for_each:
+  robot: {most: 3, forget: 1}
+  person: {most: 3, forget: 2}
+inputs:
+  on: {topic: enable, type: std_msgs/msg/Bool}
+  near: {topic: enable, type: std_msgs/msg/Bool, field: received()}
+  speed: {topic: "/{robot}/speed", type: std_msgs/msg/Float64}
+  comes: {topic: "/{robot}/speed", type: std_msgs/msg/Float64, field: received()}
+  distance: {topic: "/{robot}/people", type: geometry_msgs/msg/PointStamped,
+             where: "header.frame_id = {person}", field: point.x}
+requirements:
+  - {id: SPEED, ptltl: "on & near -> speed <= 1.2"}
+  - {id: SOON, ptltl: "O[0, 3] (comes & speed <= 1.4)"}
+  - {id: SLOW, ptltl: "H[0, 1] (distance < 0.9) -> speed <= 0.8"}
+  - {id: ALL, ptltl: "on -> count(robot: speed > 0.7) <= 1"}
+"""
+PEOPLE = ['p', 'q],"é']
+
+
+def write_both(rng: Random, path: Path, table: Path) -> None:
+    """Write the same random messages as a recording and as a table with keys."""
+    types, time = TYPES.types, START
+    stamp = types['builtin_interfaces/msg/Time'](0, 0)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer, \
+            table.open('w', encoding='utf-8', newline='') as file:
+        rows = csv.writer(file)
+        rows.writerow(['time', 'on', 'near', 'robot', 'person', 'speed', 'distance'])
+        connections: dict[str, Any] = {}
+        for number in range(150):
+            time += rng.choice((10**7, 10**8, 3 * 10**8))
+            robot, value = rng.randrange(3), round(rng.uniform(0, 1.8), 2)
+            person, on = rng.choice(PEOPLE), rng.random() < 0.8
+            topic, kind, content, row = [
+                ('/enable', BOOL, types[BOOL](on), [int(on), 1, '', '', '', '']),
+                (f'/r{robot}/speed', FLOAT, types[FLOAT](value),
+                 ['', '', f'r{robot}', '', value, '']),
+                (f'/r{robot}/people', POINT, types[POINT](
+                    types['std_msgs/msg/Header'](stamp, person),
+                    types['geometry_msgs/msg/Point'](value, 0.0, 0.0)),
+                 ['', '', f'r{robot}', person, '', value])][rng.randrange(3) if number else 0]
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
+            writer.write(connections[topic], time, TYPES.serialize_cdr(content, kind))
+            rows.writerow([f'{time // 10**9}.{time % 10**9:09d}', *row])
+
+
+@pytest.mark.parametrize('policy', ['timed, unit: 0.2', 'every_message'])
+def test_the_report_of_a_table_is_that_of_a_recording_of_its_rows(
+        policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # How much is drawn depends on the number of messages of its topics, or of all rows.
+    monkeypatch.setattr(evidence, '_lead', lambda *_: 3 * 10**9)
+    write_both(Random(f'{policy} both'), tmp_path / 'run', tmp_path / 'run.csv')
+    text = PAIRS.replace('POLICY', policy)
+    recorded = page_of(tmp_path, 'recorded', text, tmp_path / 'run')
+    written = page_of(tmp_path, 'written', text, tmp_path / 'run.csv')
+    assert written.of('strong', 'span', 'summary') == recorded.of('strong', 'span', 'summary')
+    assert written.data['lanes'] == recorded.data['lanes']
+    assert written.data['inputs'] == recorded.data['inputs']
+    # Of a recording what reads a topic is drawn at its messages alone, also under every_message.
+    if policy != 'every_message':
+        assert written.data['occurrences'] == recorded.data['occurrences']
+    shown = [name for name in written.of('strong') if '[' in name]
+    assert len([name for name in shown if 'person=' in name]) == len([
+        name for name in shown if 'SPEED' in name]) == 5
