@@ -194,7 +194,7 @@ void fm_node_gate_stop(struct fm_node_gate * gate)
 {
   fm_service_gate_close(&gate->service);
   if (gate->table != NULL && !is_on_service(gate)) {
-    fm_relay_stop(&gate->relay);
+    fm_relay_join(&gate->relay);
     fm_publisher_close(gate->node, &gate->next);
     fm_publisher_close(gate->node, &gate->publisher);
     gate->publisher = rcl_get_zero_initialized_publisher();

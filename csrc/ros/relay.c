@@ -348,7 +348,7 @@ void fm_relay_end(struct fm_relay * relay)
   }
 }
 
-void fm_relay_stop(struct fm_relay ** relay)
+void fm_relay_join(struct fm_relay ** relay)
 {
   if (*relay != NULL) {
     fm_relay_end(*relay);

@@ -85,7 +85,7 @@ FM_EXPORT void fm_relay_end(struct fm_relay * relay);
 /// fm_relay_end, free the relay and set `*relay` to NULL; does nothing if it is NULL. All
 /// subscriptions were removed before. If a callback could not be removed, the memory that it uses
 /// is not freed.
-FM_EXPORT void fm_relay_stop(struct fm_relay ** relay);
+FM_EXPORT void fm_relay_join(struct fm_relay ** relay);
 
 #ifdef __cplusplus
 }

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Logging of the lines that C words."""
+"""Logging: of the lines that C words, and of repeated events at intervals."""
 
 from collections.abc import Iterable
+from time import monotonic
 
 from fret_monitor.runtime.reporting import LogLevel, LogLine
 
@@ -32,3 +33,20 @@ def log_lines(logger: RcutilsLogger, lines: Iterable[LogLine]) -> None:
                 logger.warning(line.text)
             case LogLevel.ERROR:
                 logger.error(line.text)
+
+
+class Throttle:
+    """Lets the first event pass, and later ones at most once per interval."""
+
+    def __init__(self, seconds: float) -> None:
+        """Take the interval in seconds."""
+        self._seconds = seconds
+        self._next = float('-inf')
+
+    def passes(self) -> bool:
+        """Return whether this event may pass."""
+        now = monotonic()
+        if now < self._next:
+            return False
+        self._next = now + self._seconds
+        return True

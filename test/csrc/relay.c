@@ -276,7 +276,7 @@ static struct bench begin(enum fm_otherwise otherwise, int64_t period)
 
 static void end(struct bench * bench)
 {
-  fm_relay_stop(&bench->relay);
+  fm_relay_join(&bench->relay);
   fm_engine_close(bench->engine);
   fm_engine_destroy(bench->engine);
   free(bench->gate_memory);

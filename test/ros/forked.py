@@ -50,7 +50,7 @@ _MODULES = (
     'ament_index_python.packages', 'builtin_interfaces.msg', 'concurrent.futures.thread',
     'diagnostic_msgs.msg', 'fret_monitor.build', 'fret_monitor.model.bundle_files',
     'fret_monitor.model.output', 'fret_monitor.native.folder',
-    'fret_monitor.ros.signals', 'fret_monitor.ros.intake.throttle', 'fret_monitor.runtime',
+    'fret_monitor.ros.signals', 'fret_monitor.runtime',
     'fret_monitor.runtime.fields', 'fret_monitor.runtime.reporting', 'fret_monitor.start',
     'lifecycle_msgs.msg', 'lifecycle_msgs.srv', 'numpy', 'rcl_interfaces.msg',
     'rcl_interfaces.srv', 'rosgraph_msgs.msg', 'rosidl_generator_py', 'service_msgs.msg',

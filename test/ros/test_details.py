@@ -23,8 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.reports.detail_publisher import DetailPublisher
-from fret_monitor.ros.reports.details import Details
+from fret_monitor.ros.reports.details import DetailPublisher, Details
 from fret_monitor.ros.reports.messages import status_record
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import Reporter, ReportTable

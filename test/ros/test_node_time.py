@@ -24,7 +24,7 @@ from fret_monitor.ros import GateNode, LoggerNode, MonitorNode
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.node_time import as_time, ClockNode, NodeTime
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
-from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
 import rclpy

@@ -32,6 +32,7 @@ def make_gate(node: MagicMock, engine: MagicMock) -> service_gate.ServiceGate:
     """Return a gate whose requests pass, with a timeout of 2 s."""
     engine.judge.return_value = Judgement.PASSED
     node.create_client.return_value.call_async.return_value = Future()
+    node.count_services.return_value = 1
     engine.library = load_evaluator(evaluator_library())
     return service_gate.ServiceGate(node, engine, ManifestGate(
         name='arm', source='arm', target='arm_raw', interface='std_srvs/srv/SetBool',
@@ -53,7 +54,7 @@ def test_a_request_without_a_server_is_no_step() -> None:
     with pytest.raises(StopIteration) as found:
         gate._serve(SetBool.Request(), SetBool.Response()).send(None)
     assert found.value.value.message == 'withheld'
-    assert gate.unanswered == 1
+    assert gate.look().unsent == 1
     engine.judge.assert_not_called()
 
 
@@ -64,11 +65,11 @@ def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPa
     waiting = gate._serve(SetBool.Request(), SetBool.Response())
     waiting.send(None)
     now[0] = 1.9
-    gate.review()
+    gate.look()
     waiting.send(None)  # it waits still
     now[0] = 2.0
-    gate.review()
+    gate.look()
     with pytest.raises(StopIteration) as found:
         waiting.send(None)
     assert found.value.value.message == 'withheld'
-    assert gate.unanswered == 1
+    assert gate.look().unsent == 1

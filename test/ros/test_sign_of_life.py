@@ -25,7 +25,7 @@ from typing import Any
 from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor.ros.intake.feed import Feed
-from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife

@@ -42,10 +42,10 @@ def test_violations_that_a_publisher_refuses_are_counted(
     middleware = Middleware()
     refuse = ffi.callback(ffi.typeof(middleware.functions.publish), lambda *_: 1)
     middleware.functions.publish = refuse
-    announcer = Announcer(engine, middleware, handlers_of(node, engine.monitor.manifest, 10))
+    announcer = Announcer(engine, middleware, [*handlers_of(node, engine.monitor.manifest, 10)])
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)
-    announcer.join()
+    announcer.close()
     assert see(engine).unpublished == 3
     node.destroy_node()
 
@@ -54,9 +54,9 @@ def test_violations_are_published_while_the_context_ends(engine: Engine, domain:
     context = Context()
     context.init(args=[], domain_id=domain)
     node = Node('fret_monitor', context=context)
-    announcer = Announcer(engine, Middleware(), handlers_of(node, engine.monitor.manifest, 10))
+    announcer = Announcer(engine, Middleware(), [*handlers_of(node, engine.monitor.manifest, 10)])
     context.shutdown()
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)
-    announcer.join()
+    announcer.close()
     assert see(engine).unpublished == 0 and engine.take(0) == []

@@ -23,7 +23,6 @@ action. This module makes the publishers and clients.
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from importlib import import_module
-from threading import Lock as Mutex
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestAction
@@ -33,7 +32,6 @@ from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.fields import message_class
 from fret_monitor.ros.intake.hot_path import Lock, Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
-from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import (
@@ -183,34 +181,23 @@ def _services(action: ManifestAction) -> Iterator[tuple[Any, str]]:
                       action.interface.rpartition('/')[2]), action.target
 
 
-class _ActionThread:
+class _ActionThread(native_lifetimes.NativeThread):
     """The thread in C, and what it uses."""
 
     def __init__(self, node: Node, engine: Engine, middleware: Middleware, table: ReportTable,
                  ends: Sequence[_Ends], before: Sequence[ActionCounts]) -> None:
-        self._library = engine.library
-        self._engine = engine
+        super().__init__('actions', engine)
         self._n = len(ends)
-        self._mutex = Mutex()  # guards the pointer in `_place`
-        self._place: Any = ffi.new('struct fm_actions **')
-        self._held = ExitStack()
         self._names: list[Any] = []
-        with ExitStack() as undo:
-            undo.callback(self.close)  # also if a signal interrupts what follows
-            for item in (node, *(part for end in ends for part in (
-                    end if isinstance(end, tuple) else (end,)))):
-                self._held.enter_context(item.handle)
+        with self._starting((node, *(part for end in ends for part in (
+                end if isinstance(end, tuple) else (end,))))):
             counts = action_facts(before)
             self._kept = (middleware, table, ffi.new('struct fm_action_ends[]', [
                 self._end(node, middleware, end) for end in ends]))
-            options = ffi.new('struct fm_actions_options *', {
+            self._start(ffi.new('struct fm_actions_options *', {
                 'engine': engine.pointer, 'table': table.pointer, 'ends': self._kept[-1],
                 'services': middleware.service_functions()[0],
-                'publish': middleware.publish_serialized(), 'before': counts})
-            native_lifetimes.keep(self)
-            if not self._library.fm_actions_start(self._place, options):
-                raise Unavailable('no thread can be started')
-            undo.pop_all()
+                'publish': middleware.publish_serialized(), 'before': counts}))
 
     def _end(self, node: Node, middleware: Middleware, end: _Ends) -> dict[str, Any]:
         if not isinstance(end, tuple):
@@ -221,12 +208,6 @@ class _ActionThread:
              'support': ffi.cast('struct fm_service_support *', item.support), 'name': name}
             for item, name in zip(end, self._names[-len(end):])]}
 
-    @property
-    def turns(self) -> int:
-        with self._mutex:
-            return 0 if self._place[0] == ffi.NULL else int(
-                self._library.fm_actions_turns(self._place[0]))
-
     def look(self) -> tuple[list[ActionCounts], list[LogLine]]:
         """Return the counts, and the lines since the last look; before `close`."""
         counts, lines = ffi.new('struct fm_action_facts[]', self._n), Lines(self._library)
@@ -236,14 +217,5 @@ class _ActionThread:
     def end(self) -> None:
         """Close the engine, and wait for the thread; idempotent."""
         self._engine.close()
-        with self._mutex:
-            if self._place[0] != ffi.NULL:
-                self._library.fm_actions_end(self._place[0])
+        self._call('end')
         native_lifetimes.release(self)
-
-    def close(self) -> None:
-        """Do as `end`, and free the memory; afterwards publishers and clients may be destroyed."""
-        self.end()
-        with self._mutex:
-            self._library.fm_actions_join(self._place)
-        self._held.close()

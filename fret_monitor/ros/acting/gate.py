@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A gate while it runs, on a topic or a service."""
+"""The gate of a bundle, on a topic (`Relay`) or a service (`ServiceGate`)."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -21,15 +21,16 @@ from fret_monitor.model.manifest import Manifest, ManifestGate
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.acting.relay import Relay
 from fret_monitor.ros.acting.service_gate import ServiceGate
-from fret_monitor.ros.intake.feed import Topic
 from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.ros.settings.shared_names import ends_of
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
-from fret_monitor.runtime.reporting import GateFacts, Lines, LogLine, ReportTable
+from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
 
 from rclpy.node import Node
+
+Gate = Relay | ServiceGate
 
 
 def gate_of(evaluator: Evaluator, settings: ManifestGate, table: ReportTable) -> MessageGate:
@@ -53,55 +54,10 @@ def describe_gate(node: Node, manifest: Manifest, table: ReportTable,
     return lines.take()
 
 
-class RunningGate:
-    """A gate between `BundleSession.start` and `stop`."""
-
-    def __init__(self, node: Node, engine: Engine, settings: ManifestGate,
-                 middleware: Middleware, classes: Mapping[str, Any]) -> None:
-        """Advertise the target and start to judge; raises `Unavailable` or `Refusal`."""
-        self._node = node
-        self._engine = engine
-        source = settings.topic  # none: it comes after those of the manifest
-        self._taken = len(engine.monitor.manifest.topics) if source is None else source
-        self._relay: Relay | None = None
-        self._service: ServiceGate | None = None
-        if settings.is_service:
-            self._service = ServiceGate(node, engine, settings)
-        else:
-            with one_type(node, 'publish on', settings.target, settings.interface):
-                self._relay = Relay(
-                    node, engine, settings, middleware, classes[settings.interface])
-
-    @property
-    def topic(self) -> Topic | None:
-        """What the feed does with the messages of the source; None: no topic is read."""
-        return None if self._relay is None else self._relay.topic
-
-    def takes(self, topic: int) -> bool:
-        """Return whether the gate itself takes the messages of a topic of the manifest."""
-        return topic == self._taken
-
-    @property
-    def turns(self) -> int:
-        """How often the relay's thread has looked for work."""
-        return 0 if self._relay is None else self._relay.turns
-
-    def close(self) -> None:
-        """Stop judging, and withdraw the target."""
-        for part in (self._relay, self._service):
-            if part is not None:
-                part.close()
-
-    def review(self) -> None:
-        """Refuse requests that have waited too long; called once a second."""
-        if self._service is not None:
-            self._service.review()
-
-    def facts(self) -> GateFacts:
-        """Return what is around the gate, for the log and diagnostics."""
-        if self._service is not None:
-            return GateFacts(
-                self._service.others, self._service.source, self._service.unanswered)
-        assert self._relay is not None
-        return GateFacts(
-            self._relay.others, self._relay.target, self._relay.unpublished)
+def open_gate(node: Node, engine: Engine, settings: ManifestGate, middleware: Middleware,
+              classes: Mapping[str, Any]) -> Gate:
+    """Advertise the target and start to judge; raises `Unavailable` or `Refusal`."""
+    if settings.is_service:
+        return ServiceGate(node, engine, settings)
+    with one_type(node, 'publish on', settings.target, settings.interface):
+        return Relay(node, engine, settings, middleware, classes[settings.interface])

@@ -21,7 +21,6 @@ publisher follows the publishers of the topic as C decides (`csrc/reporting/gate
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from threading import Lock
 from typing import Any
 
 from fret_monitor.model.manifest import ManifestGate
@@ -34,6 +33,7 @@ from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.gate_target import GateTarget, TargetDecision
+from fret_monitor.runtime.reporting import GateFacts
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -41,7 +41,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
-class Relay:
+class Relay(native_lifetimes.NativeThread):
     """
     Relays the messages of a gate, from its creation until `close`.
 
@@ -53,19 +53,14 @@ class Relay:
         """
         Advertise the target and start the thread; `engine` has the gate.
 
-        Raises
-        ------
-        Unavailable
-            if the middleware cannot publish serialized messages, or no thread can be started.
+        Raises `Unavailable` if the middleware cannot publish serialized messages, or no thread can
+        be started.
         """
+        super().__init__('relay', engine)
         self._node = node
-        self._library = engine.library
-        self._engine = engine
         self._middleware = middleware
         self._gate = gate
         self._message_class = message_class
-        self._lock = Lock()  # guards the pointer in `_place`
-        self._place: Any = ffi.new('struct fm_relay **')
         topics = engine.monitor.manifest.topics
         fixed = {} if gate.topic is None else dict(topics[gate.topic].qos)
         self._target = GateTarget(
@@ -73,19 +68,13 @@ class Relay:
         self._substitute = ffi.from_buffer('uint8_t[]', gate.substitute)
         self._publisher = self._advertise(self._target.first)
         self._next: RclPublisher | None = None  # that replaces it
-        self._held = ExitStack()
-        self.others = ''
-        """The nodes that publish on the gate's target, beside it; written by `look_for_others`."""
-        with ExitStack() as undo:
-            undo.callback(self.close)  # also if a signal interrupts what follows
-            self._held.enter_context(self._publisher.handle)
-            native_lifetimes.keep(self)
-            self._start()
-            undo.pop_all()
+        self._others = ''  # written by `look_for_others`
+        with self._starting([self._publisher]):
+            self._start(self._options())
 
-    def _start(self) -> None:
+    def _options(self) -> Any:
         gate, has_substitute = self._gate, self._gate.otherwise is Otherwise.SUBSTITUTE
-        options = ffi.new('struct fm_relay_options *', {
+        return ffi.new('struct fm_relay_options *', {
             'engine': self._engine.pointer,
             'middleware': self._middleware.functions,
             'publish': self._middleware.publish_serialized(),
@@ -95,8 +84,6 @@ class Relay:
             'holds': gate.otherwise is Otherwise.HOLD,
             'stamp_at': -1 if gate.stamp_at is None else gate.stamp_at,
         })
-        if not self._library.fm_relay_start(self._place, options):
-            raise Unavailable('no thread can be started')
 
     def _advertise(self, wanted: TargetDecision) -> RclPublisher:
         publisher = RclPublisher(self._node, self._message_class, self._gate.target, QoSProfile(
@@ -117,19 +104,9 @@ class Relay:
         """What the feed does with the messages of the gate's source."""
         return RelayedTopic(self, self._engine, self._middleware, self._gate)
 
-    @property
-    def turns(self) -> int:
-        """How often the thread has looked for work: at least twice a second unless it hangs."""
-        with self._lock:
-            return 0 if self._place[0] == ffi.NULL else int(
-                self._library.fm_relay_turns(self._place[0]))
-
-    @property
-    def unpublished(self) -> int:
-        """Messages that were to be sent, and that the middleware did not take."""
-        with self._lock:
-            return 0 if self._place[0] == ffi.NULL else int(
-                self._library.fm_relay_unpublished(self._place[0]))
+    def look(self) -> GateFacts:
+        """Return what is around the gate, for the log and diagnostics."""
+        return GateFacts(self._others, self.target, int(self._call('unpublished') or 0))
 
     def follow(self, *, is_durable: bool) -> None:
         """
@@ -185,42 +162,30 @@ class Relay:
         found = publishers_on(self._node, self._gate.target)
         if found is not None:
             self._target.look([*map(offer_of, found)])
-            self.others = self._target.others
+            self._others = self._target.others
 
     def add(self, subscription: RclSubscription) -> None:
         """Take the messages of a subscription."""
-        with self._lock:
-            if self._place[0] == ffi.NULL or not self._library.fm_relay_add(
-                    self._place[0], self._middleware.subscription(subscription)):
-                raise Unavailable('the middleware has no callback for new messages, or there are '
-                                  'eight subscriptions already')
+        if not self._call('add', self._middleware.subscription(subscription)):
+            raise Unavailable('the middleware has no callback for new messages, or there are '
+                              'eight subscriptions already')
 
     def retire(self, subscription: RclSubscription) -> None:
         """Mark a subscription as one that is being replaced."""
-        with self._lock:
-            if self._place[0] != ffi.NULL:
-                self._library.fm_relay_retire(
-                    self._place[0], self._middleware.subscription(subscription))
+        self._call('retire', self._middleware.subscription(subscription))
 
     def remove(self, subscription: RclSubscription) -> bool:
         """Take what is waiting, then no more; return whether it may be destroyed."""
-        with self._lock:
-            return self._place[0] == ffi.NULL or bool(self._library.fm_relay_remove(
-                self._place[0], self._middleware.subscription(subscription)))
+        return self._call('remove', self._middleware.subscription(subscription)) in (None, True)
 
     def end(self) -> None:
         """End the thread; a second call does nothing."""
-        with self._lock:
-            if self._place[0] != ffi.NULL:
-                self._library.fm_relay_end(self._place[0])
+        self._call('end')
         native_lifetimes.release(self)
 
     def close(self) -> None:
         """End the thread, and withdraw the target; the subscriptions were removed before."""
-        self.end()
-        with self._lock:
-            self._library.fm_relay_stop(self._place)
-        self._held.close()
+        super().close()
         self._drop_next()
         self._publisher.close()
 

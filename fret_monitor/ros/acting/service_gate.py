@@ -27,9 +27,10 @@ from typing import Any
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.native import words
 from fret_monitor.ros.intake.fields import message_class
-from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.ros.settings.endpoint_types import one_type
 from fret_monitor.runtime import Engine, Judgement
+from fret_monitor.runtime.reporting import GateFacts
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -46,6 +47,10 @@ class ServiceGate:
 
     A request that is withheld, or for which there is no server, gets the gate's response.
     """
+
+    topic = None  # the feed reads none
+
+    turns = 0  # it has no thread
 
     def __init__(self, node: Node, engine: Engine, gate: ManifestGate) -> None:
         """Offer the service; `engine` has the gate. Raises `Refusal` as `one_type`."""
@@ -105,20 +110,17 @@ class ServiceGate:
             self._node.get_logger().error(words.UNANSWERED % (self._name, self.target))
         return self._refusal
 
-    @property
-    def others(self) -> str:
-        """Who else offers the source; an empty text: nobody."""
-        count = self._node.count_services(self.source)
-        return 'another server' if count > 1 else ''
-
-    def review(self) -> None:
+    def look(self) -> GateFacts:
         """
-        Refuse the requests that wait for a server that has gone, or too long.
+        Return what is around the gate; to be called once a second.
 
-        A server that was killed and started again is there, and has not the request.
+        It refuses the requests that wait for a server that has gone, or too long: a server that
+        was killed and started again is there, and has not the request.
         """
         if self._pending:
             self._refuse_pending(monotonic() if self._client.service_is_ready() else inf)
+        others = 'another server' if self._node.count_services(self.source) > 1 else ''
+        return GateFacts(others, self.source, self.unanswered)
 
     def _refuse_pending(self, now: float = inf) -> None:
         for future, end in list(self._pending.items()):

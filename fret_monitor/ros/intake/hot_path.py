@@ -147,6 +147,10 @@ class Middleware:
         """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
         return self._handle_of('rcl_publisher_get_rmw_handle', item)
 
+    def publishers(self, items: Sequence[RclPublisher]) -> Any:
+        """Return an array of the rmw handles of publishers, and NULL; as `publisher`."""
+        return ffi.new('void *[]', [*map(self.publisher, items), ffi.NULL])
+
     def gid(self, item: RclPublisher) -> bytes:
         """Return the identity of a publisher; the caller holds its rclpy handle."""
         found: Any = ffi.new('struct fm_gid *')
@@ -298,7 +302,7 @@ class Lock:
     period: int
 
 
-class Announcer:
+class Announcer(native_lifetimes.NativeThread):
     """
     Publishes the violations, the locks and the margins of an engine, in a thread of C.
 
@@ -309,58 +313,19 @@ class Announcer:
                  publishers: Sequence[RclPublisher], locks: Sequence[Lock] = (),
                  margins: Sequence[RclPublisher] = ()) -> None:
         """
-        Start the thread; `publishers` of std_msgs/msg/Empty, one for each requirement.
+        Start the thread, before messages are delivered; raises `Unavailable`.
 
-        `margins` are as many of std_msgs/msg/Float64, or none.
-
-        It is started before messages are delivered.
-
-        Raises
-        ------
-        Unavailable
-            if no thread can be started.
+        There is one of `publishers`, of std_msgs/msg/Empty, for each requirement. `margins` are
+        as many, of std_msgs/msg/Float64, or none.
         """
-        self._library = engine.library
-        self._engine = engine
+        super().__init__('announcer', engine)
         self._middleware = middleware
-        self._place: Any = ffi.new('struct fm_announcer **')
-        self._lock = threading.Lock()  # guards the pointer in `_place`
-        self._held = ExitStack()
-        with ExitStack() as undo:
-            undo.callback(self.join)  # also if a signal interrupts what follows
-            for handle in (*(item.handle for item in publishers),
-                           *(item.handle for item in margins),
-                           *(lock.publisher.handle for lock in locks)):
-                self._held.enter_context(handle)
-            found = [middleware.publisher(item) for item in publishers]
+        with self._starting((*publishers, *margins, *(lock.publisher for lock in locks))):
             self._indices = [ffi.new('uint32_t[]', lock.requirements) for lock in locks]
             settings = ffi.new('struct fm_lock[]', [
                 (middleware.publisher(lock.publisher), indices, len(lock.requirements),
                  lock.period) for lock, indices in zip(locks, self._indices)])
-            native_lifetimes.keep(self)
-            if not self._library.fm_announcer_start(
-                    self._place, engine.pointer, middleware.functions,
-                    ffi.new('void *[]', [*found, ffi.NULL]), len(found), settings, len(locks),
-                    ffi.new('void *[]', [*map(middleware.publisher, margins)])
-                    if margins else ffi.NULL):
-                raise Unavailable('no thread can be started')
-            undo.pop_all()
-
-    def end(self) -> None:
-        """Close the engine, and wait until the thread has emptied its queue; idempotent."""
-        self._engine.close()
-        with self._lock:
-            self._library.fm_announcer_join(self._place)
-        native_lifetimes.release(self)
-
-    @property
-    def turns(self) -> int:
-        """How often the thread has looked for work: at least twice a second unless it hangs."""
-        with self._lock:
-            return 0 if self._place[0] == ffi.NULL else int(
-                self._library.fm_announcer_turns(self._place[0]))
-
-    def join(self) -> None:
-        """Do as `end`; afterwards the publishers may be destroyed."""
-        self.end()
-        self._held.close()
+            self._start(
+                engine.pointer, middleware.functions,
+                middleware.publishers(publishers), len(publishers), settings, len(locks),
+                middleware.publishers(margins) if margins else ffi.NULL)

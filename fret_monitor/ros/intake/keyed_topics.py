@@ -21,10 +21,11 @@ key bound.
 
 from collections.abc import Callable, Mapping
 from time import monotonic_ns
-from typing import Any, Protocol
+from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestTopic
 from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
@@ -36,19 +37,6 @@ from fret_monitor.runtime.reporting import Lines
 from rclpy.node import Node
 
 
-class Subscriber(Protocol):
-    """Subscribes to topics that were found, and ends subscriptions."""
-
-    def subscribe_found(self, mapped: ManifestTopic, name: str, topic: EngineTopic) -> None:
-        """Subscribe to a topic that was found, by its full name."""
-
-    def abandoned(self) -> list[EngineTopic]:
-        """Return the topics that have had no publisher for long."""
-
-    def unsubscribe_found(self, topic: EngineTopic) -> None:
-        """End a subscription."""
-
-
 class KeyedTopics:
     """
     Watches the graph for the topics of an engine; for the thread of the feed, which keeps it.
@@ -56,20 +44,19 @@ class KeyedTopics:
     Memory of C is freed with this object.
     """
 
-    def __init__(self, node: Node, engine: Engine, middleware: Middleware,
-                 subscriber: Subscriber) -> None:
+    def __init__(self, node: Node, engine: Engine, middleware: Middleware, feed: Feed,
+                 subscribe: Callable[[ManifestTopic, EngineTopic, str], None]) -> None:
         """
         Prepare to look for the topics of the engine's manifest whose keys are found.
 
-        Raises
-        ------
-        Unavailable
-            if the middleware lacks a function, or memory is short.
+        `subscribe` subscribes to one in `feed`, by its full name. Raises `Unavailable` if the
+        middleware lacks a function, or memory is short.
         """
         self._node = node
         self._engine = engine
         self._middleware = middleware
-        self._subscriber = subscriber
+        self._feed = feed
+        self._subscribe = subscribe
         self._library = engine.library
         self._topics: Mapping[int, ManifestTopic] = found_topics(engine.monitor.manifest)
         self._bound: dict[EngineTopic, str] = {}
@@ -109,7 +96,7 @@ class KeyedTopics:
             self._engine, self._middleware, found.topic,
             bytes(ffi.buffer(found.key.bytes, found.key.size)), self._handovers[found.topic])
         try:
-            self._subscriber.subscribe_found(self._topics[found.topic], name.decode(), topic)
+            self._subscribe(self._topics[found.topic], topic, name.decode())
         except Refusal as error:  # another attempt follows
             self._node.get_logger().error(str(error).removeprefix('error: '))
             self._library.fm_keyed_topics_fail(self._pointer, found, now)
@@ -117,9 +104,10 @@ class KeyedTopics:
             self._bound[topic] = name.decode()
 
     def _give_up(self) -> None:
-        for topic in self._subscriber.abandoned() if self._bound else ():
-            if (name := self._bound.pop(topic, None)) is not None:
-                self._subscriber.unsubscribe_found(topic)
+        for topic in self._feed.abandoned() if self._bound else ():
+            if isinstance(topic, EngineTopic) and topic in self._bound:
+                name = self._bound.pop(topic)
+                self._feed.unsubscribe(topic)
                 self._library.fm_keyed_topics_give_up(self._pointer, topic.index, name.encode())
 
 

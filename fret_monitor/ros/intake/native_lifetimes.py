@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Keeps native objects alive until the threads that use them have stopped.
+Threads of C, and what keeps native objects alive until the threads that use them have stopped.
 
 After an interrupt the garbage collector may get an object that is half created or half closed.
 Memory that a thread of C or of the middleware still uses must not be freed then, so this module
@@ -21,9 +21,15 @@ refers to it. At exit it stops the remaining threads and callbacks, but destroys
 """
 
 import atexit
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, ExitStack, suppress
 import ctypes
-from typing import Protocol
+from threading import Lock
+from typing import Any, Protocol
+
+from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.symbols import Unavailable
+from fret_monitor.runtime import Engine
 
 
 class NativeUser(Protocol):
@@ -56,3 +62,62 @@ def _end_all() -> None:
     for user in reversed(list(_KEPT.values())):
         with suppress(Exception):
             user.end()
+
+
+class NativeThread:
+    """A thread of C that works for an engine: the functions `fm_KIND_...` of csrc."""
+
+    def __init__(self, kind: str, engine: Engine) -> None:
+        """Prepare; `_starting` and `_start` start the thread."""
+        self._library = engine.library
+        self._engine = engine
+        self._kind = kind
+        self._place: Any = ffi.new(f'struct fm_{kind} **')
+        self._lock = Lock()  # guards the pointer in `_place`
+        self._held = ExitStack()
+
+    def _function(self, name: str) -> Any:
+        return getattr(self._library, f'fm_{self._kind}_{name}')
+
+    @contextmanager
+    def _starting(self, endpoints: Iterable[Any]) -> Iterator[None]:
+        """Hold the handles of endpoints of rclpy; `close` is called if the block fails."""
+        with ExitStack() as undo:
+            undo.callback(self.close)  # also if a signal interrupts the block
+            for item in endpoints:
+                self._held.enter_context(item.handle)
+            keep(self)
+            yield
+            undo.pop_all()
+
+    def _start(self, *arguments: Any) -> None:
+        """Start the thread, inside `_starting`; raises `Unavailable`."""
+        if not self._function('start')(self._place, *arguments):
+            raise Unavailable('no thread can be started')
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        """Call a function of the thread; return None if there is no thread any more."""
+        with self._lock:
+            return None if self._place[0] == ffi.NULL else self._function(name)(
+                self._place[0], *arguments)
+
+    @property
+    def turns(self) -> int:
+        """How often the thread has looked for work: at least twice a second unless it hangs."""
+        return int(self._call('turns') or 0)
+
+    def end(self) -> None:
+        """Close the engine, and wait until the thread has emptied its queue; idempotent."""
+        self._engine.close()
+        self._join()
+        release(self)
+
+    def close(self) -> None:
+        """Do as `end`, and free the memory; afterwards the endpoints may be destroyed."""
+        self.end()
+        self._join()
+        self._held.close()
+
+    def _join(self) -> None:
+        with self._lock:
+            self._function('join')(self._place)

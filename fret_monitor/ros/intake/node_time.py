@@ -29,7 +29,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
-from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.runtime import Engine
 
 import rclpy.clock

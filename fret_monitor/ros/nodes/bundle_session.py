@@ -20,9 +20,8 @@ publishes the violations. C also takes the messages, inside the middleware's cal
 allows that (`hot_path`). Closing a session removes from the node all that it created.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
@@ -38,15 +37,12 @@ from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
-from fret_monitor.ros.reports.detail_publisher import DetailPublisher
-from fret_monitor.ros.reports.details import Details
+from fret_monitor.ros.reports.details import DetailPublisher, Details
 from fret_monitor.ros.reports.health import CountsBefore, Health
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
-from fret_monitor.ros.settings.parameters import (
-    BlackBoxSettings, DEFAULT_HANDLER_DEPTH, Refusal,
-)
-from fret_monitor.ros.settings.qos import MARGINS, violation_profile
+from fret_monitor.ros.settings.parameters import Refusal, Settings
+from fret_monitor.ros.settings.qos import LAST, violation_profile
 from fret_monitor.ros.settings.shared_names import refuse_merged_topics
 from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.watch import Watch
@@ -63,8 +59,7 @@ from std_msgs.msg import Empty, Float64
 
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
-    from fret_monitor.ros.acting.gate import RunningGate
-    from fret_monitor.ros.reports.verdicts import Verdicts
+    from fret_monitor.ros.acting.gate import Gate
 
 
 class BundleSession:
@@ -75,38 +70,26 @@ class BundleSession:
     `close` releases everything. The node calls `report`; messages need no executor.
     """
 
-    def __init__(self, node: Node, opened: Opened, watch: Watch, *, hot_path: str = 'auto',
-                 log_violations: bool = True, name: str = '', reports_failures: bool = True,
-                 handler_depth: int = DEFAULT_HANDLER_DEPTH, publishes_verdicts: bool = False,
-                 blackbox: BlackBoxSettings | None = None,
-                 publishes_margins: bool = False) -> None:
+    def __init__(self, node: Node, opened: Opened, watch: Watch, settings: Settings,
+                 name: str = '', *, reports_failures: bool = True) -> None:
         """
         Prepare to monitor; `watch` is told of threads and timers that fail.
 
-        `hot_path` decides whether the middleware's callbacks take the messages (auto, on, off);
-        `log_violations` whether the node logs the violations; `publishes_verdicts` whether it
-        publishes each verdict; `name` is the bundle's name in
-        diagnostics, empty if the node has only one bundle; `reports_failures`: its diagnostics
-        have what `watch` knows; `blackbox` is where the last messages are written, if anywhere;
-        `publishes_margins`: of a bundle that is compiled with them.
-
-        Raises
-        ------
-        Refusal
-            if the bundle cannot be monitored on this node. Nothing is left on the node.
+        `name` is the bundle's name in diagnostics, empty if the node has only one bundle;
+        `reports_failures`: its diagnostics have what `watch` knows. Raises `Refusal` if the bundle
+        cannot be monitored on this node. Nothing is left on the node.
         """
         self.opened = opened
         self._node = node
         self._watch = watch
-        self._hot_path = hot_path
-        self._logs_violations = log_violations
+        self._settings = settings
         self._name = name
         self._reports_failures = reports_failures
         self._advertised = ExitStack()
         self._running = ExitStack()
         self._feed: Feed | None = None
         self._announcer: Announcer | None = None
-        self._gate: RunningGate | None = None
+        self._gate: Gate | None = None
         self._detail_publisher: DetailPublisher | None = None
         self._health: Health | None = None
         refuse_inputs_off_ros(self.manifest)
@@ -114,14 +97,13 @@ class BundleSession:
         self._table = ReportTable(
             self.manifest, name, policy=opened.policy, period=opened.period)
         self._engine = self._new_engine()
-        self._blackbox = None if blackbox is None else self._new_blackbox(blackbox)
+        self._blackbox = self._new_blackbox()
         with ExitStack() as undo:
             undo.callback(self.close)
             try:
                 refuse_merged_topics(self._node, self.manifest, self._table, self.library)
                 self._read_overrides()
-                self._advertise(handler_depth, publishes_margins=publishes_margins)
-                self._verdicts = self._advertise_verdicts() if publishes_verdicts else None
+                self._advertise()
             except InvalidTopicNameException as error:  # from the namespace or a remapping
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
             undo.pop_all()
@@ -141,11 +123,21 @@ class BundleSession:
         gate = self.manifest.gate
         return gate is not None and not gate.is_service
 
+    @property
+    def _judged_index(self) -> int | None:
+        """The topic that the gate takes: one of the manifest, or the one after them."""
+        gate = self.manifest.gate
+        if gate is None:
+            return None
+        return len(self.manifest.topics) if gate.topic is None else gate.topic
+
     # What few bundles have is imported only then: each start is shorter without it.
 
-    def _new_blackbox(self, settings: BlackBoxSettings) -> 'BlackBox':
+    def _new_blackbox(self) -> 'BlackBox | None':
+        if self._settings.blackbox is None:
+            return None
         from fret_monitor.ros.acting.blackbox import BlackBox
-        return BlackBox(self._node, self.manifest, settings, self.library)
+        return BlackBox(self._node, self.manifest, self._settings.blackbox, self.library)
 
     def _new_engine(self) -> Engine:
         scopes, evaluator = self._new_scopes()
@@ -169,27 +161,31 @@ class BundleSession:
             raise Refusal(str(error)) from None
         return scopes, scopes.evaluator()
 
-    def _advertise(self, depth: int, *, publishes_margins: bool) -> None:
-        self._handlers = handlers_of(self._node, self.manifest, depth)
-        self._margins = [RclPublisher(self._node, Float64, topic, MARGINS)
-                         for topic in (self.manifest.margin_topics
-                                       if publishes_margins else ())]
-        for publisher in (*self._handlers, *self._margins):
-            self._advertised.callback(publisher.close)
+    def _advertise(self) -> None:
+        settings, manifest, depth = self._settings, self.manifest, self._settings.handler_depth
+        self._handlers = self._owned(handlers_of(self._node, manifest, depth))
+        self._margins = self._owned(
+            RclPublisher(self._node, Float64, topic, LAST)
+            for topic in (manifest.margin_topics if settings.margins else ()))
         self._details = Details(self._node, depth)
         self._advertised.callback(self._details.close)
         try:
-            self._actions = Actions(
-                self._node, self.manifest, self._table, self._engine.library)
+            self._actions = Actions(self._node, manifest, self._table, self.library)
         except MessageTypeError as error:
             raise Refusal(str(error)) from None
         self._advertised.callback(self._actions.close)
+        self._verdicts: list[RclPublisher] = []
+        if settings.publishes_verdicts:
+            from fret_monitor.ros.reports.verdicts import verdict_publishers
+            self._verdicts = self._owned(verdict_publishers(self._node, manifest))
 
-    def _advertise_verdicts(self) -> 'Verdicts':
-        from fret_monitor.ros.reports.verdicts import Verdicts
-        verdicts = Verdicts(self._node, self.manifest)
-        self._advertised.callback(verdicts.close)
-        return verdicts
+    def _owned(self, publishers: Iterable[RclPublisher]) -> list[RclPublisher]:
+        """Return publishers that are closed with this session, also if another cannot be made."""
+        found = []
+        for publisher in publishers:
+            self._advertised.callback(publisher.close)
+            found.append(publisher)
+        return found
 
     def start(self) -> None:
         """
@@ -270,7 +266,7 @@ class BundleSession:
 
     def _middleware(self) -> Middleware:
         """Return the middleware; on the hot path it reads in place if possible."""
-        reason = why_callbacks_wake(self._hot_path, self._engine.library)
+        reason = why_callbacks_wake(self._settings.hot_path, self._engine.library)
         if reason is not None:
             self._way = words.WAKES + reason
             return Middleware(may_take=False)
@@ -292,14 +288,17 @@ class BundleSession:
         self._actions.prepare(engine)
         announcer = Announcer(
             engine, middleware, self._handlers, self._actions.locks, self._margins)
-        self._running.callback(announcer.join)
-        if self._verdicts is not None:
-            self._running.callback(self._verdicts.start(engine, middleware).join)
+        self._running.callback(announcer.close)
+        if self._verdicts:
+            from fret_monitor.ros.reports.verdicts import VerdictThread
+            verdicts = VerdictThread(engine, middleware, self._verdicts)
+            self._running.callback(verdicts.close)
         self._running.callback(self._stop_actions)
         self._actions.start(engine, middleware)
         self.reporter = self._new_reporter(engine)
-        details = DetailPublisher(self.reporter, self._details,
-                                  self._node.get_logger() if self._logs_violations else None)
+        details = DetailPublisher(
+            self.reporter, self._details,
+            self._node.get_logger() if self._settings.log_violations else None)
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
         graph = self._graph_sources(engine, middleware)
@@ -309,8 +308,9 @@ class BundleSession:
         for index, topic in enumerate((*self.manifest.topics, *self.manifest.judged)):
             if topic.made or self.manifest.key_of(topic) is not None:
                 continue
-            if gate is None or not gate.takes(index):
-                self._subscribe(feed, topic, EngineTopic(engine, middleware, index), middleware)
+            if index != self._judged_index:
+                self._subscribe(feed, topic, EngineTopic(engine, middleware, index),
+                                in_place=middleware)
             elif judged is not None:
                 self._subscribe(feed, topic, judged)
         if graph is not None:
@@ -331,11 +331,10 @@ class BundleSession:
             handovers: set[EngineTopic] = set()
             for key, name in names.items():
                 self._subscribe(feed, self.manifest.topics[index], EngineTopic(
-                    engine, middleware, index, key.encode(), handovers), middleware, name)
+                    engine, middleware, index, key.encode(), handovers), name, middleware)
         if found_topics(self.manifest):
-            watch = KeyedTopics(self._node, engine, middleware, FoundTopics(
-                partial(self._subscribe, feed, in_place=middleware, is_found=True), feed))
-            feed.watch(watch)
+            feed.watch(KeyedTopics(self._node, engine, middleware, feed, partial(
+                self._subscribe, feed, in_place=middleware, is_found=True)))
 
     def _graph_sources(self, engine: Engine, middleware: Middleware) -> GraphSources | None:
         if not self.manifest.watched:
@@ -351,18 +350,16 @@ class BundleSession:
         blackbox.end()
         log_lines(self._node.get_logger(), blackbox.lines())
 
-    def _open_gate(self, engine: Engine, middleware: Middleware) -> 'RunningGate | None':
-        settings = self.manifest.gate
-        if settings is None:
+    def _open_gate(self, engine: Engine, middleware: Middleware) -> 'Gate | None':
+        if self.manifest.gate is None:
             return None
-        from fret_monitor.ros.acting.gate import RunningGate
-        gate = RunningGate(self._node, engine, settings, middleware, self._classes)
+        from fret_monitor.ros.acting.gate import open_gate
+        gate = open_gate(self._node, engine, self.manifest.gate, middleware, self._classes)
         self._running.callback(gate.close)
         return gate
 
-    def _subscribe(self, feed: Feed, mapped: ManifestTopic, topic: Topic,
-                   in_place: Middleware | None = None, name: str | None = None, *,
-                   is_found: bool = False) -> None:
+    def _subscribe(self, feed: Feed, mapped: ManifestTopic, topic: Topic, name: str | None = None,
+                   in_place: Middleware | None = None, *, is_found: bool = False) -> None:
         """
         Subscribe to a topic; read it in place if the middleware is given and does so.
 
@@ -400,9 +397,8 @@ class BundleSession:
         count, gate = len(self.manifest.topics), self.manifest.gate
         found: list[list[TopicFacts]] = [[] for _ in range(count + 1)]
         for topic, facts in self._feed.publishers():
-            index = topic.index if isinstance(topic, EngineTopic) else \
-                gate.topic if gate is not None else None
-            found[count if index is None else index].append(facts)
+            assert isinstance(topic, EngineTopic)
+            found[topic.index].append(facts)
         if gate is not None and gate.is_service and gate.topic is not None:
             found[gate.topic].append(TopicFacts(1))  # requests come from this node
         return [together(facts) for facts in found[:count]]
@@ -435,30 +431,10 @@ class BundleSession:
                 *(item.topic for item in self.manifest.numbered))])
 
 
-@dataclass(frozen=True)
-class FoundTopics:
-    """Subscribes to the topics that `KeyedTopics` has found, with `subscribe`."""
-
-    subscribe: Callable[..., None]
-    feed: Feed
-
-    def subscribe_found(self, mapped: ManifestTopic, name: str, topic: EngineTopic) -> None:
-        """Subscribe to a topic, by its full name."""
-        self.subscribe(mapped, topic, name=name)
-
-    def abandoned(self) -> list[EngineTopic]:
-        """Return the topics that have had no publisher for long."""
-        return [item for item in self.feed.abandoned() if isinstance(item, EngineTopic)]
-
-    def unsubscribe_found(self, topic: EngineTopic) -> None:
-        """End a subscription."""
-        self.feed.unsubscribe(topic)
-
-
-def handlers_of(node: Node, manifest: Manifest, depth: int) -> list[RclPublisher]:
-    """Advertise the topics that announce violations; return a publisher for each requirement."""
-    return [RclPublisher(node, Empty, item.topic, violation_profile(depth))
-            for item in manifest.numbered]
+def handlers_of(node: Node, manifest: Manifest, depth: int) -> Iterator[RclPublisher]:
+    """Advertise the topics that announce violations: yield a publisher for each requirement."""
+    for item in manifest.numbered:
+        yield RclPublisher(node, Empty, item.topic, violation_profile(depth))
 
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:

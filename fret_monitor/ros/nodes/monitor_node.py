@@ -171,12 +171,7 @@ class MonitorNode(ClockNode, LifecycleNode):
                 self._metrics = self._serve_metrics(settings.metrics)
             for item, name in zip(opened, self._names(opened)):
                 self._sessions.append(BundleSession(
-                    self, item, self._watch, hot_path=settings.hot_path, name=name,
-                    reports_failures=not self._sessions,
-                    handler_depth=settings.handler_depth,
-                    log_violations=settings.log_violations,
-                    publishes_verdicts=settings.publishes_verdicts, blackbox=settings.blackbox,
-                    publishes_margins=settings.margins))
+                    self, item, self._watch, settings, name, reports_failures=not self._sessions))
             undo.pop_all()
         self._warn(ask_system(settings.scheduling, self._sessions[0].library))
         self._warn([warning for item in opened for warning in item.warnings])

@@ -25,7 +25,7 @@ from collections.abc import Callable, Sequence
 from time import monotonic
 
 from fret_monitor.native import words
-from fret_monitor.ros.intake.throttle import Throttle
+from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
 

@@ -37,7 +37,7 @@ from rclpy.node import Node
 
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
-    from fret_monitor.ros.acting.gate import RunningGate
+    from fret_monitor.ros.acting.gate import Gate
 
 PERIOD = 1.0  # s between two reports
 
@@ -54,7 +54,7 @@ class Health:
     """Logs what is new, and publishes diagnostics while `/diagnostics` has a subscriber."""
 
     def __init__(self, node: Node, reporter: Reporter, *, blackbox: 'BlackBox | None' = None,
-                 gate: 'RunningGate | None' = None, actions: Actions | None = None,
+                 gate: 'Gate | None' = None, actions: Actions | None = None,
                  watch: Watch | None = None, before: CountsBefore = CountsBefore()) -> None:
         """
         Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`.
@@ -73,8 +73,6 @@ class Health:
 
     def review(self, topics: Sequence[TopicFacts]) -> None:
         """Log what is new; `topics` are the publishers of each topic, in order."""
-        if self._gate is not None:
-            self._gate.review()
         lines = [*([] if self._actions is None else self._actions.lines()),
                  *([] if self._blackbox is None else self._blackbox.lines())]
         self._review.look(
@@ -82,7 +80,7 @@ class Health:
             waits_for_clock=self._clock.ros_time_is_active
             and self._clock.now().nanoseconds <= 0,
             actions=None if self._actions is None else self._actions.counts(),
-            gate=None if self._gate is None else self._gate.facts(),
+            gate=None if self._gate is None else self._gate.look(),
             blackbox=None if self._blackbox is None else self._blackbox.counts(),
             failures=None if self._watch is None else self._watch.failures)
         log_lines(self._node.get_logger(), [*lines, *self._review.lines()])

@@ -19,8 +19,6 @@ from fret_monitor.runtime.subscription import Request
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-"""Violations that a slow listener of one handler may be behind before it loses some."""
-
 NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """Of a publisher: rclpy's executor visits each event handler whenever it wakes."""
 
@@ -31,9 +29,9 @@ def violation_profile(depth: int) -> QoSProfile:
                       durability=DurabilityPolicy.VOLATILE)
 
 
-MARGINS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""What publishers of margins offer: a late listener receives the last one."""
+LAST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                  durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""What publishers of margins and verdicts offer: a late listener receives the last one."""
 
 
 def violation_request(depth: int) -> dict[str, str | int]:
