@@ -187,7 +187,9 @@ def test_a_gate_of_commands(partner: Partner, stranger: Partner, tmp_path: Path)
         assert set(speeds(arrived)) == {0.0}
         first = arrived.messages[0].header
         assert first.frame_id == 'base' and abs(first.stamp.sec - time()) < 10.0
-        gaps = [later - earlier for (earlier, _), (later, _) in pairwise(arrived.found)]
+        stamps = [item.header.stamp for item in arrived.messages]
+        gaps = [later.sec - earlier.sec + (later.nanosec - earlier.nanosec) / 1e9
+                for earlier, later in pairwise(stamps)]
         assert 0.02 < median(gaps) < 0.2
         found = status()
         assert found.level == DiagnosticStatus.WARN
