@@ -458,7 +458,7 @@ def test_another_publisher_of_a_node_of_the_same_name_is_reported(
         gates = [session._gate for session in node._sessions]
 
         def others() -> list[str]:
-            return [gate._relay.others for gate in gates if gate is not None and gate._relay]
+            return [gate.look().others for gate in gates if gate is not None]
 
         sleep(1.5)
         assert others() == ['', '']
