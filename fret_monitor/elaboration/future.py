@@ -54,6 +54,11 @@ FUTURE = frozenset({*UNBOUNDED, 'X'})
 _POINTWISE = frozenset({'!', '&', '|', 'xor', '->', '<->', '=', '!='})
 _FOUND = frozenset({'O', 'Y', 'S', 'SI'})  # true if their last operand holds at some step
 _NOT_FOUND = frozenset({'H', 'Z', 'T'})
+_DECIDING = {  # a value of the left or of the right operand, and what the operator then is
+    BinaryOperator.AND: (False, False, False),
+    BinaryOperator.OR: (True, True, True),
+    BinaryOperator.IMPLIES: (False, True, True),
+}
 
 
 def aligned(node: Expression, operands: list[TypedTerm]) -> tuple[list[TypedTerm], int]:
@@ -115,10 +120,32 @@ def from_horizon(formula: Formula, horizon: int) -> Formula:
     Return the formula of a requirement: true before there is a step that it is about.
 
     `H p` is so already, and stays what it is: each time that p becomes false is an occurrence.
+    So is what looks so far back that it is true before; it needs no count of steps.
     """
-    if not horizon or (isinstance(formula, Historically) and formula.window.is_unbounded):
+    if not horizon or _before(formula, horizon) or (
+            isinstance(formula, Historically) and formula.window.is_unbounded):
         return formula
     return Binary(BinaryOperator.IMPLIES, from_step(horizon), formula)
+
+
+def _before(formula: Formula, steps: int) -> bool | None:
+    """Return the value of a formula at each of the first steps; None if it is not known."""
+    match formula:
+        case Once(Window(low)) if low >= steps:
+            return False
+        case Historically(Window(low)) if low >= steps:
+            return True
+        case Unary(UnaryOperator.NOT, argument):
+            found = _before(argument, steps)
+            return None if found is None else not found
+        case Binary(operator, left, right) if operator in _DECIDING:
+            is_left, is_right = _before(left, steps), _before(right, steps)
+            on_left, on_right, value = _DECIDING[operator]
+            if is_left is on_left or is_right is on_right:
+                return value
+            return None if is_left is None or is_right is None else not value
+        case _:
+            return None
 
 
 def bounded(operator: str, window: Window, place: Span) -> int:
