@@ -223,10 +223,9 @@ void fm_add_others(
 static void describe(
   struct fm_text * text, const struct fm_review * review, uint32_t k, const uint8_t * conditions)
 {
-  const struct fm_report_table * table = review->reporter->table;
   fm_text_clear(text);
-  if (k < table->n_locks) {
-    fm_add_lock_state(text, review->reporter, &table->locks[k], conditions);
+  if (k < review->table->n_locks) {
+    fm_add_lock_state(text, review->reporter, &review->table->locks[k], conditions);
   } else {
     fm_add_gate_state(text, review->reporter, conditions);
   }
@@ -244,7 +243,7 @@ FM_PRINTF(4, 5)
 static void log_of(
   const struct fm_review * review, uint32_t k, struct fm_lines * lines, const char * format, ...)
 {
-  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_report_table * table = review->table;
   struct fm_text text = {NULL, 0, 0};
   va_list arguments;
   va_start(arguments, format);
@@ -294,7 +293,7 @@ static void review_present(
 void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
 {
   const size_t bytes = fm_condition_bytes(
-    review->reporter->table->n_requirements, review->reporter->monitor->n_inputs);
+    review->table->n_requirements, review->reporter->monitor->n_inputs);
   const uint32_t n = review->n_conditions;
   struct fm_text state = {NULL, 0, 0};
   memset(review->changes, 0, n * sizeof(*review->changes));
@@ -321,7 +320,7 @@ void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
 void fm_review_gate(struct fm_review * review, struct fm_lines * lines)
 {
   const struct fm_gate_facts * facts = review->facts.gate;
-  const struct fm_report_gate * gate = review->reporter->table->gate;
+  const struct fm_report_gate * gate = review->table->gate;
   const int64_t now = review->facts.now;
   struct fm_gate_log * log = &review->gate;
   if (gate == NULL || facts == NULL) {

@@ -256,9 +256,8 @@ static void add_about(struct fm_status * status, const struct described * item)
     return;
   }
   add_place(&text, item->reporter, item->detail->violation.step - horizon);
-  fm_status_value(
-    status, item->reporter->table->policy == FM_TIMED ? ABOUT_TIME : ABOUT_STEP, "%s",
-    fm_text_get(&text));
+  fm_status_text(
+    status, item->reporter->table->policy == FM_TIMED ? ABOUT_TIME : ABOUT_STEP, &text);
   fm_text_free(&text);
 }
 
@@ -266,16 +265,13 @@ static void add_of_all(struct fm_status * status, const struct described * item)
 {
   struct fm_text text = {NULL, 0, 0};
   add_place(&text, item->reporter, item->detail->violation.step);
-  fm_status_value(
-    status, item->reporter->table->policy == FM_TIMED ? OF_TIMES : OF_ALL[PLACE], "%s",
-    fm_text_get(&text));
-  fm_text_clear(&text);
+  fm_status_text(
+    status, item->reporter->table->policy == FM_TIMED ? OF_TIMES : OF_ALL[PLACE], &text);
   fm_text_add_seconds(&text, item->detail->violation.stamp);
-  fm_status_value(status, OF_ALL[STAMP], "%s", fm_text_get(&text));
+  fm_status_text(status, OF_ALL[STAMP], &text);
   fm_status_value(status, OF_ALL[SUPPRESSED], "%" PRIu64, item->detail->suppressed);
-  fm_text_clear(&text);
   add_silent(&text, item);
-  fm_status_value(status, OF_ALL[SILENT], "%s", fm_text_get(&text));
+  fm_status_text(status, OF_ALL[SILENT], &text);
   fm_text_free(&text);
 }
 
@@ -296,13 +292,6 @@ static void add_values(struct fm_status * status, const struct described * item)
   fm_text_free(&text);
 }
 
-static const char * comparison_of(const struct described * item, int64_t number)
-{
-  const struct fm_report_table * table = item->reporter->table;
-  return (item->scope.kind == FM_BUNDLE ? table->comparisons :
-         table->kinds[item->scope.kind].comparisons)[number].text;
-}
-
 static void add_margin(struct fm_status * status, const struct described * item)
 {
   const struct fm_margin * margin = &item->detail->beyond.margin;
@@ -311,15 +300,13 @@ static void add_margin(struct fm_status * status, const struct described * item)
     return;
   }
   fm_text_add_float64(&text, margin->value);
-  fm_status_value(status, OF_MARGIN[MARGIN], "%s", fm_text_get(&text));
-  fm_text_clear(&text);
+  fm_status_text(status, OF_MARGIN[MARGIN], &text);
   fm_text_add_float64(&text, margin->distance);
-  fm_status_value(status, OF_MARGIN[DISTANCE], "%s", fm_text_get(&text));
-  fm_text_clear(&text);
-  fm_status_value(
-    status, OF_MARGIN[COMPARISON], "%s", comparison_of(item, margin->comparison));
+  fm_status_text(status, OF_MARGIN[DISTANCE], &text);
+  fm_status_value(status, OF_MARGIN[COMPARISON], "%s", fm_comparison_of(
+      item->reporter->table, item->scope.kind, margin->comparison));
   fm_text_add_seconds(&text, margin->instant);
-  fm_status_value(status, OF_MARGIN[DECIDED_AT], "%s", fm_text_get(&text));
+  fm_status_text(status, OF_MARGIN[DECIDED_AT], &text);
   fm_text_free(&text);
 }
 
@@ -410,10 +397,11 @@ bool fm_read_detail(const struct fm_status * status, struct fm_received_detail *
   return true;
 }
 
-// One of the keys behind the inputs and constants with its value; NULL: there is none.
-static const struct fm_key_value * find(const struct fm_status * detail, const char * key)
+// The first of `n` values with a key behind those that all details begin with; NULL: none.
+static const struct fm_key_value * find(
+  const struct fm_status * detail, const char * key, uint32_t n)
 {
-  for (uint32_t k = FM_OF_ALL_DETAILS; k < detail->n_values; ++k) {
+  for (uint32_t k = FM_OF_ALL_DETAILS; k + n <= detail->n_values; ++k) {
     if (strcmp(detail->values[k].key, key) == 0) {
       return &detail->values[k];
     }
@@ -421,45 +409,15 @@ static const struct fm_key_value * find(const struct fm_status * detail, const c
   return NULL;
 }
 
-static const char * find_value(const struct fm_status * detail, const char * key)
-{
-  const struct fm_key_value * found = find(detail, key);
-  return found == NULL ? NULL : found->value;
-}
-
-// The values of the trials, all of which are there; NULL: there are none.
-static const struct fm_key_value * find_trials(const struct fm_status * detail)
-{
-  const struct fm_key_value * found = find(detail, fm_trials_key);
-  return found != NULL && found - detail->values + FM_TRIAL_VALUES <= detail->n_values ?
-         found : NULL;
-}
-
-// The values of the margin, all of which are there; NULL: there are none.
-static const struct fm_key_value * find_margin(const struct fm_status * detail)
-{
-  const struct fm_key_value * found = find(detail, OF_MARGIN[MARGIN]);
-  return found != NULL && found - detail->values + N_OF_MARGIN <= detail->n_values ?
-         found : NULL;
-}
-
-// Add the values that fm_add_trials has added.
-static void show_trials(struct fm_text * text, const struct fm_key_value * values)
-{
-  fm_text_add(
-    text, ", %s of %s trials failed, probability %s (%s)", values[1].value, values[0].value,
-    values[2].value, values[3].value);
-}
-
 void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
 {
   const struct fm_key_value * values = detail->values;
-  const char * gate = find_value(detail, WITHHELD_BY);
-  const char * step = find_value(detail, ABOUT_STEP);
-  const char * time = find_value(detail, ABOUT_TIME);
-  const char * end = find_value(detail, INSTANCE);
-  const struct fm_key_value * trials = find_trials(detail);
-  const struct fm_key_value * margin = find_margin(detail);
+  const struct fm_key_value * gate = find(detail, WITHHELD_BY, 1);
+  const struct fm_key_value * step = find(detail, ABOUT_STEP, 1);
+  const struct fm_key_value * time = find(detail, ABOUT_TIME, 1);
+  const struct fm_key_value * end = find(detail, INSTANCE, 1);
+  const struct fm_key_value * trials = find(detail, fm_trials_key, FM_TRIAL_VALUES);
+  const struct fm_key_value * margin = find(detail, OF_MARGIN[MARGIN], N_OF_MARGIN);
   uint32_t n = detail->n_values;
   if (n < FM_OF_ALL_DETAILS) {
     return;
@@ -470,15 +428,16 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   fm_text_add(text, " [%s%s%s", is_of_times(detail) ? "" : "step ", values[PLACE].value,
     is_of_times(detail) ? " s after its start" : "");
   if (step != NULL) {
-    fm_text_add(text, ", about step %s", step);
+    fm_text_add(text, ", about step %s", step->value);
   } else if (time != NULL) {
-    fm_text_add(text, ", about %s s after its start", time);
+    fm_text_add(text, ", about %s s after its start", time->value);
   }
   if (end != NULL) {
-    fm_text_add(text, ", %s %s", INSTANCE, end);
+    fm_text_add(text, ", %s %s", INSTANCE, end->value);
   }
   if (trials != NULL) {
-    show_trials(text, trials);
+    fm_text_add(text, ", %s of %s trials failed, probability %s (%s)", trials[1].value,
+      trials[0].value, trials[2].value, trials[3].value);
   }
   if (margin != NULL) {
     fm_text_add(text, ", margin %s by %s (%s)", margin[MARGIN].value, margin[COMPARISON].value,
@@ -495,6 +454,6 @@ void fm_show_detail(struct fm_text * text, const struct fm_status * detail)
   }
   fm_text_add(text, "]");
   if (gate != NULL) {
-    fm_text_add(text, ", withheld by gate '%s'", gate);
+    fm_text_add(text, ", withheld by gate '%s'", gate->value);
   }
 }

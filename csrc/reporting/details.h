@@ -34,6 +34,13 @@ FM_INTERNAL void fm_add_key(
 FM_INTERNAL void fm_add_named_key(
   struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size);
 
+/// A comparison of margins, as written, of the bundle's scope (FM_BUNDLE) or of a kind.
+static inline const char * fm_comparison_of(
+  const struct fm_report_table * table, uint32_t kind, int64_t number)
+{
+  return (kind == FM_BUNDLE ? table->comparisons : table->kinds[kind].comparisons)[number].text;
+}
+
 // ---- details -----------------------------------------------------------------------------------
 
 /// Values that all details begin with; the last of them names the silent inputs.

@@ -19,6 +19,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "details.h"
 #include "figures.h"
 #include "review_parts.h"
 
@@ -45,7 +46,7 @@ static struct fm_status * add_status(
   fm_text_add(&text, "%s: %s%s", report->review->reporter->node, kind, name);
   struct fm_status * status = fm_statuses_add(
     report->list, (enum fm_status_level)level, fm_text_get(&text), message,
-    report->review->reporter->table->component);
+    report->review->table->component);
   fm_text_free(&text);
   return status;
 }
@@ -72,7 +73,7 @@ static struct places places_of(
   memset(&places, 0, sizeof(places));
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     const struct fm_report_input * input =
-      &review->reporter->table->inputs[requirement->inputs[k]];
+      &review->table->inputs[requirement->inputs[k]];
     const struct fm_input_snapshot * now = &review->now.inputs[requirement->inputs[k]];
     if (!now->has_value) {
       fm_text_list(&places.missing, ", ", input->name);
@@ -91,7 +92,7 @@ static uint8_t describe_requirement(
   const struct fm_review * review, uint32_t requirement, struct fm_text * message)
 {
   const struct fm_report_requirement * about =
-    &review->reporter->table->requirements[requirement];
+    &review->table->requirements[requirement];
   const struct fm_requirement_counts * counts = &review->now.requirements[requirement];
   struct places places = places_of(review, about);
   const uint8_t violated = about->is_warning ? WARN : ERROR;
@@ -125,32 +126,28 @@ static uint8_t describe_requirement(
 static void add_margin(
   const struct fm_review * review, uint32_t requirement, struct fm_status * status)
 {
-  const struct fm_report_table * table = review->reporter->table;
   const struct fm_margin * margin = &review->now.requirements[requirement].margin;
-  const uint32_t kind = table->requirements[requirement].kind;
+  const uint32_t kind = review->table->requirements[requirement].kind;
   struct fm_text text = {NULL, 0, 0};
   if (!isfinite(margin->value)) {
     return;
   }
   fm_text_add_float64(&text, margin->value);
-  fm_status_value(status, "margin", "%s", fm_text_get(&text));
-  fm_text_clear(&text);
+  fm_status_text(status, "margin", &text);
+  fm_text_add(&text, "%s (", fm_comparison_of(review->table, kind, margin->comparison));
   fm_text_add_float64(&text, margin->distance);
-  fm_status_value(
-    status, "margin by", "%s (%s)",
-    (kind == FM_BUNDLE ? table->comparisons : table->kinds[kind].comparisons)[
-      margin->comparison].text, fm_text_get(&text));
-  fm_text_clear(&text);
+  fm_text_add(&text, ")");
+  fm_status_text(status, "margin by", &text);
   if (kind != FM_BUNDLE) {
     fm_add_nearest(review, requirement, &text);
-    fm_status_value(status, "margin of", "%s", fm_text_get(&text));
+    fm_status_text(status, "margin of", &text);
   }
   fm_text_free(&text);
 }
 
 static void add_requirement(const struct report * report, uint32_t requirement)
 {
-  const struct fm_report_table * table = report->review->reporter->table;
+  const struct fm_report_table * table = report->review->table;
   const struct fm_report_requirement * about = &table->requirements[requirement];
   const struct fm_requirement_counts * counts = &report->review->now.requirements[requirement];
   const bool is_timed = table->policy == FM_TIMED;
@@ -210,12 +207,11 @@ static struct fm_status * add_judged(
 static void add_silence(
   const struct fm_review * review, const struct fm_topic * fed, struct troubles * troubles)
 {
-  const struct fm_report_table * table = review->reporter->table;
   struct fm_text text = {NULL, 0, 0};
   uint8_t level = OK;
   char seconds[32] = "";
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const struct fm_report_input * input = &table->inputs[fed->inputs[k]];
+    const struct fm_report_input * input = &review->table->inputs[fed->inputs[k]];
     const struct fm_silence * silence = &review->now.inputs[fed->inputs[k]].silence;
     if (input->is_timed_out && silence->is_silent) {
       char lasted[32];
@@ -236,41 +232,20 @@ static void add_silence(
   fm_text_free(&text);
 }
 
-// Add the inputs with keys of which fields could not be used since the last report.
-static void add_unusable_keyed(
-  const struct fm_review * review, uint32_t topic, struct fm_text * names)
-{
-  const struct fm_report_table * table = review->reporter->table;
-  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
-    const struct fm_topic * fed = fm_keyed_inputs(table, kind, topic);
-    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-      const uint32_t input = fed->inputs[k];
-      if (review->now.kinds[kind].inputs[input].counts.unusable >
-        review->before.kinds[kind].inputs[input].counts.unusable)
-      {
-        fm_text_list(names, ", ", table->kinds[kind].inputs[input].name);
-      }
-    }
-  }
-}
-
 static void add_fields(
   const struct fm_review * review, uint32_t topic, struct troubles * troubles)
 {
-  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
   struct fm_text unusable = {NULL, 0, 0};
   struct fm_text absent = {NULL, 0, 0};
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const uint32_t input = fed->inputs[k];
-    const char * name = review->reporter->table->inputs[input].name;
-    if (review->now.inputs[input].counts.unusable > review->before.inputs[input].counts.unusable) {
-      fm_text_list(&unusable, ", ", name);
+  struct fm_fed fed;
+  for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
+    if (fed.new_unusable > 0) {
+      fm_text_list(&unusable, ", ", fed.about->name);
     }
-    if (review->inputs[input].is_absent_logged) {
-      fm_text_list(&absent, ", ", name);
+    if (fed.kind == FM_BUNDLE && review->inputs[fed.input].is_absent_logged) {
+      fm_text_list(&absent, ", ", fed.about->name);
     }
   }
-  add_unusable_keyed(review, topic, &unusable);
   if (unusable.length > 0) {
     add_trouble(troubles, WARN, "fields cannot be used: %s", fm_text_get(&unusable));
   }
@@ -311,25 +286,16 @@ static void add_seen(
   fm_text_free(&seen);
 }
 
-static bool feeds_any(const struct fm_report_table * table, uint32_t topic)
-{
-  bool feeds = table->topic_inputs[topic].n_inputs > 0;
-  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
-    feeds = feeds || fm_keyed_inputs(table, kind, topic)->n_inputs > 0;
-  }
-  return feeds;
-}
-
 static struct troubles troubles_of(const struct fm_review * review, uint32_t topic)
 {
   const struct fm_publishers * facts = &review->facts.topics[topic];
-  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
+  const struct fm_topic * fed = &review->table->topic_inputs[topic];
   const struct fm_topic_snapshot * before = &review->before.topics[topic];
   const struct fm_topic_snapshot * now = &review->now.topics[topic];
   struct troubles found = {{NULL, 0, 0}, OK};
   if (facts->other_types[0] != '\0') {
     add_trouble(&found, ERROR, "a publisher of %s, and not %s", facts->other_types,
-      review->reporter->table->topics[topic].type);
+      review->table->topics[topic].type);
   }
   if (facts->unmatched[0] != '\0') {
     add_trouble(&found, ERROR, "not received: %s", facts->unmatched);
@@ -343,13 +309,15 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
   if (now->behind > MOST_BEHIND) {
     add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
   }
-  if (review->reporter->table->topics[topic].kind == FM_TRANSFORM) {
+  if (review->table->topics[topic].kind == FM_TRANSFORM) {
     add_broken(review, topic, &found);
   } else if (fm_is_of_graph(review->reporter, topic)) {
     add_seen(review, topic, &found);
   } else if (facts->n == 0 && facts->other_types[0] == '\0') {
     // The other one of /tf and /tf_static may be enough; a transform says what it lacks.
-    add_trouble(&found, feeds_any(review->reporter->table, topic) ? WARN : OK, "no publisher");
+    struct fm_fed unused;
+    const bool feeds_any = fm_find_fed(review, topic, 0, &unused);
+    add_trouble(&found, feeds_any ? WARN : OK, "no publisher");
   }
   return found;
 }
@@ -364,40 +332,19 @@ static void add_count_of_input(
   fm_text_free(&key);
 }
 
+// First what could not be used, where something could not, then the silences.
 static void add_counts_of_inputs(
-  const struct fm_review * review, const struct fm_topic * fed, struct fm_status * status)
-{
-  const struct fm_report_input * inputs = review->reporter->table->inputs;
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const uint64_t unusable = review->now.inputs[fed->inputs[k]].counts.unusable;
-    if (unusable > 0) {
-      add_count_of_input(status, "unusable", &inputs[fed->inputs[k]], unusable);
-    }
-  }
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    if (inputs[fed->inputs[k]].is_timed_out) {
-      add_count_of_input(
-        status, "silences", &inputs[fed->inputs[k]],
-        review->now.inputs[fed->inputs[k]].silence.count);
-    }
-  }
-}
-
-static void add_counts_of_keyed(
   const struct fm_review * review, uint32_t topic, struct fm_status * status)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
-    const struct fm_topic * fed = fm_keyed_inputs(table, kind, topic);
-    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-      const struct fm_report_input * input = &table->kinds[kind].inputs[fed->inputs[k]];
-      const struct fm_keyed_snapshot * now = &review->now.kinds[kind].inputs[fed->inputs[k]];
-      if (now->counts.unusable > 0) {
-        add_count_of_input(status, "unusable", input, now->counts.unusable);
-      }
-      if (input->is_timed_out) {
-        add_count_of_input(status, "silences", input, now->silences);
-      }
+  struct fm_fed fed;
+  for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
+    if (fed.unusable > 0) {
+      add_count_of_input(status, "unusable", fed.about, fed.unusable);
+    }
+  }
+  for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
+    if (fed.about->is_timed_out) {
+      add_count_of_input(status, "silences", fed.about, fed.silences);
     }
   }
 }
@@ -405,11 +352,11 @@ static void add_counts_of_keyed(
 static void add_topic(const struct report * report, uint32_t topic)
 {
   const struct fm_review * review = report->review;
-  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_report_table * table = review->table;
   const struct fm_topic_snapshot * now = &review->now.topics[topic];
   struct troubles troubles = troubles_of(review, topic);
   struct fm_text name = {NULL, 0, 0};
-  fm_text_add(&name, "%s%s%s", review->reporter->topics[topic],
+  fm_text_add(&name, "%s%s%s", review->names[topic],
     table->is_one_of_several ? " for " : "", table->is_one_of_several ? table->bundle : "");
   const bool is_made = table->topics[topic].kind != FM_TOPIC;
   const bool is_seen = fm_is_of_graph(review->reporter, topic);
@@ -436,8 +383,7 @@ static void add_topic(const struct report * report, uint32_t topic)
     add_count(status, "too early", now->order.overflows);
     add_count(status, "ahead", now->order.ahead);
   }
-  add_counts_of_inputs(review, &table->topic_inputs[topic], status);
-  add_counts_of_keyed(review, topic, status);
+  add_counts_of_inputs(review, topic, status);
   fm_text_free(&name);
 }
 
@@ -446,7 +392,7 @@ static void add_topic(const struct report * report, uint32_t topic)
 static void add_gate(const struct report * report)
 {
   const struct fm_review * review = report->review;
-  const struct fm_report_gate * gate = review->reporter->table->gate;
+  const struct fm_report_gate * gate = review->table->gate;
   const struct fm_gate_facts * facts = review->facts.gate;
   const struct fm_gate_counts * counts = &review->now.gate;
   struct fm_text message = {NULL, 0, 0};
@@ -485,7 +431,7 @@ static void add_action(const struct report * report, uint32_t action)
       review->failed[action] - review->failed_before[action]);
   }
   struct fm_status * status = add_judged(
-    report, &troubles, "action ", review->reporter->table->actions[action].name, "ready");
+    report, &troubles, "action ", review->table->actions[action].name, "ready");
   add_count(status, "started", counts->started);
   add_count(status, "sent", counts->sent);
   add_count(status, "failed", counts->failed);
@@ -517,7 +463,7 @@ static void add_blackbox(const struct report * report)
     add_trouble(&troubles, WARN, "`blackbox_bytes` is too little for `blackbox_seconds`");
   }
   struct fm_status * status = add_judged(
-    report, &troubles, "black box of ", report->review->reporter->table->bundle,
+    report, &troubles, "black box of ", report->review->table->bundle,
     "keeps the last messages");
   add_count(status, "written", now->written);
   add_count(status, "not written", now->failed);
@@ -535,7 +481,7 @@ static void add_time(const struct report * report)
   const bool went_back = now->restarts > before->restarts;
   const bool is_full = now->overflows > before->overflows;
   struct fm_status * status = add_status(
-    report, went_back || is_full ? WARN : OK, "time of ", report->review->reporter->table->bundle,
+    report, went_back || is_full ? WARN : OK, "time of ", report->review->table->bundle,
     went_back ? "went back since the last report" :
     is_full ? "more changes than max_rate allows" : "passes");
   add_count(status, "restarts", now->restarts);
@@ -560,7 +506,7 @@ static void add_links(const struct report * report)
   add_increase(&troubles, before->unusable, now->unusable, "cannot be used");
   add_increase(&troubles, before->old, now->old, "too old");
   struct fm_status * status = add_judged(
-    report, &troubles, "links of ", report->review->reporter->table->bundle, "taken");
+    report, &troubles, "links of ", report->review->table->bundle, "taken");
   add_count(status, "loops", now->loops);
   add_count(status, "unusable", now->unusable);
   add_count(status, "old", now->old);
@@ -570,7 +516,7 @@ static void add_periods(const struct report * report)
 {
   const struct fm_time_counts * before = &report->review->before.time;
   const struct fm_time_counts * now = &report->review->now.time;
-  const struct fm_report_table * table = report->review->reporter->table;
+  const struct fm_report_table * table = report->review->table;
   const bool is_bad = fm_are_worth_reading(before, now);
   struct fm_text message = {NULL, 0, 0};
   fm_text_add(&message, "%" PRIu64 " missed, %" PRIu64 " late since the last report",
@@ -593,7 +539,7 @@ static void add_unpublished(const struct report * report)
   struct fm_text message = {NULL, 0, 0};
   fm_text_add(&message, "%" PRIu64 " not published since the last report", more);
   struct fm_status * status = add_status(
-    report, more > 0 ? ERROR : WARN, "violations of ", report->review->reporter->table->bundle,
+    report, more > 0 ? ERROR : WARN, "violations of ", report->review->table->bundle,
     more > 0 ? fm_text_get(&message) : "some were not published");
   add_count(status, "not published", now);
   fm_text_free(&message);
@@ -616,7 +562,7 @@ static void add_failures(const struct report * report)
 
 void fm_review_report(const struct fm_review * review, struct fm_statuses * statuses)
 {
-  const struct fm_report_table * table = review->reporter->table;
+  const struct fm_report_table * table = review->table;
   const struct report report = {review, statuses};
   for (uint32_t k = 0; k < table->n_requirements; ++k) {
     add_requirement(&report, k);

@@ -54,8 +54,7 @@ static void log_begun(
   const struct fm_review * review, uint32_t topic, const bool * is_chosen, bool is_again,
   struct fm_lines * lines)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  const struct fm_topic * fed = &table->topic_inputs[topic];
+  const struct fm_topic * fed = &review->table->topic_inputs[topic];
   struct fm_names inputs = {{NULL, 0, 0}, 0};
   struct fm_names readers = {{NULL, 0, 0}, 0};
   struct fm_text link = {NULL, 0, 0};
@@ -63,18 +62,18 @@ static void log_begun(
   bool has_come = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_chosen[fed->inputs[k]]) {
-      first = first == NULL ? &table->inputs[fed->inputs[k]] : first;
+      first = first == NULL ? &review->table->inputs[fed->inputs[k]] : first;
       has_come = has_come || review->now.inputs[fed->inputs[k]].counts.received > 0;
-      fm_names_add_quoted(&inputs, table->inputs[fed->inputs[k]].name, "");
+      fm_names_add_quoted(&inputs, review->table->inputs[fed->inputs[k]].name, "");
     }
   }
   if (first != NULL) {
-    add_readers(table, is_chosen, &readers);
+    add_readers(review->table, is_chosen, &readers);
     const bool is_error = first->violates && readers.n > 0;
     const bool is_broken = fm_add_missing_link(&link, review->reporter, topic);
     fm_lines_add(lines, is_error ? FM_ERROR : FM_WARN,
       "%sno usable value on %s within the %s of %g s for %s%s%s%s%s%s%s", is_again ? "again " : "",
-      review->reporter->topics[topic], has_come ? "timeout" : "startup",
+      review->names[topic], has_come ? "timeout" : "startup",
       has_come ? first->timeout : first->startup, fm_names_get(&inputs),
       is_broken ? " (" : "", fm_text_get(&link), is_broken ? ")" : "",
       is_error ? ": " : "", is_error ? fm_names_get(&readers) : "",
@@ -88,19 +87,19 @@ static void log_begun(
 static void log_ended(
   const struct fm_review * review, uint32_t topic, const bool * is_chosen, struct fm_lines * lines)
 {
-  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
+  const struct fm_topic * fed = &review->table->topic_inputs[topic];
   struct fm_names inputs = {{NULL, 0, 0}, 0};
   int64_t lasted = 0;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     if (is_chosen[fed->inputs[k]]) {
       const struct fm_silence * silence = &review->now.inputs[fed->inputs[k]].silence;
       lasted = silence->lasted > lasted ? silence->lasted : lasted;
-      fm_names_add_quoted(&inputs, review->reporter->table->inputs[fed->inputs[k]].name, "");
+      fm_names_add_quoted(&inputs, review->table->inputs[fed->inputs[k]].name, "");
     }
   }
   if (inputs.n > 0) {
     fm_lines_add(lines, FM_INFO, "values on %s again after %.1f s, for %s",
-      review->reporter->topics[topic], (double)lasted / 1e9, fm_names_get(&inputs));
+      review->names[topic], (double)lasted / 1e9, fm_names_get(&inputs));
   }
   fm_text_free(&inputs.text);
 }
@@ -110,12 +109,11 @@ static void log_ended(
 static bool note_silences(
   const struct fm_review * review, uint32_t topic, bool * has_begun, bool * has_ended)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  const struct fm_topic * fed = &table->topic_inputs[topic];
+  const struct fm_topic * fed = &review->table->topic_inputs[topic];
   bool is_again = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
-    if (table->inputs[input].is_timed_out) {
+    if (review->table->inputs[input].is_timed_out) {
       const struct fm_silence * before = &review->before.inputs[input].silence;
       const struct fm_silence * now = &review->now.inputs[input].silence;
       has_begun[input] = now->count > before->count;
@@ -128,10 +126,10 @@ static bool note_silences(
 
 void fm_review_silences(struct fm_review * review, struct fm_lines * lines)
 {
-  const uint32_t n = review->reporter->table->n_inputs;
+  const uint32_t n = review->table->n_inputs;
   memset(review->flags, 0, 2u * n * sizeof(*review->flags));
-  for (uint32_t k = 0; k < review->reporter->table->n_topics; ++k) {
-    const struct fm_topic * fed = &review->reporter->table->topic_inputs[k];
+  for (uint32_t k = 0; k < review->table->n_topics; ++k) {
+    const struct fm_topic * fed = &review->table->topic_inputs[k];
     const bool is_again = note_silences(review, k, review->flags, review->flags + n);
     log_begun(review, k, review->flags, is_again, lines);
     log_ended(review, k, review->flags + n, lines);
@@ -185,11 +183,9 @@ static void log_unusable(
   struct fm_review * review, uint32_t topic, uint32_t input, const struct fm_text * reason,
   struct fm_lines * lines)
 {
-  if (!review->inputs[input].is_unusable_logged) {
-    review->inputs[input].is_unusable_logged = true;
-    fm_lines_add(lines, FM_WARN, "%s: %s; input '%s' %s", review->reporter->topics[topic],
-      fm_text_get(reason), review->reporter->table->inputs[input].name,
-      outcome_for(review, input));
+  if (fm_is_first(&review->inputs[input].is_unusable_logged)) {
+    fm_lines_add(lines, FM_WARN, "%s: %s; input '%s' %s", review->names[topic],
+      fm_text_get(reason), review->table->inputs[input].name, outcome_for(review, input));
   }
 }
 
@@ -217,8 +213,8 @@ static void log_part(
   const struct fm_field * fields)
 {
   const struct parts_review * part = context;
-  const struct fm_report_table * table = part->review->reporter->table;
-  const struct fm_topic * fed = fm_keyed_inputs(table, kind, part->topic);
+  const struct fm_report_table * table = part->review->table;
+  const struct fm_topic * fed = &table->kinds[kind].keyed[part->topic];
   struct fm_text reason = {NULL, 0, 0};
   struct fm_text name = {NULL, 0, 0};
   fm_add_variables(&name, &table->kinds[kind]);
@@ -226,14 +222,15 @@ static void log_part(
   fm_add_key(&name, &table->kinds[kind], key, key_size);
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const struct fm_report_input * about = &table->kinds[kind].inputs[fed->inputs[k]];
-    if (fields[k].outcome == FM_FIELD_READ || part->review->kinds[kind].is_unusable_logged) {
+    if (fields[k].outcome == FM_FIELD_READ ||
+      !fm_is_first(&part->review->kinds[kind].is_unusable_logged))
+    {
       continue;
     }
-    part->review->kinds[kind].is_unusable_logged = true;
     add_reason(&reason, about, &fields[k], part->message, part->size);
     fm_lines_add(part->lines, FM_WARN,
       "%s: %s; input '%s' of %s keeps its value, if it has one",
-      part->review->reporter->topics[part->topic], fm_text_get(&reason), about->name,
+      part->review->names[part->topic], fm_text_get(&reason), about->name,
       fm_text_get(&name));
   }
   fm_text_free(&reason);
@@ -255,7 +252,7 @@ static void read_evidence(
   struct fm_review * review, uint32_t topic, const uint8_t * message, size_t size,
   struct fm_lines * lines)
 {
-  const struct fm_topic * fed = &review->reporter->table->topic_inputs[topic];
+  const struct fm_topic * fed = &review->table->topic_inputs[topic];
   struct fm_field * fields = calloc(fed->n_inputs + (size_t)1, sizeof(*fields));
   struct fm_text reason = {NULL, 0, 0};
   const bool is_read = fields != NULL &&
@@ -266,7 +263,7 @@ static void read_evidence(
       note_absent(review, input);
     } else if (fields[k].outcome != FM_FIELD_READ) {
       fm_text_clear(&reason);
-      add_reason(&reason, &review->reporter->table->inputs[input], &fields[k], message, size);
+      add_reason(&reason, &review->table->inputs[input], &fields[k], message, size);
       log_unusable(review, topic, input, &reason, lines);
     }
   }
@@ -300,13 +297,12 @@ static void review_name(
   if (review->now.inputs[input].counts.received > log->received_before) {
     log->absent_since = 0;
     log->is_absent_logged = false;
-  } else if (!log->is_absent_logged &&
-    review->facts.now - log->absent_since >= ABSENT_S * FM_SECOND)
+  } else if (review->facts.now - log->absent_since >= ABSENT_S * FM_SECOND &&
+    fm_is_first(&log->is_absent_logged))
   {
-    const struct fm_report_input * about = &review->reporter->table->inputs[input];
-    log->is_absent_logged = true;
+    const struct fm_report_input * about = &review->table->inputs[input];
     fm_lines_add(lines, FM_WARN, "%s: no message has had %s for %d s; input '%s' %s",
-      review->reporter->topics[topic], about->path, ABSENT_S, about->name,
+      review->names[topic], about->path, ABSENT_S, about->name,
       outcome_for(review, input));
   }
 }
@@ -316,10 +312,9 @@ static void review_name(
 static void review_order(struct fm_review * review, uint32_t topic, struct fm_lines * lines)
 {
   struct fm_topic_log * log = &review->topics[topic];
-  const char * name = review->reporter->topics[topic];
+  const char * name = review->names[topic];
   const struct fm_order_counts * order = &review->now.topics[topic].order;
-  if (order->ahead > 0 && !log->is_ahead_logged) {
-    log->is_ahead_logged = true;
+  if (order->ahead > 0 && fm_is_first(&log->is_ahead_logged)) {
     fm_lines_add(lines, FM_WARN, "stamps of messages on %s are %.1f s ahead of this node's "
       "clock: the messages take effect that much later; synchronize the clocks; /diagnostics "
       "counts such messages", name, (double)order->most_ahead / 1e9);
@@ -331,41 +326,29 @@ static void review_order(struct fm_review * review, uint32_t topic, struct fm_li
   if (order->late > 0) {
     fm_lines_add(lines, FM_WARN, "messages on %s come later than %g s (`reorder`) after their "
       "stamps: they take effect when they come; raise `reorder`", name,
-      (double)review->reporter->table->reorder / 1e9);
+      (double)review->table->reorder / 1e9);
   } else if (order->overflows > 0) {
     fm_lines_add(lines, FM_WARN, "messages on %s take effect too early: too many wait for earlier "
       "stamps", name);
   }
 }
 
-static bool has_unusable_keyed(const struct fm_review * review, uint32_t topic)
-{
-  bool is_any = false;
-  for (uint32_t kind = 0; kind < review->reporter->table->n_kinds; ++kind) {
-    const struct fm_topic * fed = fm_keyed_inputs(review->reporter->table, kind, topic);
-    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-      is_any = is_any || review->now.kinds[kind].inputs[fed->inputs[k]].counts.unusable >
-        review->before.kinds[kind].inputs[fed->inputs[k]].counts.unusable;
-    }
-  }
-  return is_any;
-}
-
 void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  for (uint32_t t = 0; t < table->n_topics; ++t) {
-    const struct fm_topic * fed = &table->topic_inputs[t];
-    bool has_unusable = has_unusable_keyed(review, t);
-    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-      review_name(review, t, fed->inputs[k], lines);
-      has_unusable = has_unusable || review->now.inputs[fed->inputs[k]].counts.unusable >
-        review->before.inputs[fed->inputs[k]].counts.unusable;
+  struct fm_fed fed;
+  for (uint32_t t = 0; t < review->table->n_topics; ++t) {
+    bool has_unusable = false;
+    for (uint32_t k = 0; fm_find_fed(review, t, k, &fed); ++k) {
+      has_unusable = has_unusable || fed.new_unusable > 0;
+      if (fed.kind == FM_BUNDLE) {
+        review_name(review, t, fed.input, lines);
+      }
     }
-    if (review->now.topics[t].counts.undecodable > 0 && !review->topics[t].is_undecodable_logged) {
-      review->topics[t].is_undecodable_logged = true;
+    if (review->now.topics[t].counts.undecodable > 0 &&
+      fm_is_first(&review->topics[t].is_undecodable_logged))
+    {
       fm_lines_add(lines, FM_ERROR, "a message on %s cannot be decoded as %s; such messages are "
-        "counted and are no step", review->reporter->topics[t], table->topics[t].type);
+        "counted and are no step", review->names[t], review->table->topics[t].type);
     }
     review_order(review, t, lines);
     fm_review_graph(review, t, lines);
@@ -381,11 +364,10 @@ void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
 static bool note_awaited_by_instances(
   const struct fm_review * review, uint32_t requirement, bool * is_awaited)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  const struct fm_report_requirement * about = &table->requirements[requirement];
+  const struct fm_report_requirement * about = &review->table->requirements[requirement];
   const bool waits = review->now.requirements[requirement].steps == 0;
   for (uint32_t k = 0; waits && k < about->n_inputs; ++k) {
-    const uint32_t input = fm_bundle_input(table, about, k);
+    const uint32_t input = fm_bundle_input(review->table, about, k);
     if (input != UINT32_MAX && !review->now.inputs[input].has_value) {
       is_awaited[input] = true;
     }
@@ -399,7 +381,7 @@ static bool note_awaited_by_instances(
 static bool note_awaited(const struct fm_review * review, uint32_t requirement, bool * is_awaited)
 {
   const struct fm_report_requirement * about =
-    &review->reporter->table->requirements[requirement];
+    &review->table->requirements[requirement];
   bool waits = false;
   if (about->kind != FM_BUNDLE) {
     return note_awaited_by_instances(review, requirement, is_awaited);
@@ -423,35 +405,21 @@ static bool note_awaited(const struct fm_review * review, uint32_t requirement, 
   return waits;
 }
 
-// Add the inputs with keys of a topic of which nothing was received.
-static void add_awaited_keyed(
-  const struct fm_review * review, uint32_t topic, struct fm_names * inputs)
-{
-  const struct fm_report_table * table = review->reporter->table;
-  for (uint32_t kind = 0; kind < table->n_kinds; ++kind) {
-    const struct fm_topic * fed = fm_keyed_inputs(table, kind, topic);
-    const bool has_come = review->now.topics[topic].counts.messages > 0;
-    for (uint32_t k = 0; !has_come && k < fed->n_inputs; ++k) {
-      fm_names_add_quoted(inputs, table->kinds[kind].inputs[fed->inputs[k]].name, "");
-    }
-  }
-}
-
 static void add_awaited(
   const struct fm_review * review, uint32_t topic, const bool * is_awaited,
   struct fm_names * reasons)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  const struct fm_topic * fed = &table->topic_inputs[topic];
   const struct fm_publishers * facts = &review->facts.topics[topic];
+  const bool has_come = review->now.topics[topic].counts.messages > 0;
   struct fm_names inputs = {{NULL, 0, 0}, 0};
   struct fm_text around = {NULL, 0, 0};
   struct fm_text reason = {NULL, 0, 0};
-  add_awaited_keyed(review, topic, &inputs);
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    if (is_awaited[fed->inputs[k]]) {
-      fm_names_add_quoted(&inputs, table->inputs[fed->inputs[k]].name,
-        review->now.inputs[fed->inputs[k]].has_value ? " (it has its initial value)" : "");
+  struct fm_fed fed;
+  for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
+    if (fed.kind != FM_BUNDLE ? !has_come : is_awaited[fed.input]) {
+      const bool is_initial = fed.kind == FM_BUNDLE && review->now.inputs[fed.input].has_value;
+      fm_names_add_quoted(
+        &inputs, fed.about->name, is_initial ? " (it has its initial value)" : "");
     }
   }
   if (inputs.n > 0) {
@@ -460,11 +428,11 @@ static void add_awaited(
     } else if (!fm_add_missing_link(&around, review->reporter, topic)) {
       const bool has_others = facts->other_types[0] != '\0';
       fm_text_add(&around, "%u publisher%s%s%s", facts->n, facts->n == 1u ? "" : "s",
-        has_others ? " of " : "", has_others ? table->topics[topic].type : "");
+        has_others ? " of " : "", has_others ? review->table->topics[topic].type : "");
     }
     fm_text_add(&reason, "nothing %sreceived on %s (%s) for %s",
-      review->now.topics[topic].counts.messages > 0 ? "usable " : "",
-      review->reporter->topics[topic], fm_text_get(&around), fm_names_get(&inputs));
+      has_come ? "usable " : "", review->names[topic], fm_text_get(&around),
+      fm_names_get(&inputs));
     fm_names_add(reasons, "; ", fm_text_get(&reason));
   }
   fm_text_free(&inputs.text);
@@ -474,17 +442,16 @@ static void add_awaited(
 
 void fm_review_missing(const struct fm_review * review, struct fm_lines * lines)
 {
-  const struct fm_report_table * table = review->reporter->table;
   bool * is_awaited = review->flags;
   struct fm_names waiting = {{NULL, 0, 0}, 0};
   struct fm_names reasons = {{NULL, 0, 0}, 0};
-  memset(is_awaited, 0, table->n_inputs * sizeof(*is_awaited));
-  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+  memset(is_awaited, 0, review->table->n_inputs * sizeof(*is_awaited));
+  for (uint32_t k = 0; k < review->table->n_requirements; ++k) {
     if (note_awaited(review, k, is_awaited)) {
-      fm_names_add(&waiting, ", ", table->requirements[k].id);
+      fm_names_add(&waiting, ", ", review->table->requirements[k].id);
     }
   }
-  for (uint32_t k = 0; waiting.n > 0 && k < table->n_topics; ++k) {
+  for (uint32_t k = 0; waiting.n > 0 && k < review->table->n_topics; ++k) {
     add_awaited(review, k, is_awaited, &reasons);
   }
   if (waiting.n > 0) {

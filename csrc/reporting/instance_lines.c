@@ -50,12 +50,11 @@ static bool add_missing(
   struct fm_text * text, const struct fm_review * review,
   const struct fm_report_requirement * about)
 {
-  const struct fm_report_table * table = review->reporter->table;
   struct fm_text missing = {NULL, 0, 0};
   for (uint32_t k = 0; k < about->n_inputs; ++k) {
-    const uint32_t input = fm_bundle_input(table, about, k);
+    const uint32_t input = fm_bundle_input(review->table, about, k);
     if (input != UINT32_MAX && !review->now.inputs[input].has_value) {
-      fm_text_list(&missing, ", ", table->inputs[input].name);
+      fm_text_list(&missing, ", ", review->table->inputs[input].name);
     }
   }
   const bool is_any = missing.length > 0;
@@ -69,13 +68,12 @@ static bool add_missing(
 static enum fm_status_level describe(
   const struct fm_review * review, uint32_t requirement, struct fm_text * message)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  const struct fm_report_requirement * about = &table->requirements[requirement];
+  const struct fm_report_requirement * about = &review->table->requirements[requirement];
   const struct fm_kind_snapshot * kind = &review->now.kinds[about->kind];
-  const uint32_t place = place_of(table, requirement);
+  const uint32_t place = place_of(review->table, requirement);
   if (kind->violated[place].n > 0) {
     fm_text_add(message, "violated: ");
-    add_keys(message, &table->kinds[about->kind], &kind->violated[place]);
+    add_keys(message, &review->table->kinds[about->kind], &kind->violated[place]);
     return about->is_warning ? FM_STATUS_WARN : FM_STATUS_ERROR;
   } else if (kind->counts.alive == 0) {
     fm_text_add(message, "%s", kind->counts.begun > 0 ? "no instance" : "no instance yet");
@@ -84,7 +82,7 @@ static enum fm_status_level describe(
     return FM_STATUS_WARN;
   } else if (kind->unevaluated[place].n > 0) {
     fm_text_add(message, "not evaluated yet: ");
-    add_keys(message, &table->kinds[about->kind], &kind->unevaluated[place]);
+    add_keys(message, &review->table->kinds[about->kind], &kind->unevaluated[place]);
     return FM_STATUS_WARN;
   }
   const bool is_evaluated = review->now.requirements[requirement].steps > 0;
@@ -95,7 +93,7 @@ static enum fm_status_level describe(
 enum fm_status_level fm_describe_instances(
   const struct fm_review * review, uint32_t requirement, struct fm_text * message)
 {
-  const uint32_t kind = review->reporter->table->requirements[requirement].kind;
+  const uint32_t kind = review->table->requirements[requirement].kind;
   const struct fm_pool_counts * now = &review->now.kinds[kind].counts;
   const struct fm_pool_counts * before = &review->before.kinds[kind].counts;
   const uint64_t more = now->beyond - before->beyond;
@@ -113,10 +111,9 @@ enum fm_status_level fm_describe_instances(
 void fm_add_instances(
   const struct fm_review * review, uint32_t requirement, struct fm_status * status)
 {
-  const struct fm_report_table * table = review->reporter->table;
   const struct fm_kind_snapshot * kind =
-    &review->now.kinds[table->requirements[requirement].kind];
-  const uint64_t violated = kind->violated[place_of(table, requirement)].n;
+    &review->now.kinds[review->table->requirements[requirement].kind];
+  const uint64_t violated = kind->violated[place_of(review->table, requirement)].n;
   fm_status_value(status, "instances", "%" PRIu64, kind->counts.alive);
   fm_status_value(status, "violated", "%" PRIu64, violated);
   fm_status_value(status, "began", "%" PRIu64, kind->counts.begun);
@@ -128,22 +125,20 @@ void fm_add_instances(
 void fm_add_nearest(
   const struct fm_review * review, uint32_t requirement, struct fm_text * text)
 {
-  const struct fm_report_table * table = review->reporter->table;
-  const uint32_t kind = table->requirements[requirement].kind;
+  const uint32_t kind = review->table->requirements[requirement].kind;
   const struct fm_named_keys * named =
-    &review->now.kinds[kind].nearest[place_of(table, requirement)];
-  fm_add_named_key(text, &table->kinds[kind], named->keys[0] + 1, named->keys[0][0]);
+    &review->now.kinds[kind].nearest[place_of(review->table, requirement)];
+  fm_add_named_key(text, &review->table->kinds[kind], named->keys[0] + 1, named->keys[0][0]);
 }
 
 // ---- lines -------------------------------------------------------------------------------------
 
 static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
 {
-  const struct fm_report_kind * about = &review->reporter->table->kinds[kind];
+  const struct fm_report_kind * about = &review->table->kinds[kind];
   const struct fm_pool_counts * counts = &review->now.kinds[kind].counts;
-  if (counts->beyond > counts->unsized && !review->kinds[kind].is_beyond_logged) {
+  if (counts->beyond > counts->unsized && fm_is_first(&review->kinds[kind].is_beyond_logged)) {
     struct fm_text variables = {NULL, 0, 0};
-    review->kinds[kind].is_beyond_logged = true;
     fm_add_variables(&variables, about);
     fm_lines_add(lines, FM_ERROR,
       "there is no room for another %s (`most` is %" PRIu32 "): its messages are not evaluated; "
@@ -154,10 +149,11 @@ static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines
 
 static void log_unsized(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
 {
-  if (review->now.kinds[kind].counts.unsized > 0 && !review->kinds[kind].is_unsized_logged) {
+  if (review->now.kinds[kind].counts.unsized > 0 &&
+    fm_is_first(&review->kinds[kind].is_unsized_logged))
+  {
     struct fm_text variables = {NULL, 0, 0};
-    review->kinds[kind].is_unsized_logged = true;
-    fm_add_variables(&variables, &review->reporter->table->kinds[kind]);
+    fm_add_variables(&variables, &review->table->kinds[kind]);
     fm_lines_add(lines, FM_ERROR,
       "messages with a key of %s are not evaluated: " FM_WORDS_KEY_SIZE "; /diagnostics counts "
       "them", fm_text_get(&variables));
@@ -166,32 +162,28 @@ static void log_unsized(struct fm_review * review, uint32_t kind, struct fm_line
 }
 
 static void log_silences(
-  const struct fm_review * review, uint32_t kind, uint32_t topic, struct fm_lines * lines)
+  const struct fm_review * review, uint32_t topic, struct fm_lines * lines)
 {
-  const struct fm_report_kind * about = &review->reporter->table->kinds[kind];
-  const struct fm_topic * fed = fm_keyed_inputs(review->reporter->table, kind, topic);
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const struct fm_report_input * input = &about->inputs[fed->inputs[k]];
-    const uint64_t more = review->now.kinds[kind].inputs[fed->inputs[k]].silences -
-      review->before.kinds[kind].inputs[fed->inputs[k]].silences;
-    if (input->is_timed_out && more > 0) {
-      fm_lines_add(lines, input->violates ? FM_ERROR : FM_WARN,
+  struct fm_fed fed;
+  for (uint32_t k = 0; fm_find_fed(review, topic, k, &fed); ++k) {
+    if (fed.kind != FM_BUNDLE && fed.about->is_timed_out && fed.new_silences > 0) {
+      fm_lines_add(lines, fed.about->violates ? FM_ERROR : FM_WARN,
         "no usable value on %s within the timeout of %g s for '%s', of %" PRIu64 " instance%s",
-        review->reporter->topics[topic], input->timeout, input->name, more,
-        more == 1u ? "" : "s");
+        review->names[topic], fed.about->timeout, fed.about->name, fed.new_silences,
+        fed.new_silences == 1u ? "" : "s");
     }
   }
 }
 
 void fm_review_instances(struct fm_review * review, struct fm_lines * lines)
 {
-  for (uint32_t k = 0; k < review->reporter->table->n_kinds; ++k) {
-    if (!review->reporter->table->kinds[k].has_base) {
+  for (uint32_t k = 0; k < review->table->n_kinds; ++k) {
+    if (!review->table->kinds[k].has_base) {
       log_beyond(review, k, lines);
       log_unsized(review, k, lines);
     }
-    for (uint32_t t = 0; t < review->reporter->table->n_topics; ++t) {
-      log_silences(review, k, t, lines);
-    }
+  }
+  for (uint32_t t = 0; t < review->table->n_topics; ++t) {
+    log_silences(review, t, lines);
   }
 }

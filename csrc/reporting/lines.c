@@ -120,6 +120,12 @@ void fm_status_value(struct fm_status * status, const char * key, const char * f
   status->values[status->n_values++] = (struct fm_key_value) {named, value};
 }
 
+void fm_status_text(struct fm_status * status, const char * key, struct fm_text * text)
+{
+  fm_status_value(status, key, "%s", fm_text_get(text));
+  fm_text_clear(text);
+}
+
 void fm_statuses_clear(struct fm_statuses * list)
 {
   for (uint32_t k = 0; k < list->n; ++k) {

@@ -52,6 +52,14 @@ FM_PRINTF(3, 4);
 /// first. All are times of one clock. O(1).
 bool fm_passes(int64_t * next, int64_t now, int64_t interval);
 
+/// Whether this is the first call with a flag, which is set. O(1).
+static inline bool fm_is_first(bool * flag)
+{
+  const bool is_first = !*flag;
+  *flag = true;
+  return is_first;
+}
+
 /// Remove all lines; keep the memory of the list.
 FM_EXPORT void fm_lines_clear(struct fm_lines * lines);
 
@@ -102,6 +110,9 @@ struct fm_status * fm_statuses_add(
 /// Add a value, in the format of printf. Does nothing if `status` is NULL.
 void fm_status_value(struct fm_status * status, const char * key, const char * format, ...)
 FM_PRINTF(3, 4);
+
+/// Add a text as a value, and clear it.
+void fm_status_text(struct fm_status * status, const char * key, struct fm_text * text);
 
 /// Remove all statuses; keep the memory of the list.
 FM_EXPORT void fm_statuses_clear(struct fm_statuses * list);

@@ -24,90 +24,60 @@
 
 // ---- memory ------------------------------------------------------------------------------------
 
-static bool make_kind(
-  struct fm_kind_snapshot * kind, const struct fm_report_table * table, uint32_t k)
+static void make_kind(struct fm_review * review, struct fm_kind_snapshot * kind, uint32_t k)
 {
-  size_t n = 1;
-  for (uint32_t r = 0; r < table->n_requirements; ++r) {
-    n += table->requirements[r].kind == k ? 1u : 0u;
+  struct fm_memory * memory = &review->memory;
+  size_t n = 0;
+  for (uint32_t r = 0; r < review->table->n_requirements; ++r) {
+    n += review->table->requirements[r].kind == k ? 1u : 0u;
   }
-  kind->inputs = calloc(table->kinds[k].n_inputs + (size_t)1, sizeof(*kind->inputs));
-  kind->violated = calloc(n, sizeof(*kind->violated));
-  kind->unevaluated = calloc(n, sizeof(*kind->unevaluated));
-  kind->nearest = calloc(n, sizeof(*kind->nearest));
-  return kind->inputs != NULL && kind->violated != NULL && kind->unevaluated != NULL &&
-         kind->nearest != NULL;
+  kind->inputs = fm_reserve(memory, review->table->kinds[k].n_inputs, sizeof(*kind->inputs));
+  kind->violated = fm_reserve(memory, n, sizeof(*kind->violated));
+  kind->unevaluated = fm_reserve(memory, n, sizeof(*kind->unevaluated));
+  kind->nearest = fm_reserve(memory, n, sizeof(*kind->nearest));
 }
 
-static bool make_kinds(struct fm_snapshot * snapshot, const struct fm_report_table * table)
+static void make_snapshot(struct fm_review * review, struct fm_snapshot * snapshot)
 {
-  bool is_good = true;
-  if (table->n_kinds == 0) {
-    return true;
+  const struct fm_report_table * table = review->table;
+  struct fm_memory * memory = &review->memory;
+  const uint32_t n_inputs = review->reporter->monitor->n_inputs;
+  const size_t bytes = fm_condition_bytes(table->n_requirements, n_inputs);
+  snapshot->requirements =
+    fm_reserve(memory, table->n_requirements, sizeof(*snapshot->requirements));
+  snapshot->inputs = fm_reserve(memory, n_inputs, sizeof(*snapshot->inputs));
+  snapshot->topics = fm_reserve(memory, table->n_topics, sizeof(*snapshot->topics));
+  snapshot->conditions = fm_reserve(memory, 1, bytes);
+  if (review->n_conditions > 0) {
+    snapshot->changes = fm_reserve(memory, FM_MOST_CONDITIONS, bytes);
   }
-  snapshot->kinds = calloc(table->n_kinds, sizeof(*snapshot->kinds));
+  if (table->n_kinds > 0) {
+    snapshot->kinds = fm_reserve(memory, table->n_kinds, sizeof(*snapshot->kinds));
+  }
   for (uint32_t k = 0; snapshot->kinds != NULL && k < table->n_kinds; ++k) {
-    is_good = make_kind(&snapshot->kinds[k], table, k) && is_good;
+    make_kind(review, &snapshot->kinds[k], k);
   }
-  return snapshot->kinds != NULL && is_good;
 }
 
-static bool make_snapshot(
-  struct fm_snapshot * snapshot, const struct fm_reporter * reporter, bool has_changes)
+static void make_logs(struct fm_review * review)
 {
-  const struct fm_monitor * monitor = reporter->monitor;
-  const uint32_t n_requirements = reporter->table->n_requirements;
-  const size_t bytes = fm_condition_bytes(n_requirements, monitor->n_inputs);
-  snapshot->requirements = calloc(n_requirements + (size_t)1, sizeof(*snapshot->requirements));
-  snapshot->inputs = calloc(monitor->n_inputs + (size_t)1, sizeof(*snapshot->inputs));
-  snapshot->topics =
-    calloc(reporter->table->n_topics + (size_t)1, sizeof(*snapshot->topics));
-  snapshot->conditions = calloc(1, bytes);
-  snapshot->changes = has_changes ? calloc(FM_MOST_CONDITIONS, bytes) : NULL;
-  return snapshot->requirements != NULL && snapshot->inputs != NULL && snapshot->topics != NULL &&
-         snapshot->conditions != NULL && (snapshot->changes != NULL || !has_changes) &&
-         make_kinds(snapshot, reporter->table);
-}
-
-static void free_snapshot(struct fm_snapshot * snapshot, uint32_t n_kinds)
-{
-  for (uint32_t k = 0; snapshot->kinds != NULL && k < n_kinds; ++k) {
-    free(snapshot->kinds[k].inputs);
-    free(snapshot->kinds[k].violated);
-    free(snapshot->kinds[k].unevaluated);
-    free(snapshot->kinds[k].nearest);
-  }
-  free(snapshot->kinds);
-  free(snapshot->requirements);
-  free(snapshot->inputs);
-  free(snapshot->topics);
-  free(snapshot->conditions);
-  free(snapshot->changes);
-}
-
-static bool make_logs(struct fm_review * review, const struct fm_report_table * table)
-{
-  const size_t n_actions = table->n_actions + (size_t)1;
-  const size_t n = review->n_conditions + (size_t)1;
-  review->inputs = calloc(table->n_inputs + (size_t)1, sizeof(*review->inputs));
-  review->topics = calloc(table->n_topics + (size_t)1, sizeof(*review->topics));
-  review->kinds = calloc(table->n_kinds + (size_t)1, sizeof(*review->kinds));
-  review->flags = calloc(2 * (size_t)table->n_inputs + 1, sizeof(*review->flags));
-  review->conditions = calloc(n, sizeof(*review->conditions));
-  review->changes = calloc(n, sizeof(*review->changes));
-  review->failed = calloc(n_actions, sizeof(*review->failed));
-  review->failed_before = calloc(n_actions, sizeof(*review->failed_before));
-  return review->inputs != NULL && review->topics != NULL && review->kinds != NULL &&
-         review->flags != NULL &&
-         review->conditions != NULL && review->changes != NULL && review->failed != NULL &&
-         review->failed_before != NULL;
+  const struct fm_report_table * table = review->table;
+  struct fm_memory * memory = &review->memory;
+  review->inputs = fm_reserve(memory, table->n_inputs, sizeof(*review->inputs));
+  review->topics = fm_reserve(memory, table->n_topics, sizeof(*review->topics));
+  review->kinds = fm_reserve(memory, table->n_kinds, sizeof(*review->kinds));
+  review->flags = fm_reserve(memory, 2 * (size_t)table->n_inputs, sizeof(*review->flags));
+  review->conditions = fm_reserve(memory, review->n_conditions, sizeof(*review->conditions));
+  review->changes = fm_reserve(memory, review->n_conditions, sizeof(*review->changes));
+  review->failed = fm_reserve(memory, table->n_actions, sizeof(*review->failed));
+  review->failed_before = fm_reserve(memory, table->n_actions, sizeof(*review->failed_before));
 }
 
 static void note_counts(struct fm_review * review, const struct fm_facts * facts)
 {
   const struct fm_blackbox_facts none = {0, 0, 0, 0, 0};
   review->blackbox = facts->blackbox == NULL ? none : *facts->blackbox;
-  for (uint32_t k = 0; facts->actions != NULL && k < review->reporter->table->n_actions; ++k) {
+  for (uint32_t k = 0; facts->actions != NULL && k < review->table->n_actions; ++k) {
     review->failed[k] = facts->actions[k].failed;
   }
 }
@@ -120,14 +90,14 @@ struct fm_review * fm_review_create(
     return NULL;
   }
   review->reporter = reporter;
-  review->n_kinds = reporter->table->n_kinds;
-  review->n_conditions = reporter->table->n_locks + (reporter->table->gate != NULL ? 1u : 0u);
+  review->table = reporter->table;
+  review->names = reporter->topics;
+  review->n_conditions = review->table->n_locks + (review->table->gate != NULL ? 1u : 0u);
   review->facts.now = review->created = review->time.began = facts->now;
-  const bool has_changes = review->n_conditions > 0;
-  if (!make_snapshot(&review->now, reporter, has_changes) ||
-    !make_snapshot(&review->before, reporter, has_changes) ||
-    !make_logs(review, reporter->table))
-  {
+  make_snapshot(review, &review->now);
+  make_snapshot(review, &review->before);
+  make_logs(review);
+  if (review->memory.is_short) {
     fm_review_destroy(review);
     return NULL;
   }
@@ -144,16 +114,7 @@ void fm_review_destroy(struct fm_review * review)
   for (uint32_t k = 0; review->conditions != NULL && k < review->n_conditions; ++k) {
     fm_text_free(&review->conditions[k]);
   }
-  free_snapshot(&review->now, review->n_kinds);
-  free_snapshot(&review->before, review->n_kinds);
-  free(review->kinds);
-  free(review->inputs);
-  free(review->topics);
-  free(review->flags);
-  free(review->conditions);
-  free(review->changes);
-  free(review->failed);
-  free(review->failed_before);
+  fm_memory_free(&review->memory);
   free(review);
 }
 
@@ -182,6 +143,39 @@ const struct fm_snapshot * fm_review_look(
   return &review->now;
 }
 
+bool fm_find_fed(
+  const struct fm_review * review, uint32_t topic, uint32_t k, struct fm_fed * fed)
+{
+  const struct fm_report_table * table = review->table;
+  const struct fm_topic * found = &table->topic_inputs[topic];
+  uint32_t kind = FM_BUNDLE;
+  for (uint32_t next = 0; k >= found->n_inputs; ++next) {
+    if (next == table->n_kinds) {
+      return false;
+    }
+    k -= found->n_inputs;
+    kind = next;
+    found = &table->kinds[kind].keyed[topic];
+  }
+  const uint32_t input = found->inputs[k];
+  if (kind == FM_BUNDLE) {
+    const struct fm_input_snapshot * now = &review->now.inputs[input];
+    const struct fm_input_snapshot * before = &review->before.inputs[input];
+    *fed = (struct fm_fed) {
+      &table->inputs[input], kind, input, now->counts.unusable,
+      now->counts.unusable - before->counts.unusable, now->silence.count,
+      now->silence.count - before->silence.count};
+  } else {
+    const struct fm_keyed_snapshot * now = &review->now.kinds[kind].inputs[input];
+    const struct fm_keyed_snapshot * before = &review->before.kinds[kind].inputs[input];
+    *fed = (struct fm_fed) {
+      &table->kinds[kind].inputs[input], kind, input, now->counts.unusable,
+      now->counts.unusable - before->counts.unusable, now->silences,
+      now->silences - before->silences};
+  }
+  return true;
+}
+
 void fm_review_log(struct fm_review * review, struct fm_lines * lines)
 {
   fm_review_time(review, lines);
@@ -192,14 +186,14 @@ void fm_review_log(struct fm_review * review, struct fm_lines * lines)
   fm_review_instances(review, lines);
   fm_add_left_out(lines, &review->links_logged, &review->now.links);
   review->links_logged = review->now.links;
-  if (review->now.unpublished > 0 && !review->is_unpublished_logged) {
-    review->is_unpublished_logged = true;
+  if (review->now.unpublished > 0 && fm_is_first(&review->is_unpublished_logged)) {
     fm_lines_add(lines, FM_ERROR,
       "violations could not be published: %" PRIu64 " so far; /diagnostics counts them",
       review->now.unpublished);
   }
-  if (!review->is_missing_logged && review->facts.now - review->created >= MISSING_S * FM_SECOND) {
-    review->is_missing_logged = true;
+  if (review->facts.now - review->created >= MISSING_S * FM_SECOND &&
+    fm_is_first(&review->is_missing_logged))
+  {
     fm_review_missing(review, lines);
   }
 }

@@ -71,6 +71,9 @@ struct fm_gate_log
 struct fm_review
 {
   const struct fm_reporter * reporter;
+  const struct fm_report_table * table;  // these two are the reporter's
+  const char * const * names;    // of topics
+  struct fm_memory memory;       // of all that follows
   struct fm_snapshot now;
   struct fm_snapshot before;     // that of the look before
   struct fm_facts facts;
@@ -83,7 +86,6 @@ struct fm_review
   struct fm_input_log * inputs;
   struct fm_topic_log * topics;
   struct fm_kind_log * kinds;
-  uint32_t n_kinds;
   struct fm_text * conditions;   // as they were logged: the locks, then the gate
   uint32_t n_conditions;
   uint32_t * changes;            // of each, in the review
@@ -170,12 +172,22 @@ static inline uint32_t fm_bundle_input(
          table->kinds[about->kind].shared[about->inputs[k]];
 }
 
-/// The inputs with a key of a kind that a topic feeds.
-static inline const struct fm_topic * fm_keyed_inputs(
-  const struct fm_report_table * table, uint32_t kind, uint32_t topic)
+/// An input that a topic feeds, and what was counted of it.
+struct fm_fed
 {
-  return &table->kinds[kind].keyed[topic];
-}
+  const struct fm_report_input * about;
+  uint32_t kind;          // FM_BUNDLE: it is one of the bundle's scope
+  uint32_t input;         // its index there
+  uint64_t unusable;
+  uint64_t new_unusable;  // since the look before, as the next but one
+  uint64_t silences;
+  uint64_t new_silences;
+};
+
+/// Find the `k`-th input of a topic: first come those of the bundle's scope, then those with keys.
+/// Returns false if there are fewer. O(kinds).
+FM_INTERNAL bool fm_find_fed(
+  const struct fm_review * review, uint32_t topic, uint32_t k, struct fm_fed * fed);
 
 /// Whether a requirement of instances is violated, with the first keys that violate it. Returns
 /// the level of its status. O(keys that are named).

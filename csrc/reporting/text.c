@@ -313,3 +313,33 @@ char * fm_copy_of(const char * text)
   char * copy = malloc(strlen(text) + 1u);
   return copy == NULL ? NULL : strcpy(copy, text);
 }
+
+// ---- memory that is freed together -------------------------------------------------------------
+
+union fm_reserved
+{
+  union fm_reserved * before;
+  long double aligned;
+};
+
+void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes)
+{
+  union fm_reserved * block = calloc(1, sizeof(*block) + (n > 0 ? n : 1u) * bytes);
+  if (block == NULL) {
+    memory->is_short = true;
+    return NULL;
+  }
+  block->before = memory->last;
+  memory->last = block;
+  return block + 1;
+}
+
+void fm_memory_free(struct fm_memory * memory)
+{
+  while (memory->last != NULL) {
+    union fm_reserved * block = memory->last;
+    memory->last = block->before;
+    free(block);
+  }
+  memory->is_short = false;
+}

@@ -93,4 +93,16 @@ void * fm_with_room(void * array, uint32_t n, uint32_t * capacity, size_t bytes)
 /// Return a copy that the caller frees; NULL if memory is short.
 char * fm_copy_of(const char * text);
 
+/// Memory that is freed together. Zeroed: none. The owner calls fm_memory_free.
+struct fm_memory
+{
+  union fm_reserved * last;
+  bool is_short;  // a block could not be made: its pointer is NULL
+};
+
+/// Return `n` zeroed elements, or one if there are none. `bytes`: of an element. O(bytes).
+void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes);
+
+void fm_memory_free(struct fm_memory * memory);
+
 #endif  // TEXT_H_

@@ -35,15 +35,14 @@ bool fm_are_worth_reading(const struct fm_time_counts * before, const struct fm_
 static void add_waits(const struct fm_review * review, struct fm_text * text,
   const char * separator, const char * ending, bool has_deadlines)
 {
-  const struct fm_report_table * table = review->reporter->table;
   struct fm_text word = {NULL, 0, 0};
   bool has_timeouts = false;
-  for (uint32_t k = 0; k < table->n_inputs; ++k) {
-    has_timeouts = has_timeouts || table->inputs[k].timeout > 0.0;
+  for (uint32_t k = 0; k < review->table->n_inputs; ++k) {
+    has_timeouts = has_timeouts || review->table->inputs[k].timeout > 0.0;
   }
   const char * const waits[] = {
-    table->policy == FM_PERIODIC ? "period" : NULL,
-    table->policy == FM_TIMED && has_deadlines ? "deadline" : NULL,
+    review->table->policy == FM_PERIODIC ? "period" : NULL,
+    review->table->policy == FM_TIMED && has_deadlines ? "deadline" : NULL,
     has_timeouts ? "timeout" : NULL};
   for (size_t k = 0; k < sizeof(waits) / sizeof(waits[0]); ++k) {
     if (waits[k] != NULL) {
@@ -61,8 +60,9 @@ static void review_clock(struct fm_review * review, struct fm_lines * lines)
   struct fm_text waits = {NULL, 0, 0};
   if (!review->facts.waits_for_clock) {
     log->began = review->facts.now;
-  } else if (!log->is_clock_logged && review->facts.now > log->began + NO_TIME_S * FM_SECOND) {
-    log->is_clock_logged = true;
+  } else if (review->facts.now > log->began + NO_TIME_S * FM_SECOND &&
+    fm_is_first(&log->is_clock_logged))
+  {
     add_waits(review, &waits, " and no ", "", true);
     fm_lines_add(lines, FM_WARN, "use_sim_time is set and nothing was received on /clock%s%s%s",
       waits.length > 0 ? ": no " : "", fm_text_get(&waits), waits.length > 0 ? " passes" : "");
@@ -72,13 +72,12 @@ static void review_clock(struct fm_review * review, struct fm_lines * lines)
 
 static void log_restart(const struct fm_review * review, struct fm_lines * lines)
 {
-  const struct fm_report_table * table = review->reporter->table;
   struct fm_text waits = {NULL, 0, 0};
   add_waits(review, &waits, " and ", "s", false);
   fm_lines_add(lines, FM_WARN, "time went back, to %.3f s: %s%s%s",
-    (double)(review->now.time.restarted_at + table->reorder) / 1e9,
+    (double)(review->now.time.restarted_at + review->table->reorder) / 1e9,
     fm_text_get(&waits), waits.length > 0 ? " continue from there; " : "",
-    table->policy == FM_TIMED ? "values are kept, and the requirements start afresh" :
+    review->table->policy == FM_TIMED ? "values are kept, and the requirements start afresh" :
     "values and past of the requirements are kept");
   fm_text_free(&waits);
 }
@@ -91,7 +90,7 @@ static void review_periods(struct fm_review * review, struct fm_lines * lines)
     if (fm_passes(&log->next_line, review->facts.now, PERIODS_S * FM_SECOND)) {
       fm_lines_add(lines, FM_WARN,
         "periods of %g s since the last such message: %" PRIu64 " missed (no step), %" PRIu64
-        " late by more than half a period", (double)review->reporter->table->period / 1e9,
+        " late by more than half a period", (double)review->table->period / 1e9,
         counts->missed - log->logged.missed, counts->late - log->logged.late);
       log->logged = log->judged = *counts;
     }
@@ -117,7 +116,7 @@ void fm_review_time(struct fm_review * review, struct fm_lines * lines)
       "than their max_rate; what reads the window is violated until the lost changes have left it",
       counts->overflows);
   }
-  if (review->reporter->table->policy == FM_PERIODIC) {
+  if (review->table->policy == FM_PERIODIC) {
     review_periods(review, lines);
   }
 }
