@@ -496,7 +496,7 @@ def test_the_page_on_topics_has_the_values_of_every_status() -> None:
     source = ''.join((ROOT / 'csrc/reporting' / name).read_text(encoding='utf-8')
                      for name in ('health.c', 'instance_lines.c'))
     keys = {f'{text} INPUT' if call[0] == 'add_count_of_input(' else text for call in re.finditer(
-                r'\b(?:add_count|add_count_of_input|fm_status_value)\(', source)
+                r'\b(?:add_count|add_count_of_input|fm_status_\w+)\(', source)
             for given in [arguments(source, call.end())]
             for text in literals(given[1])}
     rows = table('ros_interface.md', 'of', 'name', 'values')
