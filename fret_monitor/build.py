@@ -312,6 +312,11 @@ def with_name(reading: Reading, name: str) -> Reading:
     return replace(reading, specification=replace(reading.specification, name=name))
 
 
+def with_margins(reading: Reading) -> Reading:
+    """Have the steps of a bundle compute margins, too (docs/margins.md)."""
+    return replace(reading, specification=replace(reading.specification, has_margins=True))
+
+
 def generate_monitor(reading: Reading, *,
                      max_state_bytes: int = MAX_STATE_BYTES) -> GeneratedMonitor:
     """

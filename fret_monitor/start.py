@@ -149,12 +149,11 @@ class _Overrides:
     variant: Variant | None = None
 
     def read(self, path: Path) -> 'Reading':
-        from fret_monitor.build import read, with_name
+        from fret_monitor.build import read, with_margins, with_name
         reading = read(path, policy=self.policy, period=self.period, constants=self.constants,
                        part=self.part, takes_instances=self.takes_instances)
         if self.margins:
-            reading = replace(reading, specification=replace(
-                reading.specification, has_margins=True))
+            reading = with_margins(reading)
         if self.variant is not None:
             reading = self.variant.make(reading, find_message)
         return reading if self.name is None else with_name(reading, self.name)

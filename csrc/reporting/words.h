@@ -72,7 +72,7 @@
 #define FM_WORDS_MARGINS \
   "whether margins are published on copilot/margin, and shown with violations; read by `configure`"
 #define FM_WORDS_NO_MARGINS \
-  "parameter 'margins': the monitor was compiled without margins: name the bundle, -p spec:=FILE"
+  "parameter 'margins': it was compiled without margins: give --margins to compile or export"
 #define FM_WORDS_NO_MARGINS_OF_GATES "parameter 'margins': a gate has no margins"
 #define FM_WORDS_BLACKBOX \
   "a folder to which the last messages of all topics are written at each violation; empty: none " \

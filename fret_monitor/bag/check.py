@@ -268,12 +268,11 @@ def read_bundle(bundle: Path, selection: Selection, find: 'FindMessage',
 
 def _read(bundle: Path, selection: Selection, find: 'FindMessage',
           read_file: 'ReadFile | None' = None) -> 'Reading':
-    from fret_monitor.build import read
+    from fret_monitor.build import read, with_margins
     from fret_monitor.bundle.source_file import read_source
     reading = read(bundle, stamp=selection.stamp, constants=selection.constants,
                    find_message=find, takes_instances=True, read_file=read_file or read_source)
-    return replace(reading, specification=replace(
-        reading.specification, has_margins=selection.margins))
+    return with_margins(reading) if selection.margins else reading
 
 
 def _with_occurrences(reading: 'Reading', _: 'FindMessage') -> 'Reading':

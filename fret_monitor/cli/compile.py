@@ -18,7 +18,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
-from fret_monitor.build import generate_monitor, GeneratedMonitor, read, write
+from fret_monitor.build import generate_monitor, GeneratedMonitor, read, with_margins, write
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics
 from fret_monitor.model.bundle_files import BUNDLE_HELP, existing_bundle
@@ -37,16 +37,20 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--gate', metavar='NAME',
                         help='compile the requirements that this gate keeps, for the node `gate`; '
                              'default: those that no gate keeps, for the node `monitor`')
+    parser.add_argument('--margins', action='store_true',
+                        help='with how far each requirement is from the other verdict, for the '
+                             'node with margins:=true')
     parser.add_argument('--worst-case', action='store_true',
                         help='print the most instructions and stack that a step takes')
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, refuse=parser.error)
 
 
 def run(options: Namespace) -> int:
     """Compile a bundle to a folder."""
-    generated = generate_monitor(
-        read(existing_bundle(options.bundle), constants=dict(options.constants),
-             part=NodePart(options.gate), takes_instances=True))
+    _refuse_margins(options)
+    reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
+                   part=NodePart(options.gate), takes_instances=True)
+    generated = generate_monitor(with_margins(reading) if options.margins else reading)
     print_diagnostics(generated.warnings)
     write(generated, options.output)
     manifest = generated.manifest
@@ -55,10 +59,19 @@ def run(options: Namespace) -> int:
     print(f'{options.output}: {counted(len(manifest.numbered), "requirement")}, '
           f'{counted(manifest.state_bytes, "byte")} of state, '
           f'{counted(operations, "operation")} and '
-          f'at most {counted(cost.own + cost.library, "instruction")} a step')
+          f'at most {counted(cost.own + cost.library, "instruction")} a step'
+          + (', without its margins' if options.margins else ''))
     if options.worst_case:
         print('\n'.join(_worst_case(generated)))
     return 0
+
+
+def _refuse_margins(options: Namespace) -> None:
+    if options.margins and options.gate:
+        options.refuse('a gate has no margins: leave --margins out')
+    if options.margins and options.worst_case:
+        options.refuse('the worst case of margins is not known, as their windows take O(1) a '
+                       'step on average: leave --margins out')
 
 
 def _worst_case(generated: GeneratedMonitor) -> Iterator[str]:

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from fret_monitor.build import (
-    gate_names, generate_monitor, GeneratedMonitor, own_constants, read, Reading, with_name,
+    gate_names, generate_monitor, GeneratedMonitor, own_constants, read, Reading, with_margins,
+    with_name,
 )
 from fret_monitor.cli.constants import add_constants
 from fret_monitor.cli.terminal import print_diagnostics, progress
@@ -71,6 +72,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument('--gate', dest='gates', metavar='NAME', action='append', default=[],
                         help='of ros2: export the node of this gate, or of these, if it is given '
                              'again; default: the node of the requirements that no gate keeps')
+    parser.add_argument('--margins', action='store_true',
+                        help='of c99 and ros2: with how far each requirement is from the other '
+                             'verdict')
     parser.add_argument('--templates', metavar='DIR', type=Path,
                         help='a folder with files of your own in place of some of the export')
     parser.add_argument('--no-proof', action='store_true',
@@ -94,12 +98,21 @@ def _refuse_arguments(options: Namespace) -> None:
     if options.gates and not target.acts:
         options.refuse(f'the target {options.target} runs no gate, only ros2 does: leave --gate '
                        'out')
+    if options.margins and not target.has_margins:
+        options.refuse(f'the target {options.target} has no margins, only '
+                       f'{_with_margins()} have: leave --margins out')
+    if options.margins and options.gates:
+        options.refuse('a gate has no margins: leave --margins out')
     if len(options.bundles) > 1 and target.several is None:
         options.refuse(f'the target {options.target} takes one bundle, only ros2 takes several')
     name = _name(options)
     if name is not None and not is_name(name):
         options.refuse(f"'{name}' cannot begin names in C: "
                        'use a letter, then at most 99 letters, digits and _')
+
+
+def _with_margins() -> str:
+    return ' and '.join(name for name, item in TARGETS.items() if item.has_margins)
 
 
 def _name(options: Namespace) -> str | None:
@@ -186,6 +199,8 @@ def _reading(options: Namespace, path: Path, constants: Mapping[str, Text],
              part: NodePart | None) -> Reading:
     limits = TARGETS[options.target].limits
     reading = read(path, constants=constants, part=part, takes_instances=True)
+    if options.margins:
+        reading = with_margins(reading)
     return reading if limits is None else with_written_keys(reading, options.target, limits)
 
 
@@ -238,6 +253,8 @@ def _obstacle_to_proof(monitors: Sequence[GeneratedMonitor]) -> str:
     """Return why monitors are not proved as a whole; '' if they may be."""
     if any(item.kinds for item in monitors):
         return 'a bundle with instances; `fret-monitor prove` proves one of them'
+    if any(item.manifest.has_margins for item in monitors):
+        return 'margins; `fret-monitor prove` proves the bundle without them'
     if any(item.manifest.tests for item in monitors):
         return 'requirements with probabilities; `fret-monitor prove` proves the others'
     return ''

@@ -30,6 +30,7 @@ from fret_monitor.export.content import (
     HandlerArguments, Options, runtime_files, structs,
 )
 from fret_monitor.export.examples import example
+from fret_monitor.export.margins_header import margins_header
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.policies import Policy
 from fret_monitor.native.compiler import COMPILE_FLAGS
@@ -37,7 +38,8 @@ from fret_monitor.native.compiler import COMPILE_FLAGS
 _EXTRACTORS = ('fret_cdr.h', 'fret_fields.h', 'fret_reductions.h')
 _FIELDS_ROW = ('| `src/{}_fields.c`, `src/fret_fields.h` | reads the inputs from serialized '
                'messages (CDR) |\n')
-
+_MARGINS_ROW = ('| `src/{}_margins.h`, `src/fret_margins.h` | how far each requirement is from '
+                'the other verdict, and which comparison decides that |\n')
 
 _FUNCTION = re.compile(r'^FM_(?:EXPORT|INTERNAL)\s[^(;]*?\b(fm_\w+)\(', re.MULTILINE)
 _NAMES_HEADER = 'fret_names.h'
@@ -63,9 +65,12 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
         library[f'{name}_options.h'] = '\n'.join([*flight.options_header(generated), ''])
         library[f'{name}_size.h'] = fill('NAME_size.h', hand_written('flight')['NAME_size.h'],
                                          values)
+    if generated.manifest.margins:
+        library[f'{name}_margins.h'] = '\n'.join([*margins_header(generated), ''])
     if options.prefix:
         library = _with_prefix(library, options.prefix)
-    more_headers = ('instance.h', 'tables.h', f'{name}_options.h', f'{name}_size.h', _NAMES_HEADER)
+    more_headers = ('instance.h', 'tables.h', f'{name}_options.h', f'{name}_size.h',
+                    f'{name}_margins.h', _NAMES_HEADER)
     trace, verdicts = example(generated)
     values = {
         **values,
@@ -74,6 +79,7 @@ def c99(generated: GeneratedMonitor, options: Options) -> Content:
             ('-ffp-contract', '-fno-builtin'))),
         'EXAMPLE': '\n'.join(_example(name, generated.manifest.policy is Policy.TIMED)),
         'MORE_HEADERS': ''.join(f' src/{file}' for file in library if file in more_headers),
+        'MARGINS_ROW': _MARGINS_ROW.format(name) if generated.manifest.margins else '',
         'FIELDS_ROW': _FIELDS_ROW.format(name) if generated.module.readers else '',
     }
     return Content(

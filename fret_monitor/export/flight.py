@@ -278,6 +278,8 @@ def options_header(generated: GeneratedMonitor) -> Iterator[str]:
     yield f'  options.policy = FM_{manifest.policy.name};'
     for key in ('reports', 'sources', 'timeouts', 'startups', 'violates', 'windows', 'rooms'):
         yield f'  options.{key} = {name}_{key};'
+    if manifest.margins:
+        yield f'  options.margins = {manifest.margins}();'
     yield from ('  return options;', '}', '')
     yield f'static void {name}_set_initial_values(struct fm_evaluator * evaluator)'
     yield '{'

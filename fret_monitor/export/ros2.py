@@ -40,6 +40,8 @@ NODE_PACKAGES = ('diagnostic_msgs', 'lifecycle_msgs', 'rcl_interfaces', 'rosgrap
 
 _ROOMS = tuple(room for room in CSRC_ROOMS if room != 'traces')  # which no node needs
 _UNUSED = ('records.c',)
+_MARGIN_ROW = '| `copilot/margin/ID` | `std_msgs/msg/Float64` | with `margins:=true`: the ' \
+              'margin of each requirement, as it changes, at most 20 times a second |'
 
 
 def ros2(generated: GeneratedMonitor, options: Options) -> Content:
@@ -116,12 +118,15 @@ def _node_values(manifests: Sequence[Manifest]) -> dict[str, str]:
     used = sorted({name for item in manifests for name in packages_of(item)})
     interfaces = sorted({*NODE_PACKAGES, *used})
     topics = dict.fromkeys(topic for item in manifests for topic in _topics(item))
+    has_margins = all(item.has_margins for item in manifests)
     return {
         'INTERFACES': ' '.join(interfaces),
         'DEPENDS': '\n  '.join(f'<depend>{name}</depend>' for name in interfaces),
         'MESSAGES': ', '.join(f'`{name}`' for name in used) or 'none',
         'TOPICS': f'It subscribes to {", ".join(topics) or "no topic"}.',
-        'HANDLERS': '\n'.join(line for item in manifests for line in _handlers(item)),
+        'HANDLERS': '\n'.join([*(line for item in manifests for line in _handlers(item)),
+                               *([_MARGIN_ROW] if has_margins else [])]),
+        'MARGINS': 'compiled in' if has_margins else 'refused: exported without `--margins`',
     }
 
 

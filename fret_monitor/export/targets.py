@@ -37,7 +37,8 @@ class Target:
     is what the target takes of a bundle; None: all requirements. `acts`: it starts its actions,
     and runs a gate instead, if one is named. `limits` are those of a bundle with `for_each`, whose
     keys are written in place of the variables; None: the target has no such bundles. `several`
-    makes the files of more than one bundle; None: it takes one.
+    makes the files of more than one bundle; None: it takes one. `has_margins`: it takes bundles
+    whose steps compute margins.
     """
 
     summary: str
@@ -46,11 +47,12 @@ class Target:
     acts: bool = False
     limits: Limits | None = None
     several: Callable[[Sequence[GeneratedMonitor], Options], Content] | None = None
+    has_margins: bool = False
 
 
 TARGETS = {
     'c99': Target('C99 and CMake: the monitors, and the evaluator that runs any of them', c99,
-                  limits=OF_MESSAGES | Limits.ELEMENTS),
+                  limits=OF_MESSAGES | Limits.ELEMENTS, has_margins=True),
     'cfs': Target('an application of the core Flight System: an event for each violation', cfs,
                   limits=OF_MESSAGES),
     'copilot': Target('the interface of the C that Copilot generates: step() and handlers',
@@ -58,5 +60,5 @@ TARGETS = {
     'fprime': Target('a component of F Prime: an event and a channel for each requirement',
                      fprime, limits=OF_MESSAGES),
     'ros2': Target('a package for colcon, with one node in C on rcl', ros2,
-                   UNGATED, acts=True, several=ros2_of_several),
+                   UNGATED, acts=True, several=ros2_of_several, has_margins=True),
 }

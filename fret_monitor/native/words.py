@@ -48,7 +48,7 @@ HANDLER_DEPTH = 'violations that a slow listener of one handler may be behind be
 LOG_VIOLATIONS = 'whether the node logs violations and their ends; false if the logger does; read by `configure`'
 VERDICTS = 'whether the verdict of each requirement is published on copilot/verdict/ID; read by `configure`'
 MARGINS = 'whether margins are published on copilot/margin, and shown with violations; read by `configure`'
-NO_MARGINS = "parameter 'margins': the monitor was compiled without margins: name the bundle, -p spec:=FILE"
+NO_MARGINS = "parameter 'margins': it was compiled without margins: give --margins to compile or export"
 NO_MARGINS_OF_GATES = "parameter 'margins': a gate has no margins"
 BLACKBOX = 'a folder to which the last messages of all topics are written at each violation; empty: none are kept; read by `configure`'
 BLACKBOX_SECONDS = 'seconds of messages before a violation that a file has; read by `configure`'

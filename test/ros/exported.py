@@ -76,9 +76,10 @@ def hand_written() -> list[Path]:
 _BUILT: dict[str, Path] = {}
 
 
-def exported_bundle(bundle: Path, part: NodePart = UNGATED) -> Path:
+def exported_bundle(bundle: Path, part: NodePart = UNGATED, *, margins: bool = False) -> Path:
     """Return the program of the node of a bundle; an error of memory, or a leak, ends it."""
-    generated = build.generate_monitor(build.read(bundle, part=part, takes_instances=True))
+    reading = build.read(bundle, part=part, takes_instances=True)
+    generated = build.generate_monitor(build.with_margins(reading) if margins else reading)
     return _built({**generated.c_sources, **generated.c_headers,
                    'node_table.c': node_table(generated), 'node_tables.c': node_tables()},
                   packages_of(generated.manifest))

@@ -218,18 +218,19 @@ def least_of_all(bundle: Path) -> list[list[float]]:
     return found
 
 
-def test_of_instances_both_nodes_publish_the_least_margin_and_details_name_the_key(
+def test_of_instances_compiled_and_exported_nodes_publish_the_least_margin_and_name_the_key(
     partner: Partner, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     bundle = write_bundle(tmp_path, FOR_EACH)
     expected = least_of_all(bundle)
     assert [row[2] for row in expected] == [10.0, 2.0, -4.0, -4.0, -1.0, 5.0]
     capsys.readouterr()
-    ids = ('SOFAR', 'MOST', 'NOW')
-    native = ExportedNode(Path(program_of(bundle, '-p', 'margins:=true')),
+    ids, folder = ('SOFAR', 'MOST', 'NOW'), tmp_path / 'compiled'
+    assert main(['compile', str(bundle), '--output', str(folder), '--margins']) == 0
+    native = ExportedNode(exported_bundle(bundle, margins=True),
                           '-r', '__ns:=/native', '-p', 'margins:=true')
     try:
-        with started('monitor', '-p', f'spec:={bundle}', '-p', 'margins:=true',
+        with started('monitor', '-p', f'library:={folder}', '-p', 'margins:=true',
                      '-r', '__ns:=/python') as node:
             faces = [Face('python', node, ids), Face('native', native, ids)]
             are_advertised = [face.listen(partner) for face in faces]
