@@ -132,10 +132,20 @@ def stepwise(formula: Formula, feedback: Any, numbers: Sequence[int],
                     strict=True))
 
 
-def step_table(specification: Specification, rows: Sequence[Row]) -> list[list[str]]:
+Lives = Mapping[tuple[str, ...], Sequence[Life]]
+"""The lives of the instances of a variable, or of the pairs of two."""
+
+
+def lives_of_one(specification: Specification, rows: Sequence[Row]) -> Lives:
+    """Return the lives of the keys of each variable."""
+    return {(item.name,): lives(specification, rows, place)
+            for place, item in enumerate(specification.instance_variables)}
+
+
+def step_table(specification: Specification, rows: Sequence[Row],
+               of_pairs: Lives | None = None) -> list[list[str]]:
     """Return the cells of the requirements in each row, where a row is a step."""
-    by_variable = {item.name: lives(specification, rows, place)
-                   for place, item in enumerate(specification.instance_variables)}
+    by_variable = {**(of_pairs or {}), **lives_of_one(specification, rows)}
     values = bundle_values(specification, rows, by_variable)
     for life in (life for all_ in by_variable.values() for life in all_):
         life.values = with_aggregates(specification, life, values)
@@ -145,8 +155,7 @@ def step_table(specification: Specification, rows: Sequence[Row]) -> list[list[s
 
 
 def _column(specification: Specification, item: Property, rows: Sequence[Row],
-            by_variable: Mapping[str, list[Life]],
-            values: list[dict[str, Any]]) -> Iterator[str]:
+            by_variable: Lives, values: list[dict[str, Any]]) -> Iterator[str]:
     owner = owner_of(specification, item.inputs)
     if owner is None:
         found = stepwise(item.formula, item.feedback, range(len(rows)), values)
@@ -155,7 +164,7 @@ def _column(specification: Specification, item: Property, rows: Sequence[Row],
         return
     place = [one.name for one in specification.instance_variables].index(owner)
     cells = [''] * len(rows)
-    for life in by_variable[owner]:
+    for life in by_variable[owner,]:
         for number, verdict in stepwise(item.formula, item.feedback, life.rows,
                                         life.values).items():
             if rows[number].keys[place] == life.key:
@@ -179,7 +188,7 @@ def with_aggregates(specification: Specification, life: Life,
 
 
 def bundle_values(specification: Specification, rows: Sequence[Row],
-                  by_variable: Mapping[str, list[Life]]) -> list[dict[str, Any]]:
+                  by_variable: Lives) -> list[dict[str, Any]]:
     """Return the inputs of the bundle's scope at each row, with its aggregates."""
     found, present = list[dict[str, Any]](), dict[str, Any]()
     shared = {signal.name for signal in specification.signals if not signal.variables}
@@ -189,7 +198,7 @@ def bundle_values(specification: Specification, rows: Sequence[Row],
     for item in specification.aggregates:  # those that others read come first
         each = [(life, stepwise(item.operand, item.feedback, life.rows,
                                 with_aggregates(specification, life, found)))
-                for life in by_variable[item.variable]]
+                for life in by_variable[item.variables]]
         for number, values in enumerate(found):
             there = [known[max(before)] for life, known in each
                      if (life.end == NEVER or number <= life.after)
@@ -217,7 +226,7 @@ def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
     of = {item.name: name for name, items in VARIABLES.items() for item in items}
     signals = [replace(item, variables=(of[item.name],), topic=f'/{{{of[item.name]}}}/{item.name}')
                if item.name in of else item for item in plain.signals]
-    aggregates = [_random_aggregate(rng, number, rng.choice(variables_).name, reach)
+    aggregates = [random_aggregate(rng, number, [rng.choice(variables_).name], reach)
                   for number in range(8)]
     values = [Variable(item.signal.name, item.signal.type) for item in aggregates]
     names = [item.name for item in variables_]
@@ -229,7 +238,7 @@ def random_bundle(rng: Random, variables_: Sequence[ManifestVariable],
         properties += [random_requirement(rng, f'L-{level}-{number}', [*VARIABLES[name], *below],
                                           VARIABLES[name], reach, loops, below)
                        for number, name in enumerate(rng.choices(names, k=4))]
-        more = [_random_aggregate(rng, f'{level}-{number}', rng.choice(names), reach, below)
+        more = [random_aggregate(rng, f'{level}-{number}', [rng.choice(names)], reach, below)
                 for number in range(4)]
         aggregates += more
         below = [Variable(item.signal.name, item.signal.type) for item in more]
@@ -257,14 +266,17 @@ def random_requirement(rng: Random, name: str, inputs: Sequence[Variable],
             return found
 
 
-def _random_aggregate(rng: Random, number: int | str, variable: str, reach: int,
-                      below: Sequence[Variable] = ()) -> InstanceAggregate:
+def random_aggregate(rng: Random, number: int | str, names: Sequence[str], reach: int,
+                     below: Sequence[Variable] = (),
+                     inputs: Sequence[Variable] = ()) -> InstanceAggregate:
+    """Return a function of a random operand that reads one of the inputs, if not below others."""
     function = rng.choice([*OverInstances])
-    own = {item.name for item in VARIABLES[variable]}
+    inputs = inputs or VARIABLES[names[0]]
+    own = {item.name for item in inputs}
     aggregated = {item.name for item in below}
     while True:
         maker = FormulaMaker(rng.randrange, [
-            rng.choice(VARIABLES[variable]),
+            rng.choice(inputs),
             *(rng.sample(list(below), 2) if below else rng.sample(INPUTS, 2))], reach=reach)
         kinds = [ValueType.INT64, ValueType.UINT64, ValueType.FLOAT64] + [
             ValueType.FLOAT32] * (function is not OverInstances.SUM)
@@ -274,9 +286,9 @@ def _random_aggregate(rng: Random, number: int | str, variable: str, reach: int,
             break
     kind = {OverInstances.COUNT: ValueType.INT64, OverInstances.ANY: ValueType.BOOL,
             OverInstances.ALL: ValueType.BOOL}.get(function, operand.type)
-    signal = Signal(f'{function.value}({variable}: {number})', kind, None, None, (), (), None, (),
-                    source=InputSource.INSTANCES)
-    return InstanceAggregate(signal, function, variable, operand)
+    name = f'{function.value}({", ".join(names)}: {number})'
+    signal = Signal(name, kind, None, None, (), (), None, (), source=InputSource.INSTANCES)
+    return InstanceAggregate(signal, function, tuple(names), operand)
 
 
 def random_rows(rng: Random, specification: Specification, count: int,
@@ -345,7 +357,7 @@ def known(formula: Formula, times: Sequence[int], values: Sequence[Mapping[str, 
 
 
 def timed_aggregates(specification: Specification, rows: Sequence[Row], until: int,
-                     by_variable: Mapping[str, list[Life]]) -> tuple[
+                     by_variable: Lives) -> tuple[
                          list[int], list[dict[str, Any]], 'dict[str, _Over]']:
     """
     Return the times at which an input of the bundle's scope may change, and the inputs then.
@@ -355,7 +367,7 @@ def timed_aggregates(specification: Specification, rows: Sequence[Row], until: i
     over: dict[str, _Over] = {}
     for item in specification.aggregates:  # those that others read come first
         own = list[Known]()
-        for life in by_variable[item.variable]:
+        for life in by_variable[item.variables]:
             times, values = timed_life(life, rows, over)
             if found := known(item.operand, times, values, min(life.end, until + 1)):
                 own.append(found)

@@ -13,15 +13,16 @@
 # limitations under the License.
 
 """
-Aggregates over instances, such as `count(robot: speed > 0.5)`.
+Aggregates over instances, such as `count(robot: speed > 0.5)`, or over pairs of two variables.
 
 Each becomes an input of the bundle's scope, which stands for its value; formulas read it as any
 other input. The operand is a formula over the inputs of one instance.
 """
 
-from collections.abc import Iterable
-from typing import NoReturn
+from collections.abc import Iterable, Sequence
+from typing import NoReturn, TypeAlias
 
+from fret_monitor.bundle.instances import MOST_VARIABLES
 from fret_monitor.elaboration.implied_inputs import ImpliedInputs
 from fret_monitor.elaboration.terms import (
     convert, describe, expect_bool, expect_number, promoted, TypedTerm,
@@ -38,6 +39,7 @@ _FUNCTIONS = {item.value: item for item in OverInstances}
 _TYPES = {OverInstances.COUNT: ValueType.INT64, OverInstances.ANY: ValueType.BOOL,
           OverInstances.ALL: ValueType.BOOL}
 _LONGEST_NAME = 80
+_Key: TypeAlias = tuple[OverInstances, tuple[str, ...], Formula]
 
 
 class Aggregates:
@@ -47,55 +49,69 @@ class Aggregates:
         """Start without any; `names` are the instance variables, `inputs` those of the bundle."""
         self._names = list(names)
         self._inputs = inputs
-        self._found: dict[tuple[OverInstances, str, Formula], InstanceAggregate] = {}
+        self._found: dict[_Key, InstanceAggregate] = {}
 
     @property
     def all(self) -> tuple[InstanceAggregate, ...]:
         """All aggregates, in the order of their first use."""
         return tuple(self._found.values())
 
-    def value(self, call: Call, variable: Name, term: TypedTerm) -> Formula:
+    def value(self, call: Call, term: TypedTerm) -> Formula:
         """Return the value of an aggregate; raises `CompileError` if it cannot have one."""
         function = _FUNCTIONS.get(call.function)
         if function is None:
             refuse(f"'{call.function}' is not a function over instances", call.function_span, '',
                    did_you_mean(call.function, _FUNCTIONS) or 'one of ' + ', '.join(_FUNCTIONS))
-        if variable.text not in self._names:
-            refuse(f"there is no instance variable '{variable.text}'", variable.span,
-                   'not declared', did_you_mean(variable.text, self._names)
-                   or f'declare it, as in\nfor_each: {{{variable.text}: {{most: 100}}}}')
+        for variable in call.variables:
+            self._check_variable(variable, call.variables)
         operand = _operand(function, term)
-        self._check(call, variable, operand, term)
-        key = function, variable.text, operand
+        self._check(call, operand, term)
+        written = {variable.text for variable in call.variables}
+        key = function, tuple(name for name in self._names if name in written), operand
         if key not in self._found:
             self._found[key] = self._aggregate(call, key)
         signal = self._found[key].signal
         return Variable(signal.name, signal.type)
 
-    def _check(self, call: Call, variable: Name, operand: Formula, term: TypedTerm) -> None:
-        """Refuse an operand that is not one for each key of the variable alone."""
-        written = f"'{call.function}({variable.text}: ...)'"
+    def _check_variable(self, variable: Name, written: Sequence[Name]) -> None:
+        if variable.text not in self._names:
+            refuse(f"there is no instance variable '{variable.text}'", variable.span,
+                   'not declared', did_you_mean(variable.text, self._names)
+                   or f'declare it, as in\nfor_each: {{{variable.text}: {{most: 100}}}}')
+        if [item.text for item in written].count(variable.text) > 1:
+            refuse(f"'{variable.text}' twice", variable.span, '', 'write it once')
+        if len(written) > MOST_VARIABLES:
+            refuse(f'a value over the instances of {len(written)} variables', variable.span, '',
+                   'over those of one, or over the pairs of two')
+
+    def _check(self, call: Call, operand: Formula, term: TypedTerm) -> None:
+        """Refuse an operand that is not one for each key of the variables alone."""
+        names = [item.text for item in call.variables]
+        written = f"'{call.function}({', '.join(names)}: ...)'"
         read = [item.name for item in variables(operand)]
         mentioned = {name: place for place in read
                      for name in self._inputs.signal(place).variables}
-        if variable.text not in mentioned:
-            refuse(f"{written} reads no input of '{variable.text}'", term.span,
-                   'it would be the same for each',
-                   f"an input of it mentions '{{{variable.text}}}'")
+        for name in names:
+            if name not in mentioned:
+                refuse(f"{written} reads no input of '{name}'", term.span,
+                       'it would be the same for each', f"an input of it mentions '{{{name}}}'")
         for name, place in mentioned.items():
-            if name != variable.text:
+            if name not in names:
+                pair = ', '.join((*names, name))
                 refuse(f"{written} reads an input of '{name}' too", term.span,
                        f"'{place}' has a value for each '{name}'",
-                       f"aggregate inputs that mention '{{{variable.text}}}' alone")
+                       f"aggregate inputs that mention '{{{names[0]}}}' alone" + (
+                           f', or pairs: {call.function}({pair}: ...)'
+                           if len(names) < MOST_VARIABLES else ''))
 
-    def _aggregate(self, call: Call, key: tuple[OverInstances, str, Formula]) -> InstanceAggregate:
-        function, variable, operand = key
+    def _aggregate(self, call: Call, key: '_Key') -> InstanceAggregate:
+        function, names, operand = key
         name = self._name(call.span)
         signal = Signal(
             name, _TYPES.get(function, operand.type), None, None, (), (), None, (),
             source=InputSource.INSTANCES, place=call.span)
         self._inputs.declare(signal)
-        return InstanceAggregate(signal, function, variable, operand, place=call.span)
+        return InstanceAggregate(signal, function, names, operand, place=call.span)
 
     def _name(self, span: Span) -> str:
         """Return an aggregate as it is written, on one line."""

@@ -98,7 +98,8 @@ def specify(bundle: Bundle, find_message: FindMessage | None = None,
     actions, gates = resolve_acting(bundle, known, find_message or find_installed,
                                     reading.problems)
     check_instances(bundle, (item for item in properties if item),
-                    (*known, *reading.implied.added, *reading.aggregated), reading.problems)
+                    (*known, *reading.implied.added, *reading.aggregated), reading.aggregates,
+                    reading.problems)
     reading.problems.raise_errors()
     check_judged([item for item in properties if item], gates, known, bundle, reading.problems)
     reading.problems.raise_errors()

@@ -91,7 +91,7 @@ def gives_truth(node: Expression) -> bool:
         case Infix():
             return node.operator not in _ARITHMETIC and node.operator not in ('^', 'arrow')
         case Call():
-            if node.variable is not None:
+            if node.variables:
                 return node.function in ('any', 'all')
             return node.function in FUNCTIONS and FUNCTIONS[node.function].gives_truth
         case Name() | Number() | Duration() | Conditional():
@@ -465,10 +465,10 @@ class Elaborator:
 
     def _call(self, node: Call, operands: list[TypedTerm]) -> tuple[Value, Vocabulary | None]:
         name = node.function
-        if node.variable is not None:
+        if node.variables:
             if self._scope.aggregates is None:
                 refuse_without_instances(node)
-            return self._scope.aggregates.value(node, node.variable, operands[0]), None
+            return self._scope.aggregates.value(node, operands[0]), None
         function = FUNCTIONS.get(name)
         if function is None:
             self._refuse_function(node)

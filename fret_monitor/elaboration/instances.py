@@ -16,17 +16,18 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from typing import TypeAlias
 
 from fret_monitor.bundle.bundle import Bundle, InstanceVariable, Requirement
 from fret_monitor.bundle.instances import mentioned, MOST_VARIABLES
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
 from fret_monitor.elaboration.gates_with_keys import check_gates
 from fret_monitor.logic.scopes import variables_of
-from fret_monitor.logic.specification import Property, Signal
+from fret_monitor.logic.specification import InstanceAggregate, Property, Signal
 from fret_monitor.messages.field_path import key_type
 from fret_monitor.messages.installed import nested_layout
 from fret_monitor.messages.layout import FieldType
-from fret_monitor.model.diagnostics import Problems, Text
+from fret_monitor.model.diagnostics import Problems, Span, Text
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.names import LONGEST_KEY, pair_key, shown
 from fret_monitor.model.paths import LookUp, path_text
@@ -40,13 +41,15 @@ def described_variable(item: InstanceVariable) -> ManifestVariable:
 
 
 def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Iterable[Signal],
-                    problems: Problems) -> None:
+                    aggregates: Iterable[InstanceAggregate], problems: Problems) -> None:
     """Report requirements that are not one for each key of some variables."""
     inputs = {item.name: item for item in signals}
     properties = [*properties]
     for item in properties:
         _check(item, inputs, problems)
-    pairs = _pairs(bundle, properties, inputs, problems)
+    pairs = _pairs(bundle, [*_of_pairs(bundle, properties, inputs), *(
+        (item.variables, item.signal.name, item.place) for item in aggregates
+        if len(item.variables) == MOST_VARIABLES)], inputs, problems)
     _check_numbers(bundle, inputs.values(), problems)
     _check_keys([item for item in inputs.values() if len(item.variables) == 1
                  or item.variables in pairs], problems)
@@ -204,34 +207,46 @@ def _check(item: Property, inputs: dict[str, Signal], problems: Problems) -> Non
                        item.place, shown, 'a requirement is of one variable, or of two')
 
 
-def _pairs(bundle: Bundle, properties: Iterable[Property], inputs: dict[str, Signal],
-           problems: Problems) -> set[tuple[str, ...]]:
-    """Return the variables of requirements of two; report pairs that would never occur."""
-    variables = {item.name.value: item for item in bundle.instance_variables}
-    found: dict[tuple[str, ...], Property] = {}
+_OfPairs: TypeAlias = tuple[tuple[str, ...], str, Span | None]
+"""Two variables, and what is of their pairs: its name and its place."""
+
+
+def _of_pairs(bundle: Bundle, properties: Iterable[Property],
+              inputs: dict[str, Signal]) -> Iterator[_OfPairs]:
+    """Yield the requirements of pairs."""
     for item in properties:
         mentioned = variables_of(item.inputs, inputs)
         if len(mentioned) == MOST_VARIABLES:
-            found.setdefault(tuple(name for name in variables if name in mentioned), item)
-    for names, item in found.items():
-        first, second = (variables[name] for name in names)
+            yield tuple(one.name.value for one in bundle.instance_variables
+                        if one.name.value in mentioned), item.id, item.place
+
+
+def _pairs(bundle: Bundle, of_pairs: Iterable[_OfPairs], inputs: dict[str, Signal],
+           problems: Problems) -> set[tuple[str, ...]]:
+    """Return the variables of which there are pairs; report pairs that would never occur."""
+    variables = {item.name.value: item for item in bundle.instance_variables}
+    found: dict[tuple[str, ...], tuple[str, Span | None]] = {}
+    for names, name, place in of_pairs:
+        found.setdefault(names, (name, place))
+    for names, (name, place) in found.items():
+        first, second = (variables[one] for one in names)
         if not (first.keys and second.keys) and not any(
                 signal.variables == names for signal in inputs.values()):
             problems.error(
-                f'{item.id} is of pairs that never occur', item.place,
+                f'{name} is of pairs that never occur', place,
                 f"no input mentions both '{names[0]}' and '{names[1]}'",
                 'a pair occurs in a message of such an input, or if both have listed keys')
-        _check_sizes(first, second, item, problems)
+        _check_sizes(first, second, name, place, problems)
     return {*found}
 
 
-def _check_sizes(first: InstanceVariable, second: InstanceVariable, item: Property,
-                 problems: Problems) -> None:
+def _check_sizes(first: InstanceVariable, second: InstanceVariable, name: str,
+                 place: Span | None, problems: Problems) -> None:
     """Report listed keys that are too long together."""
     longest = [max((key.value.encode() for key in one.keys), key=len, default=b'')
                for one in (first, second)]
     if len(pair_key(*longest)) > LONGEST_KEY:
         problems.error(
-            f'{item.id} is of pairs of keys that are too long', item.place,
+            f'{name} is of pairs of keys that are too long', place,
             f'together {len(longest[0]) + len(longest[1])} bytes', f'two keys have at most '
             f'{LONGEST_KEY - 1} bytes together')

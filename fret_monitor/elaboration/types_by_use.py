@@ -112,7 +112,7 @@ class TypesByUse:
 
     def _add_call(self, node: Call) -> None:
         name, arguments = node.function, node.arguments
-        if node.variable is not None:
+        if node.variables:
             self._expect(_BOOL if name in ('count', 'any', 'all') else _REAL, arguments)
         elif name in ('persisted', 'occurred', 'countOver', 'timeOver'):
             self._expect(_BOOL, arguments[-1:])

@@ -532,18 +532,34 @@ class ExpressionBuilder:
 
     def call(self, parts: list[Any]) -> Expression:
         """Build `function(arguments)`."""
-        arguments = parts[2] if len(parts) == 4 else ()
-        return Call(parts[0].text, arguments, parts[0].span, join(parts[0].span, parts[-1].span))
+        arguments: tuple[Any, ...] = parts[2] if len(parts) == 4 else ()
+        names = [item.variable if isinstance(item, _OfKey) else item for item in arguments]
+        found = [place for place, item in enumerate(arguments) if isinstance(item, _OfKey)]
+        if found and (len(found) > 1 or not isinstance(arguments[-1], _OfKey)
+                      or not all(isinstance(name, Name) for name in names)):
+            refuse('a colon stands after the instance variables', arguments[found[0]].span, '',
+                   'write count(robot: p), or of pairs count(robot, person: p)')
+        return Call(parts[0].text, (arguments[-1].argument,) if found else arguments,
+                    parts[0].span, join(parts[0].span, parts[-1].span),
+                    tuple(names) if found else ())
 
-    def over_instances(self, parts: list[Any]) -> Expression:
-        """Build `function(variable: expression)`."""
-        function, _, variable, _, argument, end = parts
-        return Call(function.text, (self.finish(argument),), function.span,
-                    join(function.span, end.span), Name(variable.text, variable.span))
+    def of_key(self, parts: list[Any]) -> '_OfKey':
+        """Build `variable: expression`, the last argument of a function over instances."""
+        name, _, argument = parts
+        return _OfKey(Name(name.text, name.span), self.finish(argument), name.span)
 
     def group(self, parts: list[Any]) -> Expression:
         """Return the expression in parentheses; its place includes them."""
         return placed(self.finish(parts[1]), join(parts[0].span, parts[2].span))
+
+
+@dataclass(frozen=True)
+class _OfKey:
+    """What of the instances of a variable is aggregated: `robot: p`."""
+
+    variable: Name
+    argument: Expression
+    span: Span
 
 
 def _operator(parts: list[Any]) -> Operator:

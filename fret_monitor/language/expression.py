@@ -130,14 +130,14 @@ class Call:
     """
     A function call such as `abs(x)` or `persisted(3, p)`.
 
-    `variable` is that of a function over instances, as in `count(robot: p)`.
+    `variables` are those of a function over instances, as in `count(robot: p)`.
     """
 
     function: str
     arguments: tuple['Expression', ...]
     function_span: Span
     span: Span
-    variable: Name | None = None
+    variables: tuple[Name, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -178,7 +178,7 @@ class Expansion:
     def _value(self, item: InstanceAggregate) -> Formula:
         """Return an aggregate as a formula over the instances."""
         found = [self.formula(item.operand, written)
-                 for written in self._all([item.variable])]
+                 for written in self._all(item.variables)]
         if item.function is OverInstances.COUNT:
             one, none = (Constant(number, ValueType.INT64) for number in (1, 0))
             found = [Choice(operand, one, none) for operand in found]

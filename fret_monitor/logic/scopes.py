@@ -119,9 +119,10 @@ def instance_scopes(specification: Specification) -> tuple[InstanceScope, ...]:
             properties.setdefault((levels.of(item.inputs), names), []).append(item)
     aggregates: dict[_Place, list[InstanceAggregate]] = {}
     for one in specification.aggregates:
-        aggregates.setdefault((levels.of_operand(one), (one.variable,)), []).append(one)
+        aggregates.setdefault((levels.of_operand(one), one.variables), []).append(one)
     halves = {(0, item.variables) for item in specification.signals
-              for _, names in properties if {*item.variables} < {*names} and item.variables}
+              for _, names in {*properties, *aggregates}
+              if {*item.variables} < {*names} and item.variables}
     places = sorted({*properties, *aggregates, *halves}, key=lambda place: (
         place[0], -len(place[1]), [order.index(name) for name in place[1]]))
     found: list[InstanceScope] = []

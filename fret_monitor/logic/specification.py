@@ -182,7 +182,7 @@ class Gate:
 @dataclass(frozen=True)
 class InstanceAggregate:
     """
-    A function of the values that an operand has in the instances of a variable.
+    A function of the values that an operand has in the instances of a variable, or of pairs.
 
     `signal` is the input, without a topic, that stands for its value in formulas. `feedback` is as
     in `Property`, of the operand. `place` is that of the first use.
@@ -190,7 +190,7 @@ class InstanceAggregate:
 
     signal: Signal
     function: OverInstances
-    variable: str
+    variables: tuple[str, ...]
     operand: Formula
     feedback: tuple[tuple[Feedback, Formula], ...] = ()
     place: Span | None = field(default=None, repr=False, compare=False)

@@ -92,8 +92,8 @@ def test_aggregates_are_those_of_all_instances_at_every_step(seed: int) -> None:
     values = dict(trace)
     sums_of_floats = set[str]()
     for one in whole.aggregates:
-        each = [evaluate(own.formula(one.operand, ((one.variable, key),)), values)
-                for key in keys[one.variable]]
+        each = [evaluate(own.formula(one.operand, ((one.variables[0], key),)), values)
+                for key in keys[one.variables[0]]]
         values[one.signal.name] = [of_instances(one, row) for row in zip(*each, strict=True)]
         if one.function is OverInstances.SUM and one.operand.type.is_float or \
                 sums_of_floats.intersection(item.name for item in variables_of(one.operand)):

@@ -45,6 +45,7 @@ requirements:
   - {id: EFFORT, title: weak, ptltl: "effort <= limit", report: onset, on_violation: [stop]}
   - {id: RESTS, ptltl: "H (O[0, 3] (effort < 0.6))", report: occurrence, severity: warn}
   - {id: LIMIT, ptltl: "limit <= 1.3", report: onset}
+  - {id: MOST, ptltl: "max(robot, joint: effort) < 2.0", report: onset}
 """.replace('TYPE', JOINT_STATE)
 ROBOTS = ('alpha', 'beta')
 
@@ -78,10 +79,11 @@ def test_both_nodes_publish_of_pairs_what_bag_says(
     names = ('elbow', 'k%s\n', 'wrist', 'beyond')
     bundle = write_bundle(tmp_path, ARMS.replace('ROBOTS', robots))
     sent = [(rng.choice(ROBOTS), item) for item in random_elements(rng, names, 60)]
-    sent.append((ROBOTS[0], (0.5, (('elbow', 1.75),))))
+    sent.append((ROBOTS[0], (0.5, (('elbow', 2.5),))))
     expected = judged_by_bag(tmp_path / 'out.mcap', bundle, recorded(tmp_path / 'bag', sent))
     assert {name for name, *_ in expected} > {
-        'EFFORT[robot=alpha,joint=elbow]', 'RESTS[robot=beta,joint=wrist]', 'LIMIT[robot=alpha]'}
+        'EFFORT[robot=alpha,joint=elbow]', 'RESTS[robot=beta,joint=wrist]', 'LIMIT[robot=alpha]',
+        'MOST'}
     publishers = {robot: partner.publisher(sensor_msgs.JointState, f'/{robot}/joints', LATCHED)
                   for robot in ROBOTS}
     with both(bundle, partner) as faces:
@@ -107,6 +109,7 @@ def test_both_nodes_publish_of_pairs_what_bag_says(
         assert ', for each robot and joint, at most ' in output
         assert 'there is no room for another robot and joint (`most` is ' in output
         assert 'EFFORT[robot=alpha,joint=elbow] violated at ' in output
+        assert 'MOST violated at ' in output
 
 
 def check_details(face: Face, expected: Sequence[Detail]) -> None:

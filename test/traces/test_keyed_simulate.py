@@ -41,8 +41,8 @@ from fret_monitor.traces.keyed_trace import KeyedTraceReader
 from fret_monitor.traces.simulate import simulate
 from fret_monitor.traces.summary import Summary
 from keyed import (
-    bundle_values, Known, known, lives, owner_of, random_bundle, random_rows, Row, step_table,
-    timed_aggregates, timed_life, with_aggregates,
+    bundle_values, Known, known, Lives, lives_of_one, owner_of, random_bundle, random_rows, Row,
+    step_table, timed_aggregates, timed_life, with_aggregates,
 )
 import pytest
 from traces.timed_traces import timed
@@ -111,8 +111,7 @@ def of_definition(item: Property, numbers: list[int], values: list[dict[str, Any
 def margin_cells(specification: Specification,
                  rows: list[Row]) -> dict[tuple[int, str], tuple[float, set[int]]]:
     """Return the margins of rows, by row and requirement, and which rows may decide them."""
-    by_variable = {item.name: lives(specification, rows, place)
-                   for place, item in enumerate(specification.instance_variables)}
+    by_variable = lives_of_one(specification, rows)
     values = bundle_values(specification, rows, by_variable)
     cells: dict[tuple[int, str], tuple[float, set[int]]] = {}
     for item in specification.properties:
@@ -122,7 +121,7 @@ def margin_cells(specification: Specification,
                 item, [*range(len(rows))], values)}
         place = [one.name for one in specification.instance_variables].index(owner) \
             if owner else 0
-        for life in by_variable[owner] if owner else []:
+        for life in by_variable[owner,] if owner else []:
             cells |= {(number, item.id): found for number, found in of_definition(
                 item, life.rows, with_aggregates(specification, life, values))
                 if rows[number].keys[place] == life.key}
@@ -274,10 +273,10 @@ def without(specification: Specification,
 
 
 def check_timed(specification: Specification, rows: list[Row], until: int,
-                found: list[list[str]]) -> None:
+                found: list[list[str]], of_pairs: Lives | None = None) -> None:
     """Compare all rows with the reference: what they say, and where there is one."""
     names = [item.name for item in specification.instance_variables]
-    by_variable = {name: lives(specification, rows, place) for place, name in enumerate(names)}
+    by_variable = {**(of_pairs or {}), **lives_of_one(specification, rows)}
     owners = [owner_of(specification, item.inputs) for item in specification.properties]
     wanted: set[tuple[int, tuple[str, ...], tuple[str, ...]]] = set()
     of_row: dict[int, list[str]] = {row.time: [''] * len(owners) for row in rows}
@@ -299,7 +298,7 @@ def check_timed(specification: Specification, rows: list[Row], until: int,
 
     ticks, values, over = timed_aggregates(specification, rows, until, by_variable)
     for place, name in enumerate(names):
-        for life in by_variable[name]:
+        for life in by_variable[name,]:
             end = min(life.end, until + 1)
             times, inputs = timed_life(life, rows, over)
             add(tuple(life.key if at == place else '' for at, _ in enumerate(names)),

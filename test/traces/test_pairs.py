@@ -23,21 +23,22 @@ from typing import Any
 from fret_monitor.logic.formula import Variable
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.manifest import ManifestVariable
-from fret_monitor.model.policies import Policy
+from fret_monitor.model.policies import OverInstances, Policy
 from fret_monitor.traces.csv_trace import parse_seconds
 from keyed import (
-    bundle_values, known, Life, lives, NEVER, OTHER, OWN, random_bundle, random_requirement,
-    random_rows, Row, step_table, stepwise, with_aggregates,
+    bundle_values, known, Life, Lives, lives, lives_of_one, NEVER, OTHER, OWN, random_aggregate,
+    random_bundle, random_requirement, random_rows, Row, step_table, stepwise, with_aggregates,
 )
 import pytest
 from strategies import INPUTS
-from traces.test_keyed_simulate import has_messages, run
+from traces.test_keyed_simulate import check_timed, has_messages, run, without
 from traces.timed_traces import timed
 
 ROBOT = ManifestVariable('robot', (), 3)
 FLEET = ManifestVariable('robot', ('alpha', 'b-2', 'ä'), 3)
 JOINT = ManifestVariable('joint', (), 2)
 ARM = ManifestVariable('joint', ('elbow', 'wrist'), 2)
+BOTH = ('robot', 'joint')
 OF_BOTH = tuple(Variable(f'p_{item.name}', item.type) for item in INPUTS[1::3])
 
 
@@ -54,16 +55,22 @@ def pair_bundle(rng: Random, variables: Sequence[ManifestVariable],
     """Return requirements of pairs, of each variable and of the bundle, some over aggregates."""
     plain = random_bundle(rng, variables, loops=loops)
     template = plain.signals[0]
-    signals = [replace(template, name=item.name, type=item.type, variables=('robot', 'joint'),
+    signals = [replace(template, name=item.name, type=item.type, variables=BOTH,
                        topic=f'/{{robot}}/{{joint}}/{item.name}') for item in OF_BOTH]
-    values = [Variable(item.signal.name, item.signal.type) for item in plain.aggregates]
+    over_pairs = [random_aggregate(rng, number, BOTH, 20, inputs=OF_BOTH) for number in range(5)]
+    of_one = [Variable(item.signal.name, item.signal.type) for item in plain.aggregates]
+    values = [Variable(item.signal.name, item.signal.type) for item in over_pairs]
     properties = [random_requirement(
-        rng, f'P-{number}', [*OF_BOTH, *OWN, *OTHER, *INPUTS, *values[:4]],
-        rng.choice([OF_BOTH, OF_BOTH, OWN, OTHER]), 20, loops) for number in range(14)]
+        rng, f'P-{number}', [*OF_BOTH, *OWN, *OTHER, *INPUTS, *of_one[:4], *values],
+        rng.choice([OF_BOTH, OF_BOTH, OWN, OTHER]), 20, loops) for number in range(20)]
     of = {item.name for item in OF_BOTH}
     properties = [item for item in properties if of.intersection(item.inputs)]
-    return replace(plain, signals=(*signals, *plain.signals),
-                   properties=(*plain.properties, *properties))
+    properties += [random_requirement(
+        rng, f'V-{number}', [*values, *INPUTS, *(OWN if number % 2 else values)], values, 20,
+        loops) for number in range(8)]
+    return replace(plain, signals=(*signals, *plain.signals, *(
+        item.signal for item in over_pairs)), aggregates=(*plain.aggregates, *over_pairs),
+        properties=(*plain.properties, *properties))
 
 
 def pair_rows(rng: Random, specification: Specification, count: int,
@@ -188,11 +195,11 @@ def test_a_pair_is_the_plain_bundle_on_its_rows(
     assert len(pairs) > 5
     expected = [[''] * len(specification.properties) for _ in rows]
     single = of_one(plain, rows)
-    for cells, wanted in zip(expected, step_table(plain, single), strict=True):
+    of_pairs: Lives = {BOTH: pair_lives(specification, rows)}
+    for cells, wanted in zip(expected, step_table(plain, single, of_pairs), strict=True):
         for place, cell in zip(others, wanted, strict=True):
             cells[place] = cell
-    by_variable = {item.name: lives(plain, single, place) for place, item in enumerate(both)}
-    values = bundle_values(plain, single, by_variable)
+    values = bundle_values(plain, single, {**of_pairs, **lives_of_one(plain, single)})
     count = 0
     for life in pair_lives(specification, rows):
         inputs = with_aggregates(specification, life, values)
@@ -205,6 +212,29 @@ def test_a_pair_is_the_plain_bundle_on_its_rows(
                     count += 1
     assert [cells[3:] for cells in found] == expected
     assert count > 30
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_under_timed_values_over_pairs_are_those_of_their_lives(tmp_path: Path, seed: int) -> None:
+    rng = Random(f'over pairs {seed}')
+    both = [[replace(ROBOT, forget=20), JOINT], [FLEET, ARM]][seed]
+    whole = pair_bundle(rng, both, loops=0)
+    specification = timed(without(whole, lambda item: (
+        item.variables != BOTH or has_messages(item.operand)
+        or (seed == 0 and item.function in (OverInstances.LEAST, OverInstances.GREATEST)))))
+    over = {item.signal.name for item in specification.aggregates}
+    shared = over.union(item.name for item in specification.signals if not item.variables)
+    specification = replace(specification, properties=tuple(
+        item for item in specification.properties
+        if shared.issuperset(item.inputs) and over.intersection(item.inputs)))
+    assert len(specification.properties) > 1
+    times = [5 * 10 ** 9]
+    for _ in range(59):
+        times.append(times[-1] + rng.choice([1, 1, 2, 5, 9, 30, 31]))
+    rows = pair_rows(rng, specification, 60, times)
+    until = times[-1] + 40
+    _, (_, *found) = run(tmp_path, specification, rows, has_times=True, until=until)
+    check_timed(specification, rows, until, found, {BOTH: pair_lives(specification, rows)})
 
 
 @pytest.mark.parametrize('seed', range(3))
