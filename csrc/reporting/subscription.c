@@ -26,8 +26,6 @@
 #define GRACE_NS FM_SECOND              // after it was closed: a queue may still hold duplicates
 #define NAMED_NS (2 * FM_SECOND)        // until a publisher is logged without the name of its node
 #define LOSSES_NS (10 * FM_SECOND)      // between two lines about lost messages
-#define RETRY_NS FM_SECOND              // after a failure, until the next attempt; it doubles
-#define RETRY_MOST_NS (60 * FM_SECOND)
 #define UNNAMED "_NODE_NAME_UNKNOWN_"   // of the middleware: it discovers the node a moment later
 
 struct publisher
@@ -373,8 +371,7 @@ static void note_failure(
       "cannot subscribe anew to %s (%s): %s; the subscription before is kept, and there are "
       "further attempts", state->topic, described_request(&state->wanted), problem);
   }
-  const int64_t doubled = state->retry == 0 ? RETRY_NS : 2 * state->retry;
-  state->retry = doubled < RETRY_MOST_NS ? doubled : RETRY_MOST_NS;
+  state->retry = fm_retry_wait(state->retry);
   state->retry_at = now + state->retry;
   state->handover_ends = now + GRACE_NS;
 }

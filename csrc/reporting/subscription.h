@@ -46,6 +46,18 @@
 #define FM_LOOKS_AT_ONCE 50u
 #define FM_LOOK_AGAIN_NS 10000000000
 
+/// After a failure to subscribe, until the next attempt; each further one doubles it, up to the
+/// most.
+#define FM_RETRY_NS 1000000000
+#define FM_RETRY_MOST_NS 60000000000
+
+/// How long to wait after a failure; `before`: after the last one, 0 at the first. O(1).
+static inline int64_t fm_retry_wait(int64_t before)
+{
+  const int64_t doubled = before == 0 ? FM_RETRY_NS : 2 * before;
+  return doubled < FM_RETRY_MOST_NS ? doubled : FM_RETRY_MOST_NS;
+}
+
 /// What is fixed of a policy.
 enum fm_choice
 {

@@ -323,8 +323,7 @@ void fm_keyed_topics_fail(
   for (uint32_t k = 0; k < watch->n_known; ++k) {
     struct known * const item = &watch->known[k];
     if (item->name == found->name) {
-      const int64_t doubled = item->retry == 0 ? FM_KEYED_RETRY_NS : 2 * item->retry;
-      item->retry = doubled < FM_KEYED_RETRY_MOST_NS ? doubled : FM_KEYED_RETRY_MOST_NS;
+      item->retry = fm_retry_wait(item->retry);
       item->retry_at = now + item->retry;
       item->is_taken = false;
     }

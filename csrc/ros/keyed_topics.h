@@ -32,8 +32,6 @@
 #include "lines.h"
 
 #define FM_KEYED_PERIOD_NS 100000000
-#define FM_KEYED_RETRY_NS 1000000000        // after a failure, until the topic is found again;
-#define FM_KEYED_RETRY_MOST_NS 60000000000  // doubled by each further one up to this
 
 /// A topic with a variable in its name, of which the keys are found.
 struct fm_keyed_pattern
@@ -81,7 +79,7 @@ FM_EXPORT bool fm_keyed_topics_take(
   struct fm_keyed_topics * watch, int64_t now, struct fm_keyed_topic * found);
 
 /// Give a topic that was taken back, since it could not be subscribed to: it is found again after
-/// FM_KEYED_RETRY_NS, and later with each failure. O(topics found).
+/// FM_RETRY_NS, and later with each failure. O(topics found).
 FM_EXPORT void fm_keyed_topics_fail(
   struct fm_keyed_topics * watch, const struct fm_keyed_topic * found, int64_t now);
 

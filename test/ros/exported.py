@@ -210,6 +210,16 @@ class ExportedNode(NodeProcess):
             stderr=subprocess.STDOUT, env={**forked.environment(), **(environment or {})})
 
 
+def error_of(program: Path, *arguments: str) -> str:
+    """Return what a node logs before it ends with an error."""
+    node = ExportedNode(program, *arguments)
+    try:
+        assert node.status() == 1
+        return node.output
+    finally:
+        node.kill()
+
+
 @contextmanager
 def running(program: Path, *arguments: str,
             environment: dict[str, str] | None = None) -> Iterator[ExportedNode]:

@@ -126,6 +126,13 @@ def both(bundle: Path, partner: Partner, *arguments: str) -> Iterator[tuple[Face
         yield faces
 
 
+def reports_after(faces: Sequence[Face], n: int) -> list[Statuses]:
+    """Return the statuses of all nodes once so many details have come from each."""
+    for face in faces:
+        wait_until(partial(face.has_details, n), f'{n} details of {face.name}')
+    return [face.next_report() for face in faces]
+
+
 def values_of(status: DiagnosticStatus) -> dict[str, str]:
     return {item.key: item.value for item in status.values}
 
@@ -181,10 +188,7 @@ def test_both_nodes_publish_of_instances_what_bag_says(
         wait_until(partial(are_subscribed, partner, '/joints'), '/joints of both nodes')
         for item in sent:
             publisher.publish(joint_state(*item))
-        for face in faces:
-            wait_until(partial(face.has_details, len(expected)),
-                       f'{len(expected)} details of {face.name}')
-        reports = [face.next_report() for face in faces]
+        reports = reports_after(faces, len(expected))
         outputs = [face.process.output for face in faces]
     for face in faces:
         assert face.details == expected
@@ -402,10 +406,7 @@ def test_messages_that_where_selects_are_those_of_the_input_or_of_a_key(
             message = joint_state(*item)
             message.header.frame_id = frame
             publisher.publish(message)
-        for face in faces:
-            wait_until(partial(face.has_details, len(expected)),
-                       f'{len(expected)} details of {face.name}')
-        reports = [face.next_report() for face in faces]
+        reports = reports_after(faces, len(expected))
     for face, report in zip(faces, reports, strict=True):
         assert sorted(face.details, key=name_of) == sorted(expected, key=name_of)
         received = values_of(report['topic /tracks where header.frame_id = imu'])['received']
@@ -452,10 +453,7 @@ def test_instances_that_come_end_and_return_have_the_verdicts_of_bag(
         expected = judged_by_bag(
             tmp_path / 'out.mcap', bundle, recorded(tmp_path / 'bag', sent, stamps))
         assert any(('the instance', 'ended') in values for *_, values in expected)
-        for face in faces:
-            wait_until(partial(face.has_details, len(expected)),
-                       f'{len(expected)} details of {face.name}')
-        reports = [face.next_report() for face in faces]
+        reports = reports_after(faces, len(expected))
     for face, report in zip(faces, reports, strict=True):
         # The node goes on after the last message: deadlines come, and the last instances end.
         assert [*map(without_start, face.details[:len(expected)])] == [

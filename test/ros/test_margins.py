@@ -29,7 +29,7 @@ from fret_monitor.ros import MonitorNode, Refusal
 from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rclpy.parameter import Parameter
-from ros.exported import exported_bundle, ExportedNode
+from ros.exported import error_of, exported_bundle, ExportedNode
 from ros.harness import LATCHED, NodeProcess, Partner, RELIABLE, started, wait_until
 from ros.test_native_start import program_of
 from std_msgs.msg import Float64
@@ -174,16 +174,6 @@ def refusal(partner: Partner, node: type[MonitorNode] = MonitorNode, **given: ob
     return str(found.value)
 
 
-def error_in_c(program: Path) -> str:
-    """Return what a node in C with margins logs before it ends with an error."""
-    process = ExportedNode(program, '-p', 'margins:=true')
-    try:
-        assert process.status() == 1
-        return process.output
-    finally:
-        process.kill()
-
-
 FOR_EACH = """
 format: 1
 for_each: {robot: {most: 3}}
@@ -278,11 +268,13 @@ def test_margins_are_refused_where_there_are_none(
     bundle = write_bundle(tmp_path, BUNDLE)
     assert main(['compile', str(bundle), '--output', str(tmp_path / 'out')]) == 0
     assert words.NO_MARGINS in refusal(partner, library=str(tmp_path / 'out'))
-    assert words.NO_MARGINS in error_in_c(exported_bundle(bundle))
+    wanted = '-p', 'margins:=true'
+    assert words.NO_MARGINS in error_of(exported_bundle(bundle), *wanted)
     keyed = write_bundle(tmp_path, FOR_EACH, 'keyed.yaml')
-    assert words.NO_MARGINS in error_in_c(exported_bundle(keyed))
+    assert words.NO_MARGINS in error_of(exported_bundle(keyed), *wanted)
     gated = write_bundle(tmp_path, GATED, 'gated.yaml')
     assert words.NO_MARGINS_OF_GATES in refusal(partner, GateNode, spec=str(gated))
-    assert words.NO_MARGINS_OF_GATES in error_in_c(exported_bundle(gated, NodePart('safe')))
+    assert words.NO_MARGINS_OF_GATES in error_of(
+        exported_bundle(gated, NodePart('safe')), *wanted)
     assert "'margins' is 3, and has to be true or false" in refusal(
         partner, spec=str(bundle), margins=3)

@@ -26,7 +26,7 @@ import pytest
 from ros.harness import LATCHED, Partner, wait_until
 from ros.test_instances import (
     are_subscribed, both, Detail, Elements, Face, JOINT_STATE, joint_state, judged_by_bag,
-    random_elements, sensor_msgs, values_of,
+    random_elements, reports_after, sensor_msgs, values_of,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
 from strategies import thorough
@@ -92,10 +92,7 @@ def test_both_nodes_publish_of_pairs_what_bag_says(
                        f'/{robot}/joints of both nodes')
         for robot, item in sent:
             publishers[robot].publish(joint_state(*item))
-        for face in faces:
-            wait_until(partial(face.has_details, len(expected)),
-                       f'{len(expected)} details of {face.name}')
-        reports = [face.next_report() for face in faces]
+        reports = reports_after(faces, len(expected))
         outputs = [face.process.output for face in faces]
     for face in faces:
         check_details(face, expected)

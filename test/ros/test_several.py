@@ -31,7 +31,7 @@ from fret_monitor.ros.nodes.gate_node import GateNode
 import pytest
 from rcl_interfaces.srv import ListParameters
 from rclpy.parameter import Parameter
-from ros.exported import exported_bundles, ExportedNode, running
+from ros.exported import error_of, exported_bundles, running
 from ros.harness import answer_of, Partner, RELIABLE, started, wait_until
 from ros.test_native_start import program_of
 from ros.test_side_by_side import compare_files, equal, Face, MISSING
@@ -145,12 +145,7 @@ def refusal(partner: Partner, **parameters: object) -> str:
 def error_in_c(*bundles: Path, node: str = MONITOR) -> str:
     """Return the error with which the node in C of these bundles ends."""
     specs = ', '.join(map(str, bundles))
-    process = ExportedNode(Path(program_of(f'[{specs}]', node=node)))
-    try:
-        assert process.status() == 1
-        return process.output
-    finally:
-        process.kill()
+    return error_of(Path(program_of(f'[{specs}]', node=node)))
 
 
 def test_a_handler_that_two_bundles_share_is_refused_with_both_places(
