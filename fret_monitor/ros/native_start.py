@@ -30,6 +30,8 @@ from typing import Any, TYPE_CHECKING
 from fret_monitor.ros.signals import SIGNALS
 
 if TYPE_CHECKING:
+    from fret_monitor.export.ros2_table import OneOfSeveral
+    from fret_monitor.model.diagnostics import Text
     from fret_monitor.model.parts import NodePart
     from fret_monitor.native.compiled import CompiledMonitor
     from fret_monitor.ros.settings.parameters import Settings
@@ -107,20 +109,38 @@ def _parts(settings: 'Settings', node: str) -> list[tuple[Path, 'NodePart']]:
 
 
 def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']], node: str) -> Path:
-    if len(parts) > 1:
-        return _program_of_several(settings, parts, node)
+    if len(parts) == 1:
+        return _built(settings, *parts[0], node, settings.constants).library
+    from fret_monitor.export.program import program_of_several
+    from fret_monitor.export.ros2_table import OneOfSeveral
+    from fret_monitor.model.names import distinct_names
+    from fret_monitor.ros.settings.opened import constants_of, refuse_combinations
+    shown = distinct_names([part.gate or spec.stem for spec, part in parts])
+    compiled = [_built(settings, spec, part, node, constants_of(settings, spec),
+                       OneOfSeveral(number, name, spec.stem))
+                for number, ((spec, part), name) in enumerate(zip(parts, shown))]
+    manifests = [item.manifest for item in compiled]
+    refuse_combinations(settings, manifests)
+    return program_of_several([item.library for item in compiled], manifests)
+
+
+def _built(settings: 'Settings', spec: Path, part: 'NodePart', node: str,
+           constants: Mapping[str, 'Text'], place: 'OneOfSeveral | None' = None,
+           ) -> 'CompiledMonitor':
+    """Return the program of a bundle; with a `place`, its table for a program of several."""
     from fret_monitor.native.ros_files import identity
     from fret_monitor.start import start_program
-    (spec, part), = parts
 
     def make(generated: Any) -> Path:
-        from fret_monitor.export.program import node_program
+        from fret_monitor.export.program import node_program, table_object
         _tell(node, spec)
-        return node_program(generated, str(spec))
+        return node_program(generated, str(spec)) if place is None else \
+            table_object(generated, str(spec), place)
 
     return start_program(
-        spec, make, identity(), policy=settings.policy, period=settings.period,
-        constants=settings.constants, part=part, margins=settings.margins).library
+        spec, make, identity() + (f' {place.number} {place.shown}' if place else ''),
+        policy=settings.policy, period=settings.period, constants=constants, part=part,
+        name=f'b{place.number}_{spec.stem}' if place else None, margins=settings.margins)
 
 
 def _tell(node: str, spec: Path) -> None:
@@ -132,35 +152,3 @@ def _tell(node: str, spec: Path) -> None:
 
 def _compiling(spec: Path) -> str:
     return f'compiling the node in C for {spec}; later starts reuse it'
-
-
-def _program_of_several(
-    settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']], node: str,
-) -> Path:
-    from fret_monitor.export.program import program_of_several
-    from fret_monitor.model.names import distinct_names
-    from fret_monitor.ros.settings.opened import refuse_combinations
-    shown = distinct_names([part.gate or spec.stem for spec, part in parts])
-    compiled = [_one_of_several(settings, spec, part, number, shown[number], node)
-                for number, (spec, part) in enumerate(parts)]
-    manifests = [item.manifest for item in compiled]
-    refuse_combinations(settings, manifests)
-    return program_of_several([item.library for item in compiled], manifests)
-
-
-def _one_of_several(settings: 'Settings', spec: Path, part: 'NodePart', number: int,
-                    shown: str, node: str) -> 'CompiledMonitor':
-    from fret_monitor.native.ros_files import identity
-    from fret_monitor.ros.settings.opened import constants_of
-    from fret_monitor.start import start_program
-
-    def make(generated: Any) -> Path:
-        from fret_monitor.export.program import table_object
-        from fret_monitor.export.ros2_table import OneOfSeveral
-        _tell(node, spec)
-        return table_object(generated, str(spec), OneOfSeveral(number, shown, spec.stem))
-
-    return start_program(
-        spec, make, f'{identity()} {number} {shown}', policy=settings.policy,
-        period=settings.period, constants=constants_of(settings, spec), part=part,
-        name=f'b{number}_{spec.stem}', margins=settings.margins)

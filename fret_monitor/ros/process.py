@@ -67,33 +67,35 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
             return _print_usage(name, own[0])
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         return _run(make_node, stop)
-    except _rclpy.UnknownROSArgsError as error:
-        print(f'error: unknown ROS arguments {error}{_no_flag(str(error))}', file=sys.stderr)
-        return 1
-    except _rclpy.RCLInvalidROSArgsError as error:
-        reason = str(error).partition(', at ')[0]
-        print(f'error: {reason}{_no_colon()}\n{_usage(name)}', end='', file=sys.stderr)
-        return 1
-    except _rclpy.RCLError as error:
-        if match := re.search(r'existing \w+ topic name r[qr](/\S+?)(Request|Reply) ', str(error)):
-            print(f'error: two services of this node have the name {match[1]} after remapping: '
-                  'give one of them another name', file=sys.stderr)
-            return 1
-        if 'initialize logging' not in str(error):
+    except (_rclpy.RCLError, _rclpy.UnknownROSArgsError, InvalidParameterTypeException,
+            Refusal) as error:
+        if not (problem := _problem(error, name)):
             raise
-        reason = str(error).partition(', at ')[0]
-        print('error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder '
-              f'that can be written ({reason})', file=sys.stderr)
-        return 1
-    except InvalidParameterTypeException as error:
-        print(f'error: {_wrong_type(str(error))}', file=sys.stderr)
-        return 1
-    except Refusal as refusal:
-        print(refusal, file=sys.stderr)
+        print(problem, file=sys.stderr)
         return 1
     finally:
         rclpy.try_shutdown()
         stop.end()
+
+
+def _problem(error: Exception, name: str) -> str:
+    """Return what to print about an error of the user; an empty text for any other."""
+    text = str(error)
+    reason = text.partition(', at ')[0]
+    match error:
+        case Refusal():
+            return text
+        case InvalidParameterTypeException():
+            return f'error: {_wrong_type(text)}'
+        case _rclpy.UnknownROSArgsError():
+            return f'error: unknown ROS arguments {text}{_no_flag(text)}'
+        case _rclpy.RCLInvalidROSArgsError():
+            return f'error: {reason}{_no_colon()}\n{_usage(name)}'.rstrip('\n')
+    if match := re.search(r'existing \w+ topic name r[qr](/\S+?)(Request|Reply) ', text):
+        return (f'error: two services of this node have the name {match[1]} after remapping: '
+                'give one of them another name')
+    return ('error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder that '
+            f'can be written ({reason})' if 'initialize logging' in text else '')
 
 
 def telling(make_node: Callable[[], Node], reason: str) -> Callable[[], Node]:

@@ -20,7 +20,7 @@ from pathlib import Path
 from fret_monitor import build
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.ros import MonitorNode, Refusal
-from fret_monitor.ros.settings.constants import ConstantParameters
+from fret_monitor.ros.settings.declared import ConstantParameters
 from fret_monitor.ros.settings.opened import open_manifests, open_monitors
 from fret_monitor.ros.settings.parameters import read_settings, Settings
 import pytest

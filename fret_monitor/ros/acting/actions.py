@@ -32,7 +32,7 @@ from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.fields import message_class
 from fret_monitor.ros.intake.hot_path import Lock, Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
-from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.ros.settings.names import one_type
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import (
     action_counts, action_facts, ActionCounts, Lines, LogLine, ReportTable,
@@ -58,12 +58,8 @@ class Actions:
         """
         Create the publishers and clients; `library` has the functions of csrc.
 
-        Raises
-        ------
-        MessageTypeError
-            if a type is not installed.
-        Refusal
-            if the process uses a topic or service with another type.
+        Raises `Refusal` if a type is not installed, or the process uses a topic or service with
+        another type.
         """
         self._node = node
         self._manifest = manifest

@@ -25,8 +25,8 @@ from fret_monitor.model.manifest import Manifest, ManifestRequirement
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.symbols import Unavailable
+from fret_monitor.ros.settings.names import full_name
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
-from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import BlackBoxCounts, Lines, LogLine
 
@@ -45,10 +45,7 @@ class BlackBox:
         """
         Prepare to write messages of the topics in a manifest; `library` is csrc's.
 
-        Raises
-        ------
-        Refusal
-            if the folder cannot be written to, or there is not so much memory.
+        Raises `Refusal` if the folder cannot be written to, or there is not so much memory.
         """
         self._library = library
         self._kept: list[Any] = []  # memory of C that the options point to

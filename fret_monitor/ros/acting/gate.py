@@ -22,9 +22,8 @@ from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.acting.relay import Relay
 from fret_monitor.ros.acting.service_gate import ServiceGate
 from fret_monitor.ros.intake.hot_path import Middleware
-from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.ros.settings.names import ends_of, one_type
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.ros.settings.shared_names import ends_of
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
 from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
 

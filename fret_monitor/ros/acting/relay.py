@@ -207,7 +207,6 @@ class RelayedTopic(EngineTopic):
         self._receiver: RelayReceiver | None = None  # of the present subscription
 
     def open(self, subscription: RclSubscription) -> 'RelayReceiver':
-        """Start taking the messages of a subscription; raises `Unavailable`."""
         if _is_durable(subscription.qos_profile):
             self._relay.follow(is_durable=True)
         self._receiver = RelayReceiver(self._relay, subscription)
@@ -225,7 +224,6 @@ class RelayedTopic(EngineTopic):
 
     @property
     def is_settled(self) -> bool:
-        """Whether no publisher is being replaced, and the node of each other one is known."""
         return self._relay.is_settled
 
 
@@ -256,15 +254,10 @@ class RelayReceiver:
             self._is_added = True
 
     def retire(self) -> None:
-        """Mark the subscription as one that is being replaced."""
         self._add()
         self._relay.retire(self._subscription)
 
-    def end(self) -> None:
-        """Do nothing: the relay ends with its thread."""
-
     def stop(self) -> None:
-        """Take what waits, and stop; afterwards the subscription may be destroyed."""
         if self._is_added and not self._is_leaked and \
                 not self._relay.remove(self._subscription):
             self._is_leaked = True  # the middleware may still call back

@@ -28,7 +28,7 @@ from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.native import words
 from fret_monitor.ros.intake.fields import message_class
 from fret_monitor.ros.log_lines import Throttle
-from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.ros.settings.names import one_type
 from fret_monitor.runtime import Engine, Judgement
 from fret_monitor.runtime.reporting import GateFacts
 
@@ -49,8 +49,7 @@ class ServiceGate:
     """
 
     topic = None  # the feed reads none
-
-    turns = 0  # it has no thread
+    turns = None  # it has no thread
 
     def __init__(self, node: Node, engine: Engine, gate: ManifestGate) -> None:
         """Offer the service; `engine` has the gate. Raises `Refusal` as `one_type`."""

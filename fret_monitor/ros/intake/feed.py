@@ -32,7 +32,7 @@ from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.graph_wait import GraphWait
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.log_lines import log_lines
-from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.ros.settings.names import one_type
 from fret_monitor.ros.settings.qos import profile_of
 from fret_monitor.ros.watch import WatchedThread
 from fret_monitor.runtime.reporting import TopicFacts
@@ -53,14 +53,14 @@ class Receiver(Protocol):
         """Mark the subscription as one that is being replaced."""
 
     def stop(self) -> None:
-        """Deliver the messages in the queue, and stop; afterwards nothing is delivered."""
+        """Deliver what waits, and stop; afterwards the subscription may be destroyed."""
 
 
 class Topic(Protocol):
     """What becomes of the messages of a topic."""
 
     def open(self, subscription: RclSubscription) -> Receiver:
-        """Start taking the messages of a subscription."""
+        """Start taking the messages of a subscription; raises `Unavailable`."""
 
     def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Follow its publishers, which are of its type; does nothing unless it is overridden."""
@@ -140,12 +140,8 @@ class Feed:
 
         `library` has the functions of csrc. `fixed` is the part of the quality of service that
         does not follow the publishers (`SubscriptionState`). `is_found`: it was found in the
-        graph, with its publishers.
-
-        Raises
-        ------
-        Refusal
-            if the middleware refuses: for example a second type of a topic in one process.
+        graph, with its publishers. Raises `Refusal` if the middleware refuses: for example a
+        second type of a topic in one process.
         """
         with one_type(self._node, 'subscribe to', name, message_type):
             (self._added if self._thread.is_alive() else self._topics).append(

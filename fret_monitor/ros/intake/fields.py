@@ -19,12 +19,13 @@ from types import ModuleType
 from typing import Any
 
 from fret_monitor.model.packages import how_to_install
+from fret_monitor.ros.settings.parameters import Refusal
 
 # What rclpy raises for bytes that are not a message.
 UNDECODABLE = (AssertionError, RuntimeError, SystemError, ValueError)
 
 
-class MessageTypeError(Exception):
+class MessageTypeError(Refusal):
     """A message type that is not installed here."""
 
 
@@ -32,10 +33,7 @@ def message_class(message_type: str) -> Any:
     """
     Import the class of a message type such as `std_msgs/msg/Float32`.
 
-    Raises
-    ------
-    MessageTypeError
-        if it is not installed.
+    Raises `MessageTypeError` if it is not installed.
     """
     package, folder, name = message_type.split('/')
     try:

@@ -37,10 +37,7 @@ class GraphSources:
         """
         Prepare to look for the sources of the engine's manifest.
 
-        Raises
-        ------
-        Unavailable
-            if the middleware lacks a function, or memory is short.
+        Raises `Unavailable` if the middleware lacks a function, or memory is short.
         """
         watched = engine.monitor.manifest.watched
         self._node = node

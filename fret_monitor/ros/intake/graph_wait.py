@@ -38,14 +38,7 @@ class GraphWait:
     """Lets one thread wait, from its creation until `close`."""
 
     def __init__(self, node: Node) -> None:
-        """
-        Look up the functions of rcl.
-
-        Raises
-        ------
-        Unavailable
-            if one is missing.
-        """
+        """Look up the functions of rcl; raises `Unavailable` if one is missing."""
         rcl = loaded_library('librcl.so')
         self._graph_of = find_symbol(
             rcl, 'rcl_node_get_graph_guard_condition', 'void * (*)(void *)')

@@ -48,10 +48,7 @@ class Middleware:
         """
         Look up the functions; with `may_take`, its callbacks take the messages.
 
-        Raises
-        ------
-        Unavailable
-            if a function is missing.
+        Raises `Unavailable` if a function is missing.
         """
         self._may_take = may_take
         rmw = loaded_library(
@@ -112,25 +109,15 @@ class Middleware:
         """
         Read messages in the middleware's buffers, instead of copying them first.
 
-        `library` holds the functions of csrc.
-
-        Raises
-        ------
-        Unavailable
-            if this was not tested with the loaded version of the middleware.
+        `library` holds the functions of csrc. Raises `Unavailable` if this was not tested with the
+        loaded version of the middleware.
         """
         self._in_place = InPlaceTypes(library, self.functions)
 
-    @property
-    def reads_in_place(self) -> bool:
-        """Whether `read_in_place` succeeded."""
-        return self._in_place is not None
-
     def class_in_place(self, message_class: Any) -> Any:
-        """Return a class to subscribe with, for reading in place; raises `Unavailable`."""
-        if self._in_place is None:
-            raise Unavailable('nothing is read in place')
-        return self._in_place.subscription_class(message_class)
+        """Return a class to subscribe with; raises `Unavailable` if it must be copied."""
+        return message_class if self._in_place is None else \
+            self._in_place.subscription_class(message_class)
 
     def taking(self, subscription: RclSubscription) -> int:
         """Return how the messages of a subscription are taken (`enum fm_taking`)."""
@@ -190,12 +177,8 @@ class EngineReceiver:
         """
         Start taking; messages in the queue are delivered before this returns.
 
-        `key` is that of the instance in the topic's name; None: none is in it.
-
-        Raises
-        ------
-        Unavailable
-            if the middleware has no callback for new messages.
+        `key` is that of the instance in the topic's name; None: none is in it. Raises
+        `Unavailable` if the middleware has no callback for new messages.
         """
         self._library = engine.library
         self._engine = engine
@@ -226,7 +209,6 @@ class EngineReceiver:
         return ffi.NULL if self._is_leaked else self._place[0]
 
     def retire(self) -> None:
-        """Mark the subscription as one that is being replaced."""
         with self._lock:
             if self._pointer != ffi.NULL:
                 self._library.fm_receiver_retire(self._pointer)
@@ -243,7 +225,6 @@ class EngineReceiver:
         native_lifetimes.release(self)
 
     def stop(self) -> None:
-        """Deliver what waits, and stop; afterwards the subscription may be destroyed."""
         self._engine.drain()
         self.end()
         if not self._is_leaked:
@@ -268,24 +249,20 @@ class EngineTopic(Topic):
         self._handovers = set() if handovers is None else handovers
 
     def open(self, subscription: RclSubscription) -> Receiver:
-        """Start taking the messages of a subscription; raises `Unavailable`."""
         return EngineReceiver(
             self._engine, self._middleware, subscription, self.index, self.key)
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
         self._handovers.add(self)
         self._engine.begin_handover(self.index, has_history=has_history)
 
     def end_handover(self) -> None:
-        """Expect no duplicates any more: the old subscription is closed."""
         self._handovers.discard(self)
         if not self._handovers:
             self._engine.end_handover(self.index)
 
     @property
     def lost(self) -> int:
-        """Messages lost: sent, and not received by any subscription of the topic."""
         return self._engine.lost(self.index)
 
 

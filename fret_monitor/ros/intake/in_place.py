@@ -20,7 +20,6 @@ With others, messages are copied before they are read; verdicts are the same.
 """
 
 import ctypes
-from dataclasses import dataclass
 from typing import Any
 
 from fret_monitor.native import words
@@ -38,16 +37,9 @@ _new_capsule.restype = ctypes.py_object
 _new_capsule.argtypes = (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
 
 
-@dataclass(frozen=True)
-class _InPlaceClass:
-    """A class whose messages are read in place, and the type support made for it."""
-
-    message_class: Any
-    support: Any
-
-
-# Never freed, since the middleware keeps pointers to a type support.
-_MADE: dict[Any, _InPlaceClass] = {}
+# By the class of the message: that whose messages are read in place, and the type support made for
+# it. They are never freed, since the middleware keeps pointers to a type support.
+_MADE: dict[Any, tuple[Any, Any]] = {}
 
 
 class InPlaceTypes:
@@ -57,10 +49,8 @@ class InPlaceTypes:
         """
         Prepare `functions`, a `struct fm_middleware *`; `library` holds the functions of csrc.
 
-        Raises
-        ------
-        Unavailable
-            if the middleware is not Fast DDS of a known version, or has another layout.
+        Raises `Unavailable` if the middleware is not Fast DDS of a known version, or has another
+        layout.
         """
         name = get_rmw_implementation_identifier()
         why = ffi.new('char[]', 256)
@@ -77,20 +67,17 @@ class InPlaceTypes:
         """
         Return a class to subscribe with instead of the message's own.
 
-        Raises
-        ------
-        Unavailable
-            if the message has no type support for Fast DDS.
+        Raises `Unavailable` if the message has no type support for Fast DDS.
         """
         if message_class not in _MADE:
             _MADE[message_class] = self._make_class(message_class)
-        return _MADE[message_class].message_class
+        return _MADE[message_class][0]
 
     def is_in_place(self, message_class: Any) -> bool:
         """Whether `subscription_class` has made this class."""
-        return any(made.message_class is message_class for made in _MADE.values())
+        return any(made is message_class for made, _ in _MADE.values())
 
-    def _make_class(self, message_class: Any) -> _InPlaceClass:
+    def _make_class(self, message_class: Any) -> tuple[Any, Any]:
         check_for_type_support(message_class)
         capsule = type(message_class)._TYPE_SUPPORT
         original = ffi.cast('struct fm_type_support *', capsule_pointer(capsule, None))
@@ -99,8 +86,7 @@ class InPlaceTypes:
             raise Unavailable(words.NO_SUPPORT % _type_of(message_class))
         made = _new_capsule(int(ffi.cast('uintptr_t', support)), None, None)
         metaclass = type('InPlace', (type(message_class),), {'_TYPE_SUPPORT': made})
-        return _InPlaceClass(
-            metaclass(message_class.__name__, (), {'__slots__': []}), support)
+        return metaclass(message_class.__name__, (), {'__slots__': []}), support
 
 
 def _type_of(message_class: Any) -> str:

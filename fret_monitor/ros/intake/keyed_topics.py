@@ -29,8 +29,8 @@ from fret_monitor.ros.intake.feed import Feed
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
+from fret_monitor.ros.settings.names import full_name
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.reporting import Lines
 

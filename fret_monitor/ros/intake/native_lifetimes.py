@@ -52,7 +52,7 @@ def release(user: NativeUser) -> None:
     _KEPT.pop(id(user), None)
 
 
-def keep_forever(user: NativeUser) -> None:
+def keep_forever(user: object) -> None:
     """Keep an object that could not be ended, even while Python clears its modules at exit."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(user))
 

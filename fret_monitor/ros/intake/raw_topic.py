@@ -42,21 +42,12 @@ _MOST_AT_ONCE = 1000  # messages taken of a subscription before others have thei
 Deliver = Callable[[bytes, int, int], None]
 
 
-class Record(NamedTuple):
-    """
-    A serialized message that was taken, and is to be delivered.
-
-    `received` is the middleware's time of reception, `sent` the time of its publisher (ns);
-    `sequence` its number, counted by the publisher `gid`; `is_retired`: by a subscription that is
-    being replaced.
-    """
+class Taken(NamedTuple):
+    """A serialized message that is to be delivered; `origin` is a `struct fm_origin *`."""
 
     data: bytes
-    received: int
-    sent: int
-    sequence: int
-    gid: bytes
-    is_retired: bool
+    origin: Any
+    gid: Any  # to which `origin` points
 
 
 class RawIntake:
@@ -65,17 +56,14 @@ class RawIntake:
     def __init__(self) -> None:
         """Take nothing yet."""
         self.library: Any = None
-        self._receivers: list[_RawReceiver] = []
-        self._ended = Event()
+        self.receivers: list[_RawReceiver] = []
+        self.ended = Event()
 
     def prepare(self, library: Any) -> None:
         """
         Look up what takes messages; `library` has the functions of csrc.
 
-        Raises
-        ------
-        Refusal
-            if the middleware lacks a function.
+        Raises `Refusal` if the middleware lacks a function.
         """
         self.library = library
         try:
@@ -83,33 +71,18 @@ class RawIntake:
         except Unavailable as found:
             raise Refusal(f'cannot use the middleware: {found}') from None
 
-    def add(self, receiver: '_RawReceiver') -> None:
-        """Take from a receiver, too."""
-        self._receivers.append(receiver)
-
-    def remove(self, receiver: '_RawReceiver') -> None:
-        """Take no more from a receiver."""
-        self._receivers.remove(receiver)
-
     @property
     def handles(self) -> list[Any]:
-        """The handles of the subscriptions that messages are taken from."""
-        return [receiver.handle for receiver in self._receivers]
+        return [receiver.handle for receiver in self.receivers]
 
     def take(self) -> None:
         """Deliver the messages that wait, oldest first."""
-        batches = [[(record, item) for record in item.waiting()] for item in self._receivers]
-        for record, receiver in merge(*batches, key=lambda taken: taken[0].received):
-            self.deliver(receiver.topic, record)
-
-    def deliver(self, topic: 'RawTopic', record: Record) -> None:
-        """Deliver a message, unless this has ended."""
-        if not self._ended.is_set():
-            topic.deliver(record)
+        batches = [[(taken, item.topic) for taken in item.waiting()] for item in self.receivers]
+        for taken, topic in merge(*batches, key=lambda pair: pair[0].origin.received):
+            topic.deliver(taken)
 
     def end(self) -> None:
-        """Deliver no more."""
-        self._ended.set()
+        self.ended.set()
 
 
 class RawTopic(Topic):
@@ -124,29 +97,24 @@ class RawTopic(Topic):
             ffi.new('struct fm_arrivals *'), intake.library.fm_arrivals_end_handover)
 
     def open(self, subscription: RclSubscription) -> '_RawReceiver':
-        """Start taking the messages of a subscription."""
         return _RawReceiver(self._intake, self, subscription)
 
-    def deliver(self, record: Record) -> None:
+    def deliver(self, taken: Taken) -> None:
         """Call the callback, unless the message was received before during this handover."""
-        gid = ffi.from_buffer('uint8_t[]', record.gid)
-        origin = ffi.new('struct fm_origin *', (
-            record.received, record.sent, record.sequence, gid, record.is_retired))
-        if not self._library.fm_arrivals_is_repeated(self._arrivals, origin):
+        origin = taken.origin
+        if not self._intake.ended.is_set() and \
+                not self._library.fm_arrivals_is_repeated(self._arrivals, origin):
             self._library.fm_arrivals_note(self._arrivals, origin)
-            self._deliver(record.data, record.received, record.sent)
+            self._deliver(taken.data, origin.received, origin.sent)
 
     def begin_handover(self, *, has_history: bool) -> None:
-        """Drop duplicates from now on; with `has_history` also history that was sent earlier."""
         self._library.fm_arrivals_begin_handover(self._arrivals, has_history)
 
     def end_handover(self) -> None:
-        """Expect no duplicates any more: the old subscription is closed."""
         self._library.fm_arrivals_end_handover(self._arrivals)
 
     @property
     def lost(self) -> int:
-        """Messages lost: sent, and not received by any subscription of the topic."""
         return int(self._library.fm_arrivals_lost(self._arrivals))
 
 
@@ -163,29 +131,31 @@ class _RawReceiver:
         self._held.enter_context(subscription.handle)
         self.handle = subscription.handle
         self._pointer = intake.middleware.subscription(subscription)
-        intake.add(self)
+        intake.receivers.append(self)
 
-    def waiting(self) -> list[Record]:
+    def waiting(self) -> list[Taken]:
         return list(islice(iter(self._take, None), _MOST_AT_ONCE))
 
-    def _take(self) -> Record | None:
+    def _take(self) -> Taken | None:
         result, info = ffi.integer_const('FM_DROPPED'), self._info.info
         while result == ffi.integer_const('FM_DROPPED'):
             result = self._intake.library.fm_take_serialized(
                 self._intake.middleware.functions, self._pointer, self._message, self._info)
         if result != ffi.integer_const('FM_TAKEN'):
             return None
-        return Record(
+        gid = ffi.new('uint8_t[]', bytes(ffi.buffer(info.gid)))
+        return Taken(
             bytes(ffi.buffer(self._message.buffer, self._message.length)),
-            info.received_timestamp or time_ns(), info.source_timestamp,
-            info.publication_sequence_number, bytes(ffi.buffer(info.gid)), self._is_retired)
+            ffi.new('struct fm_origin *', (
+                info.received_timestamp or time_ns(), info.source_timestamp,
+                info.publication_sequence_number, gid, self._is_retired)), gid)
 
     def stop(self) -> None:
         with ExitStack() as last:
             last.callback(self._held.close)
-            last.callback(self._intake.remove, self)
-            for record in self.waiting():
-                self._intake.deliver(self.topic, record)
+            last.callback(self._intake.receivers.remove, self)
+            for taken in self.waiting():
+                self.topic.deliver(taken)
 
     def retire(self) -> None:
         self._is_retired = True

@@ -21,7 +21,7 @@ They are made with the node's handle, so no executor serves them.
 from typing import Any
 
 from fret_monitor.ros.intake.in_place import capsule_pointer
-from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.ros.settings.names import one_type
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -45,12 +45,8 @@ class RclEndpoint:
         """
         Advertise the topic, or subscribe to it; `kind` is rclpy's class of the handle.
 
-        Raises
-        ------
-        InvalidTopicNameException
-            if the name of the topic is not valid.
-        RuntimeError
-            if the middleware refuses.
+        Raises `InvalidTopicNameException` if the name of the topic is not valid, and
+        `RuntimeError` if the middleware refuses.
         """
         self.msg_type = msg_type
         self.qos_profile = qos_profile
@@ -112,12 +108,8 @@ class RclClient:
         """
         Make a client of a service of the type `kind`.
 
-        Raises
-        ------
-        InvalidTopicNameException
-            if the name of the service is not valid.
-        Refusal
-            if the process uses the service otherwise.
+        Raises `InvalidTopicNameException` if the name of the service is not valid, and `Refusal`
+        if the process uses the service otherwise.
         """
         check_is_valid_srv_type(kind)  # imports its type support
         interface = f'{kind.__module__.partition(".")[0]}/srv/{kind.__name__}'

@@ -38,13 +38,12 @@ from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.details import DetailPublisher, Details
-from fret_monitor.ros.reports.health import CountsBefore, Health
+from fret_monitor.ros.reports.health import Counts, Health
+from fret_monitor.ros.settings.names import full_name, refuse_merged_topics
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import Refusal, Settings
 from fret_monitor.ros.settings.qos import LAST, violation_profile
-from fret_monitor.ros.settings.shared_names import refuse_merged_topics
-from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import (
@@ -119,11 +118,6 @@ class BundleSession:
         return self._engine.library
 
     @property
-    def _has_relay(self) -> bool:
-        gate = self.manifest.gate
-        return gate is not None and not gate.is_service
-
-    @property
     def _judged_index(self) -> int | None:
         """The topic that the gate takes: one of the manifest, or the one after them."""
         gate = self.manifest.gate
@@ -169,10 +163,7 @@ class BundleSession:
             for topic in (manifest.margin_topics if settings.margins else ()))
         self._details = Details(self._node, depth)
         self._advertised.callback(self._details.close)
-        try:
-            self._actions = Actions(self._node, manifest, self._table, self.library)
-        except MessageTypeError as error:
-            raise Refusal(str(error)) from None
+        self._actions = Actions(self._node, manifest, self._table, self.library)
         self._advertised.callback(self._actions.close)
         self._verdicts: list[RclPublisher] = []
         if settings.publishes_verdicts:
@@ -191,12 +182,9 @@ class BundleSession:
         """
         Start monitoring: from now on messages and periods step the monitor.
 
-        Raises
-        ------
-        Refusal
-            if the node cannot subscribe. Nothing is left running then.
+        Raises `Refusal` if the node cannot subscribe. Nothing is left running then.
         """
-        before = CountsBefore(
+        before = (
             self._actions.counts(), None if self._blackbox is None else self._blackbox.counts())
         with ExitStack() as undo:
             undo.callback(self.stop)
@@ -207,16 +195,12 @@ class BundleSession:
             self._start_reports(before)
             undo.pop_all()
 
-    def _start_reports(self, before: CountsBefore) -> None:
+    def _start_reports(self, before: Counts) -> None:
         self._health = Health(
-            self._node, self.reporter, blackbox=self._blackbox, gate=self._gate,
-            actions=self._actions, before=before,
-            watch=self._watch if self._reports_failures else None)
+            self._node, self.reporter, self._actions, self._gate, self._blackbox,
+            self._watch if self._reports_failures else None, before)
         self._running.callback(self._health.close)
-        self._running.callback(self._forget_reports)
-
-    def _forget_reports(self) -> None:
-        self._health = None
+        self._running.callback(setattr, self, '_health', None)
 
     def stop(self) -> None:
         """
@@ -234,17 +218,18 @@ class BundleSession:
 
     def turns(self) -> tuple[int, ...]:
         """Return a counter of each thread; each grows within a second unless its thread hangs."""
-        threads = (self._announcer, self._feed, self._detail_publisher,
-                   *([self._gate] if self._has_relay else []))
-        turns = [0 if thread is None else thread.turns for thread in threads]
-        return (*turns, *([] if self._actions.turns is None else [self._actions.turns]))
+        threads = (self._announcer, self._feed, self._detail_publisher, self._gate, self._actions)
+        turns = [None if thread is None else thread.turns for thread in threads]
+        return tuple(item for item in turns if item is not None)
 
     def describe_actions(self) -> list[LogLine]:
         """Return the line about locks and actions at the start; none if there are none."""
         return self._actions.describe()
 
     def describe_gate(self) -> list[LogLine]:
-        """Return the line about the gate at the start."""
+        """Return the line about the gate at the start; none if there is none."""
+        if self.manifest.gate is None:
+            return []
         from fret_monitor.ros.acting.gate import describe_gate
         return describe_gate(self._node, self.manifest, self._table, self.library)
 
@@ -295,13 +280,19 @@ class BundleSession:
             self._running.callback(verdicts.close)
         self._running.callback(self._stop_actions)
         self._actions.start(engine, middleware)
-        self.reporter = self._new_reporter(engine)
+        self.reporter = Reporter(
+            engine, self._table, self._node.get_fully_qualified_name(),
+            [full_name(self._node, self.manifest, item) + item.selects
+             for item in self.manifest.topics])
         details = DetailPublisher(
             self.reporter, self._details,
             self._node.get_logger() if self._settings.log_violations else None)
         self._running.callback(details.end)
         gate = self._open_gate(engine, middleware)
-        graph = self._graph_sources(engine, middleware)
+        graph = None
+        if self.manifest.watched:
+            graph = GraphSources(self._node, engine, middleware)
+            self._running.callback(graph.close)
         feed = Feed(self._node)
         self._running.callback(feed.close)
         judged = None if gate is None else gate.topic
@@ -336,13 +327,6 @@ class BundleSession:
             feed.watch(KeyedTopics(self._node, engine, middleware, feed, partial(
                 self._subscribe, feed, in_place=middleware, is_found=True)))
 
-    def _graph_sources(self, engine: Engine, middleware: Middleware) -> GraphSources | None:
-        if not self.manifest.watched:
-            return None
-        found = GraphSources(self._node, engine, middleware)
-        self._running.callback(found.close)
-        return found
-
     def _stop_actions(self) -> None:
         log_lines(self._node.get_logger(), self._actions.stop())
 
@@ -366,19 +350,13 @@ class BundleSession:
         `name`: with the key, of one with a variable in its name; `is_found`: in the graph.
         """
         kind, name = self._classes[mapped.message_type], name or mapped.name
-        if in_place is not None and in_place.reads_in_place:
+        if in_place is not None:
             kind = self._class_in_place(in_place, name, kind)
         feed.subscribe(
             self._engine.library, name, mapped.message_type, kind, topic,
             dict(mapped.qos) if name != mapped.name else
             self._overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
             is_found=is_found)
-
-    def _new_reporter(self, engine: Engine) -> Reporter:
-        return Reporter(
-            engine, self._table, self._node.get_fully_qualified_name(),
-            [full_name(self._node, self.manifest, item) + item.selects
-             for item in self.manifest.topics])
 
     def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
         """Return the class for reading in place, or `message_class` if messages must be copied."""
@@ -441,10 +419,7 @@ def refuse_inputs_off_ros(manifest: Manifest) -> None:
     """
     Refuse inputs that requirements read and no topic feeds.
 
-    Raises
-    ------
-    Refusal
-        if there are any; the message has the lines to add to the bundle.
+    Raises `Refusal` if there are any; the message has the lines to add to the bundle.
     """
     lines = [line for index in sorted(manifest.read)
              for line in _lines_wanted(manifest.inputs[index])]
@@ -464,15 +439,14 @@ def _lines_wanted(item: ManifestInput) -> list[str]:
 
 
 def _message_classes(manifest: Manifest) -> dict[str, Any]:
-    classes: dict[str, Any] = {}
-    problems: list[str] = []
     gated = {manifest.gate.interface} if manifest.gate is not None else set()
     received = {topic.message_type for topic in manifest.received}
+    classes, problems = {}, []
     for message_type in sorted(received | gated):
         try:
             classes[message_type] = message_class(message_type)
         except MessageTypeError as error:
             problems.append(str(error))
     if problems:
-        raise Refusal(*problems)
+        raise Refusal(*problems, heading='')
     return classes

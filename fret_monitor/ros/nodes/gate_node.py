@@ -18,7 +18,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fret_monitor.model.names import distinct_names
-from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.settings.opened import open_gates, Opened
 from fret_monitor.ros.settings.parameters import Described, GATE_PARAMETERS, Settings
@@ -43,8 +42,3 @@ class GateNode(MonitorNode):
     def _names(self, opened: Sequence[Opened]) -> list[str]:
         return distinct_names([item.monitor.manifest.gate.name for item in opened
                                if item.monitor.manifest.gate is not None])
-
-    def _activate(self) -> None:
-        super()._activate()
-        for session in self._sessions:
-            log_lines(self.get_logger(), session.describe_gate())

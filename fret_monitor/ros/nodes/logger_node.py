@@ -82,10 +82,8 @@ class LoggerNode(ClockNode):
         """
         Create the node and subscribe; `options` are those of `rclpy.node.Node`.
 
-        Raises
-        ------
-        Refusal
-            if the parameters, the bundle or the library are not usable. Nothing is left.
+        Raises `Refusal` if the parameters, the bundle or the library are not usable. Nothing is
+        left.
         """
         super().__init__(node_name, **options)
         self._intake = RawIntake()

@@ -14,8 +14,9 @@
 
 """The monitor node: parameters and life cycle; a `BundleSession` runs each bundle."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from os import strerror
 import traceback
 from typing import Any, TYPE_CHECKING
 
@@ -28,15 +29,12 @@ from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.reports.health import PERIOD
 from fret_monitor.ros.settings.declared import Parameters
-from fret_monitor.ros.settings.endpoint_types import refuse_two_types
+from fret_monitor.ros.settings.names import full_name, refuse_shared_names, refuse_two_types
 from fret_monitor.ros.settings.opened import open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
-    Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
+    Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Scheduling, Settings,
 )
-from fret_monitor.ros.settings.scheduling import ask_system
-from fret_monitor.ros.settings.shared_names import refuse_shared_names
-from fret_monitor.ros.settings.topic_names import full_name
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, Watch
 from fret_monitor.runtime.start_lines import restarted, watching
@@ -69,10 +67,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         """
         Create the node; `options` are those of `rclpy.lifecycle.LifecycleNode`.
 
-        Raises
-        ------
-        Refusal
-            if the parameters, bundles or libraries are not usable. Nothing is left.
+        Raises `Refusal` if the parameters, bundles or libraries are not usable. Nothing is left.
         """
         self._sessions: list[BundleSession] = []
         self._declared_overrides: DeclaredOverrides | None = None
@@ -173,7 +168,7 @@ class MonitorNode(ClockNode, LifecycleNode):
                 self._sessions.append(BundleSession(
                     self, item, self._watch, settings, name, reports_failures=not self._sessions))
             undo.pop_all()
-        self._warn(ask_system(settings.scheduling, self._sessions[0].library))
+        self._warn(_ask_system(settings.scheduling, library))
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             full_name(self, session.manifest, topic)
@@ -214,6 +209,8 @@ class MonitorNode(ClockNode, LifecycleNode):
         log_lines(self.get_logger(), watching(
             [session.reporter for session in self._sessions],
             [session.opened.origin for session in self._sessions]))
+        for session in self._sessions:
+            log_lines(self.get_logger(), session.describe_gate())
         topics = {full_name(self, session.manifest, topic): dict(topic.qos)
                   for session in self._sessions for topic in session.manifest.subscribed
                   if session.manifest.key_of(topic) is None}
@@ -278,6 +275,17 @@ class MonitorNode(ClockNode, LifecycleNode):
         response.message = line.text
         log_lines(self.get_logger(), [line])
         return response
+
+
+def _ask_system(wanted: Scheduling, library: Any) -> Iterator[str]:
+    """Ask the system for what is wanted, and yield a warning for each thing that it refuses."""
+    if wanted.priority and (error := library.fm_set_priority(wanted.priority)):
+        yield words.NO_PRIORITY % (wanted.priority, strerror(error))
+    processors = wanted.processors
+    if processors and (error := library.fm_set_processors(processors.encode())):
+        yield words.NO_PROCESSORS % (processors, strerror(error))
+    if wanted.locks_memory and (error := library.fm_lock_memory()):
+        yield words.NO_LOCKED_MEMORY % strerror(error)
 
 
 def _refusing(change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:

@@ -20,7 +20,6 @@ that only the node knows, and publishes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -40,22 +39,14 @@ if TYPE_CHECKING:
     from fret_monitor.ros.acting.gate import Gate
 
 PERIOD = 1.0  # s between two reports
-
-
-@dataclass(frozen=True)
-class CountsBefore:
-    """What actions and the black box have counted while the node was active before."""
-
-    actions: Sequence[ActionCounts] = ()
-    blackbox: BlackBoxCounts | None = None
+Counts = tuple[Sequence[ActionCounts], BlackBoxCounts | None]
 
 
 class Health:
     """Logs what is new, and publishes diagnostics while `/diagnostics` has a subscriber."""
 
-    def __init__(self, node: Node, reporter: Reporter, *, blackbox: 'BlackBox | None' = None,
-                 gate: 'Gate | None' = None, actions: Actions | None = None,
-                 watch: Watch | None = None, before: CountsBefore = CountsBefore()) -> None:
+    def __init__(self, node: Node, reporter: Reporter, actions: Actions, gate: 'Gate | None',
+                 blackbox: 'BlackBox | None', watch: Watch | None, before: Counts) -> None:
         """
         Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`.
 
@@ -65,7 +56,7 @@ class Health:
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
         self._publisher = node.create_publisher(
             DiagnosticArray, '/diagnostics', 10, event_callbacks=NO_EVENTS)
-        self._review = Review(reporter, actions=before.actions, blackbox=before.blackbox)
+        self._review = Review(reporter, actions=before[0], blackbox=before[1])
         self._blackbox = blackbox
         self._gate = gate
         self._actions = actions
@@ -73,13 +64,13 @@ class Health:
 
     def review(self, topics: Sequence[TopicFacts]) -> None:
         """Log what is new; `topics` are the publishers of each topic, in order."""
-        lines = [*([] if self._actions is None else self._actions.lines()),
+        lines = [*self._actions.lines(),
                  *([] if self._blackbox is None else self._blackbox.lines())]
         self._review.look(
             topics,
             waits_for_clock=self._clock.ros_time_is_active
             and self._clock.now().nanoseconds <= 0,
-            actions=None if self._actions is None else self._actions.counts(),
+            actions=self._actions.counts(),
             gate=None if self._gate is None else self._gate.look(),
             blackbox=None if self._blackbox is None else self._blackbox.counts(),
             failures=None if self._watch is None else self._watch.failures)

@@ -90,14 +90,7 @@ class MetricsServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, address: MetricsAddress) -> None:
-        """
-        Listen, and serve nothing yet.
-
-        Raises
-        ------
-        Refusal
-            if the address cannot be listened on.
-        """
+        """Listen, and serve nothing yet; raises `Refusal` if the address cannot be listened on."""
         self._statuses: tuple[StatusRecord, ...] = ()
         self._room = BoundedSemaphore(_MOST_CONNECTIONS)
         try:

@@ -25,7 +25,7 @@ from fret_monitor.model.names import verdict_topic
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
-from fret_monitor.ros.settings.endpoint_types import one_type
+from fret_monitor.ros.settings.names import one_type
 from fret_monitor.ros.settings.qos import LAST
 from fret_monitor.runtime import Engine
 

@@ -19,7 +19,6 @@ rcl reads them again: what is found here only decides which program reads them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 import re
 from typing import Any
@@ -28,6 +27,7 @@ _ROS_ARGUMENTS = '--ros-args'
 _END = '--'
 _WITH_VALUE = {'-p': '-p', '--param': '-p', '-r': '-r', '--remap': '-r',
                '--params-file': '--params-file'}
+_SKIPPED = ('--log-level', '--log-config-file', '--log-file-name', '-e', '--enclave')
 _PARAMETERS = 'ros__parameters'
 _PLAIN = re.compile(r'(?:\.{0,2}/|~/|package://)?[A-Za-z_][\w./-]*')  # words and paths
 _SPECIAL = {'true', 'false', 'yes', 'no', 'on', 'off', 'null'}
@@ -41,10 +41,8 @@ def given_parameters(arguments: Sequence[str], node_name: str) -> dict[str, Any]
     """
     Return the parameters that the arguments give a node, by name.
 
-    Raises
-    ------
-    NotUnderstood
-        if there are other arguments than those of ROS, or a value or file cannot be read.
+    Raises `NotUnderstood` if there are other arguments than those of ROS, or a value or file
+    cannot be read.
     """
     flags = list(_flags(arguments))
     full_name = _full_name(flags, node_name)
@@ -64,21 +62,16 @@ def given_parameters(arguments: Sequence[str], node_name: str) -> dict[str, Any]
 
 def _flags(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield the arguments of ROS that are followed by a value."""
-    is_ros = False
-    taken = False
-    for argument, after in pairwise([*arguments, '']):
-        if taken:
-            taken = False
-        elif not is_ros and argument != _ROS_ARGUMENTS:
+    is_ros, left = False, iter(arguments)
+    for argument in left:
+        if not is_ros and argument != _ROS_ARGUMENTS:
             raise NotUnderstood
-        elif argument in (_ROS_ARGUMENTS, _END):
+        if argument in (_ROS_ARGUMENTS, _END):
             is_ros = argument == _ROS_ARGUMENTS
         elif argument in _WITH_VALUE:
-            taken = True
-            yield _WITH_VALUE[argument], after
-        elif argument in ('--log-level', '--log-config-file', '--log-file-name', '-e',
-                          '--enclave'):
-            taken = True
+            yield _WITH_VALUE[argument], next(left, '')
+        elif argument in _SKIPPED:
+            next(left, None)
 
 
 def _full_name(flags: Sequence[tuple[str, str]], node_name: str) -> str:

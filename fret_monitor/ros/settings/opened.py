@@ -64,15 +64,13 @@ def open_monitors(settings: Settings) -> list[Opened]:
     """
     Compile and load the bundles, or load the compiled folders.
 
-    Raises
-    ------
-    Refusal
-        with all problems of the bundles, the folders, the compiler, or their combination.
+    Raises `Refusal` with all problems of the bundles, the folders, the compiler, or their
+    combination.
     """
     opened = _all(lambda origin: _open(settings, origin, UNGATED), settings)
     manifests = [item.monitor.manifest for item in opened]
-    if settings.margins:
-        _refuse_without_margins(manifests)
+    if settings.margins and not all(item.has_margins for item in manifests):
+        raise Refusal(words.NO_MARGINS)
     refuse_combinations(settings, manifests)
     return opened
 
@@ -81,16 +79,14 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
     """
     Compile and load the gates of the bundles, or load the folders of compiled gates.
 
-    `names`: of the bundles' gates, only these; () for all. Each manifest has its gate.
-
-    Raises
-    ------
-    Refusal
-        as `open_monitors`, or if there is no such gate, or a bundle has none of them.
+    `names`: of the bundles' gates, only these; () for all. Each manifest has its gate. Raises
+    `Refusal` as `open_monitors`, or if there is no such gate, or a bundle has none of them.
     """
     if settings.margins:
         raise Refusal(words.NO_MARGINS_OF_GATES)
-    found = _all(lambda origin: _open_gates(settings, origin, names), settings)
+    found = _all(lambda origin: [
+        _open(settings, origin, NodePart(name)) for name in _gate_names(origin)
+        if not names or name in names], settings)
     opened = [item for several in found for item in several]
     manifests = [item.monitor.manifest for item in opened]
     missing = set(names) - {item.gate.name for item in manifests if item.gate}
@@ -106,17 +102,6 @@ def open_gates(settings: Settings, names: Sequence[str] = ()) -> list[Opened]:
         raise Refusal(*(without_gates(origin, names) for origin in useless))
     refuse_combinations(settings, manifests)
     return opened
-
-
-def _refuse_without_margins(manifests: Sequence[Manifest]) -> None:
-    for manifest in manifests:
-        if not manifest.has_margins:
-            raise Refusal(words.NO_MARGINS)
-
-
-def _open_gates(settings: Settings, origin: Origin, names: Sequence[str]) -> list[Opened]:
-    return [_open(settings, origin, NodePart(name)) for name in _gate_names(origin)
-            if not names or name in names]
 
 
 def _gate_names(origin: Origin) -> tuple[str, ...]:
@@ -143,10 +128,7 @@ def load_reporting(settings: Settings) -> Any:
     """
     Return the functions of csrc: from a compiled folder, if one is given, or from the cache.
 
-    Raises
-    ------
-    Refusal
-        if there is neither, and no compiler.
+    Raises `Refusal` if there is neither, and no compiler.
     """
     with _as_refusal(''):
         for directory in (item.library for item in settings.origins):
@@ -294,13 +276,7 @@ def _compile(settings: Settings, spec: Path, part: NodePart) -> Opened:
     return Opened(compiled.monitor, compiled.evaluator, manifest.policy, manifest.period,
                   f'{spec}, {how}',
                   (*(warning.render() for warning in compiled.warnings),
-                   *_kept_elsewhere(manifest, f'spec:={spec}')))
-
-
-def _kept_elsewhere(manifest: Manifest, origin: str) -> Iterator[str]:
-    """Yield a warning if gates judge requirements of the bundle."""
-    if text := judged_by_gates(manifest.kept, origin):
-        yield text
+                   *filter(None, [judged_by_gates(manifest.kept, f'spec:={spec}')])))
 
 
 def _open_library(settings: Settings, origin: Origin, directory: Path, part: NodePart) -> Opened:
@@ -317,7 +293,7 @@ def _open_library(settings: Settings, origin: Origin, directory: Path, part: Nod
     load_evaluator(private.evaluator, origin=folder.evaluator)  # refuses another version
     return Opened(monitor, private.evaluator, policy, folder.manifest.period,
                   f'compiled before, in {directory}',
-                  tuple(_kept_elsewhere(folder.manifest, FOLDER_OF_EACH)))
+                  tuple(filter(None, [judged_by_gates(folder.manifest.kept, FOLDER_OF_EACH)])))
 
 
 def _refuse_other_bundle(spec: Path | None, directory: Path, manifest: Manifest) -> None:

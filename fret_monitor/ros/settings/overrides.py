@@ -61,10 +61,7 @@ class Overrides:
         """
         Read the values of parameters by name; those that are not overrides are ignored.
 
-        Raises
-        ------
-        Refusal
-            with all problems of the overrides.
+        Raises `Refusal` with all problems of the overrides.
         """
         problems: list[str] = []
         self._all = list(_read(given, problems))
@@ -95,10 +92,7 @@ class Overrides:
         """
         Refuse overrides of the publishers of violations.
 
-        Raises
-        ------
-        Refusal
-            if there is one for a publisher of these topics.
+        Raises `Refusal` if there is one for a publisher of these topics.
         """
         names = [item.name for item in self._all
                  if item.endpoint == 'publisher' and item.topic in topics]

@@ -199,10 +199,7 @@ def read_settings(given: Mapping[str, Any]) -> Settings:
     """
     Return the settings that the values of parameters give.
 
-    Raises
-    ------
-    Refusal
-        if a value cannot be used, or no bundle is given.
+    Raises `Refusal` if a value cannot be used, or no bundle is given.
     """
     problems: list[str] = []
     settings = check_settings(given, problems)

@@ -1,0 +1,180 @@
+# Copyright 2026 The fret_monitor authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Names of topics and services after remapping: full names, and what may not share one."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate, ManifestTopic
+from fret_monitor.model.names import (
+    DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVICE_TYPES, OWN_SERVICES, OWN_TOPICS,
+)
+from fret_monitor.model.policies import ActionKind
+from fret_monitor.model.report_table import used_topics
+from fret_monitor.ros.settings.parameters import Refusal
+from fret_monitor.runtime.reporting import ReportTable
+from fret_monitor.runtime.shared_names import (
+    find_merged, find_shared, find_two_types, TypedUse, Use,
+)
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+
+_STAND_IN = 'fm_key'  # in place of a variable while a name is resolved
+
+
+def full_name(node: Node, manifest: Manifest, topic: ManifestTopic) -> str:
+    """
+    Return the name of a topic as a node resolves it; of one that is made, as it is.
+
+    An instance variable stays in it, in braces. Raises `InvalidTopicNameException` if the name is
+    not valid: from the namespace or a remapping.
+    """
+    if topic.made:
+        return topic.name
+    variable = manifest.key_of(topic)
+    if variable is None:
+        return str(node.resolve_topic_name(topic.name))
+    shown = f'{{{variable.name}}}'
+    parts = str(node.resolve_topic_name(topic.name.replace(shown, _STAND_IN))).split('/')
+    return '/'.join(shown if part == _STAND_IN else part for part in parts)
+
+
+def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
+    """Return the full names of what a gate reads and of what it publishes, or calls."""
+    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
+    return resolve(gate.source), resolve(gate.target)
+
+
+def refuse_merged_topics(
+    node: Node, manifest: Manifest, table: ReportTable, library: Any,
+) -> None:
+    """
+    Refuse two topics of a bundle that are one after remapping, or one that the node itself uses.
+
+    `library` has the functions of csrc. Raises `Refusal` with the first problem.
+    """
+    names = [full_name(node, manifest, topic) for topic in manifest.topics]
+    names += [node.resolve_topic_name(name)
+              for name, _, _ in islice(used_topics(manifest), len(names), None)]
+    if lines := find_merged(library, table, names):
+        raise Refusal(lines[0].text)
+
+
+def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any) -> None:
+    """
+    Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
+
+    Compares names after remapping, of everything that the node runs; a gate on a service must be
+    its only server, too, and no action may call `OWN_SERVICES` of this node. What the node
+    itself publishes is compared by `refuse_merged_topics`. `library` has the functions of csrc.
+    Raises `Refusal` with the first problem.
+    """
+    used = [*_own_names(node, manifests),
+            *(item for manifest in manifests for item in _used_names(node, manifest))]
+    if lines := find_shared(library, used):
+        raise Refusal(lines[0].text)
+
+
+def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
+    """
+    Yield the topics of the node itself, and the services that no action may call.
+
+    An action may publish on `/diagnostics` too.
+    """
+    handlers = [topic for manifest in manifests for topic in (
+        *(item.topic for item in manifest.numbered), *manifest.margin_topics)]
+    for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
+        yield Use('', '', '', 'publish on', node.resolve_topic_name(topic),
+                  topic != DIAGNOSTICS_TOPIC)
+    for name in OWN_SERVICES:
+        yield Use('', '', '', 'call', node.resolve_service_name(name), False)
+
+
+def _used_names(node: Node, manifest: Manifest) -> Iterator[Use]:
+    if (gate := manifest.gate) is not None:
+        source, target = ends_of(node, gate)
+        yield Use('gate', gate.name, manifest.name,
+                  *(('offer', source) if gate.is_service else ('publish on', target)), True,
+                  (source, target))
+    for action in manifest.actions:
+        kind = 'lock' if action.kind is ActionKind.LOCK else 'action'
+        yield Use(kind, action.name, manifest.name, *_done(node, action), kind == 'lock')
+
+
+def _done(node: Node, action: ManifestAction) -> tuple[str, str]:
+    """Return what an action does with which topic or service."""
+    match action.kind:
+        case ActionKind.LOCK | ActionKind.PUBLISH:
+            return 'publish on', node.resolve_topic_name(action.target)
+        case ActionKind.CALL:
+            return 'call', node.resolve_service_name(action.target)
+        case ActionKind.TRANSITION:
+            return 'call', node.resolve_service_name(f'{action.target}/change_state')
+
+
+def refuse_two_types(node: Node, manifests: Sequence[Manifest], names: Sequence[str],
+                     library: Any) -> None:
+    """
+    Refuse two types for one topic or service, after remapping.
+
+    `names` are those of the bundles or gates, for the text; `library` has the functions of csrc.
+    Raises `Refusal` with all problems.
+    """
+    uses = [TypedUse(node.resolve_topic_name(name), interface, 0, False, False)
+            for name, interface in OWN_TOPICS.items()]
+    uses += [TypedUse(node.resolve_service_name(name), interface, 0, True, False)
+             for name, interface in OWN_SERVICE_TYPES.items()]
+    for number, manifest in enumerate(manifests):
+        uses.extend(_typed_names(node, manifest, number + 1))
+    kind = 'gate' if manifests[0].gate else 'bundle'
+    if lines := find_two_types(library, uses, names, kind):
+        raise Refusal(*(line.text for line in lines))
+
+
+def _typed_names(node: Node, manifest: Manifest, owner: int) -> Iterator[TypedUse]:
+    """Yield topics and services with their types: those of inputs, the gate, locks, actions."""
+    def used(name: str, interface: str, *, is_service: bool) -> TypedUse:
+        resolve = node.resolve_service_name if is_service else node.resolve_topic_name
+        return TypedUse(resolve(name), interface, owner, is_service, False)
+
+    for topic in manifest.received:
+        if manifest.key_of(topic) is None:  # the others are found by their type
+            yield used(topic.name, topic.message_type, is_service=False)._replace(is_input=True)
+    if (gate := manifest.gate) is not None:
+        for name in (gate.source, gate.target):
+            yield used(name, gate.interface, is_service=gate.is_service)
+    for action in sorted(manifest.actions, key=lambda item: item.kind is not ActionKind.LOCK):
+        if action.interface:
+            yield used(action.target, action.interface, is_service=action.kind is ActionKind.CALL)
+
+
+@contextmanager
+def one_type(node: Node, verb: str, name: str, interface: str, *,
+             is_service: bool = False) -> Iterator[None]:
+    """Turn an error of the middleware into a `Refusal` with the types of the topic or service."""
+    try:
+        yield
+    except _rclpy.RCLError as error:
+        what, full_name, known = (
+            ('service', node.resolve_service_name(name), node.get_service_names_and_types())
+            if is_service else
+            ('topic', node.resolve_topic_name(name), node.get_topic_names_and_types()))
+        types = [item for item in dict(known).get(full_name, ()) if item != interface]
+        reason = (f'this process uses the {what} with the type {", ".join(types)}, and can use it '
+                  'with one type only' if types else str(error))
+        raise Refusal(f'cannot {verb} {full_name} as {interface}: {reason}') from None
