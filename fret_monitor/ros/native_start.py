@@ -30,7 +30,6 @@ from typing import Any, TYPE_CHECKING
 from fret_monitor.ros.signals import SIGNALS
 
 if TYPE_CHECKING:
-    from fret_monitor.export.ros2_table import OneOfSeveral
     from fret_monitor.model.diagnostics import Text
     from fret_monitor.model.parts import NodePart
     from fret_monitor.native.compiled import CompiledMonitor
@@ -112,35 +111,38 @@ def _program(settings: 'Settings', parts: Sequence[tuple[Path, 'NodePart']], nod
     if len(parts) == 1:
         return _built(settings, *parts[0], node, settings.constants).library
     from fret_monitor.export.program import program_of_several
-    from fret_monitor.export.ros2_table import OneOfSeveral
     from fret_monitor.model.names import distinct_names
     from fret_monitor.ros.settings.opened import constants_of, refuse_combinations
     shown = distinct_names([part.gate or spec.stem for spec, part in parts])
-    compiled = [_built(settings, spec, part, node, constants_of(settings, spec),
-                       OneOfSeveral(number, name, spec.stem))
-                for number, ((spec, part), name) in enumerate(zip(parts, shown))]
+    compiled = [_built(settings, spec, part, node, constants_of(settings, spec), place)
+                for place, (spec, part) in zip(enumerate(shown), parts)]
     manifests = [item.manifest for item in compiled]
     refuse_combinations(settings, manifests)
     return program_of_several([item.library for item in compiled], manifests)
 
 
 def _built(settings: 'Settings', spec: Path, part: 'NodePart', node: str,
-           constants: Mapping[str, 'Text'], place: 'OneOfSeveral | None' = None,
+           constants: Mapping[str, 'Text'], place: tuple[int, str] | None = None,
            ) -> 'CompiledMonitor':
-    """Return the program of a bundle; with a `place`, its table for a program of several."""
+    """
+    Return the program of a bundle; with a `place`, its table for a program of several.
+
+    `place` is its number and its name in statuses.
+    """
     from fret_monitor.native.ros_files import identity
     from fret_monitor.start import start_program
 
     def make(generated: Any) -> Path:
         from fret_monitor.export.program import node_program, table_object
+        from fret_monitor.export.ros2_table import OneOfSeveral
         _tell(node, spec)
         return node_program(generated, str(spec)) if place is None else \
-            table_object(generated, str(spec), place)
+            table_object(generated, str(spec), OneOfSeveral(*place, spec.stem))
 
     return start_program(
-        spec, make, identity() + (f' {place.number} {place.shown}' if place else ''),
+        spec, make, ' '.join([identity(), *map(str, place or ())]),
         policy=settings.policy, period=settings.period, constants=constants, part=part,
-        name=f'b{place.number}_{spec.stem}' if place else None, margins=settings.margins)
+        name=f'b{place[0]}_{spec.stem}' if place else None, margins=settings.margins)
 
 
 def _tell(node: str, spec: Path) -> None:
