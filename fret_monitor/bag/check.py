@@ -197,10 +197,15 @@ def check_recording(
                    asides=[*asides(bundle, selection, find)])
 
 
+def is_trace(path: Path) -> bool:
+    """Return whether a recording is a table of rows."""
+    return path.suffix == TRACE_SUFFIX and not path.is_dir()
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[AnyRecording, 'FindMessage']]:
     """Yield a recording, and a function that finds message types in it, or what is installed."""
-    if path.suffix == TRACE_SUFFIX and not path.is_dir():
+    if is_trace(path):
         yield Trace(path), find_message
         return
     with Recording(path) as recording:
@@ -210,15 +215,17 @@ def opened(path: Path) -> Iterator[tuple[AnyRecording, 'FindMessage']]:
 def run(monitor: Monitor, recording: AnyRecording, selection: Selection, *,
         changes: Sequence[Changes] = (), watch: Watch | None = None,
         progress: Progress = no_progress, checks_remaps: bool = True,
-        asides: Sequence[Aside] = ()) -> RecordingResult:
+        asides: Sequence[Aside] = (), needs_all: bool = True) -> RecordingResult:
     """
     Run a monitor over a recording, and with it what is asked beside: the recording is read once.
 
-    Without `checks_remaps`, topics may be renamed that the monitor does not have. Raises
-    `CompileError` if it does not fit the recording.
+    Without `checks_remaps`, topics may be renamed that the monitor does not have; without
+    `needs_all`, topics that no requirement reads need not be recorded. Raises `CompileError` if it
+    does not fit the recording.
     """
     result, *found = _results(recording, [
-        _Run(monitor, recording, selection, changes, watch, progress, checks_remaps),
+        _Run(monitor, recording, selection, changes, watch, progress, checks_remaps,
+             needs_all=needs_all),
         *(_Run(item.monitor, recording, replace(selection, margins=False), item.changes, None,
                no_progress, checks_remaps=False, is_aside=True) for item in asides)])
     for item, of_aside in zip(asides, found, strict=True):
@@ -303,9 +310,11 @@ class _Run:
 
     def __init__(self, monitor: Monitor, recording: AnyRecording, selection: Selection,
                  changes: Sequence[Changes], watch: Watch | None,
-                 progress: Progress, checks_remaps: bool, is_aside: bool = False) -> None:
+                 progress: Progress, checks_remaps: bool, is_aside: bool = False,
+                 needs_all: bool = True) -> None:
         self._recording = recording
         self._checks_remaps = checks_remaps
+        self._needs_all = needs_all
         self._is_aside = is_aside  # nobody asks what is still open
         self._selection = selection
         self._changes = changes
@@ -599,7 +608,9 @@ class _Run:
     def _miss(self, index: int, text: str) -> None:
         """Note that a topic is missing: what reads it is not judged."""
         self._missing.add(index)
-        (self._warnings if self._selection.may_miss else self._errors).append(text)
+        is_needed = self._needs_all or any(index in read for read in topics_read(self._manifest))
+        (self._errors if is_needed and not self._selection.may_miss
+         else self._warnings).append(text)
 
     def route(self, sources: Sequence[tuple[str, str]]) -> None:
         """Say which recorded topics are read, in the order of their numbers."""

@@ -27,7 +27,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
-from fret_monitor.bag.check import opened, read_bundle, run, Selection
+from fret_monitor.bag.check import is_trace, opened, read_bundle, run, Selection
 from fret_monitor.bag.constant_range import ConstantRange, range_of
 from fret_monitor.build import compile_monitor, generate_monitor, Reading
 from fret_monitor.logic.numbers import parse_number
@@ -36,6 +36,7 @@ from fret_monitor.messages.installed import fingerprint
 from fret_monitor.model.diagnostics import CompileError, refuse, Source, Text
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import fret_name, is_integer
+from fret_monitor.model.policies import Policy
 from fret_monitor.model.progress import no_progress, Progress
 from fret_monitor.native.cache import build_library, runtime_headers
 from fret_monitor.native.monitor import load, Monitor
@@ -176,8 +177,9 @@ class _FitSearch:
             self._judge_some(keys[start:start + _AT_ONCE], paths)
 
     def _judge_some(self, keys: Sequence[int], paths: Sequence[Path]) -> None:
+        alike = [[path for path in paths if is_trace(path) is kind] for kind in (True, False)]
         try:
-            copies = self._copies(keys)
+            copies = [(self._copies(keys, some[0]), some) for some in alike if some]
         except CompileError:
             if len(keys) > 1:
                 self._judge_some(keys[:len(keys) // 2], paths)
@@ -187,7 +189,7 @@ class _FitSearch:
             else:
                 self._narrow(keys[0])
             return
-        for judged in self._run(copies, len(keys), paths):
+        for judged in [item for each, some in copies for item in self._run(each, len(keys), some)]:
             if judged.errors:
                 refuse(f"'{judged.path}': {judged.errors[0]}",
                        help='fit takes whole recordings: fret-monitor bag says what is missing')
@@ -205,15 +207,19 @@ class _FitSearch:
         for other in [item for item in self._found if (item > key) is is_above]:
             del self._found[other]
 
-    def _copies(self, keys: Sequence[int]) -> _Copies:
+    def _copies(self, keys: Sequence[int], path: Path) -> _Copies:
+        """Return copies of the requirements that name the constant, for recordings as this one."""
         readings = [self._read({self._name: self._range.text(key)}) for key in keys]
         copies = [replace(item, id=f'{item.id}{_MARK}{place}',
                           handler=f'{item.handler}_{place}', on_violation=(), on_end=())
                   for place, reading in enumerate(readings) for item in self._naming(reading)]
-        first = readings[0]
+        first, read = readings[0], {name for item in copies for name in item.inputs}
+        # What they do not read need not be recorded. Its messages may be steps, but are no rows.
+        reads_all = first.specification.policy is Policy.EVERY_MESSAGE and not is_trace(path)
         generated = generate_monitor(replace(first, specification=replace(
-            first.specification, properties=tuple(copies), actions=(), gates=(),
-            definitions=())))
+            first.specification, properties=tuple(copies), actions=(), gates=(), definitions=(),
+            signals=tuple(item for item in first.specification.signals
+                          if reads_all or item.name in read))))
         compile_monitor(generated)  # once, before the processes on this machine look for it
         return _Copies(generated.manifest, generated.c_sources, generated.c_headers)
 
@@ -317,10 +323,12 @@ def _judge_recording(path: Path, copies: _Copies, selection: Selection, count: i
                      messages: Sequence[tuple[str, str]]) -> _Judged:
     """Run copies of requirements over a recording."""
     with opened(path) as (recording, find):
+        types = {item.message_type for item in copies.manifest.topics}
         for name, known in messages:
-            if fingerprint(find(name)) != known:
+            if name in types and fingerprint(find(name)) != known:
                 refuse(f"'{path}' has another definition of {name} than the first recording")
-        result = run(copies.monitor(), recording, selection)
+        result = run(copies.monitor(), recording, selection, checks_remaps=False,
+                     needs_all=False)
     violations: list[tuple[str, int | None] | None] = [None] * count
     for item in result.findings:
         name, _, place = item.id.rpartition(_MARK)

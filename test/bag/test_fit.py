@@ -25,6 +25,7 @@ from random import Random
 from threading import current_thread, main_thread
 from typing import Any
 
+from bag.recordings import write
 from bundles import write_bundle
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, RecordingResult, run as judge, Selection
@@ -193,9 +194,9 @@ def test_a_cluster_finds_the_same(
     expected = capsys.readouterr().out
     threads = set()
 
-    def noted(*of: Any) -> RecordingResult:
+    def noted(*of: Any, **named: Any) -> RecordingResult:
         threads.add(current_thread())
-        return judge(*of)
+        return judge(*of, **named)
 
     monkeypatch.setattr('fret_monitor.bag.fit.run', noted)
     with distributed.LocalCluster(
@@ -245,3 +246,54 @@ def test_whole_numbers_are_their_own_keys() -> None:
     assert BOUNDS.least == 0
     assert BOUNDS.between(0, 10, 31) == list(range(1, 10))
     assert len(WHOLE.between(0, 2 ** 62, 31)) == 31
+
+
+TWO = """format: 1
+constants: {limit: 5.0}
+inputs:
+  x: {topic: /x, type: std_msgs/msg/Float64}
+  u: {topic: /u, type: std_msgs/msg/Float64}
+requirements:
+  - {id: LATELY, ptltl: "H O[0,1] (x <= limit)"}
+  - {id: OTHER, ptltl: "u < 3"}
+"""
+
+
+QUARTERS = ConstantRange('quarters', 0, 63, lambda key: str(key / 4),
+                         lambda value: round(value * 4))
+
+
+@pytest.mark.parametrize(('policy', 'by'), [
+    ('every_message', 'whole'), ('relevant_message', 'without'), ('every_message', 'table.csv')])
+def test_what_no_requirement_reads_that_names_the_constant_need_not_be_recorded(
+        policy: str, by: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('fret_monitor.bag.fit.range_of', lambda *_, **__: QUARTERS)  # quicker
+    bundle = write_bundle(tmp_path, TWO.replace(
+        'format: 1', f'format: 1\nevaluation: {{policy: {policy}}}'))
+    table = tmp_path / 'table.csv'
+    table.write_text('time,x\n0,1.0\n1,6.0\n2,7.0\n')
+    # A message of /u is a step under every_message, at which x is 8.5 still.
+    whole = write(tmp_path / 'whole', [('/x', 0, 1.0), ('/u', 1, 2.0), ('/x', 2, 8.5),
+                                       ('/u', 3, 2.0), ('/x', 4, 2.0)])
+    without = write(tmp_path / 'without', [('/x', 0, 1.0), ('/x', 1, 6.5), ('/x', 2, 7.5)])
+    paths = [table] if by == table.name else [table, whole, without]
+    found = fit(bundle, paths, 'limit', Selection())
+    assert found.deciding.path.name == by and found.is_monotone
+    if by == table.name:
+        assert (found.value, found.tighter) == ('6.0', '5.75')
+        return
+    for value, is_right in ((found.value, True), (found.tighter, False)):
+        selection = Selection(may_miss=True, constants={
+            'limit': Text.whole(Source('limit', value))})
+        verdicts = [item.verdict for path in (whole, without)
+                    for item in check_recording(bundle, path, selection).findings
+                    if item.id == 'LATELY']
+        assert (False not in verdicts) is is_right
+
+
+def test_what_a_requirement_reads_that_names_the_constant_has_to_be_recorded(
+        tmp_path: Path) -> None:
+    bundle = write_bundle(tmp_path, TWO)
+    path = write(tmp_path / 'other', [('/u', 1, 2.0)])
+    with pytest.raises(CompileError, match='/x was not recorded'):
+        fit(bundle, [path], 'limit', Selection())
