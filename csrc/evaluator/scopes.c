@@ -25,36 +25,6 @@
 
 // ---- messages ----------------------------------------------------------------------------------
 
-static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
-{
-  struct fm_scopes_message * message = &scopes->message;
-  message->now = now;
-  message->instant = fm_evaluator_arrival(scopes->bundle, now);
-  message->reached = now;
-  message->topic = topic;
-  message->n_staged = 0;
-  message->kind = FM_BUNDLE;
-  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    fm_pool_begin_turn(&scopes->kinds[k].pool);
-  }
-}
-
-void fm_scopes_begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
-{
-  begin(scopes, topic, now);
-  scopes->message.is_row = false;
-}
-
-void fm_scopes_begin_row(struct fm_scopes * scopes, bool is_for_all, int64_t now)
-{
-  if (scopes->options.policy == FM_TIMED && !fm_evaluator_has_begun(scopes->bundle)) {
-    fm_scopes_reach(scopes, now);
-  }
-  begin(scopes, 0, now);
-  scopes->message.is_row = true;
-  scopes->message.is_for_all = is_for_all;
-}
-
 static void stage(
   struct fm_scopes * scopes, uint32_t input, union fm_value value, bool is_usable)
 {
@@ -451,18 +421,183 @@ static void take_in_others(struct fm_scopes * scopes, uint32_t kind)
   }
 }
 
-int64_t fm_scopes_end(struct fm_scopes * scopes)
+static void take_in_kind(struct fm_scopes * scopes, uint32_t kind)
 {
-  step_entered(scopes);
+  step_waiting(scopes, kind);
+  take_in_others(scopes, kind);
+}
+
+// The kinds from `first` on and the bundle's scope take the message. `takes_due`: all that is due
+// at its instant is taken with it.
+static void finish(struct fm_scopes * scopes, uint32_t first, bool takes_due)
+{
+  scopes->message.is_put_off = false;
   for (uint32_t kind = 0; kind < scopes->n_kinds; ++kind) {
-    step_waiting(scopes, kind);
-    take_in_others(scopes, kind);
-    if (scopes->message.is_row && scopes->options.policy == FM_TIMED) {
+    if (kind >= first) {
+      take_in_kind(scopes, kind);
+    }
+    if (takes_due) {
       fm_scopes_take_kind(scopes, kind, scopes->message.now);
     }
   }
   step_bundle(scopes);
-  return scopes->message.instant;
+}
+
+// The first kind that reads aggregates, n_kinds if none does.
+static uint32_t first_reader(const struct fm_scopes * scopes)
+{
+  uint32_t kind = 0;
+  while (kind < scopes->n_kinds && !scopes->kinds[kind].reads_aggregates) {
+    kind += 1;
+  }
+  return kind;
+}
+
+// Whether something is due in an instance at the very instant of the message. Until the instant is
+// over, another message may come before that, so that the aggregates of this instant are unknown.
+static bool aggregates_are_open(struct fm_scopes * scopes)
+{
+  const struct fm_scopes_message * message = &scopes->message;
+  bool are_open = false;
+  for (uint32_t kind = 0; message->instant == message->now && kind < scopes->n_kinds; ++kind) {
+    are_open = are_open ||
+      fm_scopes_first_due_of(scopes, kind, message->now, false) != FM_NEVER;
+  }
+  return are_open;
+}
+
+int64_t fm_scopes_end(struct fm_scopes * scopes)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  const bool is_timed = scopes->options.policy == FM_TIMED;
+  const bool may_be_open = is_timed && !message->is_row && scopes->n_totals > 0;
+  const uint32_t first = may_be_open ? first_reader(scopes) : 0;
+  step_entered(scopes);
+  for (uint32_t kind = 0; kind < first; ++kind) {
+    take_in_kind(scopes, kind);
+  }
+  if (may_be_open && aggregates_are_open(scopes)) {
+    message->is_put_off = true;
+  } else {
+    finish(scopes, first, is_timed && message->is_row);
+  }
+  return message->instant;
+}
+
+// The message that was put off takes effect before another one, without what is due.
+static void finish_early(struct fm_scopes * scopes)
+{
+  if (scopes->message.is_put_off) {
+    finish(scopes, first_reader(scopes), false);
+  }
+}
+
+static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
+{
+  struct fm_scopes_message * message = &scopes->message;
+  finish_early(scopes);
+  message->now = now;
+  message->instant = fm_evaluator_arrival(scopes->bundle, now);
+  message->reached = now;
+  message->topic = topic;
+  message->n_staged = 0;
+  message->kind = FM_BUNDLE;
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    fm_pool_begin_turn(&scopes->kinds[k].pool);
+  }
+}
+
+void fm_scopes_begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
+{
+  begin(scopes, topic, now);
+  scopes->message.is_row = false;
+}
+
+void fm_scopes_begin_row(struct fm_scopes * scopes, bool is_for_all, int64_t now)
+{
+  if (scopes->options.policy == FM_TIMED && !fm_evaluator_has_begun(scopes->bundle)) {
+    fm_scopes_reach(scopes, now);
+  }
+  begin(scopes, 0, now);
+  scopes->message.is_row = true;
+  scopes->message.is_for_all = is_for_all;
+}
+
+// ---- time --------------------------------------------------------------------------------------
+
+void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
+{
+  finish_early(scopes);
+  for (uint32_t k = 0; k < scopes->n_kinds && fm_evaluator_has_begun(scopes->bundle); ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+      if (fm_keys_has(pool->keys, slot)) {
+        fm_pool_shift_last(pool, slot, by);
+        fm_evaluator_shift(fm_scopes_enter_slot(scopes, k, slot), by);
+        fm_pool_leave(pool);
+      }
+    }
+  }
+  fm_evaluator_shift(scopes->bundle, by);
+}
+
+void fm_scopes_reset(struct fm_scopes * scopes)
+{
+  finish_early(scopes);
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    struct fm_pool * pool = &scopes->kinds[k].pool;
+    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
+      if (fm_keys_has(pool->keys, slot)) {
+        struct fm_evaluator * evaluator = fm_scopes_enter_slot(scopes, k, slot);
+        fm_scopes_give_aggregates(scopes, k, fm_evaluator_now(evaluator));
+        fm_evaluator_reset(evaluator);
+        fm_pool_leave(pool);
+        fm_scopes_uncount(scopes, k, slot);
+      }
+    }
+    pool->overflows = 0;  // of those that had ended
+    pool->is_short = false;
+  }
+  fm_scopes_store_aggregates(
+    scopes, fm_scopes_bundle_instant(scopes, fm_evaluator_now(scopes->bundle)));
+  fm_evaluator_reset(scopes->bundle);
+}
+
+// Take what is due at an instant, before which nothing is.
+static void take_instant(struct fm_scopes * scopes, int64_t instant)
+{
+  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
+    fm_scopes_take_kind(scopes, k, instant);
+  }
+  fm_scopes_store_aggregates(scopes, fm_scopes_bundle_instant(scopes, instant));
+  fm_scopes_take_bundle(scopes, instant);
+}
+
+static int64_t take_first(struct fm_scopes * scopes, int64_t now, int64_t last)
+{
+  const struct fm_scopes_message * message = &scopes->message;
+  if (fm_goes_back(scopes->bundle, now)) {
+    finish_early(scopes);
+  }
+  fm_scopes_reach(scopes, now);
+  const bool finishes = message->is_put_off && message->now <= last;
+  const int64_t due = finishes ? message->now : fm_scopes_first_due(scopes, last, true);
+  if (finishes) {
+    finish(scopes, first_reader(scopes), true);
+  } else if (due != FM_NEVER) {
+    take_instant(scopes, due);
+  }
+  return due;
+}
+
+int64_t fm_scopes_advance(struct fm_scopes * scopes, int64_t now)
+{
+  return take_first(scopes, now, now);
+}
+
+int64_t fm_scopes_advance_to(struct fm_scopes * scopes, int64_t now)
+{
+  return take_first(scopes, now, fm_later(now, -1));
 }
 
 // ---- answers -----------------------------------------------------------------------------------

@@ -67,47 +67,10 @@ void fm_scopes_reach(struct fm_scopes * scopes, int64_t now)
   (void)fm_evaluator_arrival(scopes->bundle, now);
 }
 
-void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
-{
-  for (uint32_t k = 0; k < scopes->n_kinds && fm_evaluator_has_begun(scopes->bundle); ++k) {
-    struct fm_pool * pool = &scopes->kinds[k].pool;
-    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
-      if (fm_keys_has(pool->keys, slot)) {
-        fm_pool_shift_last(pool, slot, by);
-        fm_evaluator_shift(fm_scopes_enter_slot(scopes, k, slot), by);
-        fm_pool_leave(pool);
-      }
-    }
-  }
-  fm_evaluator_shift(scopes->bundle, by);
-}
-
-void fm_scopes_reset(struct fm_scopes * scopes)
-{
-  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    struct fm_pool * pool = &scopes->kinds[k].pool;
-    for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
-      if (fm_keys_has(pool->keys, slot)) {
-        struct fm_evaluator * evaluator = fm_scopes_enter_slot(scopes, k, slot);
-        fm_scopes_give_aggregates(scopes, k, fm_evaluator_now(evaluator));
-        fm_evaluator_reset(evaluator);
-        fm_pool_leave(pool);
-        fm_scopes_uncount(scopes, k, slot);
-      }
-    }
-    pool->overflows = 0;  // of those that had ended
-    pool->is_short = false;
-  }
-  fm_scopes_store_aggregates(
-    scopes, fm_scopes_bundle_instant(scopes, fm_evaluator_now(scopes->bundle)));
-  fm_evaluator_reset(scopes->bundle);
-}
-
 // ---- what is due -------------------------------------------------------------------------------
 
-// When something is first due in the instances of a kind, if that is by `last`: a bound is made
-// exact until the first one is. `misses`: of too many periods, the first are left out.
-static int64_t first_due_of(
+// A bound is made exact until the first one is.
+int64_t fm_scopes_first_due_of(
   struct fm_scopes * scopes, uint32_t kind, int64_t last, bool misses)
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
@@ -129,14 +92,14 @@ static int64_t first_due_of(
   }
 }
 
-static int64_t first_due(struct fm_scopes * scopes, int64_t last, bool misses)
+int64_t fm_scopes_first_due(struct fm_scopes * scopes, int64_t last, bool misses)
 {
   if (misses && scopes->bundle->wake <= last) {
     fm_miss_periods(scopes->bundle, last);
   }
   int64_t first = scopes->bundle->wake <= last ? fm_evaluator_deadline(scopes->bundle) : FM_NEVER;
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    const int64_t due = first_due_of(scopes, k, last, misses);
+    const int64_t due = fm_scopes_first_due_of(scopes, k, last, misses);
     first = due < first ? due : first;
   }
   return first <= last ? first : FM_NEVER;
@@ -220,7 +183,7 @@ void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t insta
   if (fm_scopes_has_news(scopes, kind)) {
     fm_scopes_spread_news(scopes, kind, instant);
   }
-  while (first_due_of(scopes, kind, instant, false) != FM_NEVER) {
+  while (fm_scopes_first_due_of(scopes, kind, instant, false) != FM_NEVER) {
     const uint32_t slot = fm_heap_first(&pool->due);
     take_due_in(scopes, kind, slot, instant);
     if (fm_pool_end_of(pool, slot) <= instant) {
@@ -229,34 +192,9 @@ void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t insta
   }
 }
 
-static int64_t take_first(struct fm_scopes * scopes, int64_t now, int64_t last)
-{
-  fm_scopes_reach(scopes, now);
-  const int64_t due = first_due(scopes, last, true);
-  if (due == FM_NEVER) {
-    return FM_NEVER;
-  }
-  for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    fm_scopes_take_kind(scopes, k, due);
-  }
-  fm_scopes_store_aggregates(scopes, fm_scopes_bundle_instant(scopes, due));
-  fm_scopes_take_bundle(scopes, due);
-  return due;
-}
-
-int64_t fm_scopes_advance(struct fm_scopes * scopes, int64_t now)
-{
-  return take_first(scopes, now, now);
-}
-
-int64_t fm_scopes_advance_to(struct fm_scopes * scopes, int64_t now)
-{
-  return take_first(scopes, now, fm_later(now, -1));
-}
-
 int64_t fm_scopes_deadline(struct fm_scopes * scopes)
 {
-  return fm_evaluator_has_begun(scopes->bundle) ? first_due(scopes, FM_NEVER, false) : INT64_MIN;
+  return fm_evaluator_has_begun(scopes->bundle) ? fm_scopes_first_due(scopes, FM_NEVER, false) : INT64_MIN;
 }
 
 int64_t fm_scopes_wake(const struct fm_scopes * scopes)

@@ -59,6 +59,7 @@ struct fm_scopes_message
   uint32_t slot;
   bool is_row;
   bool is_for_all;        // a row
+  bool is_put_off;        // what reads aggregates has not taken it: see fm_scopes_end
 };
 
 struct fm_scopes
@@ -142,6 +143,12 @@ void fm_scopes_take_bundle(struct fm_scopes * scopes, int64_t last);
 
 /// Move the time of all scopes to `now`; it may begin then, or go back.
 void fm_scopes_reach(struct fm_scopes * scopes, int64_t now);
+
+/// When something is first due in the instances of a kind, or in all scopes, if that is by `last`;
+/// else FM_NEVER. `misses`: of too many periods, the first are left out. O(log n) for each bound.
+int64_t fm_scopes_first_due_of(
+  struct fm_scopes * scopes, uint32_t kind, int64_t last, bool misses);
+int64_t fm_scopes_first_due(struct fm_scopes * scopes, int64_t last, bool misses);
 
 /// Let all instances of a kind know the values of the aggregates that they read. O(instances).
 void fm_scopes_spread_news(struct fm_scopes * scopes, uint32_t kind, int64_t instant);

@@ -22,7 +22,10 @@ from random import Random
 
 from bag.recordings import FLOAT, Message, START, write
 from bundles import write_bundle
-from fret_monitor.bag.check import RecordingResult, run as run_bag, Selection
+from differential.compiled import unoptimised
+from fret_monitor.bag.check import (
+    check_recording, RecordingResult, run as run_bag, Selection,
+)
 from fret_monitor.bag.trace import Trace
 from fret_monitor.build import build_specification
 from fret_monitor.cli.main import main
@@ -191,6 +194,66 @@ def test_the_first_message_of_a_recording_is_of_its_first_instant_as_in_a_table(
         assert main(['bag', str(bundle), str(source), '--csv', str(tmp_path / 'out.csv')]) == 0
         changes.append((tmp_path / 'out.csv').read_text(encoding='utf-8'))
     assert changes[0] == changes[1]
+
+
+def formula(rng: Random, atoms: list[str], depth: int = 3) -> str:
+    kind = rng.randrange(7) if depth else 0
+    if kind == 0:
+        return f'({rng.choice(atoms)})'
+    left, bound = formula(rng, atoms, depth - 1), rng.choice(['0.5', '1', '2'])
+    right = formula(rng, atoms, depth - 1) if kind < 4 else ''
+    return [f'({left} & {right})', f'({left} | O {right})', f'({left} S[0,1 s] {right})',
+            f'(!{left})', f'(O[0,{bound} s] {left})', f'(H[0,{bound} s] {left})'][kind - 1]
+
+
+def coincident(rng: Random) -> str:
+    """Return a bundle whose deadlines, and ends of instances, are at instants of messages."""
+    of_all = ['count(robot: speed > 0.5) >= 2', 'any(robot: speed > limit)', 'limit < 1.2',
+              'max(robot: speed) < 1.5', 'sum(robot: speed) < 2.0',
+              'count(robot: H[0,0.5 s] (speed > 0.2)) > 0',
+              'count(robot: O[0,1 s] (speed > limit)) = 0']
+    of_one = [*of_all, 'speed < 1.0', 'speed < limit', 'speed >= max(robot: speed)',
+              'count(robot: H[0,1 s] (speed < max(robot: speed))) = 0']
+    lines = [f'  - {{id: B{n}, ptltl: "{formula(rng, of_all)}"}}' for n in range(8)] + [
+        f'  - {{id: R{n}, ptltl: "{formula(rng, of_one)} | speed > 9.0"}}' for n in range(6)]
+    forget = rng.choice(['', ', forget: 1', ', forget: 0.5', ', forget: 0.5'])
+    initial = rng.choice(['', ', initial: 1.0'])
+    return '\n'.join([
+        'format: 1', 'evaluation: {policy: timed}',
+        f'for_each: {{robot: {{most: 4{forget}}}}}', 'inputs:',
+        f'  speed: {{topic: "/{{robot}}/speed", type: {FLOAT}}}',
+        f'  limit: {{topic: /limit, type: {FLOAT}{initial}}}', 'requirements:', *lines, ''])
+
+
+def random_messages(rng: Random) -> list[Message]:
+    times, values = [0], [0.0, 0.25, 0.75, 1.0, 1.25, 2.0]
+    for _ in range(58):
+        times.append(times[-1] + rng.choice([1, 10**8, 25 * 10**7, 25 * 10**7, 5 * 10**8, 10**9]))
+    topics = ['/limit', '/a/speed', '/b/speed', '/c/speed']
+    return [(topic, time, rng.choice(values))
+            for topic, time in zip([*topics, *rng.choices(topics, k=55)], times, strict=True)]
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_a_recording_is_judged_as_its_table_where_deadlines_and_messages_coincide(
+        seed: int, tmp_path: Path) -> None:
+    rng = Random(seed)
+    bundle = write_bundle(tmp_path, coincident(rng))
+    messages = random_messages(rng)
+    trace = tmp_path / 'trace.csv'
+    trace.write_text('\n'.join(['time,robot,speed,limit', *(
+        f'{(START + time) // 10**9}.{time % 10**9:09},'
+        + (f',,{value}' if topic == '/limit' else f'{topic[1]},{value},')
+        for topic, time, value in messages), '']), encoding='utf-8')
+    found = []
+    for source in (trace, write(tmp_path / 'bag', messages)):
+        with unoptimised():
+            result = check_recording(bundle, source, Selection())
+        found.append(([(item.id, item.spans, {key: one.spans
+                                              for key, one in item.instances.items()})
+                       for item in result.findings], result.kinds))
+    assert found[0] == found[1]
+    assert sum(bool(spans) for _, spans, _ in found[0][0]) > 3
 
 
 def test_a_key_with_a_carriage_return_is_in_quotes_in_each_file_of_rows(tmp_path: Path) -> None:

@@ -754,7 +754,8 @@ static void compare_all(void)
   for (uint32_t r = 0; r < monitors[KIND].monitor.n_requirements; ++r) {
     EXPECT(fm_scopes_violated(scopes, 0, r) == count_violated(r));
   }
-  for (uint32_t a = 0; a < options.n_aggregates; ++a) {
+  // While an instant is open, the bundle's scope has the values of before.
+  for (uint32_t a = 0; !scopes->message.is_put_off && a < options.n_aggregates; ++a) {
     compare_aggregate(&aggregates[a]);
   }
 }
