@@ -17,7 +17,8 @@
 /// keeps one cell of state: a number was in range within the last 10 s. Prints one line a
 /// configuration: the policy, the instances, millions of messages a second with keys and of the
 /// plain evaluator (processor time, median of the rounds), the bytes of one instance, and how many
-/// of them are outside its block: its key, its place in the table and in the heap.
+/// of them are outside its block: its key, its place in the table and in the heap, its turn, and
+/// when its last message came (with `forget`).
 
 #define _POSIX_C_SOURCE 200809L
 
@@ -208,8 +209,8 @@ static int measure(bool is_timed, uint32_t n_keys)
   qsort(plain_rates, ROUNDS, sizeof plain_rates[0], compare);
   const struct fm_keys * table = scopes->kinds[0].pool.keys;
   const uint64_t bytes = fm_instance_bytes(&monitor, 0) + sizeof(struct fm_key_chunk) +
-    (table->mask + UINT64_C(1)) * sizeof(struct fm_key_entry) / n_keys + fm_heap_bytes(n_keys) /
-    n_keys + sizeof(uint16_t);
+    table->n_entries * sizeof(struct fm_key_entry) / n_keys + fm_heap_bytes(n_keys) / n_keys +
+    sizeof(uint16_t) + sizeof(int64_t);
   printf(
     "%s\t%u\t%.1f\t%.1f\t%llu\t%llu\n", is_timed ? "timed" : "relevant_message", n_keys,
     keyed_rates[ROUNDS / 2] / 1e6, plain_rates[ROUNDS / 2] / 1e6, (unsigned long long)bytes,

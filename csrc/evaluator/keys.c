@@ -98,14 +98,10 @@ static uint32_t hash_of(const struct fm_keys * keys, const void * key, size_t si
 
 // ---- layout ------------------------------------------------------------------------------------
 
-// A power of two, so that at most two thirds are in use.
+// At most three fifths are in use, and one at least is not.
 static uint64_t entries_for(uint64_t most)
 {
-  uint64_t n = 4;
-  while (2 * n < 3 * most) {
-    n *= 2;
-  }
-  return n;
+  return most + 2 * most / 3 + 1;
 }
 
 uint64_t fm_keys_bytes(uint64_t most)
@@ -129,7 +125,7 @@ struct fm_keys fm_keys_make(void * memory, uint32_t most, const uint64_t seed[2]
     (bytes + fm_block_append(&block, n, sizeof(struct fm_key_entry)));
   keys.chunks = (struct fm_key_chunk *)(void *)
     (bytes + fm_block_append(&block, (uint64_t)most * MOST_CHUNKS, sizeof(struct fm_key_chunk)));
-  keys.mask = (uint32_t)(n - 1);
+  keys.n_entries = (uint32_t)n;
   keys.most = most;
   keys.seed[0] = seed[0];
   keys.seed[1] = seed[1];
@@ -215,13 +211,29 @@ static void free_key(struct fm_keys * keys, uint32_t slot)
 
 // ---- the table ---------------------------------------------------------------------------------
 
+FM_INLINE uint32_t home_of(const struct fm_keys * keys, uint32_t hash)
+{
+  return (uint32_t)((uint64_t)hash * keys->n_entries >> 32);
+}
+
+FM_INLINE uint32_t after(const struct fm_keys * keys, uint32_t place)
+{
+  return place + 1 == keys->n_entries ? 0 : place + 1;
+}
+
+// How many entries after `from` a place is.
+static uint32_t distance(const struct fm_keys * keys, uint32_t from, uint32_t place)
+{
+  return place >= from ? place - from : place + (keys->n_entries - from);
+}
+
 uint32_t fm_keys_find(const struct fm_keys * keys, const void * key, size_t size)
 {
   if (size > FM_MOST_KEY_BYTES) {
     return FM_NO_SLOT;
   }
   const uint32_t hash = hash_of(keys, key, size);
-  for (uint32_t place = hash & keys->mask;; place = (place + 1) & keys->mask) {
+  for (uint32_t place = home_of(keys, hash);; place = after(keys, place)) {
     const struct fm_key_entry * entry = &keys->entries[place];
     if (entry->slot == 0) {
       return FM_NO_SLOT;
@@ -239,9 +251,9 @@ uint32_t fm_keys_add(struct fm_keys * keys, const void * key, size_t size)
   }
   const uint32_t slot = take_slot(keys);
   const uint32_t hash = hash_of(keys, key, size);
-  uint32_t place = hash & keys->mask;
+  uint32_t place = home_of(keys, hash);
   while (keys->entries[place].slot != 0) {
-    place = (place + 1) & keys->mask;
+    place = after(keys, place);
   }
   write_key(keys, slot, key, size);
   keys->entries[place].hash = hash;
@@ -254,9 +266,9 @@ uint32_t fm_keys_add(struct fm_keys * keys, const void * key, size_t size)
 static void close_gap(struct fm_keys * keys, uint32_t place)
 {
   uint32_t gap = place;
-  for (uint32_t k = (gap + 1) & keys->mask; keys->entries[k].slot != 0; k = (k + 1) & keys->mask) {
-    const uint32_t own = keys->entries[k].hash & keys->mask;
-    if (((k - own) & keys->mask) >= ((k - gap) & keys->mask)) {
+  for (uint32_t k = after(keys, gap); keys->entries[k].slot != 0; k = after(keys, k)) {
+    const uint32_t own = home_of(keys, keys->entries[k].hash);
+    if (distance(keys, own, k) >= distance(keys, gap, k)) {
       keys->entries[gap] = keys->entries[k];
       gap = k;
     }
@@ -268,9 +280,9 @@ void fm_keys_remove(struct fm_keys * keys, uint32_t slot)
 {
   uint8_t key[FM_MOST_KEY_BYTES];
   const size_t size = fm_keys_copy(keys, slot, key);
-  uint32_t place = hash_of(keys, key, size) & keys->mask;
+  uint32_t place = home_of(keys, hash_of(keys, key, size));
   while (keys->entries[place].slot != slot + 1) {
-    place = (place + 1) & keys->mask;
+    place = after(keys, place);
   }
   close_gap(keys, place);
   free_key(keys, slot);

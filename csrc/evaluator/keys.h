@@ -51,7 +51,7 @@ struct fm_keys
   struct fm_key_entry * entries;
   struct fm_key_chunk * chunks;
   uint64_t seed[2];
-  uint32_t mask;        // entries - 1
+  uint32_t n_entries;
   uint32_t most;
   uint32_t n;
   uint32_t end;         // slots that were ever in use are below

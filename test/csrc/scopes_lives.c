@@ -246,6 +246,22 @@ static void a_million_lives_need_no_more_memory(void)
   free(memory);
 }
 
+// Beyond its block, and what is reserved for long keys, with `forget`.
+static void an_instance_takes_at_most_64_bytes_beyond_its_state(void)
+{
+  static const uint64_t MOSTS[] = {25, 43, 86, 1366, 10000, 43691, 500000};
+  const struct fm_evaluator_options options = {
+    &INSTANCES, WITH_KEY, 1, FM_TIMED, NULL, NULL, NULL, 0, 0, NULL, false, NULL, NULL, NULL,
+    NULL, NULL};
+  const uint64_t reserved = (MOST_CHUNKS - 1) * sizeof(struct fm_key_chunk);
+  const uint64_t each = fm_instance_bytes(&INSTANCES, fm_measure_words(&options)) + reserved;
+  for (size_t n = 0; n < sizeof(MOSTS) / sizeof(MOSTS[0]); ++n) {
+    const uint64_t bytes = fm_pool_bytes(&options, MOSTS[n], true, true);
+    const uint64_t all = bytes - fm_pool_bytes(&options, 1, true, true);
+    CHECK(bytes > 0 && all <= (MOSTS[n] - 1) * (each + 64));
+  }
+}
+
 // ---- an aggregate that has lost its value ------------------------------------------------------
 
 static const uint32_t BOTH[] = {0, 1};
@@ -502,5 +518,6 @@ int main(void)
   a_heap_has_the_least_first();
   a_group_does_not_step_without_the_least_of_all_instances();
   a_million_lives_need_no_more_memory();
+  an_instance_takes_at_most_64_bytes_beyond_its_state();
   return failures == 0 ? 0 : 1;
 }
