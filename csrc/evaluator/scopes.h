@@ -171,10 +171,10 @@ FM_EXPORT void fm_scopes_unusable_keyed(struct fm_scopes * scopes, uint32_t inpu
 
 /// All values are stored: the last instance that was entered steps, then the others that the
 /// message is for, then the bundle's scope. Returns the instant at which it takes effect in the
-/// bundle's scope. Under FM_TIMED, while something is due in an instance at this very instant, what
-/// reads aggregates takes the message with that: when the time moves past the instant, or before
-/// the next message. O(operations of what steps), and O(slots in use) if it is for all instances,
-/// or all have to know of the value of an aggregate.
+/// bundle's scope. Under FM_TIMED, while something is due in an instance at this very instant,
+/// what reads aggregates takes the message with that: when the time moves past the instant, or
+/// before the next message. O(operations of what steps), and O(slots in use) if it is for all
+/// instances, or all have to know of the value of an aggregate.
 FM_EXPORT int64_t fm_scopes_end(struct fm_scopes * scopes);
 
 // ---- time --------------------------------------------------------------------------------------

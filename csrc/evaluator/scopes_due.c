@@ -97,7 +97,8 @@ int64_t fm_scopes_first_due(struct fm_scopes * scopes, int64_t last, bool misses
   if (misses && scopes->bundle->wake <= last) {
     fm_miss_periods(scopes->bundle, last);
   }
-  int64_t first = scopes->bundle->wake <= last ? fm_evaluator_deadline(scopes->bundle) : FM_NEVER;
+  int64_t first =
+    scopes->bundle->wake <= last ? fm_evaluator_deadline(scopes->bundle) : FM_NEVER;
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     const int64_t due = fm_scopes_first_due_of(scopes, k, last, misses);
     first = due < first ? due : first;
@@ -194,7 +195,8 @@ void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t insta
 
 int64_t fm_scopes_deadline(struct fm_scopes * scopes)
 {
-  return fm_evaluator_has_begun(scopes->bundle) ? fm_scopes_first_due(scopes, FM_NEVER, false) : INT64_MIN;
+  return fm_evaluator_has_begun(scopes->bundle) ?
+         fm_scopes_first_due(scopes, FM_NEVER, false) : INT64_MIN;
 }
 
 int64_t fm_scopes_wake(const struct fm_scopes * scopes)
