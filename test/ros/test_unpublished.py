@@ -21,6 +21,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.hot_path import Announcer, Middleware
 from fret_monitor.ros.nodes.bundle_session import handlers_of
 from fret_monitor.runtime import Engine
+from fret_monitor.runtime.reporting import ReportTable
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -35,6 +36,12 @@ def engine(tmp_path: Path) -> Engine:
     return engine_of(tmp_path, NEGATIVE)
 
 
+def started(engine: Engine, middleware: Middleware, node: Node) -> Announcer:
+    manifest = engine.monitor.manifest
+    return Announcer(
+        engine, middleware, [*handlers_of(node, manifest, 10)], ReportTable(manifest))
+
+
 def test_violations_that_a_publisher_refuses_are_counted(
     engine: Engine, partner: Partner,
 ) -> None:
@@ -42,7 +49,7 @@ def test_violations_that_a_publisher_refuses_are_counted(
     middleware = Middleware()
     refuse = ffi.callback(ffi.typeof(middleware.functions.publish), lambda *_: 1)
     middleware.functions.publish = refuse
-    announcer = Announcer(engine, middleware, [*handlers_of(node, engine.monitor.manifest, 10)])
+    announcer = started(engine, middleware, node)
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)
     announcer.close()
@@ -54,7 +61,7 @@ def test_violations_are_published_while_the_context_ends(engine: Engine, domain:
     context = Context()
     context.init(args=[], domain_id=domain)
     node = Node('fret_monitor', context=context)
-    announcer = Announcer(engine, Middleware(), [*handlers_of(node, engine.monitor.manifest, 10)])
+    announcer = started(engine, Middleware(), node)
     context.shutdown()
     for _ in range(3):
         engine.message(0, A_MESSAGE, received=0)

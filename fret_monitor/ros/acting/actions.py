@@ -30,9 +30,9 @@ from fret_monitor.model.policies import ActionKind
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.fields import message_class
-from fret_monitor.ros.intake.hot_path import Lock, Middleware
+from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
-from fret_monitor.ros.settings.names import one_type
+from fret_monitor.ros.settings.names import done_by, one_type
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import (
     action_counts, action_facts, ActionCounts, Lines, LogLine, ReportTable,
@@ -68,13 +68,13 @@ class Actions:
         self._owned = ExitStack()
         self._thread: _ActionThread | None = None
         self._ends: list[_Ends] = []
-        self.locks: list[Lock] = []
+        self.locks: list[RclPublisher] = []
         self._counts = [ActionCounts() for _ in range(table.pointer.n_actions)]
         with ExitStack() as undo:
             undo.callback(self.close)
-            for index, action in enumerate(manifest.actions):
+            for action in manifest.actions:
                 if action.kind is ActionKind.LOCK:
-                    self.locks.append(self._lock(index, action))
+                    self.locks.append(self._publisher(action))
                 else:
                     self._ends.append(self._make_ends(action))
             undo.pop_all()
@@ -86,11 +86,6 @@ class Actions:
         self._owned.callback(publisher.close)
         return publisher
 
-    def _lock(self, index: int, action: ManifestAction) -> Lock:
-        users = tuple(number for number, item in enumerate(self._manifest.numbered)
-                      if index in item.on_violation)
-        return Lock(self._publisher(action), users, action.period)
-
     def _make_ends(self, action: ManifestAction) -> _Ends:
         if action.kind is ActionKind.PUBLISH:
             return self._publisher(action)
@@ -100,11 +95,7 @@ class Actions:
         return clients
 
     def prepare(self, engine: Engine) -> None:
-        """
-        Let an engine keep what actions follow; before messages are delivered.
-
-        Raises `MemoryError`.
-        """
+        """Let an engine keep what actions follow, before messages are delivered."""
         if self._manifest.actions and not self._library.fm_actions_prepare(
                 engine.pointer, self._table.pointer):
             raise MemoryError
@@ -157,13 +148,8 @@ class Actions:
         return lines.take()
 
     def _full_name(self, action: ManifestAction) -> str:
-        match action.kind:
-            case ActionKind.LOCK | ActionKind.PUBLISH:
-                return self._node.resolve_topic_name(action.target)
-            case ActionKind.CALL:
-                return self._node.resolve_service_name(action.target)
-            case ActionKind.TRANSITION:
-                return action.target
+        return action.target if action.kind is ActionKind.TRANSITION else \
+            done_by(self._node, action)[1]
 
 
 def _services(action: ManifestAction) -> Iterator[tuple[Any, str]]:

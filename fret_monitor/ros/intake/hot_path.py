@@ -26,7 +26,6 @@ from contextlib import ExitStack
 import threading
 from typing import Any
 
-from fret_monitor.model.frozen import frozen
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
@@ -35,6 +34,7 @@ from fret_monitor.ros.intake.in_place import InPlaceTypes
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavailable
 from fret_monitor.runtime.engine import Engine
+from fret_monitor.runtime.reporting import ReportTable
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -266,19 +266,6 @@ class EngineTopic(Topic):
         return self._engine.lost(self.index)
 
 
-@frozen
-class Lock:
-    """
-    A lock: its publisher of std_msgs/msg/Bool, and the requirements that lock it, by index.
-
-    `period` is the time between two messages, in nanoseconds.
-    """
-
-    publisher: RclPublisher
-    requirements: tuple[int, ...]
-    period: int
-
-
 class Announcer(native_lifetimes.NativeThread):
     """
     Publishes the violations, the locks and the margins of an engine, in a thread of C.
@@ -287,21 +274,22 @@ class Announcer(native_lifetimes.NativeThread):
     """
 
     def __init__(self, engine: Engine, middleware: Middleware,
-                 publishers: Sequence[RclPublisher], locks: Sequence[Lock] = (),
-                 margins: Sequence[RclPublisher] = ()) -> None:
+                 publishers: Sequence[RclPublisher], table: ReportTable,
+                 locks: Sequence[RclPublisher] = (), margins: Sequence[RclPublisher] = ()) -> None:
         """
         Start the thread, before messages are delivered; raises `Unavailable`.
 
-        There is one of `publishers`, of std_msgs/msg/Empty, for each requirement. `margins` are
-        as many, of std_msgs/msg/Float64, or none.
+        There is one of `publishers`, of std_msgs/msg/Empty, for each requirement. `locks`, of
+        std_msgs/msg/Bool, are those of the table. `margins` are as many as `publishers`, of
+        std_msgs/msg/Float64, or none.
         """
         super().__init__('announcer', engine)
-        self._middleware = middleware
-        with self._starting((*publishers, *margins, *(lock.publisher for lock in locks))):
-            self._indices = [ffi.new('uint32_t[]', lock.requirements) for lock in locks]
+        self._kept = middleware, table
+        with self._starting((*publishers, *margins, *locks)):
             settings = ffi.new('struct fm_lock[]', [
-                (middleware.publisher(lock.publisher), indices, len(lock.requirements),
-                 lock.period) for lock, indices in zip(locks, self._indices)])
+                (middleware.publisher(publisher), lock.requirements, lock.n_requirements,
+                 lock.period)
+                for publisher, lock in zip(locks, table.pointer.locks[0:len(locks)])])
             self._start(
                 engine.pointer, middleware.functions,
                 middleware.publishers(publishers), len(publishers), settings, len(locks),

@@ -272,7 +272,7 @@ class BundleSession:
             self._blackbox.start(engine)
         self._actions.prepare(engine)
         announcer = Announcer(
-            engine, middleware, self._handlers, self._actions.locks, self._margins)
+            engine, middleware, self._handlers, self._table, self._actions.locks, self._margins)
         self._running.callback(announcer.close)
         if self._verdicts:
             from fret_monitor.ros.reports.verdicts import VerdictThread

@@ -113,10 +113,10 @@ def _used_names(node: Node, manifest: Manifest) -> Iterator[Use]:
                   (source, target))
     for action in manifest.actions:
         kind = 'lock' if action.kind is ActionKind.LOCK else 'action'
-        yield Use(kind, action.name, manifest.name, *_done(node, action), kind == 'lock')
+        yield Use(kind, action.name, manifest.name, *done_by(node, action), kind == 'lock')
 
 
-def _done(node: Node, action: ManifestAction) -> tuple[str, str]:
+def done_by(node: Node, action: ManifestAction) -> tuple[str, str]:
     """Return what an action does with which topic or service."""
     match action.kind:
         case ActionKind.LOCK | ActionKind.PUBLISH:
