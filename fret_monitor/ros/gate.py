@@ -28,5 +28,5 @@ def main() -> int:
     from fret_monitor.ros.native_start import become_native, GATE
     reason = become_native(sys.argv, GATE)
     from fret_monitor.ros.nodes.gate_node import GateNode
-    from fret_monitor.ros.process import run, telling
-    return run('gate', telling(GateNode, reason), stop)
+    from fret_monitor.ros.process import run
+    return run('gate', GateNode, stop, reason)

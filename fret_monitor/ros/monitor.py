@@ -28,5 +28,5 @@ def main() -> int:
     from fret_monitor.ros.native_start import become_native
     reason = become_native(sys.argv)
     from fret_monitor.ros.nodes.monitor_node import MonitorNode
-    from fret_monitor.ros.process import run, telling
-    return run('monitor', telling(MonitorNode, reason), stop)
+    from fret_monitor.ros.process import run
+    return run('monitor', MonitorNode, stop, reason)

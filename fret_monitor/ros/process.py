@@ -53,10 +53,12 @@ _PARAMETERS = {'monitor': MONITOR_PARAMETERS, 'gate': GATE_PARAMETERS,
                'logger': LOGGER_PARAMETERS}
 
 
-def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
+def run(name: str, make_node: Callable[[], Node], stop: StopRequest,
+        not_native: str = '') -> int:
     """
     Create a node and spin it until a signal is received; return the exit status.
 
+    `not_native`: why it is not the node in C, which the log says; an empty text: none is wanted.
     It is 0 after SIGINT or SIGTERM, 1 if the node cannot start, and 2 if it fails later; the
     reason is printed on standard error.
     """
@@ -66,7 +68,7 @@ def run(name: str, make_node: Callable[[], Node], stop: StopRequest) -> int:
         if own:
             return _print_usage(name, own[0])
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        return _run(make_node, stop)
+        return _run(make_node, stop, not_native)
     except (_rclpy.RCLError, _rclpy.UnknownROSArgsError, InvalidParameterTypeException,
             Refusal) as error:
         if not (problem := _problem(error, name)):
@@ -96,17 +98,6 @@ def _problem(error: Exception, name: str) -> str:
                 'give one of them another name')
     return ('error: ROS cannot make its folder of logs: set HOME, or ROS_LOG_DIR to a folder that '
             f'can be written ({reason})' if 'initialize logging' in text else '')
-
-
-def telling(make_node: Callable[[], Node], reason: str) -> Callable[[], Node]:
-    """Return a function that makes the node, which logs why it is not the one in C, if at all."""
-    def make() -> Node:
-        node = make_node()
-        if reason:
-            node.get_logger().warning(f'native is not possible, the node runs in Python: {reason}')
-        return node
-
-    return make
 
 
 def _usage(name: str) -> str:
@@ -198,11 +189,14 @@ def _spin(executor: SingleThreadedExecutor, node: Node, is_over: Event) -> None:
             node.get_logger().warning(f'the response of a service is not sent: {error}')
 
 
-def _run(make_node: Callable[[], Node], stop: StopRequest) -> int:
+def _run(make_node: Callable[[], Node], stop: StopRequest, not_native: str) -> int:
     skip_generator()
     index_modules()
     with stop.interruptible():
         node = make_node()
+        if not_native:
+            node.get_logger().warning(
+                f'native is not possible, the node runs in Python: {not_native}')
     gc.freeze()  # what is made by now lives as long as the process: no collection visits it
     gc.enable()
     executor = SingleThreadedExecutor()

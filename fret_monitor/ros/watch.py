@@ -25,10 +25,18 @@ from contextlib import AbstractContextManager
 from threading import Thread
 import traceback
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.timer import Timer
 
 
 NO_SIGN = 'no sign of life on ~/alive until the node is activated again'
+
+
+def steady_timer(node: Node, seconds: float, callback: Callable[[], object]) -> Timer:
+    """Create a timer of a node that does not follow `/clock`."""
+    return node.create_timer(
+        seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class ErrorKeeper(AbstractContextManager[None]):

@@ -190,10 +190,6 @@ class Relay(native_lifetimes.NativeThread):
         self._publisher.close()
 
 
-def _is_durable(profile: QoSProfile) -> bool:
-    return profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
-
-
 class RelayedTopic(EngineTopic):
     """The topic of a gate: the relay takes its messages."""
 
@@ -207,7 +203,7 @@ class RelayedTopic(EngineTopic):
         self._receiver: RelayReceiver | None = None  # of the present subscription
 
     def open(self, subscription: RclSubscription) -> 'RelayReceiver':
-        if _is_durable(subscription.qos_profile):
+        if subscription.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
             self._relay.follow(is_durable=True)
         self._receiver = RelayReceiver(self._relay, subscription)
         return self._receiver
@@ -219,8 +215,7 @@ class RelayedTopic(EngineTopic):
             self._receiver.start()
         self._relay.look_for_others()
         if publishers:
-            self._relay.follow(is_durable=any(
-                _is_durable(item.qos_profile) for item in publishers))
+            self._relay.follow(is_durable=any(offer_of(item).is_durable for item in publishers))
 
     @property
     def is_settled(self) -> bool:

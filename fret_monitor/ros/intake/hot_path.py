@@ -294,3 +294,16 @@ class Announcer(native_lifetimes.NativeThread):
                 engine.pointer, middleware.functions,
                 middleware.publishers(publishers), len(publishers), settings, len(locks),
                 middleware.publishers(margins) if margins else ffi.NULL)
+
+
+class VerdictThread(native_lifetimes.NativeThread):
+    """Publishes the verdicts of an engine (`copilot/verdict/ID`), in a thread of C."""
+
+    def __init__(self, engine: Engine, middleware: Middleware,
+                 publishers: Sequence[RclPublisher]) -> None:
+        """Start the thread, before messages are delivered; raises `Unavailable`."""
+        super().__init__('verdict_thread', engine)
+        self._middleware = middleware
+        with self._starting(publishers):
+            self._start(engine.pointer, middleware.functions,
+                        middleware.publishers(publishers), len(publishers))

@@ -30,10 +30,10 @@ from builtin_interfaces.msg import Time
 from fret_monitor.native import words
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.log_lines import Throttle
+from fret_monitor.ros.watch import steady_timer
 from fret_monitor.runtime import Engine
 
-import rclpy.clock
-from rclpy.clock import ClockType, JumpThreshold
+from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time_source import CLOCK_TOPIC
@@ -121,9 +121,7 @@ class NodeTime:
         if self._clock.ros_time_is_active:
             self._engine.follow_clock(self._clock_now, self._pointer, is_outdated=is_outdated)
             if self._serving is None:
-                self._serving = self._node.create_timer(
-                    _SERVED_S, self._engine.serve_clock,
-                    clock=rclpy.clock.Clock(clock_type=ClockType.STEADY_TIME))
+                self._serving = steady_timer(self._node, _SERVED_S, self._engine.serve_clock)
 
     def close(self) -> None:
         """Stop following; the engine must not be used with this clock any more."""

@@ -26,20 +26,22 @@ from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
-from fret_monitor.model.names import DETAILS_TOPIC
+from fret_monitor.model.names import DETAILS_TOPIC, verdict_topic
 from fret_monitor.native import LibraryError, words
 from fret_monitor.ros.acting.actions import Actions
 from fret_monitor.ros.intake.feed import Feed, Topic
 from fret_monitor.ros.intake.fields import message_class, MessageTypeError
 from fret_monitor.ros.intake.graph_sources import GraphSources, node_name
-from fret_monitor.ros.intake.hot_path import Announcer, EngineTopic, Middleware, why_callbacks_wake
+from fret_monitor.ros.intake.hot_path import (
+    Announcer, EngineTopic, Middleware, VerdictThread, why_callbacks_wake,
+)
 from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.details import DetailPublisher, Details
 from fret_monitor.ros.reports.health import Counts, Health
-from fret_monitor.ros.settings.names import full_name, refuse_merged_topics
+from fret_monitor.ros.settings.names import full_name, one_type, refuse_merged_topics
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import Overrides
 from fret_monitor.ros.settings.parameters import Refusal, Settings
@@ -54,7 +56,7 @@ from fret_monitor.runtime.scopes import Scopes
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
-from std_msgs.msg import Empty, Float64
+from std_msgs.msg import Bool, Empty, Float64
 
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
@@ -167,7 +169,6 @@ class BundleSession:
         self._advertised.callback(self._actions.close)
         self._verdicts: list[RclPublisher] = []
         if settings.publishes_verdicts:
-            from fret_monitor.ros.reports.verdicts import verdict_publishers
             self._verdicts = self._owned(verdict_publishers(self._node, manifest))
 
     def _owned(self, publishers: Iterable[RclPublisher]) -> list[RclPublisher]:
@@ -275,7 +276,6 @@ class BundleSession:
             engine, middleware, self._handlers, self._table, self._actions.locks, self._margins)
         self._running.callback(announcer.close)
         if self._verdicts:
-            from fret_monitor.ros.reports.verdicts import VerdictThread
             verdicts = VerdictThread(engine, middleware, self._verdicts)
             self._running.callback(verdicts.close)
         self._running.callback(self._stop_actions)
@@ -413,6 +413,15 @@ def handlers_of(node: Node, manifest: Manifest, depth: int) -> Iterator[RclPubli
     """Advertise the topics that announce violations: yield a publisher for each requirement."""
     for item in manifest.numbered:
         yield RclPublisher(node, Empty, item.topic, violation_profile(depth))
+
+
+def verdict_publishers(node: Node, manifest: Manifest) -> Iterator[RclPublisher]:
+    """Advertise the topics of verdicts; raises `Refusal` if the process uses one otherwise."""
+    for item in manifest.numbered:
+        topic = verdict_topic(item.handler)
+        with one_type(node, 'publish on', topic, 'std_msgs/msg/Bool'):
+            publisher = RclPublisher(node, Bool, topic, LAST)
+        yield publisher
 
 
 def refuse_inputs_off_ros(manifest: Manifest) -> None:

@@ -15,9 +15,8 @@
 """A warning about another node of the same name: calls and remappings then affect both."""
 
 from fret_monitor.native import words
-from fret_monitor.ros.watch import Watch
+from fret_monitor.ros.watch import steady_timer, Watch
 
-from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 
@@ -31,9 +30,7 @@ class DuplicateNodes:
         """Start; the node's executor runs the checks, and `watch` is told if they fail."""
         self._node = node
         self._left = _CHECKS
-        self._timer = node.create_timer(
-            1.0, lambda: watch.run('node names', self._check),
-            clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = steady_timer(node, 1.0, lambda: watch.run('node names', self._check))
 
     def _check(self) -> None:
         own = self._node.get_name(), self._node.get_namespace()

@@ -47,10 +47,9 @@ from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import LOGGER_PARAMETERS, read_settings, Refusal
 from fret_monitor.ros.settings.qos import violation_request
 from fret_monitor.ros.signals import uninterrupted
-from fret_monitor.ros.watch import Watch, WatchedThread
+from fret_monitor.ros.watch import steady_timer, Watch, WatchedThread
 from fret_monitor.runtime.reporting import read_detail, ReceivedDetail, ViolationLines
 
-from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
 
@@ -153,7 +152,7 @@ class LoggerNode(ClockNode):
             self._thread.start()
         topics = [self.resolve_topic_name(DETAILS_TOPIC), *self._followed]
         DeclaredOverrides(self, self._watch, dict.fromkeys(topics, self._fixed))
-        self.create_timer(_CHECK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, _CHECK, self._check)
         self.get_logger().info(self._contents())
 
     def _request(self, name: str) -> dict[str, str | int]:

@@ -29,17 +29,16 @@ from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.reports.health import PERIOD
 from fret_monitor.ros.settings.declared import Parameters
-from fret_monitor.ros.settings.names import full_name, refuse_shared_names, refuse_two_types
+from fret_monitor.ros.settings.names import full_name, refuse_shared_names
 from fret_monitor.ros.settings.opened import open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
     Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Scheduling, Settings,
 )
 from fret_monitor.ros.signals import uninterrupted
-from fret_monitor.ros.watch import ErrorKeeper, Watch
+from fret_monitor.ros.watch import ErrorKeeper, steady_timer, Watch
 from fret_monitor.runtime.start_lines import restarted, watching
 
-from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
@@ -157,8 +156,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
             library = load_evaluator(opened[0].evaluator)
-            refuse_shared_names(self, manifests, library)
-            refuse_two_types(self, manifests, self._names(opened), library)
+            refuse_shared_names(self, manifests, self._names(opened), library)
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
             undo.callback(self._release)
@@ -201,8 +199,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             self._is_active = True
             self._sign_of_life = SignOfLife(
                 self, [session.turns for session in self._sessions], self._watch)
-            self._reports = self.create_timer(
-                PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._reports = steady_timer(self, PERIOD, self._report)
             undo.pop_all()
         for session in self._sessions:
             log_lines(self.get_logger(), session.describe_actions())

@@ -75,19 +75,24 @@ def refuse_merged_topics(
         raise Refusal(lines[0].text)
 
 
-def refuse_shared_names(node: Node, manifests: Sequence[Manifest], library: Any) -> None:
+def refuse_shared_names(node: Node, manifests: Sequence[Manifest], owners: Sequence[str],
+                        library: Any) -> None:
     """
-    Refuse gates in a circle, and what else publishes on a topic of a gate, a lock or the node.
+    Refuse gates in a circle, what else uses a name of a gate, a lock or the node, and two types.
 
     Compares names after remapping, of everything that the node runs; a gate on a service must be
     its only server, too, and no action may call `OWN_SERVICES` of this node. What the node
-    itself publishes is compared by `refuse_merged_topics`. `library` has the functions of csrc.
-    Raises `Refusal` with the first problem.
+    itself publishes is compared by `refuse_merged_topics`. `owners` are the names of the bundles
+    or gates, for the text; `library` has the functions of csrc. Raises `Refusal`.
     """
     used = [*_own_names(node, manifests),
             *(item for manifest in manifests for item in _used_names(node, manifest))]
-    if lines := find_shared(library, used):
-        raise Refusal(lines[0].text)
+    typed = [*_own_types(node), *(item for number, manifest in enumerate(manifests)
+                                  for item in _types(node, manifest, number + 1))]
+    lines = find_shared(library, used) or find_two_types(
+        library, typed, owners, 'gate' if manifests[0].gate else 'bundle')
+    if lines:
+        raise Refusal(*(line.text for line in lines))
 
 
 def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
@@ -127,26 +132,14 @@ def done_by(node: Node, action: ManifestAction) -> tuple[str, str]:
             return 'call', node.resolve_service_name(f'{action.target}/change_state')
 
 
-def refuse_two_types(node: Node, manifests: Sequence[Manifest], names: Sequence[str],
-                     library: Any) -> None:
-    """
-    Refuse two types for one topic or service, after remapping.
-
-    `names` are those of the bundles or gates, for the text; `library` has the functions of csrc.
-    Raises `Refusal` with all problems.
-    """
-    uses = [TypedUse(node.resolve_topic_name(name), interface, 0, False, False)
-            for name, interface in OWN_TOPICS.items()]
-    uses += [TypedUse(node.resolve_service_name(name), interface, 0, True, False)
-             for name, interface in OWN_SERVICE_TYPES.items()]
-    for number, manifest in enumerate(manifests):
-        uses.extend(_typed_names(node, manifest, number + 1))
-    kind = 'gate' if manifests[0].gate else 'bundle'
-    if lines := find_two_types(library, uses, names, kind):
-        raise Refusal(*(line.text for line in lines))
+def _own_types(node: Node) -> Iterator[TypedUse]:
+    for name, interface in OWN_TOPICS.items():
+        yield TypedUse(node.resolve_topic_name(name), interface, 0, False, False)
+    for name, interface in OWN_SERVICE_TYPES.items():
+        yield TypedUse(node.resolve_service_name(name), interface, 0, True, False)
 
 
-def _typed_names(node: Node, manifest: Manifest, owner: int) -> Iterator[TypedUse]:
+def _types(node: Node, manifest: Manifest, owner: int) -> Iterator[TypedUse]:
     """Yield topics and services with their types: those of inputs, the gate, locks, actions."""
     def used(name: str, interface: str, *, is_service: bool) -> TypedUse:
         resolve = node.resolve_service_name if is_service else node.resolve_topic_name

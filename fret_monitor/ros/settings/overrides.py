@@ -27,11 +27,10 @@ from fret_monitor.model.frozen import frozen
 from fret_monitor.model.policies import QOS_CHOICES
 from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import LARGEST_DEPTH, Refusal
-from fret_monitor.ros.watch import Watch
+from fret_monitor.ros.watch import steady_timer, Watch
 from fret_monitor.runtime.subscription import DEFAULT_DEPTH
 
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 _PREFIX = 'qos_overrides.'
@@ -123,9 +122,8 @@ class DeclaredOverrides:
         self._node = node
         self._left = sorted(topics.items(), reverse=True)
         self._names: list[str] = []
-        self._timer = node.create_timer(
-            _DECLARE_S, lambda: watch.run('parameters', self._declare_next),
-            clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = steady_timer(
+            node, _DECLARE_S, lambda: watch.run('parameters', self._declare_next))
 
     def _declare_next(self) -> None:
         if not self._left:
