@@ -23,7 +23,6 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 
 def log_lines(logger: RcutilsLogger, lines: Iterable[LogLine]) -> None:
-    """Log lines in their order."""
     for line in lines:
         # One call for each severity: rclpy allows only one severity at a place in the code.
         match line.level:
@@ -39,12 +38,10 @@ class Throttle:
     """Lets the first event pass, and later ones at most once per interval."""
 
     def __init__(self, seconds: float) -> None:
-        """Take the interval in seconds."""
         self._seconds = seconds
         self._next = float('-inf')
 
     def passes(self) -> bool:
-        """Return whether this event may pass."""
         now = monotonic()
         if now < self._next:
             return False

@@ -55,12 +55,10 @@ class WatchedThread(Thread):
     """A daemon thread that keeps the error that ends it."""
 
     def __init__(self, name: str, work: Callable[[], None]) -> None:
-        """Prepare to do the work, once `start` is called."""
         super().__init__(target=work, name=name, daemon=True)
         self.failure: Exception | None = None
 
     def run(self) -> None:
-        """Do the work; called by `start`, in the new thread."""
         kept = ErrorKeeper()
         with kept:
             super().run()

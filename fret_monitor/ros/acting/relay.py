@@ -158,20 +158,17 @@ class Relay(native_lifetimes.NativeThread):
             self._next = None
 
     def look_for_others(self) -> None:
-        """Look for other publishers on the target."""
         found = publishers_on(self._node, self._gate.target)
         if found is not None:
             self._target.look([*map(offer_of, found)])
             self._others = self._target.others
 
     def add(self, subscription: RclSubscription) -> None:
-        """Take the messages of a subscription."""
         if not self._call('add', self._middleware.subscription(subscription)):
             raise Unavailable('the middleware has no callback for new messages, or there are '
                               'eight subscriptions already')
 
     def retire(self, subscription: RclSubscription) -> None:
-        """Mark a subscription as one that is being replaced."""
         self._call('retire', self._middleware.subscription(subscription))
 
     def remove(self, subscription: RclSubscription) -> bool:

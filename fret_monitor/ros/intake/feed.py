@@ -164,7 +164,6 @@ class Feed:
         self._watched[graph] = 0.0
 
     def start(self) -> None:
-        """Start delivering."""
         for topic in self._topics:
             topic.open()
         native_lifetimes.keep(self)
@@ -295,7 +294,6 @@ class _Subscribed:
         self._receiver: Receiver | None = None
 
     def is_abandoned(self, now: int) -> bool:
-        """Whether there has been no publisher for long."""
         return self._state.is_abandoned(now)
 
     @property
@@ -305,15 +303,12 @@ class _Subscribed:
 
     @property
     def subscriptions(self) -> int:
-        """How many there are at present."""
         return 1 + len(self._retired)
 
     def open(self) -> None:
-        """Start taking messages."""
         self._receiver = self.topic.open(self._current)
 
     def close(self) -> None:
-        """Destroy all subscriptions."""
         with ExitStack() as last:
             if self._retired:
                 last.callback(self.topic.end_handover)
@@ -327,7 +322,6 @@ class _Subscribed:
                 receiver.stop()
 
     def review(self) -> None:
-        """Look for the publishers, and do what is decided."""
         found = publishers_on(self._node, self.name)
         self._is_unread = found is None
         if found is None:

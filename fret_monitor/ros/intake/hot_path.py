@@ -214,7 +214,6 @@ class EngineReceiver:
                 self._library.fm_receiver_retire(self._pointer)
 
     def end(self) -> None:
-        """Stop delivering; a second call does nothing."""
         with self._lock:
             if not self._is_leaked and not self._library.fm_receiver_stop(self._place):
                 # The middleware may still call back.

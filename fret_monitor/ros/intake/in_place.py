@@ -74,7 +74,6 @@ class InPlaceTypes:
         return _MADE[message_class][0]
 
     def is_in_place(self, message_class: Any) -> bool:
-        """Whether `subscription_class` has made this class."""
         return any(made is message_class for made, _ in _MADE.values())
 
     def _make_class(self, message_class: Any) -> tuple[Any, Any]:

@@ -77,7 +77,6 @@ class KeyedTopics:
             raise Unavailable('memory is short')
 
     def review(self, has_changed: bool, _: Callable[[str], int]) -> float:
-        """Look at the graph if it is time; return after how many seconds to call this again."""
         self._give_up()
         now = monotonic_ns()
         with self._node.handle:

@@ -54,7 +54,6 @@ class RawIntake:
     """Takes the messages of raw topics, in the feed's thread."""
 
     def __init__(self) -> None:
-        """Take nothing yet."""
         self.library: Any = None
         self.receivers: list[_RawReceiver] = []
         self.ended = Event()

@@ -111,7 +111,6 @@ class BundleSession:
 
     @property
     def manifest(self) -> Manifest:
-        """The manifest of the bundle."""
         return self.opened.monitor.manifest
 
     @property

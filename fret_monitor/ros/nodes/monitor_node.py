@@ -256,7 +256,6 @@ class MonitorNode(ClockNode, LifecycleNode):
         return bool(self._sessions)
 
     def destroy_node(self) -> None:
-        """Close the sessions, then destroy the node."""
         self._release()
         super().destroy_node()
         # rclpy does not destroy it, and it would keep the node in the graph.

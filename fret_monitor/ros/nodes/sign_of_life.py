@@ -94,5 +94,4 @@ class SignOfLife:
             stamp=self._node.get_clock().now().to_msg(), frame_id=self._node.get_name()))
 
     def close(self) -> None:
-        """Withdraw the topic."""
         self._node.destroy_publisher(self._publisher)

@@ -68,7 +68,6 @@ class Details:
         self._publisher.publish(array)
 
     def close(self) -> None:
-        """Withdraw the topic."""
         self._node.destroy_publisher(self._publisher)
 
 

@@ -46,7 +46,6 @@ class Announced:
     """The handlers that monitors announce in the namespace of a node."""
 
     def __init__(self, node: Node) -> None:
-        """Know no monitor yet."""
         self._node = node
         self._known: set[bytes] = set()
 

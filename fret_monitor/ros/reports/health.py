@@ -81,7 +81,6 @@ class Health:
         return self._review.statuses()
 
     def publish(self) -> None:
-        """Publish the state at the last review."""
         if self._publisher.get_subscription_count():
             array = DiagnosticArray()
             array.header.stamp = self._clock.now().to_msg()
@@ -89,5 +88,4 @@ class Health:
             self._publisher.publish(array)
 
     def close(self) -> None:
-        """Withdraw the topic."""
         self._node.destroy_publisher(self._publisher)

@@ -20,7 +20,6 @@ from fret_monitor.runtime.reporting import StatusRecord
 
 
 def status_message(record: StatusRecord) -> DiagnosticStatus:
-    """Return a record as a message."""
     return DiagnosticStatus(
         level=bytes((record.level,)), name=record.name, message=record.message,
         hardware_id=record.hardware_id,
@@ -28,7 +27,6 @@ def status_message(record: StatusRecord) -> DiagnosticStatus:
 
 
 def status_record(message: DiagnosticStatus) -> StatusRecord:
-    """Return a message as a record."""
     return StatusRecord(
         message.level[0], message.name, message.message, message.hardware_id,
         tuple((item.key, item.value) for item in message.values))

@@ -117,13 +117,11 @@ class MetricsServer(ThreadingHTTPServer):
         self._statuses = tuple(statuses)
 
     def text(self) -> bytes:
-        """Return the figures in the format of Prometheus."""
         registry = CollectorRegistry()
         registry.register(self)
         return bytes(generate_latest(registry))
 
     def collect(self) -> list[Metric]:
-        """Return the figures for a registry of prometheus-client."""
         return families(self._statuses)
 
     def may_ask(self, host: str) -> bool:
@@ -143,7 +141,6 @@ class MetricsServer(ThreadingHTTPServer):
             self.shutdown_request(request)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a request."""
         try:
             super().process_request_thread(request, client_address)
         finally:

@@ -81,7 +81,6 @@ class Pairing:
     """
 
     def __init__(self) -> None:
-        """Hold nothing."""
         self._violations: deque[ReceivedViolation] = deque()
         self._streams: dict[str, _Stream] = {}
 

@@ -63,7 +63,6 @@ class Parameters:
         node.add_post_set_parameters_callback(lambda _: self._set_level())
 
     def values(self) -> dict[str, Any]:
-        """Return the values of all parameters in the table."""
         values = {name: self._node.get_parameter(name).value for name in self._table}
         return values | self._constants.overrides()
 
@@ -146,7 +145,6 @@ class ConstantParameters:
     """
 
     def __init__(self, node: Node, description: str, read_only: bool) -> None:
-        """Declare those that were given."""
         self._node = node
         self._description = description
         self._read_only = read_only
@@ -161,7 +159,6 @@ class ConstantParameters:
             description=self._description, read_only=self._read_only, dynamic_typing=True)
 
     def has(self, name: str) -> bool:
-        """Return whether a parameter is one of these."""
         return name in self._declared
 
     def overrides(self) -> dict[str, Any]:

@@ -213,7 +213,6 @@ def read_settings(given: Mapping[str, Any]) -> Settings:
 
 def problems_of(read: Callable[[Mapping[str, Any], list[str]], object],
                 given: Mapping[str, Any]) -> list[str]:
-    """Return the problems that `read` finds."""
     problems: list[str] = []
     read(given, problems)
     return problems

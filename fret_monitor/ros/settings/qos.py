@@ -40,7 +40,6 @@ def violation_request(depth: int) -> dict[str, str | int]:
 
 
 def profile_of(request: Request) -> QoSProfile:
-    """Return the profile of a subscription."""
     return QoSProfile(
         depth=request.depth,
         history=HistoryPolicy.KEEP_ALL if request.keeps_all else HistoryPolicy.KEEP_LAST,
