@@ -14,19 +14,9 @@
 
 """The executable `gate`: withholds messages that would violate requirements."""
 
-import gc
-import sys
-
-from fret_monitor.ros.signals import StopRequest
+from fret_monitor.ros import monitor
 
 
 def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
-    stop = StopRequest()
-    gc.disable()  # until the node is made: `run` enables it
-    # Imported after the signal handlers are set, since these imports are slow.
-    from fret_monitor.ros.native_start import become_native, GATE
-    reason = become_native(sys.argv, GATE)
-    from fret_monitor.ros.nodes.gate_node import GateNode
-    from fret_monitor.ros.process import run
-    return run('gate', GateNode, stop, reason)
+    return monitor.main('gate')

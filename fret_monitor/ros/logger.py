@@ -14,16 +14,9 @@
 
 """The executable `logger`: writes violations of requirements to the ROS log."""
 
-import gc
-
-from fret_monitor.ros.signals import StopRequest
+from fret_monitor.ros import monitor
 
 
 def main() -> int:
     """Run the node until a signal ends it; return the exit status."""
-    stop = StopRequest()
-    gc.disable()  # until the node is made: `run` enables it
-    # Imported after the signal handlers are set, since these imports are slow.
-    from fret_monitor.ros.nodes.logger_node import LoggerNode
-    from fret_monitor.ros.process import run
-    return run('logger', LoggerNode, stop)
+    return monitor.main('logger')

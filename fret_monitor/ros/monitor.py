@@ -15,18 +15,21 @@
 """The executable `monitor`: monitors the requirements of bundles on ROS 2 topics."""
 
 import gc
+from importlib import import_module
 import sys
 
 from fret_monitor.ros.signals import StopRequest
 
+_NODES = {'monitor': 'MonitorNode', 'gate': 'GateNode', 'logger': 'LoggerNode'}
 
-def main() -> int:
-    """Run the node until a signal ends it; return the exit status."""
+
+def main(name: str = 'monitor') -> int:
+    """Run a node until a signal ends it, by the name of its executable; return the exit status."""
     stop = StopRequest()
     gc.disable()  # until the node is made: `run` enables it
     # Imported after the signal handlers are set, since these imports are slow.
     from fret_monitor.ros.native_start import become_native
-    reason = become_native(sys.argv)
-    from fret_monitor.ros.nodes.monitor_node import MonitorNode
+    not_native = '' if name == 'logger' else become_native(sys.argv, f'fret_{name}')
+    node = getattr(import_module('fret_monitor.ros'), _NODES[name])
     from fret_monitor.ros.process import run
-    return run('monitor', MonitorNode, stop, reason)
+    return run(name, node, stop, not_native)

@@ -131,9 +131,7 @@ class Reporter:
 
     def transform_lines(self) -> list[LogLine]:
         """Return what to say at the end of a recording of transforms, and links left out."""
-        found = Lines(self.library)
-        self.library.fm_add_transforms_at_end(found.pointer, self.pointer)
-        return found.take()
+        return lines_of(self.library, self.library.fm_add_transforms_at_end, self.pointer)
 
     def detail(self, detail: Any) -> StatusRecord:
         """Return the text of a detail (`Engine.take_detail`), as `copilot/violations` has it."""
@@ -158,6 +156,13 @@ class Lines:
                  for k in range(self.pointer.n)]
         self.library.fm_lines_clear(self.pointer)
         return found
+
+
+def lines_of(library: Any, function: Any, *arguments: Any) -> list[LogLine]:
+    """Return the lines that a function of csrc adds to its first argument."""
+    lines = Lines(library)
+    function(lines.pointer, *arguments)
+    return lines.take()
 
 
 @dataclass(frozen=True)
@@ -407,16 +412,13 @@ class ViolationLines:
 
     def violated(self, stamp: int, detail: ReceivedDetail | None) -> list[LogLine]:
         """Return the line of a violation at a time (ns)."""
-        lines = Lines(self._library)
-        self._library.fm_add_violated(lines.pointer, self._about, stamp, _text_of(detail), 0)
-        return lines.take()
+        return lines_of(self._library, self._library.fm_add_violated,
+                        self._about, stamp, _text_of(detail), 0)
 
     def satisfied(self, detail: ReceivedDetail) -> list[LogLine]:
         """Return the line of the end of a violation."""
-        lines = Lines(self._library)
-        self._library.fm_add_satisfied(
-            lines.pointer, self._about, detail.stamp, _text_of(detail))
-        return lines.take()
+        return lines_of(self._library, self._library.fm_add_satisfied,
+                        self._about, detail.stamp, _text_of(detail))
 
 
 def read_detail(library: Any, record: StatusRecord) -> ReceivedDetail | None:

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
+from fret_monitor.runtime.reporting import lines_of, LogLine, ReportTable
 
 
 class Use(NamedTuple):
@@ -51,31 +51,26 @@ class TypedUse(NamedTuple):
 def find_two_types(library: Any, uses: Sequence[TypedUse], owners: Sequence[str],
                    kind: str) -> list[LogLine]:
     """Return a line about each name with a second type; `owners` are names of `kind`."""
-    lines = Lines(library)
     texts = [[ffi.new('char[]', text.encode(errors='replace')) for text in use[:2]]
              for use in uses]
     names = [ffi.new('char[]', name.encode(errors='replace')) for name in owners]
     found = ffi.new('struct fm_typed_use[]', [
         (*kept, *use[2:]) for kept, use in zip(texts, uses)])
-    library.fm_find_two_types(lines.pointer, found, len(uses), names, kind.encode())
-    return lines.take()
+    return lines_of(
+        library, library.fm_find_two_types, found, len(uses), names, kind.encode())
 
 
 def find_shared(library: Any, uses: Sequence[Use]) -> list[LogLine]:
     """Return the line about the first problem of the uses of names, if there is any."""
-    lines = Lines(library)
     texts = [[ffi.new('char[]', text.encode(errors='replace'))
               for text in (*use[:5], *(use.ends or ()))] for use in uses]
     found = ffi.new('struct fm_use[]', [
         (*kept[:5], use.is_alone, *(kept[5:] or (ffi.NULL, ffi.NULL)))
         for kept, use in zip(texts, uses)])
-    library.fm_find_shared(lines.pointer, found, len(uses))
-    return lines.take()
+    return lines_of(library, library.fm_find_shared, found, len(uses))
 
 
 def find_merged(library: Any, table: ReportTable, names: Iterable[str]) -> list[LogLine]:
     """Return the line about the first two topics that are one; `names` are of all in the table."""
-    lines = Lines(library)
     texts = [ffi.new('char[]', name.encode(errors='replace')) for name in names]
-    library.fm_find_merged(lines.pointer, table.pointer, texts)
-    return lines.take()
+    return lines_of(library, library.fm_find_merged, table.pointer, texts)

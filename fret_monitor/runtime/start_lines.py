@@ -18,24 +18,20 @@ from collections.abc import Sequence
 from typing import Any
 
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.reporting import Lines, LogLine, Reporter
+from fret_monitor.runtime.reporting import lines_of, LogLine, Reporter
 
 
 def watching(reporters: Sequence[Reporter], origins: Sequence[str]) -> list[LogLine]:
     """Return the lines of all bundles, of at least one; `origins` are their files or folders."""
-    lines = Lines(reporters[0].library)
-    texts = [_characters(origin) for origin in origins]
-    lines.library.fm_add_watching(lines.pointer, [
+    library, texts = reporters[0].library, [_characters(origin) for origin in origins]
+    return lines_of(library, library.fm_add_watching, [
         {'reporter': reporter.pointer, 'origin': text}
         for reporter, text in zip(reporters, texts, strict=True)], len(reporters))
-    return lines.take()
 
 
 def restarted(library: Any, groups: int) -> LogLine:
     """Return the line of a reset of so many step groups; `library` has the functions of csrc."""
-    lines = Lines(library)
-    library.fm_add_restarted(lines.pointer, groups)
-    line, = lines.take()
+    line, = lines_of(library, library.fm_add_restarted, groups)
     return line
 
 

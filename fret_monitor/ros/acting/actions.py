@@ -35,7 +35,7 @@ from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
 from fret_monitor.ros.settings.names import done_by, one_type
 from fret_monitor.runtime import Engine
 from fret_monitor.runtime.reporting import (
-    action_counts, action_facts, ActionCounts, Lines, LogLine, ReportTable,
+    action_counts, action_facts, ActionCounts, Lines, lines_of, LogLine, ReportTable,
 )
 
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -139,13 +139,11 @@ class Actions:
 
     def describe(self) -> list[LogLine]:
         """Return the line at the start: all locks and actions; none if there are none."""
-        lines = Lines(self._library)
         texts = [[ffi.new('char[]', self._full_name(item).encode())
                   for item in self._manifest.actions
                   if (item.kind is ActionKind.LOCK) is is_lock] for is_lock in (True, False)]
-        self._library.fm_describe_actions(
-            lines.pointer, self._table.pointer, *(ffi.new('char *[]', item) for item in texts))
-        return lines.take()
+        return lines_of(self._library, self._library.fm_describe_actions, self._table.pointer,
+                        *(ffi.new('char *[]', item) for item in texts))
 
     def _full_name(self, action: ManifestAction) -> str:
         return action.target if action.kind is ActionKind.TRANSITION else \

@@ -28,7 +28,7 @@ from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.settings.names import full_name
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
 from fret_monitor.runtime import Engine
-from fret_monitor.runtime.reporting import BlackBoxCounts, Lines, LogLine
+from fret_monitor.runtime.reporting import BlackBoxCounts, lines_of, LogLine
 
 from rclpy.node import Node
 
@@ -50,11 +50,11 @@ class BlackBox:
         self._library = library
         self._kept: list[Any] = []  # memory of C that the options point to
         options = self._options(node, manifest, settings)
-        place, refused = ffi.new('struct fm_blackbox_writer **'), Lines(library)
+        place = ffi.new('struct fm_blackbox_writer **')
         error = library.fm_blackbox_writer_create(place, options)
         if error != 0:
-            library.fm_add_blackbox_refusal(refused.pointer, options, error)
-            raise Refusal(*(line.text for line in refused.take()))
+            raise Refusal(*(line.text for line in lines_of(
+                library, library.fm_add_blackbox_refusal, options, error)))
         self._pointer: Any = ffi.gc(place[0], library.fm_blackbox_writer_destroy)
 
     def _options(self, node: Node, manifest: Manifest, settings: BlackBoxSettings) -> Any:
@@ -103,9 +103,7 @@ class BlackBox:
 
     def lines(self) -> list[LogLine]:
         """Return the lines about what was written since the last call."""
-        lines = Lines(self._library)
-        self._library.fm_add_blackbox_lines(lines.pointer, self._pointer)
-        return lines.take()
+        return lines_of(self._library, self._library.fm_add_blackbox_lines, self._pointer)
 
     def counts(self) -> BlackBoxCounts:
         """Return what was written so far."""

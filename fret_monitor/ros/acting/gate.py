@@ -25,7 +25,7 @@ from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.settings.names import ends_of, one_type
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
-from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
+from fret_monitor.runtime.reporting import lines_of, LogLine, ReportTable
 
 from rclpy.node import Node
 
@@ -37,20 +37,18 @@ def gate_of(evaluator: Evaluator, settings: ManifestGate, table: ReportTable) ->
     try:
         return MessageGate(evaluator, settings)
     except LibraryError:
-        lines = Lines(evaluator.library)
-        evaluator.library.fm_add_gate_refusal(
-            lines.pointer, table.pointer.gate, evaluator.policy.value.encode())
-        raise Refusal(*(line.text for line in lines.take())) from None
+        library = evaluator.library
+        raise Refusal(*(line.text for line in lines_of(
+            library, library.fm_add_gate_refusal, table.pointer.gate,
+            evaluator.policy.value.encode()))) from None
 
 
 def describe_gate(node: Node, manifest: Manifest, table: ReportTable,
                   library: Any) -> list[LogLine]:
     """Return the log line of a gate at the start."""
     assert manifest.gate is not None
-    lines = Lines(library)
-    library.fm_describe_gate(
-        lines.pointer, table.pointer, *(name.encode() for name in ends_of(node, manifest.gate)))
-    return lines.take()
+    return lines_of(library, library.fm_describe_gate, table.pointer,
+                    *(name.encode() for name in ends_of(node, manifest.gate)))
 
 
 def open_gate(node: Node, engine: Engine, settings: ManifestGate, middleware: Middleware,
