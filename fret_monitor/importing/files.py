@@ -132,7 +132,7 @@ def _source(path: Path) -> Source:
     """Return a file that is in UTF-8, or in another encoding by its mark or declaration."""
     begin = _begin(path)
     refuse_packed(begin, shown(str(path)))
-    if encoding_of(begin) == 'utf-8-sig':
+    if encoding_of(begin) == 'utf-8-sig' and path.suffix.lower() not in SUFFIXES:
         return read_source(path, MAX_BYTES)
     return Source(str(path), decoded(path, MAX_BYTES))
 

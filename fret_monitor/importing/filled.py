@@ -19,39 +19,31 @@ The file stays as it is, with further columns (attributes, in ReqIF) at the end;
 names that it has already are written anew. Rows are found by the ids that `import` gives them.
 """
 
-from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 import csv
 import io
 from pathlib import Path
-import re
-from typing import TYPE_CHECKING
-from xml.dom import minidom
 
 from fret_monitor.importing.component import Wording
 from fret_monitor.importing.draft import free_name, written_name
 from fret_monitor.importing.files import ImportOptions, MAX_BYTES, read_files
 from fret_monitor.importing.parsed_wording import names_in, parse_wording, rename
 from fret_monitor.importing.reqif_file import is_reqif
+from fret_monitor.importing.reqif_results import filled_reqif
 from fret_monitor.importing.reqifz import SUFFIX as ARCHIVE
 from fret_monitor.importing.tables import (
-    csv_rows, decoded, encoding_of, more_cells_help, read_table, split_separator, SUFFIXES,
+    csv_rows, decoded, encoded, more_cells_help, read_table, split_separator, SUFFIXES,
     WORKBOOK,
 )
 from fret_monitor.importing.workbook import write_cells
-from fret_monitor.importing.xml_text import refuse_hostile
 from fret_monitor.model.bundle_files import refuse_irregular
 from fret_monitor.model.csv_writer import CsvWriter
 from fret_monitor.model.diagnostics import Problems, refuse, Source, Span
 from fret_monitor.model.names import fret_name, shown
 
-if TYPE_CHECKING:
-    from xml.dom.minidom import Document, Element
-
 _MISSING, _OTHER = 'not monitored', 'text differs'
 _TEXT_COLUMNS = 2  # the verdict and the recording; the others have numbers
 _MOST_NAMED = 20
-_DECLARATION = re.compile(r'\s*<\?xml[^>]*\?>')  # its encoding was that of the bytes
 
 
 def check_fillable(path: Path) -> None:
@@ -115,7 +107,7 @@ def filled(path: Path, heads: Sequence[str], results: Mapping[str, Sequence[str]
         return write_cells(path, MAX_BYTES, heads, rows, heads[_TEXT_COLUMNS:])
     text = decoded(path, MAX_BYTES)
     if is_reqif(text):
-        return _filled_reqif(text, path, heads, rows)
+        return encoded(filled_reqif(text, path, heads, rows), path)
     return _filled_csv(text, path, heads, rows)
 
 
@@ -196,121 +188,4 @@ def _filled_csv(text: str, path: Path, heads: Sequence[str],
     writer = csv.writer(file, delimiter=sign, lineterminator='\r\n') if '\r\n' in text else \
         CsvWriter(file, sign)
     writer.writerows(read)
-    begin = path.read_bytes()[:len(BOM_UTF8)]
-    encoding = encoding_of(begin)
-    return file.getvalue().encode(
-        'utf-8' if encoding == 'utf-8-sig' and begin != BOM_UTF8 else encoding)
-
-
-# ReqIF
-
-def _filled_reqif(text: str, path: Path, heads: Sequence[str],
-                  rows: Mapping[str, Sequence[str]]) -> bytes:
-    refuse_hostile(text, path)
-    document = minidom.parseString(_DECLARATION.sub('', text.lstrip('\ufeff')).encode())
-    kinds = _named(document, 'SPEC-OBJECT-TYPE')
-    identifiers = {item.getAttribute('IDENTIFIER'): {
-        head: _attribute(document, item, head) for head in heads} for item in kinds}
-    for item in _named(document, 'SPEC-OBJECT'):
-        identifier = item.getAttribute('IDENTIFIER')
-        added = rows.get(f'{path.name}, {identifier}')
-        kind = next((_text(part) for kind in _children(item, 'TYPE')
-                     for part in _children(kind, 'SPEC-OBJECT-TYPE-REF')), '')
-        if added is not None and kind in identifiers:
-            cells = (*added, *[''] * len(heads))
-            _set_values(document, item, {
-                identifiers[kind][head]: cell for head, cell in zip(heads, cells, strict=False)})
-        elif added is not None:
-            refuse(f'{shown(str(path))}: the requirement {shown(identifier)} has no type, to '
-                   'which attributes could be added')
-    return document.toxml(encoding='UTF-8')
-
-
-def _attribute(document: 'Document', kind: 'Element', head: str) -> str:
-    """Return the identifier of a type's attribute for a column; add it if there is none."""
-    for item in _named(kind, 'ATTRIBUTE-DEFINITION-STRING'):
-        if item.getAttribute('LONG-NAME') == head:
-            return item.getAttribute('IDENTIFIER')
-    identifier = f'fret-monitor-{kind.getAttribute("IDENTIFIER")}-{"-".join(head.split())}'
-    new = _child(document, _part(document, kind, 'SPEC-ATTRIBUTES'), 'ATTRIBUTE-DEFINITION-STRING')
-    new.setAttribute('IDENTIFIER', identifier)
-    new.setAttribute('LONG-NAME', head)
-    _change(new, document)
-    reference = _child(document, _child(document, new, 'TYPE'), 'DATATYPE-DEFINITION-STRING-REF')
-    reference.appendChild(document.createTextNode(_string_type(document)))
-    return identifier
-
-
-def _string_type(document: 'Document') -> str:
-    """Return the identifier of a data type for texts; add it if there is none."""
-    for item in _named(document, 'DATATYPE-DEFINITION-STRING'):
-        return item.getAttribute('IDENTIFIER')
-    content = _named(document, 'REQ-IF-CONTENT')[0]
-    new = _child(document, _part(document, content, 'DATATYPES'), 'DATATYPE-DEFINITION-STRING')
-    for name, value in (('IDENTIFIER', 'fret-monitor-string'), ('LONG-NAME', 'String'),
-                        ('MAX-LENGTH', '32000')):
-        new.setAttribute(name, value)
-    _change(new, document)
-    return new.getAttribute('IDENTIFIER')
-
-
-def _set_values(document: 'Document', item: 'Element', texts: Mapping[str, str]) -> None:
-    """Set attributes of a requirement, by the identifiers of their definitions."""
-    values = _part(document, item, 'VALUES')
-    known = {_text(part): old for old in _children(values, 'ATTRIBUTE-VALUE-STRING')
-             for definition in _children(old, 'DEFINITION')
-             for part in _children(definition, 'ATTRIBUTE-DEFINITION-STRING-REF')}
-    for identifier, text in texts.items():
-        if identifier in known:
-            known[identifier].setAttribute('THE-VALUE', text)
-            continue
-        new = _child(document, values, 'ATTRIBUTE-VALUE-STRING')
-        new.setAttribute('THE-VALUE', text)
-        reference = _child(document, _child(document, new, 'DEFINITION'),
-                           'ATTRIBUTE-DEFINITION-STRING-REF')
-        reference.appendChild(document.createTextNode(identifier))
-
-
-def _change(element: 'Element', document: 'Document') -> None:
-    """Give an element the time of change that the standard requires: that of the file."""
-    time = next((_text(item) for item in _named(document, 'CREATION-TIME')), '')
-    element.setAttribute('LAST-CHANGE', time or '2000-01-01T00:00:00Z')
-
-
-def _part(document: 'Document', element: 'Element', name: str) -> 'Element':
-    """Return a part of an element; it comes first where it is new, as the standard has it."""
-    if known := _children(element, name):
-        return known[0]
-    new = _new(document, name)
-    element.insertBefore(new, element.firstChild)
-    return new
-
-
-def _children(element: 'Element', name: str) -> 'list[Element]':
-    """Return the elements of a name directly below."""
-    return [child for child in element.childNodes
-            if isinstance(child, minidom.Element) and child.localName == name]
-
-
-def _child(document: 'Document', element: 'Element', name: str) -> 'Element':
-    new = _new(document, name)
-    element.appendChild(new)
-    return new
-
-
-def _new(document: 'Document', name: str) -> 'Element':
-    """Return a new element in the namespace of the file, with its prefix."""
-    root = document.documentElement
-    assert root is not None
-    prefix = f'{root.prefix}:' if root.prefix else ''
-    return document.createElementNS(root.namespaceURI, prefix + name)
-
-
-def _named(parent: 'Document | Element', name: str) -> 'list[Element]':
-    """Return the elements of a name below, in whichever namespace."""
-    return parent.getElementsByTagNameNS('*', name)
-
-
-def _text(element: 'Element') -> str:
-    return ''.join(child.data for child in element.childNodes
-                   if child.nodeType == child.TEXT_NODE).strip()
+    return encoded(file.getvalue(), path)

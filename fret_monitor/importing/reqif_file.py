@@ -27,7 +27,7 @@ from pathlib import Path
 import re
 from xml.etree.ElementTree import Element
 
-from fret_monitor.importing.xml_text import name_of, parsed_xml, spoken_text
+from fret_monitor.importing.xml_text import ended_elements, name_of, spoken_text
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.names import shown
 
@@ -59,16 +59,22 @@ def reqif_rows(text: str, path: Path, most: int) -> Iterator[Sequence[str]]:
         or more than `most`.
     """
     try:
-        root = parsed_xml(text, path)
-        _check_objects(root, path, most)
-        yield from _rows(root)
+        root, objects = _read(text, path, most)
+        yield from _rows(root, objects)
     except RecursionError:
         refuse(f'{shown(str(path))} cannot be read as XML: too deep')
 
 
-def _check_objects(root: Element, path: Path, most: int) -> None:
-    counts = Counter(item.get('IDENTIFIER', '') for item in root.iter()
-                     if name_of(item) == 'SPEC-OBJECT')
+def _read(text: str, path: Path, most: int) -> tuple[Element, dict[str, dict[str, str]]]:
+    """Return a file without its objects, and their values by the attributes' identifiers."""
+    objects: dict[str, dict[str, str]] = {}
+    counts: Counter[str] = Counter()
+    for item in ended_elements(text, path):
+        if name_of(item) == 'SPEC-OBJECT':
+            identifier = item.get('IDENTIFIER', '')
+            counts[identifier] += 1
+            objects[identifier] = _values(item)
+            item.clear()
     if counts.total() > most:
         refuse(f'{shown(str(path))} has more than {most:,} objects',
                help='export fewer requirements at once')
@@ -76,16 +82,17 @@ def _check_objects(root: Element, path: Path, most: int) -> None:
         if count > 1:
             refuse(f'{shown(str(path))} has {count} objects with the identifier '
                    f'{shown(identifier)}', help='in ReqIF each one has an identifier of its own')
+    return item, objects
 
 
-def _rows(root: Element) -> Iterator[Sequence[str]]:
+def _rows(root: Element, values: Mapping[str, Mapping[str, str]]) -> Iterator[Sequence[str]]:
     names = {identifier: item.get('LONG-NAME') or identifier for item in root.iter()
              if name_of(item).startswith('ATTRIBUTE-DEFINITION-')
              and (identifier := item.get('IDENTIFIER'))}
     heads = tuple(dict.fromkeys(names.values()))
     yield (*heads, SECTION, IDENTIFIER)
-    objects = {item.get('IDENTIFIER', ''): _cells(item, names)
-               for item in root.iter() if name_of(item) == 'SPEC-OBJECT'}
+    objects = {identifier: {names.get(of, of): text for of, text in found.items()}
+               for identifier, found in values.items()}
     for identifier, section in (*_places(root, objects, ''), *((name, '') for name in objects)):
         cells = objects.pop(identifier, None)
         if cells is not None:  # of several places, or none, the first one counts
@@ -111,14 +118,13 @@ def _title(cells: Mapping[str, str]) -> str:
                           if head.casefold() == wanted and text), '').split())
 
 
-def _cells(item: Element, names: Mapping[str, str]) -> dict[str, str]:
-    """Return the values of a requirement by the names of their attributes."""
+def _values(item: Element) -> dict[str, str]:
+    """Return the values of a requirement by the identifiers of their attributes."""
     found = {}
     for value in item.iter():
         if name_of(value).startswith('ATTRIBUTE-VALUE-'):
             of = next((part.text or '' for part in value.iter()
                        if name_of(part).startswith('ATTRIBUTE-DEFINITION-')), '').strip()
             written = next((part for part in value if name_of(part) == 'THE-VALUE'), None)
-            found[names.get(of, of)] = value.get('THE-VALUE', '') if written is None \
-                else spoken_text(written)
+            found[of] = value.get('THE-VALUE', '') if written is None else spoken_text(written)
     return found

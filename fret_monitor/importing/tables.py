@@ -14,14 +14,18 @@
 
 
 """
-Reads tables of requirements: CSV, with commas, semicolons or tabs, in UTF-8 or UTF-16; or XLSX.
+Reads tables of requirements: CSV, with commas, semicolons or tabs, or XLSX.
+
+A CSV is in UTF-8, UTF-16, or in Windows-1252, which Excel writes.
 
 The first row has the heads of the columns. A row is a requirement: its id, its text, and, if there
 are such columns, title, rationale and component. Sentences of FRETish and formulas are recognised
 row by row; everything else is prose, which is kept as a comment and reported.
 """
 
+from codecs import BOM_UTF16_BE, BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 import csv
 from dataclasses import dataclass, replace
 import io
@@ -36,7 +40,7 @@ from fret_monitor.importing.reqif_file import IDENTIFIER, reqif_rows, SECTION
 from fret_monitor.importing.workbook import sheets
 from fret_monitor.language.sentence import Sentence
 from fret_monitor.model.diagnostics import (
-    CompileError, Diagnostic, did_you_mean, Level, Problems, refuse,
+    CompileError, Diagnostic, did_you_mean, Level, Problems, refuse, Source, Span,
 )
 from fret_monitor.model.names import shown
 
@@ -65,6 +69,7 @@ _FOUND_HEADS = {**_HEADS, **{name: (name,) for name in _LANGUAGES},
 _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
 _QUOTED = re.compile('"[^"]*"')
 _BEGIN_BYTES = 1000
+_UTF_8, _WINDOWS = 'utf-8-sig', 'cp1252'
 _PACKED = (b'PK\3\4', b'\xd0\xcf\x11\xe0')  # ZIP, of .ods and .xlsx; OLE, of .xls
 # Of the encodings that XML may declare, those of one byte a character; expat knows no others.
 _DECLARED = re.compile(
@@ -190,6 +195,7 @@ def _tables(path: Path, max_bytes: int, columns: Mapping[str, str],
     """Return the table of a file, or the sheets of a workbook that have the columns."""
     if path.suffix.lower() != WORKBOOK:
         text = decoded(path, max_bytes)
+        warn_of_windows(path, text, problems)
         table = _table(csv_rows(text, path), str(path), path.name)
         return [replace(table, sign=split_separator(text)[2])]
     read = [(name, rows) for name, rows in sheets(path, max_bytes, MAX_ROWS, problems)
@@ -224,7 +230,7 @@ def decoded(path: Path, max_bytes: int) -> str:
     if len(data) > max_bytes:
         refuse(f'{name} is larger than {max_bytes // 2 ** 20} MiB')
     refuse_packed(data, name)
-    return decoded_bytes(data, name)
+    return decoded_bytes(data, name, path)
 
 
 def refuse_packed(begin: bytes, name: str) -> None:
@@ -235,19 +241,36 @@ def refuse_packed(begin: bytes, name: str) -> None:
                'ReqIF ends in .reqifz')
 
 
-def decoded_bytes(data: bytes, name: str) -> str:
+def decoded_bytes(data: bytes, name: str, path: Path | None = None) -> str:
     """
     Return the text of a file; `name` is that of the file, in quotes.
 
-    It is in UTF-16 with a byte order mark, in what the declaration of XML says, or in UTF-8.
+    It is in UTF-16 with a byte order mark, in what the declaration of XML says, or in UTF-8; a
+    table that `path` names may be in Windows-1252.
     """
     encoding = encoding_of(data[:_BEGIN_BYTES])
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
+        if encoding == _UTF_8 and not data.startswith(BOM_UTF8) and path is not None \
+                and path.suffix.lower() in SUFFIXES:
+            with suppress(UnicodeDecodeError):
+                return data.decode(_WINDOWS)
         line = data.count(b'\n', 0, error.start) + 1
         refuse(f'{name} is not {encoding.upper().removesuffix("-SIG")}: line {line}',
                help='save it in UTF-8' if data.lstrip()[:1] == b'<' else "save it as 'CSV UTF-8'")
+
+
+def warn_of_windows(path: Path, text: str, problems: Problems) -> None:
+    """Warn of a table that is read as Windows-1252, at the first character that says so."""
+    data = path.read_bytes()
+    try:
+        data.decode(encoding_of(data[:_BEGIN_BYTES]))
+    except UnicodeDecodeError as error:
+        problems.warning(
+            f'{shown(path.name)} is not in UTF-8: it is read as Windows-1252, as Excel writes it',
+            Span(Source(str(path), text), error.start, error.start + 1), 'the first difference',
+            "if this is another character, save the table as 'CSV UTF-8'")
 
 
 def encoding_of(begin: bytes) -> str:
@@ -255,7 +278,37 @@ def encoding_of(begin: bytes) -> str:
     if begin[:2] in (b'\xff\xfe', b'\xfe\xff'):
         return 'utf-16'
     declared = _DECLARED.match(begin)
-    return declared[1].decode().lower() if declared else 'utf-8-sig'
+    return declared[1].decode().lower() if declared else _UTF_8
+
+
+def encoded(text: str, path: Path) -> bytes:
+    """
+    Return a text in the encoding of a file, with its byte order mark if it has one.
+
+    Raises
+    ------
+    CompileError
+        if the encoding of a table lacks a character.
+    """
+    data = path.read_bytes()
+    if data.startswith(BOM_UTF16_BE):
+        return BOM_UTF16_BE + text.encode('utf-16-be')
+    encoding = encoding_of(data[:_BEGIN_BYTES])
+    if encoding == _UTF_8 and not data.startswith(BOM_UTF8):
+        encoding = 'utf-8' if _is_utf_8(data) else _WINDOWS
+    try:
+        return text.encode(encoding, 'xmlcharrefreplace' if text[:1] == '<' else 'strict')
+    except UnicodeEncodeError as error:
+        refuse(f'{shown(str(path))} is in an encoding without {shown(text[error.start])}',
+               help="save it as 'CSV UTF-8'")
+
+
+def _is_utf_8(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def split_separator(text: str) -> tuple[str, str, str]:

@@ -25,6 +25,7 @@ from fret_monitor.model.names import shown
 MAX_XML = 128 * 2 ** 20
 """Characters of XML; real tools write about 10 kB for a requirement."""
 
+_BLOCK_CHARS = 2 ** 16
 _MOST_TAGS = 3_000_000  # some hundred for each of 10,000 requirements
 _DELETED = ('del', 's', 'strike')
 _RAISED = {'sup': '^', 'sub': '_'}
@@ -43,6 +44,23 @@ def parsed_xml(text: str, path: Path) -> Element:
     refuse_hostile(text, path)
     try:
         return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        refuse(f'{shown(str(path))} cannot be read as XML: {_reason(error)}')
+
+
+def ended_elements(text: str, path: Path) -> Iterator[Element]:
+    """
+    Yield each element of a file's text where it ends, the root last.
+
+    An element that is cleared then takes no memory. Raises as `parsed_xml`.
+    """
+    refuse_hostile(text, path)
+    parser: ElementTree.XMLPullParser[Element] = ElementTree.XMLPullParser(['end'])
+    try:
+        for start in range(0, len(text), _BLOCK_CHARS):
+            parser.feed(text[start:start + _BLOCK_CHARS])
+            yield from (element for _, element in parser.read_events())  # type: ignore[misc]
+        parser.close()
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         refuse(f'{shown(str(path))} cannot be read as XML: {_reason(error)}')
 

@@ -16,10 +16,14 @@
 
 from pathlib import Path
 import re
+import tracemalloc
+from xml.etree import ElementTree
 
 from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.importing import import_bundles, xml_text
+from fret_monitor.importing.reqif_file import reqif_rows
+from fret_monitor.importing.reqif_results import filled_reqif
 from fret_monitor.model.diagnostics import CompileError
 import pytest
 
@@ -137,11 +141,82 @@ def test_a_prefix_and_an_encoding_are_those_of_the_file(encoding: str, tmp_path:
     assert len(read(target).specification.properties) == 3
     assert 'The rover is größer' in target.read_text(encoding='utf-8')
     assert main(['bag', str(target), str(trace), '--fill', str(path), str(new)]) == 0
-    filled = new.read_text(encoding='utf-8')
+    filled = new.read_text(encoding=encoding)
     assert filled.count('THE-VALUE="violated"') == 2 and 'größer' in filled
     assert '<ATTR' not in filled and '<rq:ATTRIBUTE-VALUE-STRING THE-VALUE="violated">' in filled
     again, = import_bundles([new], target)
     assert len(again.draft.requirements) == 3
+
+
+def test_a_filled_file_is_what_it_was_but_for_what_is_added(tmp_path: Path) -> None:
+    text = ROVER
+    for old, other in (('<SPEC-ATTRIBUTES>', '<!-- a > b --><SPEC-ATTRIBUTES  >'), ('\n', '\r\n'),
+                       ('<TITLE>', '<TITLE kind=\'"x">\'>'), ('"o-3"', " 'o-3' "),
+                       ('is red', 'is &#x72;ed <![CDATA[<b>]]>')):
+        text = text.replace(old, other)
+    path, rows = tmp_path / 'a.reqif', {}
+    for identifier in re.findall('IDENTIFIER= ?["\'](o-\\d)', text):
+        rows[f'a.reqif, {identifier}'] = ('a & "b"\n\'c\'', 'drive')
+    filled = filled_reqif(text, path, ('Verdict', 'By hand'), rows)
+    added = (r'<ATTRIBUTE-(DEFINITION|VALUE)-STRING (?:(?!</ATTRIBUTE-\1-STRING>).)*fret-monitor-'
+             r'.*?</ATTRIBUTE-\1-STRING>')
+    assert re.sub(added, '', filled) == text and filled != text
+    assert len(re.findall(added, filled)) == 2 + 2 * len(rows) > 6
+    other = filled.replace('THE-VALUE="drive"', "THE-VALUE = 'drive'")
+    assert filled_reqif(other, path, ('Verdict', 'By hand'), rows) == other != filled
+    root = ElementTree.fromstring(filled)
+    values = [item.get('THE-VALUE') for item in root.iter() if item.tag.endswith('VALUE-STRING')]
+    assert values.count('a & "b"\n\'c\'') == values.count('drive') == len(rows)
+    again = filled_reqif(filled, path, ('Verdict', 'By hand'), dict.fromkeys(rows, ('x', 'drive')))
+    assert re.sub(' THE-VALUE="x"', '', again) == re.sub(
+        ' THE-VALUE="a &amp; [^"]*"| THE-VALUE=\'a &amp; [^\']*\'', '', filled)
+
+
+@pytest.mark.parametrize(('old', 'new'), [
+    ('<VALUES>', '<OTHER>'), ('<SPEC-ATTRIBUTES>', '<OTHER>'),
+    ('<DATATYPE-DEFINITION-STRING IDENTIFIER="string" LONG-NAME="String"/>', ''),
+    ('DATATYPES>', 'OTHER>')], ids=['values', 'attributes', 'string', 'types'])
+def test_parts_that_a_file_does_not_have_are_added(old: str, new: str, tmp_path: Path) -> None:
+    text = ROVER.replace(old, new).replace(old.replace('<', '</'), new.replace('<', '</'))
+    if new:
+        text = text.replace('<DATATYPE-DEFINITION-STRING IDENTIFIER="string" LONG-NAME="String"/>',
+                            '')
+    filled = filled_reqif(text, tmp_path / 'a.reqif', ('Verdict',), {'a.reqif, o-3': ('held',)})
+    root = ElementTree.fromstring(filled)
+    names = [item.tag.rpartition('}')[2] for item in root.iter()]
+    assert names.count('DATATYPE-DEFINITION-STRING') == 1
+    assert [item.get('IDENTIFIER') for item in root.findall('.//{*}SPEC-OBJECT')
+            if item.find("{*}VALUES/{*}ATTRIBUTE-VALUE-STRING[@THE-VALUE='held']") is not None
+            ] == ['o-3']
+    assert root.find('.//{*}SPEC-OBJECT-TYPE/{*}SPEC-ATTRIBUTES/{*}ATTRIBUTE-DEFINITION-STRING'
+                     "[@LONG-NAME='Verdict']") is not None
+    assert names.index('DATATYPES') < names.index('SPEC-TYPES')
+
+
+def test_empty_tags_are_opened(tmp_path: Path) -> None:
+    text = re.sub('<VALUES>.*?</VALUES>', '<VALUES />', ROVER)
+    text = re.sub('(?s)<DATATYPES>.*</DATATYPES>', '<DATATYPES/>', text)
+    filled = filled_reqif(text, tmp_path / 'a.reqif', ('Verdict',), {'a.reqif, o-3': ('held',)})
+    root = ElementTree.fromstring(filled)
+    assert root.find('.//{*}SPEC-OBJECT[@IDENTIFIER="o-3"]/{*}VALUES/{*}ATTRIBUTE-VALUE-STRING'
+                     ) is not None
+    assert root.find('.//{*}DATATYPES/{*}DATATYPE-DEFINITION-STRING') is not None
+    assert filled.count('<VALUES />') == text.count('<VALUES />') - 1 > 1
+
+
+def test_a_large_file_is_never_a_tree(tmp_path: Path) -> None:
+    text = DOCUMENT % (''.join(requirement(f'o-{number}', id=f'R-{number}', text='x &lt; 1')
+                               for number in range(2000)), '')
+    path = tmp_path / 'a.reqif'
+    rows = {f'a.reqif, o-{number}': ('held',) for number in range(2000)}
+    read, filled = (lambda: [0 for _ in reqif_rows(text, path, 5000)],
+                    lambda: filled_reqif(text, path, ('Verdict',), rows))
+    for work, most in ((read, 3), (filled, 8)):  # of a tree it is 6 and 12
+        tracemalloc.start()
+        work()
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert peak < most * len(text)
 
 
 def test_more_tags_than_tools_write_are_refused(tmp_path: Path,

@@ -24,6 +24,8 @@ from fret_monitor.build import read
 from fret_monitor.cli.main import main
 from fret_monitor.importing import import_bundles
 from fret_monitor.importing.files import ImportOptions
+from fret_monitor.importing.tables import encoded
+from fret_monitor.model.diagnostics import CompileError
 import openpyxl
 import pytest
 
@@ -167,6 +169,21 @@ def test_a_csv_keeps_its_delimiter_and_encoding(sign: str, encoding: str, tmp_pa
     assert new.read_bytes()[:3] == begin
     assert new.read_text(encoding).splitlines()[0] == sign.join(
         ['Nr', 'Satz', 'Owner', 'Verdict', 'Recording', 'Occurrences', 'First violation'])
+
+
+def test_a_csv_of_excel_on_windows_is_read_and_written_in_its_encoding(
+        tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    table, target, new = (tmp_path / name for name in ('t.csv', 'rover.yaml', 'new.csv'))
+    table.write_bytes('id;text;Prüfer\r\nR-1;speed <= 2.0;Jörg \u2013 5 €\r\n'.encode('cp1252'))
+    assert main(['import', str(table), '-o', str(target)]) == 0
+    assert ("t.csv:1:11: warning: 't.csv' is not in UTF-8: it is read as Windows-1252"
+            in capfd.readouterr().err)
+    assert checked(tmp_path, target, '--fill', str(table), str(new)) == 0
+    first, second = new.read_bytes().decode('cp1252').split('\r\n')[:2]
+    assert first.startswith('id;text;Prüfer;Verdict;')
+    assert second.startswith('R-1;speed <= 2.0;Jörg \u2013 5 €;violated;')
+    with pytest.raises(CompileError, match="in an encoding without 'ж'"):
+        encoded('ж', table)
 
 
 def test_of_several_recordings_the_first_with_a_violation_is_named(bundle: Path,
