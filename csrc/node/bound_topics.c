@@ -23,37 +23,32 @@
 
 // ---- topics ------------------------------------------------------------------------------------
 
-static struct fm_bound_topic * add(struct fm_bound_topics * bound)
+static struct fm_bound_topic * add(struct fm_bound_topics * bound, const char * name)
 {
-  if (bound->n == bound->capacity) {
-    const uint32_t capacity = bound->capacity == 0 ? 16u : 2u * bound->capacity;
-    struct fm_bound_topic ** items = realloc(bound->items, capacity * sizeof(*items));
-    if (items == NULL) {
-      return NULL;
-    }
-    bound->items = items;
-    bound->capacity = capacity;
+  struct fm_bound_topic ** items =
+    fm_with_room(bound->items, bound->n, &bound->capacity, sizeof(*items));
+  struct fm_bound_topic * item = items == NULL ? NULL : calloc(1, sizeof(*item));
+  bound->items = items == NULL ? bound->items : items;
+  if (item == NULL) {
+    return NULL;
   }
-  struct fm_bound_topic * item = calloc(1, sizeof(*item));
-  if (item != NULL) {
-    bound->items[bound->n++] = item;
-  }
-  return item;
+  item->name = fm_copy_of(name);
+  bound->items[bound->n++] = item;
+  return item->name == NULL ? NULL : item;
 }
 
-// Subscribe to a topic, by its full name, which becomes the item's.
+// Subscribe to a topic, by its full name.
 static bool open_topic(
-  struct fm_bound_topics * bound, char * name, uint32_t topic, struct fm_key key, bool is_found)
+  struct fm_bound_topics * bound, const char * name, uint32_t topic, struct fm_key key,
+  bool is_found)
 {
   const struct fm_bound_options * options = &bound->options;
-  struct fm_bound_topic * item = name == NULL ? NULL : add(bound);
+  struct fm_bound_topic * item = name == NULL ? NULL : add(bound, name);
   if (item == NULL) {
-    free(name);
     fm_log(options->node, FM_ERROR, "cannot subscribe to %s as %s: memory is short",
       options->names[topic], options->table->report.topics[topic].type);
     return false;
   }
-  item->name = name;
   item->mapped.taking = options->taking;
   item->mapped.key = key;
   item->mapped.is_found = is_found;
@@ -123,14 +118,16 @@ static bool open_listed(
   struct fm_bound_topics * bound, uint32_t topic, const struct listed * listed)
 {
   const struct fm_report_topic * about = &bound->options.table->report.topics[topic];
+  struct fm_memory memory = {NULL, false};
   bool is_good = true;
   for (uint32_t k = 0; is_good && k < listed->n; ++k) {
     const char * const key = (const char *)listed->keys[k].bytes;
-    char * const written = fm_with_key(about->name, about->variable, key);
-    char * const name = written == NULL ? NULL : fm_resolved_name(bound->options.node, written);
-    free(written);
-    is_good = open_topic(bound, name, topic, listed->keys[k], false);
+    const char * const name = fm_with_key(&memory, about->name, about->variable, key);
+    is_good = open_topic(
+      bound, name == NULL ? NULL : fm_resolve(bound->options.node, &memory, name, false), topic,
+      listed->keys[k], false);
   }
+  fm_memory_free(&memory);
   return is_good;
 }
 
@@ -212,8 +209,8 @@ static void subscribe_found(struct fm_bound_topics * bound, int64_t now)
   struct fm_keyed_topic found;
   while (fm_keyed_topics_take(bound->watch, now, &found)) {
     const uint32_t n = bound->n;
-    char * const name = fm_copy_of(found.name);
-    const bool is_open = open_topic(bound, name, found.topic, found.key, true) && fm_topic_start(
+    const bool is_open =
+      open_topic(bound, found.name, found.topic, found.key, true) && fm_topic_start(
       &bound->items[n]->mapped, bound->engine, fm_node_middleware());
     if (!is_open) {
       fm_keyed_topics_fail(bound->watch, &found, now);

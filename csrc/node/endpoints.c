@@ -62,7 +62,7 @@ void fm_respond(
   }
 }
 
-static bool make_publisher(
+bool fm_publisher_open(
   const struct fm_node * node, rcl_publisher_t * publisher,
   const rosidl_message_type_support_t * type, const char * topic,
   const rmw_qos_profile_t * profile)
@@ -70,18 +70,10 @@ static bool make_publisher(
   rcl_publisher_options_t options = rcl_publisher_get_default_options();
   options.qos = *profile;
   *publisher = rcl_get_zero_initialized_publisher();
-  return rcl_publisher_init(publisher, &node->node, type, topic, &options) == RCL_RET_OK;
-}
-
-bool fm_publisher_open(
-  const struct fm_node * node, rcl_publisher_t * publisher,
-  const rosidl_message_type_support_t * type, const char * topic,
-  const rmw_qos_profile_t * profile)
-{
-  const bool is_made = make_publisher(node, publisher, type, topic, profile);
+  const bool is_made =
+    rcl_publisher_init(publisher, &node->node, type, topic, &options) == RCL_RET_OK;
   if (!is_made) {
-    fm_log(node, FM_ERROR, "cannot advertise %s: %s", topic, rcl_get_error_string().str);
-    rcl_reset_error();
+    fm_log_failure(node, "cannot subscribe or advertise");
   }
   return is_made;
 }
@@ -92,11 +84,7 @@ bool fm_advertise(
 {
   rmw_qos_profile_t profile = rmw_qos_profile_default;  // reliable, volatile
   profile.depth = depth;
-  const bool is_made = make_publisher(node, publisher, type, topic, &profile);
-  if (!is_made) {
-    fm_log_failure(node, "cannot subscribe or advertise");
-  }
-  return is_made;
+  return fm_publisher_open(node, publisher, type, topic, &profile);
 }
 
 void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher)
@@ -104,6 +92,7 @@ void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher)
   if (publisher->impl != NULL) {
     fm_ignore(rcl_publisher_fini(publisher, &node->node));
   }
+  *publisher = rcl_get_zero_initialized_publisher();
 }
 
 size_t fm_listeners(const rcl_publisher_t * publisher)
@@ -120,6 +109,7 @@ bool fm_client_open(
   const rcl_client_options_t options = rcl_client_get_default_options();
   *client = rcl_get_zero_initialized_client();
   if (rcl_client_init(client, &node->node, type, name, &options) != RCL_RET_OK) {
+    fm_log_failure(node, "cannot subscribe or advertise");
     return false;
   }
   *end = (struct fm_service_client) {

@@ -83,13 +83,13 @@ bool fm_advertise(
   const struct fm_node * node, rcl_publisher_t * publisher,
   const rosidl_message_type_support_t * type, const char * topic, uint32_t depth);
 
-/// Make a client, and fill in what calls of the service need. Returns false, with the error of rcl
-/// set, and nothing to close.
+/// Make a client, and fill in what calls of the service need. Returns false, with the error
+/// logged, and nothing to close.
 bool fm_client_open(
   const struct fm_node * node, rcl_client_t * client, const rosidl_service_type_support_t * type,
   const char * name, struct fm_service_client * end);
 
-/// End a service, a publisher or a client; does nothing to a zeroed one.
+/// End a service, a publisher or a client; does nothing to a zeroed one. A publisher is zeroed.
 void fm_service_close(struct fm_node * node, rcl_service_t * service);
 void fm_publisher_close(struct fm_node * node, rcl_publisher_t * publisher);
 void fm_client_close(struct fm_node * node, rcl_client_t * client);

@@ -25,59 +25,6 @@
 #include "rmw_functions.h"
 #include "words.h"
 
-#define STAND_IN "fm_key"
-
-static char * resolve(const struct fm_node * node, const char * name, bool is_service)
-{
-  char * resolved = NULL;
-  if (rcl_node_resolve_name(
-      &node->node, name, node->allocator, is_service, false, &resolved) != RCL_RET_OK)
-  {
-    return NULL;
-  }
-  char * copy = fm_copy_of(resolved);
-  node->allocator.deallocate(resolved, node->allocator.state);
-  return copy;
-}
-
-char * fm_resolved_name(const struct fm_node * node, const char * name)
-{
-  return resolve(node, name, false);
-}
-
-char * fm_resolved_service(const struct fm_node * node, const char * name)
-{
-  return resolve(node, name, true);
-}
-
-char * fm_with_key(const char * name, const char * variable, const char * key)
-{
-  struct fm_text text = {NULL, 0, 0};
-  const char * const found = strstr(name, variable);
-  fm_text_add(
-    &text, "%.*s%s%s", (int)(found - name), name, key, found + strlen(variable));
-  return text.bytes;
-}
-
-// Resolve a name with a variable: another word stands for it meanwhile.
-static char * resolve_keyed(const struct fm_node * node, const struct fm_report_topic * topic)
-{
-  char * const name = fm_with_key(topic->name, topic->variable, STAND_IN);
-  char * const resolved = name == NULL ? NULL : fm_resolved_name(node, name);
-  char * const shown =
-    resolved == NULL ? NULL : fm_with_key(resolved, STAND_IN, topic->variable);
-  free(name);
-  free(resolved);
-  return shown;
-}
-
-char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic)
-{
-  return topic->kind >= FM_TRANSFORM ? fm_copy_of(topic->name) :
-         topic->variable[0] != '\0' ? resolve_keyed(node, topic) :
-         fm_resolved_name(node, topic->name);
-}
-
 // ---- subscriptions -----------------------------------------------------------------------------
 
 static rmw_qos_profile_t profile_of(struct fm_request request)

@@ -33,7 +33,8 @@ static bool make_locks(struct fm_node_actions * actions)
 {
   const struct fm_report_table * table = &actions->table->report;
   for (uint32_t k = 0; k < table->n_locks; ++k) {
-    actions->lock_names[k] = fm_resolved_name(actions->node, table->locks[k].topic);
+    actions->lock_names[k] =
+      fm_resolve(actions->node, &actions->memory, table->locks[k].topic, false);
     if (actions->lock_names[k] == NULL || !fm_advertise(
         actions->node, &actions->locks[k], ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool),
         table->locks[k].topic, DEPTH))
@@ -48,13 +49,9 @@ static bool make_client(
   struct fm_node_actions * actions, uint32_t action, uint32_t place,
   const rosidl_service_type_support_t * type, const char * name)
 {
-  const bool is_made = fm_client_open(
+  return fm_client_open(
     actions->node, &actions->clients[2u * action + place], type, name,
     &actions->ends[action].services[place]);
-  if (!is_made) {
-    fm_log_failure(actions->node, "cannot subscribe or advertise");
-  }
-  return is_made;
 }
 
 static bool make_transition(struct fm_node_actions * actions, uint32_t k)
@@ -64,8 +61,8 @@ static bool make_transition(struct fm_node_actions * actions, uint32_t k)
   struct fm_text change = {NULL, 0, 0};
   fm_text_add(&get, "%s/get_state", action->target);
   fm_text_add(&change, "%s/change_state", action->target);
-  actions->names[k] = fm_copy_of(action->target);
-  const bool is_good = actions->names[k] != NULL && make_client(
+  actions->names[k] = action->target;
+  const bool is_good = make_client(
     actions, k, 0, ROSIDL_GET_SRV_TYPE_SUPPORT(lifecycle_msgs, srv, GetState),
     fm_text_get(&get)) && make_client(
     actions, k, 1, ROSIDL_GET_SRV_TYPE_SUPPORT(lifecycle_msgs, srv, ChangeState),
@@ -78,17 +75,16 @@ static bool make_transition(struct fm_node_actions * actions, uint32_t k)
 static bool make_call(struct fm_node_actions * actions, uint32_t k)
 {
   const struct fm_action * action = &actions->table->report.actions[k];
-  if (!make_client(actions, k, 0, actions->table->action_types[k].service(), action->target)) {
-    return false;
-  }
-  actions->names[k] = fm_copy_of(actions->ends[k].services[0].name);
-  return actions->names[k] != NULL;
+  const bool is_made =
+    make_client(actions, k, 0, actions->table->action_types[k].service(), action->target);
+  actions->names[k] = actions->ends[k].services[0].name;
+  return is_made;
 }
 
 static bool make_publisher(struct fm_node_actions * actions, uint32_t k)
 {
   const struct fm_action * action = &actions->table->report.actions[k];
-  actions->names[k] = fm_resolved_name(actions->node, action->target);
+  actions->names[k] = fm_resolve(actions->node, &actions->memory, action->target, false);
   if (actions->names[k] == NULL || !fm_advertise(
       actions->node, &actions->publishers[k], actions->table->action_types[k].message(),
       action->target, DEPTH))
@@ -115,49 +111,32 @@ static bool make_actions(struct fm_node_actions * actions)
 bool fm_node_actions_begin(
   struct fm_node_actions * actions, struct fm_node * node, const struct fm_node_table * table)
 {
-  const size_t n_locks = table->report.n_locks + (size_t)1;
-  const size_t n = table->report.n_actions + (size_t)1;
-  memset(actions, 0, sizeof(*actions));
-  actions->node = node;
-  actions->table = table;
-  actions->locks = calloc(n_locks, sizeof(*actions->locks));
-  actions->lock_names = calloc(n_locks, sizeof(*actions->lock_names));
-  actions->publishers = calloc(n, sizeof(*actions->publishers));
-  actions->clients = calloc(2 * n, sizeof(*actions->clients));
-  actions->names = calloc(n, sizeof(*actions->names));
-  actions->ends = calloc(n, sizeof(*actions->ends));
-  actions->counts = calloc(n, sizeof(*actions->counts));
-  return actions->locks != NULL && actions->lock_names != NULL && actions->publishers != NULL &&
-         actions->clients != NULL && actions->names != NULL && actions->ends != NULL &&
-         actions->counts != NULL && make_locks(actions) && make_actions(actions);
-}
-
-static void end_action(struct fm_node_actions * actions, uint32_t k)
-{
-  fm_publisher_close(actions->node, &actions->publishers[k]);
-  for (uint32_t place = 2u * k; place < 2u * k + 2u; ++place) {
-    fm_client_close(actions->node, &actions->clients[place]);
-  }
-  free(actions->names[k]);
+  const uint32_t n_locks = table->report.n_locks;
+  const uint32_t n = table->report.n_actions;
+  struct fm_memory * memory = &actions->memory;
+  *actions = (struct fm_node_actions) {.node = node, .table = table};
+  actions->locks = fm_reserve(memory, n_locks, sizeof(*actions->locks));
+  actions->lock_names = fm_reserve(memory, n_locks, sizeof(*actions->lock_names));
+  actions->publishers = fm_reserve(memory, n, sizeof(*actions->publishers));
+  actions->clients = fm_reserve(memory, 2 * (size_t)n, sizeof(*actions->clients));
+  actions->names = fm_reserve(memory, n, sizeof(*actions->names));
+  actions->ends = fm_reserve(memory, n, sizeof(*actions->ends));
+  actions->counts = fm_reserve(memory, n, sizeof(*actions->counts));
+  return !memory->is_short && make_locks(actions) && make_actions(actions);
 }
 
 void fm_node_actions_end(struct fm_node_actions * actions)
 {
-  const uint32_t n = actions->counts == NULL ? 0 : actions->table->report.n_actions;
-  for (uint32_t k = 0; actions->counts != NULL && k < actions->table->report.n_locks; ++k) {
+  const bool is_made = actions->counts != NULL;  // the last array: all are there
+  for (uint32_t k = 0; is_made && k < actions->table->report.n_locks; ++k) {
     fm_publisher_close(actions->node, &actions->locks[k]);
-    free(actions->lock_names[k]);
   }
-  for (uint32_t k = 0; k < n; ++k) {
-    end_action(actions, k);
+  for (uint32_t k = 0; is_made && k < actions->table->report.n_actions; ++k) {
+    fm_publisher_close(actions->node, &actions->publishers[k]);
+    fm_client_close(actions->node, &actions->clients[2u * k]);
+    fm_client_close(actions->node, &actions->clients[2u * k + 1u]);
   }
-  free(actions->locks);
-  free(actions->lock_names);
-  free(actions->publishers);
-  free(actions->clients);
-  free(actions->names);
-  free(actions->ends);
-  free(actions->counts);
+  fm_memory_free(&actions->memory);
   memset(actions, 0, sizeof(*actions));
 }
 
@@ -204,7 +183,6 @@ void fm_node_actions_describe(const struct fm_node_actions * actions)
 {
   struct fm_lines lines = {NULL, 0, 0};
   fm_describe_actions(
-    &lines, &actions->table->report, (const char * const *)actions->lock_names,
-    (const char * const *)actions->names);
+    &lines, &actions->table->report, actions->lock_names, actions->names);
   fm_log_lines(actions->node, &lines);
 }

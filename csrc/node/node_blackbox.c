@@ -26,8 +26,8 @@
 #define END_TOPIC "~/blackbox_end"
 #define END_TYPE "std_msgs/msg/Header"
 
-// Return the whole path of a folder, which the caller frees; NULL if there is none, with errno.
-static char * whole_path(const char * folder)
+// Return the whole path of a folder; NULL if there is none, with errno.
+static const char * whole_path(struct fm_memory * memory, const char * folder)
 {
   const char * home = getenv("HOME");
   const bool is_at_home = folder[0] == '~' && (folder[1] == '/' || folder[1] == '\0');
@@ -43,38 +43,42 @@ static char * whole_path(const char * folder)
   while (path.length > 1 && path.bytes[path.length - 1] == '/') {
     path.bytes[--path.length] = '\0';
   }
-  return path.bytes;
+  const char * const whole = fm_reserve_text(memory, fm_text_get(&path));
+  fm_text_free(&path);
+  return whole;
 }
 
-static bool list_topics(
-  struct fm_node_blackbox * box, const struct fm_node_table * table, char * const * names)
+static struct fm_blackbox_topic * list_topics(
+  struct fm_node_blackbox * box, const struct fm_node_table * table, const char * const * names)
 {
   const uint32_t n = table->report.n_topics;
-  box->end_topic = fm_resolved_name(box->node, END_TOPIC);
-  box->topics = calloc(n + 1u, sizeof(*box->topics));
-  if (box->end_topic == NULL || box->topics == NULL) {
+  const char * end_topic = fm_resolve(box->node, &box->memory, END_TOPIC, false);
+  struct fm_blackbox_topic * topics = fm_reserve(&box->memory, n + 1u, sizeof(*topics));
+  if (end_topic == NULL || topics == NULL) {
     fm_log_failure(box->node, "cannot subscribe or advertise");
-    return false;
+    return NULL;
   }
   for (uint32_t k = 0; k < n; ++k) {
-    box->topics[k] = (struct fm_blackbox_topic) {
+    topics[k] = (struct fm_blackbox_topic) {
       names[k], table->report.topics[k].type, table->topics[k].definition};
   }
-  box->topics[n] = (struct fm_blackbox_topic) {box->end_topic, END_TYPE, table->end_definition};
-  return true;
+  topics[n] = (struct fm_blackbox_topic) {end_topic, END_TYPE, table->end_definition};
+  return topics;
 }
 
-static bool name_requirements(struct fm_node_blackbox * box, const struct fm_node_table * table)
+static struct fm_blackbox_requirement * name_requirements(
+  struct fm_node_blackbox * box, const struct fm_node_table * table)
 {
   const uint32_t n = table->report.n_requirements;
-  box->requirements = calloc(n + 1u, sizeof(*box->requirements));
-  for (uint32_t k = 0; box->requirements != NULL && k < n; ++k) {
+  struct fm_blackbox_requirement * requirements =
+    fm_reserve(&box->memory, n, sizeof(*requirements));
+  for (uint32_t k = 0; requirements != NULL && k < n; ++k) {
     const char * name = strstr(FM_HANDLER_TOPIC(table, k), FM_HANDLER);
-    box->requirements[k] = (struct fm_blackbox_requirement) {
+    requirements[k] = (struct fm_blackbox_requirement) {
       table->report.requirements[k].id,
       name == NULL ? FM_HANDLER_TOPIC(table, k) : name + strlen(FM_HANDLER)};
   }
-  return box->requirements != NULL;
+  return requirements;
 }
 
 static bool make_writer(struct fm_node_blackbox * box)
@@ -90,30 +94,26 @@ static bool make_writer(struct fm_node_blackbox * box)
 
 bool fm_node_blackbox_begin(
   struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
-  char * const * names, const struct fm_blackbox_settings * settings)
+  const char * const * names, const struct fm_blackbox_settings * settings)
 {
-  memset(box, 0, sizeof(*box));
-  box->node = node;
+  *box = (struct fm_node_blackbox) {.node = node};
   if (settings->folder[0] == '\0') {
     return true;
   }
-  box->folder = whole_path(settings->folder);
-  if (box->folder == NULL) {
+  const char * folder = whole_path(&box->memory, settings->folder);
+  if (folder == NULL) {
     fm_log(node, FM_ERROR, "parameter 'blackbox' is '%s', in a working directory that was "
       "deleted: give the whole path", settings->folder);
     return false;
   }
-  if (!list_topics(box, table, names) || !name_requirements(box, table)) {
-    return false;
-  }
   box->options = (struct fm_blackbox_options) {
-    .folder = box->folder, .lasts = (int64_t)(settings->seconds * 1e9),
+    .folder = folder, .lasts = (int64_t)(settings->seconds * 1e9),
     .memory = settings->memory, .disk = settings->disk, .files = settings->files,
     .after = FM_BLACKBOX_AFTER_NS, .poll = FM_BLACKBOX_POLL_NS,
     .node = rcl_node_get_fully_qualified_name(&node->node), .bundle = table->bundle,
-    .topics = box->topics, .n_topics = table->report.n_topics,
-    .requirements = box->requirements};
-  return make_writer(box);
+    .topics = list_topics(box, table, names), .n_topics = table->report.n_topics,
+    .requirements = name_requirements(box, table)};
+  return box->options.topics != NULL && box->options.requirements != NULL && make_writer(box);
 }
 
 bool fm_node_blackbox_start(struct fm_node_blackbox * box, struct fm_engine * engine)
@@ -143,9 +143,6 @@ void fm_node_blackbox_end(struct fm_node_blackbox * box)
   if (box->writer != NULL) {
     fm_blackbox_writer_destroy(box->writer);
   }
-  free(box->end_topic);
-  free(box->topics);
-  free(box->requirements);
-  free(box->folder);
+  fm_memory_free(&box->memory);
   memset(box, 0, sizeof(*box));
 }

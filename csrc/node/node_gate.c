@@ -110,22 +110,15 @@ static bool advertise(
   return true;
 }
 
-static void drop_next(struct fm_node_gate * gate)
-{
-  fm_publisher_close(gate->node, &gate->next);
-  gate->next = rcl_get_zero_initialized_publisher();
-}
-
 // Publish with a durability, once fm_node_gate_review finds the new publisher matched.
 static void follow(struct fm_node_gate * gate, bool is_durable)
 {
   const struct fm_target_decision decision =
     fm_gate_target_follow(gate->state, is_durable, fm_steady_now());
   if (decision.drops_next) {
-    drop_next(gate);
+    fm_publisher_close(gate->node, &gate->next);
   }
   if (decision.advertises && !advertise(gate, &gate->next, decision)) {
-    gate->next = rcl_get_zero_initialized_publisher();
     fm_gate_target_fail(gate->state);
   }
 }
@@ -197,8 +190,6 @@ void fm_node_gate_stop(struct fm_node_gate * gate)
     fm_relay_join(&gate->relay);
     fm_publisher_close(gate->node, &gate->next);
     fm_publisher_close(gate->node, &gate->publisher);
-    gate->publisher = rcl_get_zero_initialized_publisher();
-    gate->next = rcl_get_zero_initialized_publisher();
     fm_gate_target_destroy(gate->state);
     gate->state = NULL;
   }

@@ -24,19 +24,6 @@
 #include "endpoints.h"
 #include "rmw_functions.h"
 
-char * fm_node_name(const struct fm_node * node, const char * name)
-{
-  const char * const space = rcl_node_get_namespace(&node->node);
-  struct fm_text text = {NULL, 0, 0};
-  if (name[0] != '/') {
-    fm_text_add(&text, "%s%s", space, strcmp(space, "/") == 0 ? "" : "/");
-  }
-  fm_text_add(&text, "%s", name);
-  char * const full = fm_copy_of(fm_text_get(&text));
-  fm_text_free(&text);
-  return full;
-}
-
 static bool is_of_topic(const struct fm_graph_source * source)
 {
   return source->kind == FM_GRAPH_PUBLISHERS || source->kind == FM_GRAPH_SUBSCRIBERS;
@@ -45,13 +32,13 @@ static bool is_of_topic(const struct fm_graph_source * source)
 static bool find_names(struct fm_node_graph * graph, const struct fm_graph_source * sources)
 {
   for (uint32_t k = 0; k < graph->n; ++k) {
-    graph->names[k] = is_of_topic(&sources[k]) ? fm_resolved_name(graph->node, sources[k].name) :
-      fm_node_name(graph->node, sources[k].name);
-    if (graph->names[k] == NULL) {
+    graph->sources[k] = sources[k];
+    graph->sources[k].name = is_of_topic(&sources[k]) ?
+      fm_resolve(graph->node, &graph->memory, sources[k].name, false) :
+      fm_node_name(graph->node, &graph->memory, sources[k].name);
+    if (graph->sources[k].name == NULL) {
       return false;
     }
-    graph->sources[k] = sources[k];
-    graph->sources[k].name = graph->names[k];
   }
   return true;
 }
@@ -61,7 +48,7 @@ static bool make_client(
   const char * service)
 {
   struct fm_text name = {NULL, 0, 0};
-  fm_text_add(&name, "%s/%s", graph->names[k], service);
+  fm_text_add(&name, "%s/%s", graph->sources[k].name, service);
   const bool is_made = fm_client_open(
     graph->node, &graph->clients[k], type, fm_text_get(&name), &graph->services[k]);
   fm_text_free(&name);
@@ -92,14 +79,13 @@ bool fm_node_graph_begin(
   if (n == 0) {
     return true;
   }
-  *graph = (struct fm_node_graph) {
-    node, calloc(n, sizeof(*graph->sources)), calloc(n, sizeof(*graph->names)),
-    calloc(n, sizeof(*graph->own)), calloc(n, sizeof(*graph->clients)),
-    calloc(n, sizeof(*graph->services)), table->n_in_graph, NULL, true};
-  if (graph->sources != NULL && graph->names != NULL && graph->own != NULL &&
-    graph->clients != NULL && graph->services != NULL && find_names(graph, table->in_graph) &&
-    make_clients(graph))
-  {
+  struct fm_memory * memory = &graph->memory;
+  *graph = (struct fm_node_graph) {.node = node, .n = table->n_in_graph, .has_changed = true};
+  graph->sources = fm_reserve(memory, n, sizeof(*graph->sources));
+  graph->own = fm_reserve(memory, n, sizeof(*graph->own));
+  graph->clients = fm_reserve(memory, n, sizeof(*graph->clients));
+  graph->services = fm_reserve(memory, n, sizeof(*graph->services));
+  if (!memory->is_short && find_names(graph, table->in_graph) && make_clients(graph)) {
     graph->watch = fm_graph_create(
       engine, &fm_rmw_graph, &fm_rmw_services, rcl_node_get_rmw_handle(&node->node),
       graph->sources, graph->services, graph->n, fm_steady_now());
@@ -121,7 +107,7 @@ int64_t fm_node_graph_review(
   graph->has_changed = false;
   for (uint32_t k = 0; k < graph->n; ++k) {
     graph->own[k] = graph->sources[k].kind == FM_GRAPH_SUBSCRIBERS ?
-      count_own(context, graph->names[k]) : 0;
+      count_own(context, graph->sources[k].name) : 0;
   }
   return fm_graph_review(graph->watch, fm_steady_now(), has_changed, graph->own);
 }
@@ -132,13 +118,6 @@ void fm_node_graph_end(struct fm_node_graph * graph)
   for (uint32_t k = 0; graph->clients != NULL && k < graph->n; ++k) {
     fm_client_close(graph->node, &graph->clients[k]);
   }
-  for (uint32_t k = 0; graph->names != NULL && k < graph->n; ++k) {
-    free(graph->names[k]);
-  }
-  free(graph->sources);
-  free(graph->names);
-  free(graph->own);
-  free(graph->clients);
-  free(graph->services);
+  fm_memory_free(&graph->memory);
   memset(graph, 0, sizeof(*graph));
 }

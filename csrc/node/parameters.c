@@ -496,14 +496,15 @@ static void refuse_publishers(
   const struct fm_parameters * parameters, const char * topic, struct fm_text * problems)
 {
   struct fm_text prefix = {NULL, 0, 0};
-  char * resolved = fm_resolved_name(parameters->node, topic);
+  struct fm_memory memory = {NULL, false};
+  const char * resolved = fm_resolve(parameters->node, &memory, topic, false);
   fm_text_add(&prefix, OVERRIDES "%s.publisher", resolved == NULL ? "" : resolved);
   for (size_t k = 0; resolved != NULL && k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
       fm_text_join(problems, "\n", FM_WORDS_OF_VIOLATIONS, parameters->given[k].name);
     }
   }
-  free(resolved);
+  fm_memory_free(&memory);
   fm_text_free(&prefix);
 }
 
@@ -511,18 +512,19 @@ static void refuse_publishers(
 static struct fm_fixed_qos * read_overrides_of(
   struct fm_parameters * parameters, const struct fm_node_table * table, struct fm_text * problems)
 {
+  struct fm_memory memory = {NULL, false};
   struct fm_fixed_qos * fixed = calloc(table->report.n_topics + 1u, sizeof(*fixed));
   for (uint32_t k = 0; fixed != NULL && k < table->report.n_topics; ++k) {
-    char * topic = table->report.topics[k].variable[0] != '\0' ? NULL :
-      fm_resolved_name(parameters->node, table->report.topics[k].name);
+    const char * topic = table->report.topics[k].variable[0] != '\0' ? NULL :
+      fm_resolve(parameters->node, &memory, table->report.topics[k].name, false);
     fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
       apply_overrides(parameters, &fixed[k], topic);
     } else {
       rcl_reset_error();  // refused when the node is configured
     }
-    free(topic);
   }
+  fm_memory_free(&memory);
   for (uint32_t k = 0; k < table->report.n_used; ++k) {
     if (table->report.topics[k].kind == FM_ANNOUNCED) {
       refuse_publishers(parameters, table->report.topics[k].name, problems);

@@ -179,17 +179,6 @@ static bool make_messages(struct fm_service_gate * gate)
     &gate->refusal, &fm_rmw_services, about->substitute, about->substitute_size);
 }
 
-static bool make_client(struct fm_service_gate * gate)
-{
-  struct fm_service_client unused;
-  const bool is_made = fm_client_open(
-    gate->node, &gate->client, support_of(gate), gate->table->gate->to, &unused);
-  if (!is_made) {
-    fm_log_failure(gate->node, "cannot subscribe or advertise");
-  }
-  return is_made;
-}
-
 bool fm_service_gate_open(
   struct fm_service_gate * gate, struct fm_node * node, const struct fm_node_table * table,
   const struct fm_node_clock * clock, struct fm_engine * engine)
@@ -200,7 +189,9 @@ bool fm_service_gate_open(
     fm_log(node, FM_ERROR, "the gate cannot be made: memory is short");
     return false;
   }
-  return make_client(gate) && fm_service_open(
+  struct fm_service_client unused;
+  return fm_client_open(
+    node, &gate->client, support_of(gate), table->gate->to, &unused) && fm_service_open(
     node, &gate->service, support_of(gate), table->gate->name, &rmw_qos_profile_services_default);
 }
 

@@ -36,159 +36,126 @@
 
 // ---- what is advertised ------------------------------------------------------------------------
 
-static void free_names(char ** names, uint32_t n)
-{
-  for (uint32_t k = 0; names != NULL && k < n; ++k) {
-    free(names[k]);
-  }
-  free(names);
-}
-
-// The full names of the topics that the node uses; NULL, with the error logged, if one has none.
-static char ** resolve_used(const struct fm_session * session)
+// The full names of the topics that the node uses, first those of the inputs. Returns false, with
+// the error logged, if one has none.
+static bool resolve_used(struct fm_session * session)
 {
   const struct fm_report_table * table = &session->table->report;
-  char ** names = calloc(table->n_used, sizeof(*names));
-  for (uint32_t k = 0; names != NULL && k < table->n_used; ++k) {
-    names[k] = fm_topic_name(session->node, &table->topics[k]);
-    if (names[k] == NULL) {
-      fm_log_failure(session->node, "cannot subscribe or advertise");
-      free_names(names, k);
-      return NULL;
-    }
+  const char ** names = fm_reserve(&session->configured, table->n_used, sizeof(*names));
+  bool is_good = names != NULL;
+  for (uint32_t k = 0; is_good && k < table->n_used; ++k) {
+    names[k] = fm_topic_name(session->node, &session->configured, &table->topics[k]);
+    is_good = names[k] != NULL;
   }
-  return names;
+  if (!is_good) {
+    fm_log_failure(session->node, "cannot subscribe or advertise");
+  }
+  session->topic_names = names;
+  return is_good;
 }
 
 // The names of the topics of inputs, as reports show them.
-static char ** name_shown(const struct fm_session * session)
+static bool name_shown(struct fm_session * session)
 {
   const struct fm_report_table * table = &session->table->report;
-  char ** names = calloc(table->n_topics + (size_t)1, sizeof(*names));
+  const char ** names = fm_reserve(&session->configured, table->n_topics, sizeof(*names));
+  struct fm_text text = {NULL, 0, 0};
   for (uint32_t k = 0; names != NULL && k < table->n_topics; ++k) {
-    struct fm_text text = {NULL, 0, 0};
-    fm_text_add(&text, "%s", session->topic_names[k]);
-    if (table->topics[k].where[0] != '\0') {
-      fm_text_add(&text, " where %s", table->topics[k].where);
-    }
-    names[k] = fm_copy_of(fm_text_get(&text));
-    fm_text_free(&text);
+    const bool is_some = table->topics[k].where[0] != '\0';
+    fm_text_clear(&text);
+    fm_text_add(&text, "%s%s%s", session->topic_names[k], is_some ? " where " : "",
+      table->topics[k].where);
+    names[k] = fm_reserve_text(&session->configured, fm_text_get(&text));
   }
-  return names;
+  fm_text_free(&text);
+  session->shown_names = names;
+  return !session->configured.is_short;
 }
 
 static bool refuse_merged(const struct fm_session * session)
 {
   struct fm_lines lines = {NULL, 0, 0};
   const bool is_good = !fm_find_merged(
-    &lines, &session->table->report, (const char * const *)session->topic_names);
+    &lines, &session->table->report, session->topic_names);
   fm_log_lines(session->node, &lines);
   return is_good;
 }
 
-// Late subscriptions get the last verdict, or margin.
-static rmw_qos_profile_t latched(void)
-{
-  rmw_qos_profile_t profile = rmw_qos_profile_default;
-  profile.depth = 1;
-  profile.durability = RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL;
-  return profile;
-}
-
-// Close the publishers of all requirements, those that were opened.
-static void withdraw_each(const struct fm_session * session, rcl_publisher_t ** publishers)
-{
-  const uint32_t n = *publishers == NULL ? 0 : session->table->report.n_requirements;
-  for (uint32_t k = 0; k < n; ++k) {
-    fm_publisher_close(session->node, &(*publishers)[k]);
-  }
-  free(*publishers);
-  *publishers = NULL;
-}
-
 // Advertise a topic for each requirement, which the function names. Returns the publishers; NULL,
-// with the error logged, if one cannot be made.
+// with the error logged, if one cannot be made. Late subscriptions to one that is latched get the
+// last message.
 static rcl_publisher_t * advertise_each(
-  const struct fm_session * session, const rosidl_message_type_support_t * type,
-  const char * (* topic_of)(const struct fm_report_requirement *))
+  struct fm_session * session, const rosidl_message_type_support_t * type,
+  const char * (* topic_of)(const struct fm_report_table *, uint32_t), bool is_latched)
 {
   const struct fm_report_table * table = &session->table->report;
-  const rmw_qos_profile_t profile = latched();
-  rcl_publisher_t * publishers = calloc(table->n_requirements + (size_t)1, sizeof(*publishers));
+  rcl_publisher_t * publishers =
+    fm_reserve(&session->configured, table->n_requirements, sizeof(*publishers));
+  rmw_qos_profile_t profile = rmw_qos_profile_default;  // reliable, volatile
+  profile.depth = is_latched ? 1u : session->settings.handler_depth;
+  profile.durability = is_latched ? RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL : profile.durability;
   bool is_good = publishers != NULL;
   for (uint32_t k = 0; is_good && k < table->n_requirements; ++k) {
     is_good = fm_publisher_open(
-      session->node, &publishers[k], type, topic_of(&table->requirements[k]), &profile);
+      session->node, &publishers[k], type, topic_of(table, k), &profile);
   }
-  if (!is_good) {
-    withdraw_each(session, &publishers);
+  for (uint32_t k = 0; !is_good && publishers != NULL && k < table->n_requirements; ++k) {
+    fm_publisher_close(session->node, &publishers[k]);
   }
-  return publishers;
+  return is_good ? publishers : NULL;
 }
 
-static const char * verdict_topic(const struct fm_report_requirement * requirement)
+static const char * handler_topic(const struct fm_report_table * table, uint32_t requirement)
 {
-  return requirement->verdict_topic;
+  return table->topics[table->n_topics + requirement].name;
 }
 
-static const char * margin_topic(const struct fm_report_requirement * requirement)
+static const char * verdict_topic(const struct fm_report_table * table, uint32_t requirement)
 {
-  return requirement->margin_topic;
+  return table->requirements[requirement].verdict_topic;
+}
+
+static const char * margin_topic(const struct fm_report_table * table, uint32_t requirement)
+{
+  return table->requirements[requirement].margin_topic;
 }
 
 static bool advertise_verdicts(struct fm_session * session)
 {
   session->verdicts = advertise_each(
-    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool), verdict_topic);
+    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool), verdict_topic, true);
   return session->verdicts != NULL;
+}
+
+// False, with the error logged, where there are no margins.
+static bool advertise_margins(struct fm_session * session)
+{
+  const struct fm_report_table * table = &session->table->report;
+  bool has_all = true;
+  for (uint32_t k = 0; k < table->n_requirements; ++k) {
+    has_all = has_all && margin_topic(table, k)[0] != '\0';
+  }
+  if (table->gate != NULL || !has_all) {
+    fm_log(session->node, FM_ERROR, "%s",
+      table->gate != NULL ? FM_WORDS_NO_MARGINS_OF_GATES : FM_WORDS_NO_MARGINS);
+    return false;
+  }
+  session->margins = advertise_each(
+    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64), margin_topic, true);
+  return session->margins != NULL;
 }
 
 static bool advertise_all(struct fm_session * session)
 {
-  const uint32_t n = session->table->report.n_requirements;
-  session->handlers = calloc(n + 1u, sizeof(*session->handlers));
-  if (session->handlers == NULL) {
-    return false;
-  }
-  for (; session->n_handlers < n; ++session->n_handlers) {
-    if (!fm_advertise(
-        session->node, &session->handlers[session->n_handlers],
-        ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty),
-        FM_HANDLER_TOPIC(session->table, session->n_handlers), session->settings.handler_depth))
-    {
-      return false;
-    }
-  }
-  return fm_advertise(
+  session->handlers = advertise_each(
+    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty), handler_topic, false);
+  return session->handlers != NULL && fm_advertise(
     session->node, &session->details,
     ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), FM_DETAILS_TOPIC,
     session->settings.handler_depth) &&
          (!session->settings.publishes_verdicts || advertise_verdicts(session)) &&
-         fm_node_actions_begin(&session->actions, session->node, session->table);
-}
-
-static bool has_margins(const struct fm_report_table * table)
-{
-  bool has_all = true;
-  for (uint32_t k = 0; k < table->n_requirements; ++k) {
-    has_all = has_all && table->requirements[k].margin_topic[0] != '\0';
-  }
-  return has_all;
-}
-
-// Advertise the margins; false, with the error logged, where there are none.
-static bool advertise_margins(struct fm_session * session)
-{
-  const struct fm_node_table * table = session->table;
-  const char * reason = table->gate != NULL ? FM_WORDS_NO_MARGINS_OF_GATES :
-    !has_margins(&table->report) ? FM_WORDS_NO_MARGINS : NULL;
-  if (reason != NULL) {
-    fm_log(session->node, FM_ERROR, "%s", reason);
-    return false;
-  }
-  session->margins = advertise_each(
-    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64), margin_topic);
-  return session->margins != NULL;
+         fm_node_actions_begin(&session->actions, session->node, session->table) &&
+         (!session->settings.has_margins || advertise_margins(session));
 }
 
 // Resolve the names of the gate.
@@ -198,10 +165,10 @@ static bool name_gate(struct fm_session * session)
   if (gate == NULL) {
     return true;
   }
-  char * (* const resolve)(const struct fm_node *, const char *) =
-    gate->service != NULL ? fm_resolved_service : fm_resolved_name;
-  session->gate_source = resolve(session->node, gate->name);
-  session->gate_target = resolve(session->node, gate->to);
+  const bool is_service = gate->service != NULL;
+  session->gate_source =
+    fm_resolve(session->node, &session->configured, gate->name, is_service);
+  session->gate_target = fm_resolve(session->node, &session->configured, gate->to, is_service);
   if (session->gate_source == NULL || session->gate_target == NULL) {
     fm_log_failure(session->node, "cannot subscribe or advertise");
     return false;
@@ -213,18 +180,11 @@ bool fm_session_configure(
   struct fm_session * session, const struct fm_node_table * table, struct fm_node * node,
   struct fm_node_clock * clock, const struct fm_settings * settings)
 {
-  memset(session, 0, sizeof(*session));
-  session->table = table;
-  session->node = node;
-  session->clock = clock;
-  session->settings = *settings;
-  session->is_configured = true;
-  session->topic_names = resolve_used(session);  // first those of the inputs
-  session->shown_names = session->topic_names == NULL ? NULL : name_shown(session);
-  if (session->shown_names == NULL || !fm_node_blackbox_begin(
+  *session = (struct fm_session) {
+    .table = table, .node = node, .clock = clock, .settings = *settings, .is_configured = true};
+  if (!resolve_used(session) || !name_shown(session) || !fm_node_blackbox_begin(
       &session->blackbox, node, table, session->topic_names, &settings->blackbox) ||
-    !name_gate(session) || !refuse_merged(session) || !advertise_all(session) ||
-    (settings->has_margins && !advertise_margins(session)))
+    !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
   {
     fm_session_release(session);
     return false;
@@ -234,25 +194,19 @@ bool fm_session_configure(
 
 void fm_session_release(struct fm_session * session)
 {
+  rcl_publisher_t * const publishers[] =
+  {session->handlers, session->verdicts, session->margins};
   fm_session_deactivate(session);
-  for (uint32_t k = 0; k < session->n_handlers; ++k) {
-    fm_publisher_close(session->node, &session->handlers[k]);
+  for (size_t k = 0; k < sizeof(publishers) / sizeof(publishers[0]); ++k) {
+    for (uint32_t r = 0; publishers[k] != NULL && r < session->table->report.n_requirements; ++r) {
+      fm_publisher_close(session->node, &publishers[k][r]);
+    }
   }
-  free(session->handlers);
-  session->handlers = NULL;
-  session->n_handlers = 0;
-  withdraw_each(session, &session->verdicts);
-  withdraw_each(session, &session->margins);
   fm_publisher_close(session->node, &session->details);
   fm_node_actions_end(&session->actions);
   fm_node_blackbox_end(&session->blackbox);
-  free_names(session->topic_names, session->table->report.n_used);
-  free_names(session->shown_names, session->table->report.n_topics);
-  session->topic_names = session->shown_names = NULL;
-  free(session->gate_source);
-  free(session->gate_target);
-  session->gate_source = session->gate_target = NULL;
-  session->is_configured = false;
+  fm_memory_free(&session->configured);
+  memset(session, 0, sizeof(*session));
 }
 
 // ---- the engine --------------------------------------------------------------------------------
@@ -341,17 +295,16 @@ static struct fm_scopes * make_scopes(struct fm_session * session)
   const struct fm_node_table * table = session->table;
   const uint32_t n = table->report.n_kinds;
   const struct fm_evaluator_options bundle = options_of(table, &table->scope);
-  struct fm_evaluator_options * options = calloc(n + (size_t)1, sizeof(*options));
-  session->kinds = calloc(n + (size_t)1, sizeof(*session->kinds));
-  session->kind_options = options;
-  if (options == NULL || session->kinds == NULL) {
+  struct fm_evaluator_options * options = fm_reserve(&session->active, n, sizeof(*options));
+  struct fm_kind * kinds = fm_reserve(&session->active, n, sizeof(*kinds));
+  if (session->active.is_short) {
     return NULL;
   }
-  describe_kinds(table, options, session->kinds);
+  describe_kinds(table, options, kinds);
   uint64_t seed[2];
   make_seed(seed);
   const struct fm_scopes_options all = {
-    .bundle = &bundle, .kinds = session->kinds, .n_kinds = n,
+    .bundle = &bundle, .kinds = kinds, .n_kinds = n,
     .n_aggregates = table->n_aggregates, .aggregates = table->aggregates, .seed = seed};
   void * memory = reserve(session, fm_scopes_bytes(&all));
   if (memory != NULL) {
@@ -364,18 +317,12 @@ static struct fm_scopes * make_scopes(struct fm_session * session)
 static bool follow_derived(struct fm_session * session)
 {
   const uint32_t n = session->table->n_derived;
-  struct fm_derived_topic * topics = calloc(n + (size_t)1, sizeof(*topics));
-  session->node_names = calloc(n + (size_t)1, sizeof(*session->node_names));
-  bool is_good = topics != NULL && session->node_names != NULL;
-  for (uint32_t k = 0; is_good && k < n; ++k) {
+  struct fm_derived_topic * topics = fm_reserve(&session->active, n, sizeof(*topics));
+  for (uint32_t k = 0; topics != NULL && k < n; ++k) {
     topics[k] = session->table->derived[k];
-    session->node_names[k] = fm_node_name(session->node, topics[k].node);
-    topics[k].node = session->node_names[k];
-    is_good = topics[k].node != NULL;
+    topics[k].node = fm_node_name(session->node, &session->active, topics[k].node);
   }
-  is_good = is_good && fm_engine_follow_derived(session->engine, topics, n);
-  free(topics);
-  return is_good;
+  return !session->active.is_short && fm_engine_follow_derived(session->engine, topics, n);
 }
 
 static bool make_engine(struct fm_session * session)
@@ -407,10 +354,12 @@ static bool make_engine(struct fm_session * session)
     session->gate_target);
 }
 
-// The middleware's handles of publishers; NULL if memory is short. The caller frees them.
-static void ** handles_of(const rcl_publisher_t * publishers, uint32_t n)
+// The middleware's handles of publishers, as long as the session is active; NULL if there are
+// none, or memory is short.
+static void ** handles_of(struct fm_session * session, const rcl_publisher_t * publishers)
 {
-  void ** handles = calloc(n + (size_t)1, sizeof(*handles));
+  const uint32_t n = session->table->report.n_requirements;
+  void ** handles = publishers == NULL ? NULL : fm_reserve(&session->active, n, sizeof(*handles));
   for (uint32_t k = 0; handles != NULL && k < n; ++k) {
     handles[k] = rcl_publisher_get_rmw_handle(&publishers[k]);
   }
@@ -419,33 +368,25 @@ static void ** handles_of(const rcl_publisher_t * publishers, uint32_t n)
 
 static bool start_announcer(struct fm_session * session)
 {
-  const uint32_t n_locks = session->table->report.n_locks;
-  void ** publishers = handles_of(session->handlers, session->n_handlers);
-  const uint32_t n_margins = session->margins == NULL ? 0 : session->n_handlers;
-  void ** margins = handles_of(session->margins, n_margins);
-  struct fm_lock * locks = calloc(n_locks + (size_t)1, sizeof(*locks));
-  bool is_started = publishers != NULL && margins != NULL && locks != NULL;
-  if (is_started) {
-    fm_node_actions_locks(&session->actions, locks);
-    is_started = fm_announcer_start(
-      &session->announcer, session->engine, fm_node_middleware(), publishers,
-      session->n_handlers, locks, n_locks, n_margins > 0 ? margins : NULL);
+  const struct fm_report_table * table = &session->table->report;
+  void ** publishers = handles_of(session, session->handlers);
+  void ** margins = handles_of(session, session->margins);
+  struct fm_lock * locks = fm_reserve(&session->active, table->n_locks, sizeof(*locks));
+  if (session->active.is_short) {
+    return false;
   }
-  free(publishers);
-  free(margins);
-  free(locks);
-  return is_started;
+  fm_node_actions_locks(&session->actions, locks);
+  return fm_announcer_start(
+    &session->announcer, session->engine, fm_node_middleware(), publishers,
+    table->n_requirements, locks, table->n_locks, margins);
 }
 
 static bool start_verdicts(struct fm_session * session)
 {
-  const uint32_t n = session->verdicts == NULL ? 0 : session->table->report.n_requirements;
-  void ** publishers = handles_of(session->verdicts, n);
-  const bool is_started = publishers != NULL && (session->verdicts == NULL ||
-    fm_verdict_thread_start(
-      &session->verdict_thread, session->engine, fm_node_middleware(), publishers, n));
-  free(publishers);
-  return is_started;
+  void ** publishers = handles_of(session, session->verdicts);
+  return session->verdicts == NULL || (publishers != NULL && fm_verdict_thread_start(
+           &session->verdict_thread, session->engine, fm_node_middleware(), publishers,
+           session->table->report.n_requirements));
 }
 
 static bool start_threads(struct fm_session * session)
@@ -514,7 +455,7 @@ static bool subscribe_all(struct fm_session * session)
 static bool subscribe_bound(struct fm_session * session)
 {
   const struct fm_bound_options options = {
-    session->node, session->table, (const char * const *)session->topic_names,
+    session->node, session->table, session->topic_names,
     session->settings.fixed, session->settings.taking};
   return session->table->report.n_kinds == 0 || (
     fm_bound_begin(&session->bound, &options) &&
@@ -530,7 +471,7 @@ bool fm_session_activate(struct fm_session * session)
   session->reporter = (struct fm_reporter) {
     &session->table->report, session->table->scope.monitor(), session->engine,
     rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
-    (const char * const *)session->shown_names};
+    session->shown_names};
   fm_engine_follow_steady(session->engine);
   if (session->clock->is_simulated) {
     fm_engine_follow_clock(session->engine, fm_clock_read, session->clock, false);
@@ -572,19 +513,17 @@ void fm_session_deactivate(struct fm_session * session)
   fm_announcer_join(&session->announcer);
   fm_verdict_thread_join(&session->verdict_thread);
   fm_node_blackbox_stop(&session->blackbox);
-  if (session->engine != NULL && is_over) {
-    fm_engine_destroy(session->engine);
+  if (is_over) {
+    if (session->engine != NULL) {
+      fm_engine_destroy(session->engine);
+    }
     fm_node_gate_end(&session->gate);
     free(session->memory);
-    free(session->kinds);
-    free(session->kind_options);
-    free_names(session->node_names, session->table->n_derived);
+    fm_memory_free(&session->active);
   }
   session->engine = NULL;
   session->memory = NULL;
-  session->kinds = NULL;
-  session->kind_options = NULL;
-  session->node_names = NULL;
+  session->active = (struct fm_memory) {NULL, false};
 }
 
 // ---- while it runs -----------------------------------------------------------------------------

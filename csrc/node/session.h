@@ -42,24 +42,22 @@ struct fm_session
   struct fm_node * node;
   struct fm_node_clock * clock;
   struct fm_settings settings;
+  struct fm_memory configured;        // freed by fm_session_release
+  struct fm_memory active;            // freed by fm_session_deactivate
   rcl_publisher_t * handlers;         // a requirement
-  uint32_t n_handlers;
   rcl_publisher_t * verdicts;         // a requirement; NULL: they are not published
   rcl_publisher_t * margins;          // a requirement; NULL: they are not published
   rcl_publisher_t details;
   struct fm_node_actions actions;
   struct fm_node_blackbox blackbox;
   struct fm_node_gate gate;
-  char * gate_source;                 // full names; NULL: no gate
-  char * gate_target;
+  const char * gate_source;           // full names; NULL: no gate
+  const char * gate_target;
   void * memory;                      // of the evaluator, or of all scopes
-  struct fm_kind * kinds;             // of instances
-  struct fm_evaluator_options * kind_options;
   struct fm_engine * engine;
   struct fm_reporter reporter;
-  char ** topic_names;                // as resolved
-  char ** shown_names;                // as reports name them, of the topics of inputs
-  char ** node_names;                 // of the table's derived topics, in full
+  const char ** topic_names;          // as resolved
+  const char ** shown_names;          // as reports name them, of the topics of inputs
   struct fm_announcer * announcer;
   struct fm_verdict_thread * verdict_thread;
   struct fm_detail_thread * detail_thread;

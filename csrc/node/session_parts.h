@@ -69,6 +69,32 @@ int64_t fm_clock_now(const struct fm_node_clock * clock);
 /// Write the time of /clock; for fm_engine_follow_clock. Any thread. Returns 0.
 int fm_clock_read(void * clock, int64_t * nanoseconds);
 
+// ---- names -------------------------------------------------------------------------------------
+
+/// Resolve the name of a topic, or of a service, as the node does: namespace, remapping. NULL if
+/// it is not valid, with the error of rcl, or if memory is short, as of the next three.
+const char * fm_resolve(
+  const struct fm_node * node, struct fm_memory * memory, const char * name, bool is_service);
+
+/// A name with a key in place of a variable, which is in it.
+const char * fm_with_key(
+  struct fm_memory * memory, const char * name, const char * variable, const char * key);
+
+/// As fm_resolve, of a topic of the table; one whose messages are made has its own name. A
+/// variable stays in the name.
+const char * fm_topic_name(
+  const struct fm_node * node, struct fm_memory * memory, const struct fm_report_topic * topic);
+
+/// The full name of a node: in the namespace of this one, unless it begins with a slash.
+const char * fm_node_name(
+  const struct fm_node * node, struct fm_memory * memory, const char * name);
+
+/// Refuse gates in a circle, what else publishes on a topic of a gate, a lock or the node, actions
+/// that call the node itself, and two types of one topic or service. Topics of one bundle that are
+/// one are left to fm_session_configure. Returns false, with the problems logged.
+/// O(names * names).
+bool fm_refuse_names(const struct fm_node * node, const struct fm_node_tables * tables);
+
 // ---- a gate on a service -----------------------------------------------------------------------
 
 /// A request that waits for the answer of the server.
@@ -215,21 +241,6 @@ struct fm_mapped_topic
   bool is_leaked;                    // the middleware may still call back for a closed one
 };
 
-/// Resolve the name of a topic as the node does: namespace, remapping. The caller frees it. NULL
-/// if it is not valid; the error of rcl is set.
-char * fm_resolved_name(const struct fm_node * node, const char * name);
-
-/// The same, of a service.
-char * fm_resolved_service(const struct fm_node * node, const char * name);
-
-/// A name with a key in place of a variable, which is in it. The caller frees it. NULL if memory
-/// is short.
-char * fm_with_key(const char * name, const char * variable, const char * key);
-
-/// As fm_resolved_name, of a topic of the table; one whose messages are made has its own name. A
-/// variable stays in the name.
-char * fm_topic_name(const struct fm_node * node, const struct fm_report_topic * topic);
-
 /// Subscribe; no message is taken before fm_topic_start. `name`: the resolved one; it outlives the
 /// topic. Returns false, with the error logged.
 bool fm_topic_open(
@@ -309,19 +320,15 @@ bool fm_bound_end(struct fm_bound_topics * bound);
 struct fm_node_graph
 {
   struct fm_node * node;
-  struct fm_graph_source * sources;
-  char ** names;        // of each, in full
-  uint32_t * own;       // subscriptions of this node
-  rcl_client_t * clients;  // of states and parameters
+  struct fm_memory memory;     // of the next four
+  struct fm_graph_source * sources;  // with full names
+  uint32_t * own;              // subscriptions of this node
+  rcl_client_t * clients;      // of states and parameters
   struct fm_service_client * services;
   uint32_t n;
   struct fm_graph * watch;
   bool has_changed;     // the graph, since the last look
 };
-
-/// The full name of a node: in the namespace of this one, unless it begins with a slash. NULL if
-/// memory is short. The caller frees it.
-char * fm_node_name(const struct fm_node * node, const char * name);
 
 /// Prepare to look, for an engine, which outlives it. Returns false, with the error logged.
 bool fm_node_graph_begin(
@@ -344,11 +351,12 @@ struct fm_node_actions
 {
   struct fm_node * node;
   const struct fm_node_table * table;
+  struct fm_memory memory;          // of the next seven
   rcl_publisher_t * locks;          // of each lock
   rcl_publisher_t * publishers;     // of each action that publishes
   rcl_client_t * clients;           // two for each action
-  char ** lock_names;               // full names
-  char ** names;
+  const char ** lock_names;         // full names
+  const char ** names;
   struct fm_action_ends * ends;
   struct fm_action_facts * counts;  // at the last look
   struct fm_actions * thread;       // NULL: it does not run
@@ -394,17 +402,14 @@ struct fm_node_blackbox
   struct fm_node * node;
   struct fm_blackbox_writer * writer;  // NULL: there is no black box
   struct fm_blackbox_options options;
-  struct fm_blackbox_topic * topics;
-  struct fm_blackbox_requirement * requirements;
-  char * folder;                       // its whole path
-  char * end_topic;                    // the full name of that with the end of the recording
+  struct fm_memory memory;             // of what the options point to
 };
 
 /// Prepare the folder and the memory. `names`: the full names of the topics of the table; they
 /// outlive it. Returns false, with the reason logged. O(topics + memory).
 bool fm_node_blackbox_begin(
   struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
-  char * const * names, const struct fm_blackbox_settings * settings);
+  const char * const * names, const struct fm_blackbox_settings * settings);
 
 /// Keep the messages of an engine, which delivers none yet. Returns false if no thread can be
 /// started.
@@ -434,13 +439,5 @@ uint64_t fm_detail_thread_turns(const struct fm_detail_thread * thread);
 /// Wait until the thread has emptied its queue, and free it. The engine is closed before. NULL is
 /// allowed.
 void fm_detail_thread_join(struct fm_detail_thread * thread);
-
-// ---- names -------------------------------------------------------------------------------------
-
-/// Refuse gates in a circle, what else publishes on a topic of a gate, a lock or the node, actions
-/// that call the node itself, and two types of one topic or service. Topics of one bundle that are
-/// one are left to fm_session_configure. Returns false, with the problems logged.
-/// O(names * names).
-bool fm_refuse_names(const struct fm_node * node, const struct fm_node_tables * tables);
 
 #endif  // SESSION_PARTS_H_

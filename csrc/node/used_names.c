@@ -17,8 +17,70 @@
 #include "session_parts.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "shared_names.h"
+
+#define STAND_IN "fm_key"
+
+const char * fm_resolve(
+  const struct fm_node * node, struct fm_memory * memory, const char * name, bool is_service)
+{
+  char * resolved = NULL;
+  if (rcl_node_resolve_name(
+      &node->node, name, node->allocator, is_service, false, &resolved) != RCL_RET_OK)
+  {
+    return NULL;
+  }
+  const char * copy = fm_reserve_text(memory, resolved);
+  node->allocator.deallocate(resolved, node->allocator.state);
+  return copy;
+}
+
+static const char * in_memory(struct fm_memory * memory, struct fm_text * text)
+{
+  const char * copy = fm_reserve_text(memory, fm_text_get(text));
+  fm_text_free(text);
+  return copy;
+}
+
+const char * fm_with_key(
+  struct fm_memory * memory, const char * name, const char * variable, const char * key)
+{
+  struct fm_text text = {NULL, 0, 0};
+  const char * const found = strstr(name, variable);
+  fm_text_add(&text, "%.*s%s%s", (int)(found - name), name, key, found + strlen(variable));
+  return in_memory(memory, &text);
+}
+
+// In a name with a variable another word stands for it while it is resolved.
+const char * fm_topic_name(
+  const struct fm_node * node, struct fm_memory * memory, const struct fm_report_topic * topic)
+{
+  if (topic->kind >= FM_TRANSFORM) {
+    return fm_reserve_text(memory, topic->name);
+  }
+  if (topic->variable[0] == '\0') {
+    return fm_resolve(node, memory, topic->name, false);
+  }
+  const char * const name = fm_with_key(memory, topic->name, topic->variable, STAND_IN);
+  const char * const full = name == NULL ? NULL : fm_resolve(node, memory, name, false);
+  return full == NULL ? NULL : fm_with_key(memory, full, STAND_IN, topic->variable);
+}
+
+const char * fm_node_name(
+  const struct fm_node * node, struct fm_memory * memory, const char * name)
+{
+  const char * const space = rcl_node_get_namespace(&node->node);
+  struct fm_text text = {NULL, 0, 0};
+  if (name[0] != '/') {
+    fm_text_add(&text, "%s%s", space, strcmp(space, "/") == 0 ? "" : "/");
+  }
+  fm_text_add(&text, "%s", name);
+  return in_memory(memory, &text);
+}
+
+// ---- all names of a node -----------------------------------------------------------------------
 
 // Topics of the node itself, and services that no action may call.
 static const char * const OWN_NAMES[] = {
@@ -30,24 +92,20 @@ struct used
   const struct fm_node * node;
   struct fm_use * uses;
   struct fm_typed_use * typed;
-  char ** names;          // full names, which the others point to
+  struct fm_memory memory;  // of all that it points to
   uint32_t n_uses;
   uint32_t n_typed;
-  uint32_t n_names;
   bool is_good;           // all names could be resolved
 };
 
 static const char * resolve(struct used * used, const char * name, bool is_service)
 {
-  char * full = is_service ?
-    fm_resolved_service(used->node, name) : fm_resolved_name(used->node, name);
+  const char * full = fm_resolve(used->node, &used->memory, name, is_service);
   if (full == NULL) {
     used->is_good = false;
     fm_log_failure(used->node, "cannot subscribe or advertise");
-    return "";
   }
-  used->names[used->n_names++] = full;
-  return full;
+  return full == NULL ? "" : full;
 }
 
 static void add_use(struct used * used, struct fm_use use)
@@ -161,7 +219,7 @@ static void add_all(struct used * used, const struct fm_node_tables * tables)
   }
 }
 
-// How many names, uses and types there are at most.
+// How many uses and types there are at most.
 static size_t most(const struct fm_node_tables * tables)
 {
   size_t n = OF_NODE + (size_t)tables->n_services + tables->tables[0]->report.n_used;
@@ -190,21 +248,15 @@ static bool is_clear(
 bool fm_refuse_names(const struct fm_node * node, const struct fm_node_tables * tables)
 {
   const size_t n = most(tables);
-  struct used used = {
-    .node = node, .uses = calloc(n, sizeof(*used.uses)), .typed = calloc(n, sizeof(*used.typed)),
-    .names = calloc(n, sizeof(*used.names)), .is_good = true};
-  const char ** owners = calloc(tables->n, sizeof(*owners));
-  bool is_good = used.uses != NULL && used.typed != NULL && used.names != NULL && owners != NULL;
+  struct used used = {.node = node, .is_good = true};
+  used.uses = fm_reserve(&used.memory, n, sizeof(*used.uses));
+  used.typed = fm_reserve(&used.memory, n, sizeof(*used.typed));
+  const char ** owners = fm_reserve(&used.memory, tables->n, sizeof(*owners));
+  bool is_good = !used.memory.is_short;
   if (is_good) {
     add_all(&used, tables);
     is_good = used.is_good && is_clear(&used, tables, owners);
   }
-  for (uint32_t k = 0; k < used.n_names; ++k) {
-    free(used.names[k]);
-  }
-  free(used.uses);
-  free(used.typed);
-  free(used.names);
-  free(owners);
+  fm_memory_free(&used.memory);
   return is_good;
 }

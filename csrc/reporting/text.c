@@ -324,7 +324,8 @@ union fm_reserved
 
 void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes)
 {
-  union fm_reserved * block = calloc(1, sizeof(*block) + (n > 0 ? n : 1u) * bytes);
+  union fm_reserved * block = memory->is_short ? NULL :
+    calloc(1, sizeof(*block) + (n > 0 ? n : 1u) * bytes);
   if (block == NULL) {
     memory->is_short = true;
     return NULL;
@@ -332,6 +333,12 @@ void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes)
   block->before = memory->last;
   memory->last = block;
   return block + 1;
+}
+
+const char * fm_reserve_text(struct fm_memory * memory, const char * text)
+{
+  char * copy = fm_reserve(memory, strlen(text) + 1u, 1);
+  return copy == NULL ? NULL : strcpy(copy, text);
 }
 
 void fm_memory_free(struct fm_memory * memory)

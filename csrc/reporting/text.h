@@ -97,11 +97,14 @@ char * fm_copy_of(const char * text);
 struct fm_memory
 {
   union fm_reserved * last;
-  bool is_short;  // a block could not be made: its pointer is NULL
+  bool is_short;  // some could not be reserved: NULL was returned, as it is from then on
 };
 
 /// Return `n` zeroed elements, or one if there are none. `bytes`: of an element. O(bytes).
 void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes);
+
+/// Return a copy of a text; NULL if memory is short.
+const char * fm_reserve_text(struct fm_memory * memory, const char * text);
 
 void fm_memory_free(struct fm_memory * memory);
 
