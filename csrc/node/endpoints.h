@@ -28,19 +28,25 @@
 #include "service_call.h"
 #include "subscription.h"
 
+/// A service that is offered. `serve` answers the requests that wait.
+struct fm_offered
+{
+  const rcl_service_t * service;
+  void (* serve)(const struct fm_node * node, const rcl_service_t * service, void * context);
+  void * context;
+};
+
 #define FM_ANSWER(serve, package, type, context_type, context) \
   static void serve ## _one( \
     context_type * context, const package ## __srv__ ## type ## _Request * request, \
     package ## __srv__ ## type ## _Response * response)
 
-/// Define a function `serve(node, service, context)` that takes the waiting requests of a service
-/// and answers each by the body that follows, which has `context`, `request` and `response`; that
-/// is initialised before, and freed after. The service's headers (functions of requests and
-/// responses) are included before.
+/// Define the function `serve` of a service: it answers each request by the body that follows,
+/// which has `context`, `request` and `response`; that is initialised before, and freed after. The
+/// service's headers (functions of requests and responses) are included before.
 #define FM_SERVER(serve, package, type, context_type, context) \
   FM_ANSWER(serve, package, type, context_type, context); \
-  static void serve( \
-    const struct fm_node * node, const rcl_service_t * service, context_type * context) \
+  static void serve(const struct fm_node * node, const rcl_service_t * service, void * given) \
   { \
     package ## __srv__ ## type ## _Request request; \
     package ## __srv__ ## type ## _Response response; \
@@ -50,7 +56,7 @@
     } \
     while (rcl_take_request(service, &id, &request) == RCL_RET_OK) { \
       if (package ## __srv__ ## type ## _Response__init(&response)) { \
-        serve ## _one(context, &request, &response); \
+        serve ## _one(given, &request, &response); \
         fm_respond(node, service, &id, &response); \
         package ## __srv__ ## type ## _Response__fini(&response); \
       } \

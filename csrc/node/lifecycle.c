@@ -26,8 +26,9 @@
 #include <rcl/error_handling.h>
 #include <rcl_lifecycle/transition_map.h>
 #include <rosidl_runtime_c/string_functions.h>
+#include <string.h>
 
-#include "endpoints.h"
+#include "words.h"
 
 bool fm_lifecycle_begin(
   struct fm_lifecycle * lifecycle, struct fm_node * node,
@@ -60,14 +61,23 @@ void fm_lifecycle_end(struct fm_lifecycle * lifecycle)
   fm_ignore(rcl_lifecycle_state_machine_fini(&lifecycle->machine, &lifecycle->node->node));
 }
 
+// The reason of a failure is logged already.
+static bool note(const struct fm_lifecycle * lifecycle, bool is_done)
+{
+  if (!is_done && lifecycle->logs_failures) {
+    fm_log(lifecycle->node, FM_ERROR, FM_WORDS_INACTIVE);
+  }
+  return is_done;
+}
+
 static bool work(struct fm_lifecycle * lifecycle)
 {
   const struct fm_transitions * transitions = &lifecycle->transitions;
   switch (lifecycle->machine.current_state->id) {
     case lifecycle_msgs__msg__State__TRANSITION_STATE_CONFIGURING:
-      return transitions->configure(transitions->context);
+      return note(lifecycle, transitions->configure(transitions->context));
     case lifecycle_msgs__msg__State__TRANSITION_STATE_ACTIVATING:
-      return transitions->activate(transitions->context);
+      return note(lifecycle, transitions->activate(transitions->context));
     case lifecycle_msgs__msg__State__TRANSITION_STATE_DEACTIVATING:
       transitions->deactivate(transitions->context);
       return true;
@@ -166,22 +176,14 @@ FM_SERVER(serve_graph, lifecycle_msgs, GetAvailableTransitions, struct fm_lifecy
 }
 
 void fm_lifecycle_services(
-  const struct fm_lifecycle * lifecycle, const rcl_service_t * services[FM_LIFECYCLE_SERVICES])
+  struct fm_lifecycle * lifecycle, struct fm_offered services[FM_LIFECYCLE_SERVICES])
 {
   const rcl_lifecycle_com_interface_t * offered = &lifecycle->machine.com_interface;
-  services[0] = &offered->srv_change_state;
-  services[1] = &offered->srv_get_state;
-  services[2] = &offered->srv_get_available_states;
-  services[3] = &offered->srv_get_available_transitions;
-  services[4] = &offered->srv_get_transition_graph;
-}
-
-void fm_lifecycle_serve(struct fm_lifecycle * lifecycle)
-{
-  const rcl_lifecycle_com_interface_t * offered = &lifecycle->machine.com_interface;
-  serve_change(lifecycle->node, &offered->srv_change_state, lifecycle);
-  serve_state(lifecycle->node, &offered->srv_get_state, lifecycle);
-  serve_states(lifecycle->node, &offered->srv_get_available_states, lifecycle);
-  serve_transitions(lifecycle->node, &offered->srv_get_available_transitions, lifecycle);
-  serve_graph(lifecycle->node, &offered->srv_get_transition_graph, lifecycle);
+  const struct fm_offered all[FM_LIFECYCLE_SERVICES] = {
+    {&offered->srv_change_state, serve_change, lifecycle},
+    {&offered->srv_get_state, serve_state, lifecycle},
+    {&offered->srv_get_available_states, serve_states, lifecycle},
+    {&offered->srv_get_available_transitions, serve_transitions, lifecycle},
+    {&offered->srv_get_transition_graph, serve_graph, lifecycle}};
+  memcpy(services, all, sizeof(all));
 }

@@ -21,7 +21,7 @@
 
 #include <rcl_lifecycle/rcl_lifecycle.h>
 
-#include "log.h"
+#include "endpoints.h"
 
 enum { FM_LIFECYCLE_SERVICES = 5 };
 
@@ -40,6 +40,7 @@ struct fm_lifecycle
   struct fm_node * node;
   struct fm_transitions transitions;
   rcl_lifecycle_state_machine_t machine;
+  bool logs_failures;  // of transitions: set by the owner once the node has started
 };
 
 /// Begin unconfigured, and offer the services. Returns false, with the error logged.
@@ -51,12 +52,9 @@ bool fm_lifecycle_begin(
 /// nothing has changed, if the state does not have it.
 bool fm_lifecycle_change(struct fm_lifecycle * lifecycle, uint8_t transition);
 
-/// The services, for a wait set.
+/// Write the services.
 void fm_lifecycle_services(
-  const struct fm_lifecycle * lifecycle, const rcl_service_t * services[FM_LIFECYCLE_SERVICES]);
-
-/// Answer what waits.
-void fm_lifecycle_serve(struct fm_lifecycle * lifecycle);
+  struct fm_lifecycle * lifecycle, struct fm_offered services[FM_LIFECYCLE_SERVICES]);
 
 void fm_lifecycle_end(struct fm_lifecycle * lifecycle);
 

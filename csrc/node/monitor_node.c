@@ -39,8 +39,6 @@
 #define REPORT_PERIOD_NS FM_SECOND
 #define LOOKS 10u                // for a node of the same name, one a second
 
-enum { OTHERS = 2, WAITS = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + OTHERS };  // services
-
 // ---- transitions -------------------------------------------------------------------------------
 
 static struct fm_blackbox_settings blackbox_of(const struct fm_parameters * given)
@@ -235,25 +233,6 @@ static void release(void * context)
   }
 }
 
-// Its reason is logged already. At the start, the process ends.
-static bool note_failure(const struct fm_monitor_node * monitor, bool is_done)
-{
-  if (!is_done && !monitor->is_starting) {
-    fm_log(&monitor->node, FM_ERROR, FM_WORDS_INACTIVE);
-  }
-  return is_done;
-}
-
-static bool try_to_configure(void * context)
-{
-  return note_failure(context, configure(context));
-}
-
-static bool try_to_activate(void * context)
-{
-  return note_failure(context, activate(context));
-}
-
 // ---- services ----------------------------------------------------------------------------------
 
 static uint64_t groups_of(const struct fm_node_table * table)
@@ -308,9 +287,7 @@ static bool begin_types(struct fm_monitor_node * monitor)
   {
     return true;
   }
-  fm_log(&monitor->node, FM_ERROR, "cannot offer the service %s: %s", "~/get_type_description",
-    rcl_get_error_string().str);
-  rcl_reset_error();
+  fm_log_failure(&monitor->node, "cannot offer the service ~/get_type_description");
   return false;
 }
 
@@ -432,7 +409,7 @@ static int begin_parameters(struct fm_monitor_node * monitor)
 static bool begin_lifecycle(struct fm_monitor_node * monitor)
 {
   const struct fm_transitions transitions = {
-    try_to_configure, try_to_activate, deactivate, release, monitor};
+    configure, activate, deactivate, release, monitor};
   monitor->has_lifecycle =
     fm_lifecycle_begin(&monitor->lifecycle, &monitor->node, &transitions);
   return monitor->has_lifecycle;
@@ -440,6 +417,12 @@ static bool begin_lifecycle(struct fm_monitor_node * monitor)
 
 static bool begin_services(struct fm_monitor_node * monitor)
 {
+  fm_lifecycle_services(&monitor->lifecycle, monitor->offered);
+  fm_parameter_services_offered(
+    &monitor->parameter_services, monitor->offered + FM_LIFECYCLE_SERVICES);
+  monitor->offered[FM_OFFERED - 2] =
+    (struct fm_offered) {&monitor->reset, serve_reset, monitor};
+  monitor->offered[FM_OFFERED - 1] = (struct fm_offered) {&monitor->types, serve_type, monitor};
   monitor->wait_set = rcl_get_zero_initialized_wait_set();
   return fm_parameter_services_begin(
     &monitor->parameter_services, &monitor->node, &monitor->parameters, parameter_changed,
@@ -448,7 +431,7 @@ static bool begin_services(struct fm_monitor_node * monitor)
     &monitor->node, &monitor->reset, ROSIDL_GET_SRV_TYPE_SUPPORT(std_srvs, srv, Trigger),
     "~/reset", &rmw_qos_profile_services_default) &&
          rcl_wait_set_init(
-    &monitor->wait_set, 1, 1, 0, n_sessions(monitor), WAITS + n_sessions(monitor), 0,
+    &monitor->wait_set, 1, 1, 0, n_sessions(monitor), FM_OFFERED + n_sessions(monitor), 0,
     &monitor->node.context, monitor->node.allocator) == RCL_RET_OK;
 }
 
@@ -480,10 +463,9 @@ int fm_monitor_node_begin(
   simulate(monitor, fm_parameter_is_true(&monitor->parameters, "use_sim_time"));
   monitor->looks = LOOKS;
   monitor->next_look = fm_steady_now() + FM_SECOND;
-  monitor->is_starting = true;
   // Subscriptions first: until they exist, messages are missed.
   status = begin_lifecycle(monitor) && start(monitor) && begin_services(monitor) ? 0 : 1;
-  monitor->is_starting = false;
+  monitor->lifecycle.logs_failures = true;
   return status;
 }
 
@@ -518,17 +500,11 @@ void fm_monitor_node_end(struct fm_monitor_node * monitor)
 
 static bool fill_wait_set(struct fm_monitor_node * monitor)
 {
-  const rcl_service_t * services[WAITS];
-  fm_lifecycle_services(&monitor->lifecycle, services);
-  for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
-    services[FM_LIFECYCLE_SERVICES + k] = &monitor->parameter_services.services[k];
-  }
-  services[WAITS - 2] = &monitor->reset;
-  services[WAITS - 1] = &monitor->types;
   bool is_good = rcl_wait_set_clear(&monitor->wait_set) == RCL_RET_OK;
-  for (int k = 0; k < WAITS; ++k) {
-    is_good = is_good && (services[k]->impl == NULL ||
-      rcl_wait_set_add_service(&monitor->wait_set, services[k], NULL) == RCL_RET_OK);
+  for (int k = 0; k < FM_OFFERED; ++k) {
+    const rcl_service_t * service = monitor->offered[k].service;
+    is_good = is_good && (service->impl == NULL ||
+      rcl_wait_set_add_service(&monitor->wait_set, service, NULL) == RCL_RET_OK);
   }
   is_good = is_good && rcl_wait_set_add_guard_condition(
     &monitor->wait_set, rcl_node_get_graph_guard_condition(&monitor->node.node), NULL) ==
@@ -543,7 +519,7 @@ static bool fill_wait_set(struct fm_monitor_node * monitor)
 
 static bool has_request(const struct fm_monitor_node * monitor)
 {
-  for (int k = 0; k < WAITS; ++k) {
+  for (int k = 0; k < FM_OFFERED; ++k) {
     if (monitor->wait_set.services[k] != NULL) {
       return true;
     }
@@ -587,13 +563,11 @@ static void serve_all(struct fm_monitor_node * monitor)
 {
   note_change(monitor);
   serve_clock(monitor);
-  if (has_request(monitor)) {
-    serve_reset(&monitor->node, &monitor->reset, monitor);
-    if (monitor->types.impl != NULL) {
-      serve_type(&monitor->node, &monitor->types, monitor);
+  for (int k = 0; k < FM_OFFERED && has_request(monitor); ++k) {
+    if (monitor->offered[k].service->impl != NULL) {
+      monitor->offered[k].serve(
+        &monitor->node, monitor->offered[k].service, monitor->offered[k].context);
     }
-    fm_parameter_services_serve(&monitor->parameter_services);
-    fm_lifecycle_serve(&monitor->lifecycle);
   }
   for_all(monitor, fm_session_serve_requests);
 }

@@ -23,6 +23,8 @@
 #include "node_health.h"
 #include "parameters.h"
 
+enum { FM_OFFERED = FM_LIFECYCLE_SERVICES + FM_PARAMETER_SERVICES + 2 };
+
 /// Zeroed before fm_monitor_node_begin; fm_monitor_node_end frees all of it.
 struct fm_monitor_node
 {
@@ -37,13 +39,13 @@ struct fm_monitor_node
   struct fm_sign_of_life sign_of_life;
   rcl_service_t reset;
   rcl_service_t types;                  // ~/get_type_description; zeroed: it is not offered
+  struct fm_offered offered[FM_OFFERED];
   rcl_wait_set_t wait_set;
   int64_t next_review;                  // of the publishers; steady, as the others
   int64_t next_report;
   int64_t next_look;                    // for another node of the same name
   uint32_t looks;                       // that are left
   bool is_active;
-  bool is_starting;                     // a transition that fails ends the process
   bool has_logged_taking;               // once: as the node on rclpy
   bool has_log;
   bool has_lifecycle;

@@ -32,10 +32,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "endpoints.h"
-
-enum { DESCRIBE, GET, TYPES, LIST, SET, SET_ATOMICALLY };
-
 static void assign(rosidl_runtime_c__String * string, const char * text)
 {
   (void)rosidl_runtime_c__String__assign(string, text);
@@ -237,28 +233,34 @@ FM_SERVER(
 
 // ---- services ----------------------------------------------------------------------------------
 
+#define SUPPORT(type) FM_SERVICE_SUPPORT(rcl_interfaces, srv, type)
+
+static const struct
+{
+  const rosidl_service_type_support_t * (* type)(void);
+  const char * name;
+  void (* serve)(const struct fm_node * node, const rcl_service_t * service, void * context);
+} kinds[FM_PARAMETER_SERVICES] = {
+  {SUPPORT(DescribeParameters), "~/describe_parameters", serve_describe},
+  {SUPPORT(GetParameters), "~/get_parameters", serve_get},
+  {SUPPORT(GetParameterTypes), "~/get_parameter_types", serve_types},
+  {SUPPORT(ListParameters), "~/list_parameters", serve_list},
+  {SUPPORT(SetParameters), "~/set_parameters", serve_set},
+  {SUPPORT(SetParametersAtomically), "~/set_parameters_atomically", serve_set_atomically}};
+
 bool fm_parameter_services_begin(
   struct fm_parameter_services * services, struct fm_node * node,
   struct fm_parameters * parameters,
   void (* changed)(void * context, const struct fm_parameter * parameter), void * context)
 {
-  const struct {const rosidl_service_type_support_t * type; const char * name;} wanted[] = {
-    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, DescribeParameters),
-      "~/describe_parameters"},
-    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, GetParameters), "~/get_parameters"},
-    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, GetParameterTypes),
-      "~/get_parameter_types"},
-    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, ListParameters), "~/list_parameters"},
-    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, SetParameters), "~/set_parameters"},
-    {ROSIDL_GET_SRV_TYPE_SUPPORT(rcl_interfaces, srv, SetParametersAtomically),
-      "~/set_parameters_atomically"}};
   services->node = node;
   services->parameters = parameters;
   services->changed = changed;
   services->context = context;
   for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
     if (!fm_service_open(
-        node, &services->services[k], wanted[k].type, wanted[k].name, &rmw_qos_profile_parameters))
+        node, &services->services[k], kinds[k].type(), kinds[k].name,
+        &rmw_qos_profile_parameters))
     {
       return false;
     }
@@ -268,14 +270,12 @@ bool fm_parameter_services_begin(
     "/parameter_events", &rmw_qos_profile_parameter_events);
 }
 
-void fm_parameter_services_serve(struct fm_parameter_services * services)
+void fm_parameter_services_offered(
+  struct fm_parameter_services * services, struct fm_offered offered[FM_PARAMETER_SERVICES])
 {
-  serve_describe(services->node, &services->services[DESCRIBE], services);
-  serve_get(services->node, &services->services[GET], services);
-  serve_types(services->node, &services->services[TYPES], services);
-  serve_list(services->node, &services->services[LIST], services);
-  serve_set(services->node, &services->services[SET], services);
-  serve_set_atomically(services->node, &services->services[SET_ATOMICALLY], services);
+  for (int k = 0; k < FM_PARAMETER_SERVICES; ++k) {
+    offered[k] = (struct fm_offered) {&services->services[k], kinds[k].serve, services};
+  }
 }
 
 void fm_parameter_services_end(struct fm_parameter_services * services)

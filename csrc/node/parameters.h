@@ -26,7 +26,7 @@
 #include <rcl_interfaces/msg/parameter_type.h>
 #include <rcl_interfaces/msg/parameter_value.h>
 
-#include "log.h"
+#include "endpoints.h"
 #include "node_table.h"
 
 /// Types of rcl_interfaces/msg/ParameterType; no parameter of this node is a list, a larger one.
@@ -126,8 +126,9 @@ bool fm_parameter_services_begin(
   struct fm_parameters * parameters,
   void (* changed)(void * context, const struct fm_parameter * parameter), void * context);
 
-/// Answer what waits.
-void fm_parameter_services_serve(struct fm_parameter_services * services);
+/// Write the services.
+void fm_parameter_services_offered(
+  struct fm_parameter_services * services, struct fm_offered offered[FM_PARAMETER_SERVICES]);
 
 void fm_parameter_services_end(struct fm_parameter_services * services);
 

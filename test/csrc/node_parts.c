@@ -441,8 +441,9 @@ static void a_thread_that_hangs_ends_the_signs_of_life(void)
 
 static void a_response_that_cannot_be_sent_is_logged(void)
 {
+  const struct fm_offered * describes = &node.offered[FM_LIFECYCLE_SERVICES];
   n_requests = 2;
-  fm_parameter_services_serve(&node.parameter_services);
+  describes->serve(&node.node, describes->service, describes->context);
   EXPECT_LINES(
     "WARN the response of /fret_monitor/describe_parameters is not sent: client will not receive "
     "response, at middleware.c:1\n"
