@@ -303,8 +303,7 @@ void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
   for (uint32_t k = 0; k < n; ++k) {
     if (review->changes[k] > MOST_LINES) {
       const uint32_t more = review->changes[k] - MOST_LINES;
-      log_of(
-        review, k, lines, "has changed %u time%s more since", more, more == 1u ? "" : "s");
+      log_of(review, k, lines, "has changed %u time%s more since", more, more == 1u ? "" : "s");
       fm_text_clear(&review->conditions[k]);  // the present state is logged
     }
   }

@@ -233,8 +233,7 @@ static const char * name_of(const char * key)
 static enum fm_status_level level_of(const struct described * item)
 {
   return item->detail->violation.is_recovery ? FM_STATUS_OK :
-         item->requirement->is_warning ? FM_STATUS_WARN :
-         FM_STATUS_ERROR;
+         item->requirement->is_warning ? FM_STATUS_WARN : FM_STATUS_ERROR;
 }
 
 // Add a step, or the time of a tick since the start.

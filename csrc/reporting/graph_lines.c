@@ -156,8 +156,7 @@ void fm_review_graph(struct fm_review * review, uint32_t topic, struct fm_lines 
   struct fm_topic_log * const log = &review->topics[topic];
   const struct fm_observed * const now = &review->now.topics[topic].observed;
   if (now->has_value && !now->was_there && fm_is_first(&log->is_absence_logged)) {
-    fm_lines_add(lines, FM_WARN, "%s: nothing is there since the start",
-      review->names[topic]);
+    fm_lines_add(lines, FM_WARN, "%s: nothing is there since the start", review->names[topic]);
   }
   if (now->fault != log->fault && now->fault != FM_NO_FAULT) {
     add_fault_line(lines, review->names[topic], now);

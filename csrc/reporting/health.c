@@ -72,8 +72,7 @@ static struct places places_of(
   struct places places;
   memset(&places, 0, sizeof(places));
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
-    const struct fm_report_input * input =
-      &review->table->inputs[requirement->inputs[k]];
+    const struct fm_report_input * input = &review->table->inputs[requirement->inputs[k]];
     const struct fm_input_snapshot * now = &review->now.inputs[requirement->inputs[k]];
     if (!now->has_value) {
       fm_text_list(&places.missing, ", ", input->name);
@@ -91,8 +90,7 @@ static struct places places_of(
 static uint8_t describe_requirement(
   const struct fm_review * review, uint32_t requirement, struct fm_text * message)
 {
-  const struct fm_report_requirement * about =
-    &review->table->requirements[requirement];
+  const struct fm_report_requirement * about = &review->table->requirements[requirement];
   const struct fm_requirement_counts * counts = &review->now.requirements[requirement];
   struct places places = places_of(review, about);
   const uint8_t violated = about->is_warning ? WARN : ERROR;
@@ -250,8 +248,7 @@ static void add_fields(
     add_trouble(troubles, WARN, "fields cannot be used: %s", fm_text_get(&unusable));
   }
   if (absent.length > 0) {
-    add_trouble(
-      troubles, WARN, "no message has had the names for 10 s: %s", fm_text_get(&absent));
+    add_trouble(troubles, WARN, "no message has had the names for 10 s: %s", fm_text_get(&absent));
   }
   fm_text_free(&unusable);
   fm_text_free(&absent);
@@ -441,8 +438,7 @@ static void add_action(const struct report * report, uint32_t action)
 static void add_lock(const struct report * report, const struct fm_report_lock * lock)
 {
   struct fm_text state = {NULL, 0, 0};
-  fm_add_lock_state(
-    &state, report->review->reporter, lock, report->review->now.conditions);
+  fm_add_lock_state(&state, report->review->reporter, lock, report->review->now.conditions);
   (void)add_status(report, strcmp(fm_text_get(&state), "free") == 0 ? OK : WARN, "lock ",
     lock->name, fm_text_get(&state));
   fm_text_free(&state);

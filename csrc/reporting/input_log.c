@@ -380,8 +380,7 @@ static bool note_awaited_by_instances(
 // are any.
 static bool note_awaited(const struct fm_review * review, uint32_t requirement, bool * is_awaited)
 {
-  const struct fm_report_requirement * about =
-    &review->table->requirements[requirement];
+  const struct fm_report_requirement * about = &review->table->requirements[requirement];
   bool waits = false;
   if (about->kind != FM_BUNDLE) {
     return note_awaited_by_instances(review, requirement, is_awaited);
