@@ -347,36 +347,3 @@ void fm_review_gate(struct fm_review * review, struct fm_lines * lines)
       gate->name);
   }
 }
-
-bool fm_find_fed(
-  const struct fm_review * review, uint32_t topic, uint32_t k, struct fm_fed * fed)
-{
-  const struct fm_report_table * table = review->table;
-  const struct fm_topic * found = &table->topic_inputs[topic];
-  uint32_t kind = FM_BUNDLE;
-  for (uint32_t next = 0; k >= found->n_inputs; ++next) {
-    if (next == table->n_kinds) {
-      return false;
-    }
-    k -= found->n_inputs;
-    kind = next;
-    found = &table->kinds[kind].keyed[topic];
-  }
-  const uint32_t input = found->inputs[k];
-  if (kind == FM_BUNDLE) {
-    const struct fm_input_snapshot * now = &review->now.inputs[input];
-    const struct fm_input_snapshot * before = &review->before.inputs[input];
-    *fed = (struct fm_fed) {
-      &table->inputs[input], kind, input, now->counts.unusable,
-      now->counts.unusable - before->counts.unusable, now->silence.count,
-      now->silence.count - before->silence.count};
-  } else {
-    const struct fm_keyed_snapshot * now = &review->now.kinds[kind].inputs[input];
-    const struct fm_keyed_snapshot * before = &review->before.kinds[kind].inputs[input];
-    *fed = (struct fm_fed) {
-      &table->kinds[kind].inputs[input], kind, input, now->counts.unusable,
-      now->counts.unusable - before->counts.unusable, now->silences,
-      now->silences - before->silences};
-  }
-  return true;
-}
