@@ -16,8 +16,7 @@
 ///
 /// A margin is how far a formula is from being otherwise, and which comparison decides that. A
 /// cell compares margins by their value alone; of equal ones over time it keeps the latest, which
-/// the other parts of a window know, too. Margins are passed by value, so that those of a step
-/// alone stay in registers.
+/// the other parts of a window know, too.
 ///
 /// Contract: all functions are static inline, do not allocate or fail, and have no undefined
 /// behaviour for distances that are no NaN. The caller owns the state of a cell, initialises it
@@ -59,52 +58,88 @@ static inline double fm_margin_value(int64_t rank)
   return value;
 }
 
-static inline struct fm_margin_kept fm_margin_not(struct fm_margin_kept margin)
+/// A margin of this step: its rank, and the kept margin whose instant and comparison decide it. So
+/// a choice is between two words, and only what is kept is copied.
+struct fm_margin_now
+{
+  int64_t rank;
+  const struct fm_margin_kept * by;
+};
+
+static inline struct fm_margin_now fm_margin_not(struct fm_margin_now margin)
 {
   margin.rank = ~margin.rank;
   return margin;
 }
 
-/// Read word by word, as a step has written it: a processor waits long for what it wrote in other
-/// pieces, and compilers like to read two words at once.
-static inline struct fm_margin_kept fm_margin_read(const struct fm_margin_kept * kept)
+/// The rank of TRUE or FALSE.
+static inline int64_t fm_margin_certain_rank(bool holds)
 {
-  const volatile struct fm_margin_kept * const words = kept;
-  return (struct fm_margin_kept) {words->rank, words->instant, words->comparison};
+  const int64_t most = fm_margin_rank((double)INFINITY);
+  return holds ? most : ~most;
 }
 
 /// The margin of TRUE or FALSE.
-static inline struct fm_margin_kept fm_margin_certain(bool holds)
+static inline struct fm_margin_now fm_margin_certain(bool holds)
 {
-  const int64_t most = fm_margin_rank((double)INFINITY);
-  return (struct fm_margin_kept) {holds ? most : ~most, 0, -1};
+  static const struct fm_margin_kept none = {0, 0, -1};
+  return (struct fm_margin_now) {fm_margin_certain_rank(holds), &none};
+}
+
+static inline struct fm_margin_now fm_margin_of(const struct fm_margin_kept * kept)
+{
+  return (struct fm_margin_now) {kept->rank, kept};
+}
+
+/// Copied word by word: compilers like to move two words at once, for which a processor waits long
+/// where it wrote them one by one.
+static inline struct fm_margin_kept fm_margin_copy(struct fm_margin_now now)
+{
+  const volatile struct fm_margin_kept * const by = now.by;
+  return (struct fm_margin_kept) {now.rank, by->instant, by->comparison};
+}
+
+static inline void fm_margin_keep(struct fm_margin_kept * kept, struct fm_margin_now now)
+{
+  const volatile struct fm_margin_kept * const by = now.by;
+  volatile struct fm_margin_kept * const to = kept;
+  to->rank = now.rank;
+  to->instant = by->instant;
+  to->comparison = by->comparison;
 }
 
 /// Margins of FALSE, with which the cells below start; their queues start as zeros.
 static inline void fm_margins_reset(struct fm_margin_kept * margins, size_t n)
 {
   for (size_t i = 0u; i < n; ++i) {
-    margins[i] = fm_margin_certain(false);
+    fm_margin_keep(&margins[i], fm_margin_certain(false));
   }
 }
 
 /// The scale of the comparison that decides; scales: of those of a group, which begin at `first`.
 static inline double fm_margin_scale(
-  struct fm_margin_kept margin, const double * scales, int64_t first)
+  struct fm_margin_now margin, const double * scales, int64_t first)
 {
-  return scales[margin.comparison < first ? 0 : margin.comparison - first];
+  const int64_t comparison = margin.by->comparison;
+  return scales[comparison < first ? 0 : comparison - first];
 }
 
-/// As it is read from outside. `scale` is that of the comparison. Not known if it rests on a queue
-/// in which something found no room.
-static inline struct fm_margin fm_margin_shown(
-  struct fm_margin_kept margin, double scale, bool is_lost)
+/// Write it as it is read from outside. `scale` is that of the comparison. Not known if it rests on
+/// a queue in which something found no room.
+static inline void fm_margin_show(
+  struct fm_margin * shown, struct fm_margin_now margin, double scale, bool is_lost)
 {
+  const volatile struct fm_margin_kept * const by = margin.by;
   const double value = fm_margin_value(margin.rank);
-  const struct fm_margin known = {
-    value, value * scale, margin.instant, margin.comparison};
   const struct fm_margin unknown = {(double)NAN, (double)NAN, 0, -1};
-  return is_lost ? unknown : known;
+  volatile struct fm_margin * const to = shown;
+  to->value = value;
+  to->distance = value * scale;
+  to->instant = by->instant;
+  to->comparison = by->comparison;
+  if (is_lost) {
+    *shown = unknown;
+  }
 }
 
 // ---- comparisons -------------------------------------------------------------------------------
@@ -130,22 +165,26 @@ static inline double fm_distance_unequal(double left, double right)
 }
 
 /// The margin of a comparison at a step.
-static inline struct fm_margin_kept fm_margin_compared(
-  double distance, double scale, int64_t instant, int64_t comparison)
+static inline struct fm_margin_now fm_margin_compared(
+  struct fm_margin_kept * kept, double distance, double scale, int64_t instant,
+  int64_t comparison)
 {
-  return (struct fm_margin_kept) {fm_margin_rank(distance / scale), instant, comparison};
+  volatile struct fm_margin_kept * const to = kept;
+  to->instant = instant;
+  to->comparison = comparison;
+  return (struct fm_margin_now) {fm_margin_rank(distance / scale), kept};
 }
 
 /// At a tick: its instant is the one since which it has its distance.
-static inline struct fm_margin_kept fm_margin_compared_at(
-  struct fm_margin_kept * before, double distance, double scale, int64_t instant,
+static inline struct fm_margin_now fm_margin_compared_at(
+  struct fm_margin_kept * kept, double distance, double scale, int64_t instant,
   int64_t comparison)
 {
   const int64_t rank = fm_margin_rank(distance / scale);
-  if (before->rank != rank || before->comparison != comparison) {
-    *before = (struct fm_margin_kept) {rank, instant, comparison};
+  if (kept->rank != rank) {
+    *kept = (struct fm_margin_kept) {rank, instant, comparison};
   }
-  return *before;
+  return (struct fm_margin_now) {rank, kept};
 }
 
 // ---- formulas ----------------------------------------------------------------------------------
@@ -156,86 +195,93 @@ static inline int64_t fm_margin_word(int64_t a, int64_t b, bool is_second)
   return a ^ ((a ^ b) & (int64_t)mask);
 }
 
-static inline struct fm_margin_kept fm_margin_chosen(
-  struct fm_margin_kept a, struct fm_margin_kept b, bool is_second)
+/// What decides one of two margins, without a branch.
+static inline const struct fm_margin_kept * fm_margin_by(
+  struct fm_margin_now a, struct fm_margin_now b, bool is_second)
 {
-  return (struct fm_margin_kept) {
-    fm_margin_word(a.rank, b.rank, is_second), fm_margin_word(a.instant, b.instant, is_second),
-    fm_margin_word(a.comparison, b.comparison, is_second)};
+  const uintptr_t mask = (uintptr_t)0 - (uintptr_t)is_second;
+  return (const struct fm_margin_kept *)(
+    (uintptr_t)a.by ^ (((uintptr_t)a.by ^ (uintptr_t)b.by) & mask));
 }
 
-static inline struct fm_margin_kept fm_margin_lesser(
-  struct fm_margin_kept a, struct fm_margin_kept b)
+static inline struct fm_margin_now fm_margin_lesser(
+  struct fm_margin_now a, struct fm_margin_now b)
 {
-  return fm_margin_chosen(a, b, b.rank < a.rank);
+  return (struct fm_margin_now) {
+    b.rank < a.rank ? b.rank : a.rank, fm_margin_by(a, b, b.rank < a.rank)};
 }
 
-static inline struct fm_margin_kept fm_margin_greater(
-  struct fm_margin_kept a, struct fm_margin_kept b)
+static inline struct fm_margin_now fm_margin_greater(
+  struct fm_margin_now a, struct fm_margin_now b)
 {
-  return fm_margin_chosen(a, b, b.rank > a.rank);
+  return (struct fm_margin_now) {
+    b.rank > a.rank ? b.rank : a.rank, fm_margin_by(a, b, b.rank > a.rank)};
 }
 
 /// O p: the greatest so far. By steps and by ticks.
-static inline struct fm_margin_kept fm_margin_ever(
-  struct fm_margin_kept * before, struct fm_margin_kept p)
+static inline struct fm_margin_now fm_margin_ever(
+  struct fm_margin_kept * before, struct fm_margin_now p)
 {
   if (p.rank >= before->rank) {  // seldom
-    *before = p;
+    fm_margin_keep(before, p);
   }
-  return fm_margin_read(before);
+  return fm_margin_of(before);
 }
 
 /// p S q: the greatest q, each with the least p after it. By steps and by ticks.
-static inline struct fm_margin_kept fm_margin_since(
-  struct fm_margin_kept * before, struct fm_margin_kept p, struct fm_margin_kept q)
+static inline struct fm_margin_now fm_margin_since(
+  struct fm_margin_kept * before, struct fm_margin_now p, struct fm_margin_now q)
 {
-  *before = fm_margin_greater(q, fm_margin_lesser(p, fm_margin_read(before)));
-  return fm_margin_read(before);
+  const struct fm_margin_now found =
+    fm_margin_greater(q, fm_margin_lesser(p, fm_margin_of(before)));
+  fm_margin_keep(before, found);
+  return (struct fm_margin_now) {found.rank, before};
 }
 
 /// The margin `steps` steps ago. ring: steps + 1 margins; queue[0]: the place of the next one.
-static inline struct fm_margin_kept fm_margin_ago(
-  struct fm_margin_kept * ring, int64_t * queue, int64_t steps, struct fm_margin_kept now)
+static inline struct fm_margin_now fm_margin_ago(
+  struct fm_margin_kept * ring, int64_t * queue, int64_t steps, struct fm_margin_now now)
 {
-  ring[queue[0]] = now;
+  fm_margin_keep(&ring[queue[0]], now);
   queue[0] = queue[0] < steps ? queue[0] + 1 : 0;
-  return fm_margin_read(&ring[queue[0]]);
+  return fm_margin_of(&ring[queue[0]]);
 }
 
 /// The greatest margin of this step and the `bound` before (van Herk, Gil and Werman). The ring is
-/// filled again and again. Before that, each of its places gets the place of the greatest of those
-/// from it on, for what the window still holds of before. ring: bound + 1 margins; queue[0]: how
-/// many are filled, queue[1]: the place of the greatest of these, queue[2 + k]: that of the
-/// greatest of before, from k on.
-static inline struct fm_margin_kept fm_margin_within(
-  struct fm_margin_kept * ring, int64_t * queue, int64_t bound, struct fm_margin_kept now)
+/// filled again and again, from its end. Before that, each of its places gets that of the greatest
+/// of those before it, which are later ones, for what the window still holds of them. ring:
+/// bound + 1 margins; queue[0]: how many places are left to fill, queue[1]: the place of the
+/// greatest of the others, queue[2]: its rank, queue[3 + k]: the place of the greatest of the last
+/// k; for k = 0 that of the newest.
+FM_INLINE struct fm_margin_now fm_margin_within(
+  struct fm_margin_kept * ring, int64_t * queue, int64_t bound, struct fm_margin_now now)
 {
-  int64_t filled = queue[0];
-  int64_t newest = queue[1];
-  if (filled > bound) {
-    int64_t greatest = bound;
-    int64_t rank = ring[bound].rank;
-    for (int64_t k = bound; k > 0; --k) {
+  int64_t left = queue[0];
+  int64_t before = queue[2];
+  if (left == 0) {
+    int64_t place = 0;
+    int64_t rank = ring[0].rank;
+    for (int64_t k = 1; k <= bound; ++k) {
+      queue[3 + k] = place;
       const bool is_greater = ring[k].rank > rank;
       rank = is_greater ? ring[k].rank : rank;
-      greatest = is_greater ? k : greatest;
-      queue[2 + k] = greatest;
+      place = is_greater ? k : place;
     }
-    filled = 0;
-    newest = 0;
+    left = bound + 1;
+    before = INT64_MIN;
   }
-  ring[filled] = now;
-  const int64_t rank = ring[newest].rank;
-  const bool is_newest = now.rank >= rank;
-  const int64_t greatest = fm_margin_word(rank, now.rank, is_newest);
-  newest = fm_margin_word(newest, filled, is_newest);
-  filled += 1;
-  queue[0] = filled;
+  left -= 1;
+  fm_margin_keep(&ring[left], now);
+  const bool is_newest = now.rank >= before;
+  const int64_t greatest = is_newest ? now.rank : before;
+  const int64_t newest = fm_margin_word(queue[1], left, is_newest);
+  queue[0] = left;
   queue[1] = newest;
-  const int64_t before = filled > bound ? newest : queue[2 + filled];
-  return fm_margin_read(
-    &ring[fm_margin_word(newest, before, ring[before].rank > greatest)]);
+  queue[2] = greatest;
+  const int64_t older = queue[3 + left];
+  const int64_t rank = ring[older].rank;
+  return (struct fm_margin_now) {
+    rank > greatest ? rank : greatest, &ring[fm_margin_word(newest, older, rank > greatest)]};
 }
 
 // ---- at ticks ----------------------------------------------------------------------------------
@@ -248,12 +294,12 @@ static inline bool fm_margin_differs(struct fm_margin_kept a, struct fm_margin_k
 
 /// The margin at the tick before, which is replaced. ring: 2 margins; queue[0]: the place of the
 /// next one.
-static inline struct fm_margin_kept fm_margin_before_at(
-  struct fm_margin_kept * ring, int64_t * queue, struct fm_margin_kept now, int64_t tick,
+static inline struct fm_margin_now fm_margin_before_at(
+  struct fm_margin_kept * ring, int64_t * queue, struct fm_margin_now now, int64_t tick,
   int64_t * next)
 {
-  const struct fm_margin_kept found = fm_margin_ago(ring, queue, 1, now);
-  fm_lower(next, fm_margin_differs(found, now), tick + 1);
+  const struct fm_margin_now found = fm_margin_ago(ring, queue, 1, now);
+  fm_lower(next, fm_margin_differs(fm_margin_copy(found), fm_margin_copy(now)), tick + 1);
   return found;
 }
 
@@ -271,31 +317,24 @@ static inline void fm_margin_leave(int64_t * queue, int64_t capacity)
   queue[1] -= 1;
 }
 
-static inline void fm_margin_enter(
-  struct fm_margin_kept * ring, int64_t * queue, int64_t capacity, struct fm_margin_kept now,
-  int64_t tick)
-{
-  if (queue[1] == capacity) {
-    queue[3] += 1;
-    fm_margin_leave(queue, capacity);
-  }
-  const int64_t place = fm_margin_place(queue, capacity, queue[1]);
-  ring[place] = now;
-  queue[4 + place] = tick;
-  queue[1] += 1;
-}
-
 /// The margin `past` ticks ago. The entries are margins, and the ticks from which they hold.
-static inline struct fm_margin_kept fm_margin_ago_at(
+static inline struct fm_margin_now fm_margin_ago_at(
   struct fm_margin_kept * ring, int64_t * queue, int64_t capacity, int64_t past,
-  struct fm_margin_kept now, int64_t tick, int64_t * next)
+  struct fm_margin_now now, int64_t tick, int64_t * next)
 {
   const int64_t newest = fm_margin_place(queue, capacity, queue[1] - (queue[1] > 0));
   while (queue[1] > 1 && queue[4 + fm_margin_place(queue, capacity, 1)] <= tick - past) {
     fm_margin_leave(queue, capacity);
   }
-  if (queue[1] == 0 || fm_margin_differs(ring[newest], now)) {
-    fm_margin_enter(ring, queue, capacity, now, tick);
+  if (queue[1] == 0 || fm_margin_differs(ring[newest], fm_margin_copy(now))) {
+    if (queue[1] == capacity) {
+      queue[3] += 1;
+      fm_margin_leave(queue, capacity);
+    }
+    const int64_t place = fm_margin_place(queue, capacity, queue[1]);
+    fm_margin_keep(&ring[place], now);
+    queue[4 + place] = tick;
+    queue[1] += 1;
   }
   const int64_t oldest = queue[4 + queue[0]];
   const bool is_there = oldest <= tick - past;
@@ -303,32 +342,102 @@ static inline struct fm_margin_kept fm_margin_ago_at(
   if (queue[1] > 1) {
     fm_lower(next, is_there, queue[4 + fm_margin_place(queue, capacity, 1)] + past);
   }
-  return is_there ? ring[queue[0]] : fm_margin_certain(false);
+  return is_there ? fm_margin_of(&ring[queue[0]]) : fm_margin_certain(false);
 }
 
-/// The greatest margin of this tick and the `bound` before. The entries get less from the oldest
-/// to the newest; each is the greatest of the ticks since the one before it. The tick of an entry
-/// is the last one at which it held; the newest holds now.
-static inline struct fm_margin_kept fm_margin_within_at(
-  struct fm_margin_kept * ring, int64_t * queue, int64_t capacity, int64_t bound,
-  struct fm_margin_kept now, int64_t tick, int64_t * next)
+/// Words of the queue of a window at ticks. After them are the last ticks of the entries, one for
+/// each place, and the places of those entries that are ahead.
+enum
 {
-  if (queue[1] > 0) {
-    queue[4 + fm_margin_place(queue, capacity, queue[1] - 1)] = tick - 1;
+  FM_QUEUE_AHEAD = 0,   // how many are ahead
+  FM_QUEUE_NEWEST = 1,  // the place of the newest entry, and its rank
+  FM_QUEUE_NEWEST_RANK = 2,
+  FM_QUEUE_LOST = 3,    // how many found no room
+  FM_QUEUE_TURNED = 4,  // the place of the last entry before those behind
+  FM_QUEUE_BEHIND = 5,  // of the greatest behind: its rank, its place, the tick at which it leaves
+  FM_QUEUE_FIRST = 8,   // of the greatest ahead; it leaves at 0: none is ahead
+  FM_QUEUE_HEAD = 11
+};
+
+/// Note the oldest of the entries ahead, which is the greatest of them.
+static inline void fm_margin_note_first(
+  const struct fm_margin_kept * ring, int64_t * queue, int64_t capacity, int64_t bound)
+{
+  const int64_t * const ticks = &queue[FM_QUEUE_HEAD];
+  const int64_t n = queue[FM_QUEUE_AHEAD];
+  const int64_t place = n > 0 ? ticks[capacity + n - 1] : -1;
+  queue[FM_QUEUE_FIRST] = n > 0 ? ring[place].rank : INT64_MIN;
+  queue[FM_QUEUE_FIRST + 1] = place;
+  queue[FM_QUEUE_FIRST + 2] = n > 0 ? ticks[place] + bound + 1 : 0;
+}
+
+/// Let those entries ahead leave that ended before the window. If none is left, those behind are
+/// ahead.
+static inline void fm_margin_leave_at(
+  const struct fm_margin_kept * ring, int64_t * queue, int64_t capacity, int64_t bound,
+  int64_t tick)
+{
+  int64_t * const ticks = &queue[FM_QUEUE_HEAD];
+  int64_t * const ahead = &ticks[capacity];
+  int64_t n = queue[FM_QUEUE_AHEAD];
+  while (n > 0 && ticks[ahead[n - 1]] + bound < tick) {
+    n -= 1;
   }
-  while (queue[1] > 0 && queue[4 + queue[0]] + bound < tick) {
-    fm_margin_leave(queue, capacity);
+  if (n == 0) {
+    int64_t greatest = INT64_MIN;
+    int64_t place = queue[FM_QUEUE_NEWEST];
+    while (place != queue[FM_QUEUE_TURNED] && ticks[place] + bound >= tick) {
+      const int64_t rank = ring[place].rank;
+      const bool is_greater = rank > greatest;
+      greatest = is_greater ? rank : greatest;
+      ahead[n] = place;
+      n += is_greater;
+      place = (place > 0 ? place : capacity) - 1;
+    }
+    queue[FM_QUEUE_TURNED] = queue[FM_QUEUE_NEWEST];
+    queue[FM_QUEUE_NEWEST_RANK] = INT64_MAX;
+    queue[FM_QUEUE_BEHIND] = INT64_MIN;
   }
-  while (queue[1] > 0 &&
-    ring[fm_margin_place(queue, capacity, queue[1] - 1)].rank <= now.rank)
-  {
-    queue[1] -= 1;
+  queue[FM_QUEUE_AHEAD] = n;
+  fm_margin_note_first(ring, queue, capacity, bound);
+}
+
+/// The greatest margin of this tick and the `bound` before (two stacks). Entries are margins that
+/// followed each other; the newest holds now, and is replaced by one that is not less. The older
+/// ones are ahead: of these such are known as are greater than all later ones ahead; the first is
+/// the greatest. Of those behind, the greatest is known. When the last one ahead has left, those
+/// behind are ahead.
+FM_INLINE struct fm_margin_now fm_margin_within_at(
+  struct fm_margin_kept * ring, int64_t * queue, int64_t capacity, int64_t bound,
+  struct fm_margin_now now, int64_t tick, int64_t * next)
+{
+  int64_t newest = queue[FM_QUEUE_NEWEST];
+  queue[FM_QUEUE_HEAD + newest] = tick - 1;
+  if (queue[FM_QUEUE_FIRST + 2] <= tick) {
+    fm_margin_leave_at(ring, queue, capacity, bound, tick);
   }
-  fm_margin_enter(ring, queue, capacity, now, FM_NEVER);
-  if (queue[1] > 1) {  // the tick of the newest is no number to add to
-    fm_lower(next, true, queue[4 + queue[0]] + bound + 1);
+  newest += now.rank < queue[FM_QUEUE_NEWEST_RANK];
+  newest = newest < capacity ? newest : 0;
+  if (newest == queue[FM_QUEUE_FIRST + 1]) {
+    queue[FM_QUEUE_LOST] += 1;
+    queue[FM_QUEUE_AHEAD] -= 1;
+    fm_margin_note_first(ring, queue, capacity, bound);
   }
-  return ring[queue[0]];
+  queue[FM_QUEUE_NEWEST] = newest;
+  queue[FM_QUEUE_NEWEST_RANK] = now.rank;
+  fm_margin_keep(&ring[newest], now);
+  const int64_t before = queue[FM_QUEUE_BEHIND];
+  const int64_t leaves = queue[FM_QUEUE_BEHIND + 2];
+  const bool is_newest = now.rank >= before;
+  const int64_t greatest = is_newest ? now.rank : before;
+  queue[FM_QUEUE_BEHIND] = greatest;
+  queue[FM_QUEUE_BEHIND + 1] = fm_margin_word(queue[FM_QUEUE_BEHIND + 1], newest, is_newest);
+  queue[FM_QUEUE_BEHIND + 2] =
+    (leaves < tick + bound ? leaves : tick + bound) | (-(int64_t)is_newest & FM_NEVER);
+  const int64_t first = queue[FM_QUEUE_FIRST];
+  const int64_t * const found = &queue[FM_QUEUE_BEHIND + 3 * (first > greatest)];
+  *next = found[2] < *next ? found[2] : *next;
+  return (struct fm_margin_now) {first > greatest ? first : greatest, &ring[found[1]]};
 }
 
 #endif  // FRET_MARGINS_H_

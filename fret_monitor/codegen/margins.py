@@ -72,7 +72,7 @@ class MarginWriter:
         for index, item in enumerate(self._margins.equations):
             if item.formula is not None:
                 yield from comment(self._shown(item), '  ')
-            yield f'  const struct fm_margin_kept margin_{index} = ' \
+            yield f'  const struct fm_margin_now margin_{index} = ' \
                   f'{self._expression(index, number)};'
             number += isinstance(item.operation, Distance)
         yield from self._roots()
@@ -92,9 +92,9 @@ class MarginWriter:
                 return f'fm_margin_certain({self._leaf(operation.leaf)})'
             case Distance():
                 scale = c.literal(operation.scale, ValueType.FLOAT64).text
-                head = f'fm_margin_compared_at(\n    s->margins_{index}, ' if self._is_timed \
-                    else 'fm_margin_compared(\n    '
-                return (f'{head}{_FUNCTIONS[operation.operator]}('
+                at_ticks = '_at' if self._is_timed else ''
+                return (f'fm_margin_compared{at_ticks}(\n    s->margins_{index}, '
+                        f'{_FUNCTIONS[operation.operator]}('
                         f'{self._leaf(operation.left)}, {self._leaf(operation.right)}),\n'
                         f'    {scale}, s->instant_0, {number})')
             case Lesser():
@@ -114,7 +114,7 @@ class MarginWriter:
             case MarginAgo():
                 return self._queue('ago', index, operation.steps, operation)
             case MarginFeedback():
-                return f's->margin_feedback_{operation.index}[0]'
+                return f'fm_margin_of(s->margin_feedback_{operation.index})'
             case _:
                 assert_never(operation)
 
@@ -154,7 +154,7 @@ class MarginWriter:
     def _feedback(self) -> Iterator[str]:
         for number, operand in enumerate(self._margins.feedback):
             yield f'  const struct fm_margin_kept next_{number} = ' \
-                  f'{self._operand(operand)};'
+                  f'fm_margin_copy({self._operand(operand)});'
         for number, _ in enumerate(self._margins.feedback):
             state = f's->margin_feedback_{number}'
             if self._is_timed:
@@ -178,4 +178,4 @@ class MarginWriter:
                                 for number, item in self._margins.occurrences)):
             found = self._operand(operand)
             scale = f'fm_margin_scale({found}, scales, {self._first})' if is_scaled else '1.0'
-            yield f'  s->{name}[0] = fm_margin_shown(\n    {found}, {scale}, {lost});'
+            yield f'  fm_margin_show(s->{name}, {found}, {scale}, {lost});'

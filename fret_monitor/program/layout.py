@@ -41,8 +41,8 @@ from fret_monitor.program.monitor_program import (
     AlwaysSoFar, AlwaysWithin, Delay, Distance, FirstStep, Greatest, Hold, is_exact_sum, Literal,
     MarginAgo, MarginOperation, Margins, MarginSince, MarginWithin, MonitorProgram, OnceBefore,
     OnceEver, OnceWithin, Operand, operands, Operation, OutcomesTest, PreviousNumber, Read,
-    room_of, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup, Tally,
-    TimeAtLeast, Total, TrialOutcome, TriggeredEver, ValueAgo,
+    Room, room_of, SinceBefore, SinceBetween, SinceEver, SinceWithin, SlopeBetween, StepGroup,
+    Tally, TimeAtLeast, Total, TrialOutcome, TriggeredEver, ValueAgo,
 )
 
 MAX_STATE_BYTES = 16 * 1024 * 1024
@@ -58,6 +58,7 @@ _WINDOW_HEAD = 8
 _SUM_LENGTH = 40
 TEST_WORDS, TEST_PARTS = 7, 3  # of a test, as in csrc/generated/fret_trials.h
 MARGIN_WORDS, KEPT_MARGIN_WORDS = 4, 3  # of a struct fm_margin, fm_margin_kept
+_MARGIN_QUEUE_HEAD = 11  # of a window at ticks, as in csrc/generated/fret_margins.h
 _BLOCK_ALIGNMENT = 16  # as in csrc/evaluator/instance.h, like the sizes of its structs
 _TIME_BYTES = 72
 _INPUT_BYTES = 32
@@ -550,19 +551,21 @@ def _margins(group: StepGroup, margins: Margins) -> Iterator[StateField]:
     for number, item in enumerate(margins.equations):
         cell = item.operation
         match cell:
-            case Distance() if not group.is_timed:
-                pass
             case MarginSince() | Distance():
                 yield some(FieldKind.MARGINS, number)
             case MarginAgo(room=None):
                 yield from (some(FieldKind.MARGINS, number, cell.steps + 1), queue(number, 1))
             case MarginWithin(room=None):
                 yield from (some(FieldKind.MARGINS, number, cell.bound + 1),
-                            queue(number, cell.bound + 3))
-            case MarginAgo() | MarginWithin():
-                capacity = cell.room.capacity or 1 if cell.room else 1
+                            queue(number, cell.bound + 4))
+            case MarginAgo(room=Room(capacity=length)):
+                capacity = length or 1
                 yield from (some(FieldKind.MARGINS, number, capacity),
                             queue(number, QUEUE_HEAD + capacity))
+            case MarginWithin(room=Room(capacity=length)):
+                capacity = length or 1
+                yield from (some(FieldKind.MARGINS, number, capacity),
+                            queue(number, _MARGIN_QUEUE_HEAD + 2 * capacity))
             case _:
                 pass
 
