@@ -259,6 +259,11 @@ bool fm_schedule_begins_call(struct fm_schedule * schedule, uint32_t action)
   return begins;
 }
 
+bool fm_schedule_wants_call(const struct fm_schedule * schedule, uint32_t action)
+{
+  return schedule->running[action].is_begun;
+}
+
 void fm_schedule_end_call(struct fm_schedule * schedule, uint32_t action)
 {
   schedule->running[action].is_under_way = false;
@@ -276,6 +281,17 @@ int64_t fm_schedule_due(const struct fm_schedule * schedule)
     }
   }
   return due;
+}
+
+int64_t fm_schedule_wake(const struct fm_schedule * schedule, int64_t now)
+{
+  int64_t wake = fm_schedule_due(schedule);
+  for (uint32_t k = 0; k < schedule->options.n_actions; ++k) {
+    const struct fm_action * action = &schedule->options.actions[k];
+    const int64_t end = schedule->running[k].last_start + action->cooldown;
+    wake = is_cooling_down(action, &schedule->running[k], now) && end < wake ? end : wake;
+  }
+  return wake;
 }
 
 bool fm_schedule_is_idle(const struct fm_schedule * schedule, int64_t now)

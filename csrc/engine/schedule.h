@@ -134,13 +134,17 @@ FM_INTERNAL bool fm_schedule_is_idle(const struct fm_schedule * schedule, int64_
 FM_INTERNAL bool fm_schedule_publishes(
   struct fm_schedule * schedule, uint32_t action, int64_t now);
 
-/// Whether the call of an action is to begin now. Until fm_schedule_end_call it is under way, and
-/// further starts are skipped. O(1).
+/// Whether the call of an action is to begin now; `wants`: it is at the next call of `begins`.
+/// Until fm_schedule_end_call it is under way, and further starts are skipped. O(1).
 FM_INTERNAL bool fm_schedule_begins_call(struct fm_schedule * schedule, uint32_t action);
+FM_INTERNAL bool fm_schedule_wants_call(const struct fm_schedule * schedule, uint32_t action);
 FM_INTERNAL void fm_schedule_end_call(struct fm_schedule * schedule, uint32_t action);
 
 /// When the next action starts or publishes; FM_NEVER: none does. O(what follows all
 /// requirements).
 FM_INTERNAL int64_t fm_schedule_due(const struct fm_schedule * schedule);
+
+/// The same, or when a cooldown is over that lasts now.
+FM_INTERNAL int64_t fm_schedule_wake(const struct fm_schedule * schedule, int64_t now);
 
 #endif  // SCHEDULE_H_

@@ -31,13 +31,20 @@
 #define MILLISECOND_NS 1000000
 #define WAIT_NS 500000000  // closing the engine wakes it at once
 
+// Whose call is under way: that of the bundle, or of an instance. Zeroed: none is.
+struct caller
+{
+  struct fm_schedule * schedule;
+  struct fm_instance_schedule * one;
+};
+
 struct fm_actions
 {
   struct fm_actions_options options;
   struct fm_schedule * schedule;         // of the bundle
-  struct fm_schedules schedules;         // of instances
+  struct fm_schedules * schedules;       // of instances: those of a variable at its first kind
   struct fm_action_call * calls;         // of each action; zeroed if it publishes
-  struct fm_schedule ** callers;         // whose call is under way; NULL: none is
+  struct caller * callers;               // of each action
   uint8_t * payload;                     // room for any message
   struct fm_requirement_state * states;
   pthread_mutex_t mutex;                 // guards the next two
@@ -94,21 +101,25 @@ static void publish(
 
 // Instances have one client of an action: their calls follow each other.
 static void begin_call(
-  struct fm_actions * actions, struct fm_schedule * schedule, uint32_t number,
-  const uint8_t * key, int64_t now)
+  struct fm_actions * actions, const struct caller * caller, uint32_t number, int64_t now)
 {
   const struct fm_action * action = &actions->options.table->actions[number];
-  struct fm_action_call * one = &actions->calls[number];
-  if (actions->callers[number] != NULL || !fm_schedule_begins_call(schedule, number)) {
+  struct fm_action_call * call = &actions->calls[number];
+  if (!fm_schedule_wants_call(caller->schedule, number)) {
     return;
   }
-  if (key == NULL || fm_action_call_read(
-      one, actions->payload, fm_payload_write(action, key, actions->payload)))
+  if (actions->callers[number].schedule != NULL) {
+    fm_schedules_wait(caller->one, number);
+    return;
+  }
+  (void)fm_schedule_begins_call(caller->schedule, number);
+  if (caller->one == NULL || fm_action_call_read(
+      call, actions->payload, fm_payload_write(action, caller->one->key, actions->payload)))
   {
-    actions->callers[number] = schedule;
-    fm_action_call_begin(one, now);
+    actions->callers[number] = *caller;
+    fm_action_call_begin(call, now);
   } else {
-    fm_schedule_end_call(schedule, number);
+    fm_schedule_end_call(caller->schedule, number);
     count_result(actions, number, false, true, 1, FM_WORDS_NO_REQUEST);
   }
 }
@@ -119,8 +130,12 @@ static void go_on_with_call(struct fm_actions * actions, uint32_t number, int64_
   struct fm_text why = {NULL, 0, 0};
   const enum fm_action_result result = fm_action_call_run(one, now, &why);
   if (result != FM_ACTION_GOES_ON) {
-    fm_schedule_end_call(actions->callers[number], number);
-    actions->callers[number] = NULL;
+    const struct caller caller = actions->callers[number];
+    fm_schedule_end_call(caller.schedule, number);
+    memset(&actions->callers[number], 0, sizeof(caller));
+    if (caller.one != NULL) {
+      fm_schedules_settle(caller.one, now);
+    }
     actions->has_ended = true;
     count_result(
       actions, number, result == FM_ACTION_SUCCEEDED, true, one->tried + 1u, fm_text_get(&why));
@@ -128,14 +143,14 @@ static void go_on_with_call(struct fm_actions * actions, uint32_t number, int64_
   fm_text_free(&why);
 }
 
-// Publish, and begin calls, as a schedule of the bundle (`key` NULL) or an instance wants it.
-static void act(
-  struct fm_actions * actions, struct fm_schedule * schedule, const uint8_t * key, int64_t now)
+// Publish, and begin calls, as a schedule of the bundle or an instance wants it.
+static void act(struct fm_actions * actions, const struct caller * caller, int64_t now)
 {
+  const uint8_t * key = caller->one == NULL ? NULL : caller->one->key;
   for (uint32_t k = 0; k < actions->options.table->n_actions; ++k) {
     if (actions->options.ends[k].publisher == NULL) {
-      begin_call(actions, schedule, k, key, now);
-    } else if (fm_schedule_publishes(schedule, k, now)) {
+      begin_call(actions, caller, k, now);
+    } else if (fm_schedule_publishes(caller->schedule, k, now)) {
       publish(actions, k, key, now);
     }
   }
@@ -143,10 +158,15 @@ static void act(
 
 // ---- instances ---------------------------------------------------------------------------------
 
-static const char * variable_of(const struct fm_actions * actions, uint32_t requirement)
+static struct fm_schedules * schedules_of(struct fm_actions * actions, uint32_t requirement)
 {
   const struct fm_report_table * table = actions->options.table;
-  return table->kinds[table->requirements[requirement].kind].variable;
+  const char * variable = table->kinds[table->requirements[requirement].kind].variable;
+  uint32_t kind = 0;
+  while (strcmp(table->kinds[kind].variable, variable) != 0) {
+    kind += 1;
+  }
+  return &actions->schedules[kind];
 }
 
 static bool has_keyed(const struct fm_actions * actions, uint32_t requirement)
@@ -163,13 +183,26 @@ static bool has_keyed(const struct fm_actions * actions, uint32_t requirement)
   return has;
 }
 
+static void act_for(struct fm_actions * actions, struct fm_instance_schedule * one, int64_t now)
+{
+  const struct caller caller = {one->schedule, one};
+  act(actions, &caller, now);
+  fm_schedules_settle(one, now);
+}
+
 static void end_all(struct fm_actions * actions, int64_t now)
 {
-  struct fm_instance_schedule * one = actions->schedules.first;
-  for (; one != NULL; one = one->next) {
-    pthread_mutex_lock(&actions->mutex);
-    fm_schedule_end_all(one->schedule, now);
-    pthread_mutex_unlock(&actions->mutex);
+  for (uint32_t kind = 0; kind < actions->options.table->n_kinds; ++kind) {
+    struct fm_schedules * schedules = &actions->schedules[kind];
+    struct fm_instance_schedule * one = fm_schedules_next(schedules, 0);
+    while (one != NULL) {
+      const uint32_t next = one->slot + 1;
+      pthread_mutex_lock(&actions->mutex);
+      fm_schedule_end_all(one->schedule, now);
+      pthread_mutex_unlock(&actions->mutex);
+      act_for(actions, one, now);
+      one = fm_schedules_next(schedules, next);
+    }
   }
 }
 
@@ -182,28 +215,52 @@ static void follow_instances(struct fm_actions * actions, int64_t now)
     if (event.requirement == actions->options.table->n_requirements) {
       end_all(actions, now);
     } else if (has_keyed(actions, event.requirement)) {
-      struct fm_instance_schedule * one = fm_schedules_of(
-        &actions->schedules, variable_of(actions, event.requirement), key);
+      struct fm_instance_schedule * one =
+        fm_schedules_of(schedules_of(actions, event.requirement), key);
       if (one != NULL) {
         pthread_mutex_lock(&actions->mutex);
         fm_schedule_note(one->schedule, event.requirement, !event.is_recovery, now);
         pthread_mutex_unlock(&actions->mutex);
-        act(actions, one->schedule, one->key, now);
+        act_for(actions, one, now);
       }
+    }
+  }
+}
+
+// Those that wait for a call come before others.
+static void go_on_with_waiting(struct fm_actions * actions, uint32_t number, int64_t now)
+{
+  for (uint32_t kind = 0; kind < actions->options.table->n_kinds; ++kind) {
+    struct fm_instance_schedule * one;
+    while (actions->callers[number].schedule == NULL &&
+      (one = fm_schedules_take_waiting(&actions->schedules[kind], number)) != NULL)
+    {
+      act_for(actions, one, now);
     }
   }
 }
 
 static void act_for_instances(struct fm_actions * actions, int64_t now)
 {
-  struct fm_instance_schedule * one = actions->schedules.first;
-  for (; one != NULL; one = one->next) {
-    pthread_mutex_lock(&actions->mutex);
-    fm_schedule_start_due(one->schedule, now);
-    pthread_mutex_unlock(&actions->mutex);
-    act(actions, one->schedule, one->key, now);
+  for (uint32_t kind = 0; kind < actions->options.table->n_kinds; ++kind) {
+    struct fm_instance_schedule * one;
+    while ((one = fm_schedules_first(&actions->schedules[kind], now)) != NULL) {
+      pthread_mutex_lock(&actions->mutex);
+      fm_schedule_start_due(one->schedule, now);
+      pthread_mutex_unlock(&actions->mutex);
+      act_for(actions, one, now);
+    }
   }
-  fm_schedules_drop_idle(&actions->schedules, now);
+}
+
+static int64_t due_of_instances(const struct fm_actions * actions)
+{
+  int64_t due = FM_NEVER;
+  for (uint32_t kind = 0; kind < actions->options.table->n_kinds; ++kind) {
+    const int64_t other = fm_schedules_due(&actions->schedules[kind]);
+    due = other < due ? other : due;
+  }
+  return due;
 }
 
 // ---- the thread --------------------------------------------------------------------------------
@@ -214,7 +271,7 @@ static uint32_t time_left(const struct fm_actions * actions)
     return 0;
   }
   const int64_t now = fm_steady_time();
-  const int64_t of_instances = fm_schedules_due(&actions->schedules);
+  const int64_t of_instances = due_of_instances(actions);
   int64_t due = fm_schedule_due(actions->schedule);
   due = of_instances < due ? of_instances : due;
   due = due < now + WAIT_NS ? due : now + WAIT_NS;
@@ -236,6 +293,7 @@ static void * run(void * argument)
 {
   struct fm_actions * actions = argument;
   const struct fm_actions_options * options = &actions->options;
+  const struct caller of_bundle = {actions->schedule, NULL};
   uint64_t seen = 0;
   while (!fm_engine_is_closed(options->engine)) {
     __atomic_fetch_add(&actions->turns, 1u, __ATOMIC_RELAXED);
@@ -243,7 +301,10 @@ static void * run(void * argument)
     const int64_t now = fm_steady_time();
     actions->has_ended = false;
     follow(actions, now);
-    act(actions, actions->schedule, NULL, now);
+    act(actions, &of_bundle, now);
+    for (uint32_t k = 0; k < options->table->n_actions; ++k) {
+      go_on_with_waiting(actions, k, now);
+    }
     follow_instances(actions, now);
     act_for_instances(actions, now);
     for (uint32_t k = 0; k < options->table->n_actions; ++k) {
@@ -261,11 +322,14 @@ static void free_actions(struct fm_actions * actions)
     fm_action_call_free(&actions->calls[k]);
   }
   fm_schedule_destroy(actions->schedule);
-  fm_schedules_free(&actions->schedules);
+  for (uint32_t k = 0; actions->schedules != NULL && k < actions->options.table->n_kinds; ++k) {
+    fm_schedules_free(&actions->schedules[k]);
+  }
   pthread_mutex_destroy(&actions->mutex);
   fm_lines_free(&actions->lines);
   free(actions->calls);
   free(actions->callers);
+  free(actions->schedules);
   free(actions->payload);
   free(actions->states);
   free(actions->counts);
@@ -293,8 +357,10 @@ static bool make_memory(struct fm_actions * actions)
   actions->states = calloc(table->n_requirements + (size_t)1, sizeof(*actions->states));
   actions->counts = calloc(n, sizeof(*actions->counts));
   actions->next_lines = calloc(n, sizeof(*actions->next_lines));
+  actions->schedules = calloc(table->n_kinds + (size_t)1, sizeof(*actions->schedules));
   if (actions->calls == NULL || actions->callers == NULL || actions->payload == NULL ||
-    actions->states == NULL || actions->counts == NULL || actions->next_lines == NULL)
+    actions->states == NULL || actions->counts == NULL || actions->next_lines == NULL ||
+    actions->schedules == NULL)
   {
     return false;
   }
@@ -302,9 +368,12 @@ static bool make_memory(struct fm_actions * actions)
     memcpy(
       actions->counts, actions->options.before, table->n_actions * sizeof(*actions->counts));
   }
-  actions->schedules.options = (struct fm_schedule_options) {
+  const struct fm_schedule_options options = {
     table->actions, table->follows, actions->counts, table->n_actions, table->n_requirements};
-  actions->schedule = fm_schedule_create(&actions->schedules.options, false);
+  for (uint32_t k = 0; k < table->n_kinds; ++k) {
+    actions->schedules[k].options = options;
+  }
+  actions->schedule = fm_schedule_create(&options, false);
   return actions->schedule != NULL;
 }
 

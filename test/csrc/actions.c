@@ -19,6 +19,7 @@
 
 #include "actions.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -110,25 +111,33 @@ static void test_instances(void)
 {
   struct fm_action_facts counts[ACTIONS];
   memset(counts, 0, sizeof(counts));
-  struct fm_schedules schedules = {{keyed, follows, counts, ACTIONS, 1}, NULL};
+  struct fm_schedules schedules = {.options = {keyed, follows, counts, ACTIONS, 1}};
   const uint8_t alpha[] = {5, 'a', 'l', 'p', 'h', 'a'};
   const uint8_t beta[] = {1, 'a'};
-  struct fm_schedule * one = fm_schedules_of(&schedules, "robot", alpha)->schedule;
-  struct fm_schedule * other = fm_schedules_of(&schedules, "robot", beta)->schedule;
-  CHECK(fm_schedules_of(&schedules, "robot", alpha)->schedule == one);
-  CHECK(fm_schedules_of(&schedules, "joint", alpha)->schedule != one);
-  fm_schedules_drop_idle(&schedules, 0);
-  CHECK(schedules.first == NULL && fm_schedules_due(&schedules) == FM_NEVER);
+  struct fm_instance_schedule * of_alpha = fm_schedules_of(&schedules, alpha);
+  struct fm_instance_schedule * of_beta = fm_schedules_of(&schedules, beta);
+  CHECK(fm_schedules_of(&schedules, alpha) == of_alpha && of_alpha != of_beta);
+  fm_schedules_settle(of_alpha, 0);
+  fm_schedules_settle(of_beta, 0);
+  CHECK(schedules.keys.n == 0 && fm_schedules_due(&schedules) == FM_NEVER);
 
-  one = fm_schedules_of(&schedules, "robot", alpha)->schedule;
-  other = fm_schedules_of(&schedules, "robot", beta)->schedule;
+  of_alpha = fm_schedules_of(&schedules, alpha);
+  of_beta = fm_schedules_of(&schedules, beta);
+  struct fm_schedule * one = of_alpha->schedule;
+  struct fm_schedule * other = of_beta->schedule;
   fm_schedule_note(one, 0, true, 10 * SECOND);
   fm_schedule_note(other, 0, true, 10 * SECOND + 5);
   CHECK(counts[RATE].started == 2 && counts[CALL].started == 2 && counts[END].started == 0);
   CHECK(fm_schedule_publishes(one, RATE, 10 * SECOND));
   CHECK(fm_schedule_publishes(other, RATE, 10 * SECOND + 5));
+  fm_schedules_settle(of_alpha, 10 * SECOND + 5);
+  fm_schedules_settle(of_beta, 10 * SECOND + 5);
   CHECK(fm_schedules_due(&schedules) == 11 * SECOND);
+  CHECK(fm_schedules_first(&schedules, 11 * SECOND - 1) == NULL);
+  CHECK(fm_schedules_first(&schedules, 11 * SECOND) == of_alpha);
+  CHECK(fm_schedule_wants_call(one, CALL));
   CHECK(fm_schedule_begins_call(one, CALL) && fm_schedule_begins_call(other, CALL));
+  CHECK(!fm_schedule_wants_call(one, CALL));
   fm_schedule_end_call(one, CALL);
   fm_schedule_end_call(other, CALL);
 
@@ -139,15 +148,17 @@ static void test_instances(void)
   CHECK(counts[LATE].started == 1 && fm_schedule_publishes(other, LATE, 12 * SECOND));
   CHECK(!fm_schedule_publishes(one, RATE, 12 * SECOND));
   CHECK(fm_schedule_publishes(other, RATE, 12 * SECOND));
-  fm_schedules_drop_idle(&schedules, 12 * SECOND);  // the cooldown lasts
-  CHECK(fm_schedules_of(&schedules, "robot", alpha)->schedule == one);
+  fm_schedules_settle(of_alpha, 12 * SECOND);  // the cooldown lasts
+  CHECK(fm_schedules_of(&schedules, alpha) == of_alpha);
   fm_schedule_note(one, 0, true, 13 * SECOND);
   CHECK(counts[CALL].skipped == 1 && counts[RATE].started == 3);
   fm_schedule_end_all(other, 13 * SECOND);
   CHECK(!fm_schedule_publishes(other, RATE, 15 * SECOND));
-  fm_schedules_drop_idle(&schedules, 20 * SECOND);
-  CHECK(schedules.first != NULL && schedules.first->next == NULL);
+  fm_schedules_settle(of_beta, 16 * SECOND);
+  CHECK(schedules.keys.n == 1 && fm_schedules_next(&schedules, 0) == of_alpha);
+  CHECK(fm_schedules_next(&schedules, of_alpha->slot + 1) == NULL);
   fm_schedules_free(&schedules);
+  CHECK(schedules.keys.n == 0 && fm_schedules_next(&schedules, 0) == NULL);
 
   // One of the bundle leaves actions with keys out.
   struct fm_schedule * schedule = fm_schedule_create(&schedules.options, false);
@@ -155,6 +166,51 @@ static void test_instances(void)
   look(schedule, 1, FM_HOLDS, 11 * SECOND);
   CHECK(counts[RATE].started == 3 && counts[END].started == 1);
   fm_schedule_destroy(schedule);
+}
+
+// That of key n is due at a time of its own, and waits for a call in turn; those of even keys end.
+static void test_many_instances(void)
+{
+  enum { MANY = 1000 };
+  struct fm_action_facts counts[ACTIONS];
+  memset(counts, 0, sizeof(counts));
+  struct fm_schedules schedules = {.options = {keyed, follows, counts, ACTIONS, 1}};
+  uint8_t key[FM_KEY_ROOM];
+  for (uint32_t n = 0; n < MANY; ++n) {
+    const int64_t now = 10 * SECOND + (int64_t)(n * 7 % MANY);
+    key[0] = (uint8_t)snprintf((char *)key + 1, sizeof(key) - 1, "robot %u", n);
+    struct fm_instance_schedule * one = fm_schedules_of(&schedules, key);
+    fm_schedule_note(one->schedule, 0, true, now);
+    CHECK(fm_schedule_publishes(one->schedule, RATE, now));
+    fm_schedules_wait(one, CALL);
+    fm_schedules_settle(one, now);
+    fm_schedules_wait(one, CALL);  // its turn stays
+  }
+  for (uint32_t n = 0; n < MANY; ++n) {
+    key[0] = (uint8_t)snprintf((char *)key + 1, sizeof(key) - 1, "robot %u", n);
+    struct fm_instance_schedule * one = fm_schedules_take_waiting(&schedules, CALL);
+    CHECK(one == fm_schedules_of(&schedules, key) && memcmp(one->key, key, key[0] + 1u) == 0);
+  }
+  CHECK(fm_schedules_take_waiting(&schedules, CALL) == NULL && schedules.keys.n == MANY);
+  for (int64_t k = 0; k < MANY; ++k) {
+    const int64_t now = 11 * SECOND + k;
+    struct fm_instance_schedule * one = fm_schedules_first(&schedules, now);
+    CHECK(one != NULL && fm_schedules_first(&schedules, now - 1) == NULL);
+    CHECK(fm_schedule_publishes(one->schedule, RATE, now));
+    if (k % 2 == 0) {
+      fm_schedule_begins_call(one->schedule, CALL);
+      fm_schedule_end_call(one->schedule, CALL);
+      fm_schedule_note(one->schedule, 0, false, now);
+      fm_schedule_publishes(one->schedule, RATE, 20 * SECOND);
+      fm_schedules_settle(one, 20 * SECOND);
+    } else {
+      fm_schedule_start_due(one->schedule, now);
+      (void)fm_schedule_publishes(one->schedule, LATE, now);
+      fm_schedules_settle(one, now);
+    }
+  }
+  CHECK(schedules.keys.n == MANY / 2 && fm_schedules_due(&schedules) == 12 * SECOND + 1);
+  fm_schedules_free(&schedules);
 }
 
 // ---- the thread --------------------------------------------------------------------------------
@@ -221,6 +277,7 @@ int main(void)
 {
   test_schedule();
   test_instances();
+  test_many_instances();
   test_thread();
   return failures == 0 ? 0 : 1;
 }
