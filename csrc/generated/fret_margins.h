@@ -124,8 +124,8 @@ static inline double fm_margin_scale(
   return scales[comparison < first ? 0 : comparison - first];
 }
 
-/// Write it as it is read from outside. `scale` is that of the comparison. Not known if it rests on
-/// a queue in which something found no room.
+/// Write it as it is read from outside. `scale` is that of the comparison. Not known if it rests
+/// on a queue in which something found no room.
 static inline void fm_margin_show(
   struct fm_margin * shown, struct fm_margin_now margin, double scale, bool is_lost)
 {
