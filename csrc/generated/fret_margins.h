@@ -130,7 +130,7 @@ static inline void fm_margin_show(
   struct fm_margin * shown, struct fm_margin_now margin, double scale, bool is_lost)
 {
   const volatile struct fm_margin_kept * const by = margin.by;
-  const double value = fm_margin_value(margin.rank);
+  const double value = fm_margin_value(margin.rank) + 0.0;  // of a negation, -0.0 too
   const struct fm_margin unknown = {(double)NAN, (double)NAN, 0, -1};
   volatile struct fm_margin * const to = shown;
   to->value = value;

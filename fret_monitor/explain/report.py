@@ -40,6 +40,7 @@ from fret_monitor.language.sentence import Sentence
 from fret_monitor.logic.evaluate import evaluate_all
 from fret_monitor.logic.formula import Constant, Formula, postorder, Unary, Variable
 from fret_monitor.logic.printing import to_smv, Values
+from fret_monitor.logic.propositions import propositions
 from fret_monitor.logic.specification import Property, Specification
 from fret_monitor.model.diagnostics import counted, Diagnostic, did_you_mean, Problems
 from fret_monitor.model.progress import no_progress, Progress
@@ -333,7 +334,8 @@ def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
     shown = subject.propositions[:_MAX_BANDS] if length(trace) <= _LONGEST_SHOWN else ()
     if context.is_timed and shown:
         verdicts = verdicts_in_time(item, subject, trace, context.grids[item.id])
-    labels = [to_smv(node, _WIDTH, context.values, context.names) for node in shown]
+    labels = [to_smv(node, _WIDTH, context.values, context.names, is_timed=context.is_timed)
+              for node in _as_written(item, shown)]
     rows = rows_of(trace)
     columns = {signal.name: [row[number] for row in rows]
                for number, signal in enumerate(subject.signals)}
@@ -341,12 +343,20 @@ def _drawing(item: Property, subject: Subject, trace: Trace, title: str,
     found = timeline(title, labels, [[bool(value) for value in column] for column in truths],
                      verdicts, context.period(subject.item.id),
                      tuple(value_lines(subject.signals, trace,
-                                       context.grids.get(subject.item.id))),
+                                       context.grids.get(subject.item.id),
+                                       {node.name for node in shown
+                                        if isinstance(node, Variable)})),
                      is_grid=context.grids.get(subject.item.id) is not None)
     diagram = diagram_of(item.formula,
                          lambda node: to_smv(node, _WIDTH, context.values))
     return found if diagram is None else replace(
         found, diagram=diagram.at(columns[diagram.variable][-1]))
+
+
+def _as_written(item: Property, shown: Sequence[Formula]) -> Sequence[Formula]:
+    """Return propositions as the requirement has them, which are perhaps shown on a grid."""
+    written = propositions(item)
+    return written[:len(shown)] if len(written) >= len(shown) else shown
 
 
 def as_dict(found: Explanation) -> dict[str, object]:

@@ -18,13 +18,14 @@ Draw a trace as rows of characters above a scale of steps.
 Long intervals without a change are shortened and marked with `~`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import groupby
+from itertools import accumulate, groupby
 
 from fret_monitor.explain.diagram import DrawnDiagram
 from fret_monitor.logic.specification import Signal
+from fret_monitor.model.policies import InputSource
 from fret_monitor.model.times import time_text
 from fret_monitor.model.values import ValueType
 from fret_monitor.traces.trace import Trace, Value
@@ -153,13 +154,17 @@ def _ruled(marks: Sequence[tuple[int, str]]) -> str:
     return text
 
 
-def value_lines(signals: Sequence[Signal], trace: Trace, grid: int | None) -> Iterator[str]:
+def value_lines(signals: Sequence[Signal], trace: Trace, grid: int | None,
+                bands: Collection[str] = ()) -> Iterator[str]:
     """
     Yield the values of each non-Boolean input, each with what it applies from.
 
-    `grid` is the time of a step in nanoseconds; None if steps have no time.
+    Yield also when messages came, where that matters, unless `bands` have the name. `grid` is the
+    time of a step in nanoseconds; None if steps have no time.
     """
     for number, signal in enumerate(signals):
+        if signal.source is InputSource.RECEIVED and grid and signal.name not in bands:
+            yield f'{signal.name}: {_receptions(trace, number, grid)}'
         if signal.type is ValueType.BOOL:
             continue
         changes: list[tuple[int, Value]] = []
@@ -174,6 +179,16 @@ def value_lines(signals: Sequence[Signal], trace: Trace, grid: int | None) -> It
                  for (start, value), place in zip(changes[:_MAX_RUNS], places, strict=False)]
         more = ', ...' if len(changes) > _MAX_RUNS else ''
         yield f'{signal.name}: {", ".join(parts)}{more}'
+
+
+def _receptions(trace: Trace, number: int, grid: int) -> str:
+    """Return at which points of a grid an input is true."""
+    starts = accumulate((run.steps for run in trace), initial=0)
+    found = [step for start, run in zip(starts, trace) if run.row[number]
+             for step in range(start, start + min(run.steps, _MAX_RUNS + 1))]
+    more = ', ...' if len(found) > _MAX_RUNS else ''
+    return ', '.join(f'at {time_text(step * grid)}' for step in found[:_MAX_RUNS]) + more \
+        if found else 'never'
 
 
 def _value(signal: Signal, value: Value) -> str:

@@ -26,8 +26,9 @@ from math import gcd
 from typing import assert_never
 
 from fret_monitor.logic.formula import (
-    Ago, Formula, Historically, Once, operands, Over, postorder, rebuilt, Since, Slope, TimeOver,
-    Trial, Triggered, Window,
+    Aggregate, Ago, Binary, BinaryOperator, Choice, Constant, Conversion, Formula, Historically,
+    Once, operands, Over, postorder, rebuilt, Since, Slope, TimeOver, Trial, Triggered, TRUE,
+    Window,
 )
 from fret_monitor.logic.specification import Property
 from fret_monitor.model.times import NANOSECONDS
@@ -97,17 +98,36 @@ def _ends(node: Formula) -> tuple[int, ...]:
             return ()
 
 
-def _narrowed(node: Over | Ago | TimeOver, grid: int) -> Over | Ago | TimeOver:
+def _narrowed(node: Over | Ago | TimeOver, grid: int) -> Formula:
     past = max(1, node.past // grid)
     match node:
         case Over():
-            return Over(node.aggregate, past, node.argument, node.at)
+            return _over_messages(Over(node.aggregate, past, node.argument, node.at))
         case Ago():
             return Ago(past, node.argument)
         case TimeOver():
             return TimeOver(past, min(past, -(-node.least // grid)), node.argument)
         case _:
             assert_never(node)
+
+
+def _over_messages(node: Over) -> Formula:
+    """Return an aggregate over the points at which a message comes as one over all points."""
+    match node.aggregate:
+        case Aggregate.GREATEST | Aggregate.LEAST:
+            return node
+        case Aggregate.COUNT:
+            both = Binary(BinaryOperator.AND, node.at, node.argument)
+            return Over(node.aggregate, node.past, both, TRUE)
+        case Aggregate.SUM:
+            zero = Constant(0 if node.type.is_integer else 0.0, node.type)
+            return Over(node.aggregate, node.past, Choice(node.at, node.argument, zero), TRUE)
+        case Aggregate.MEAN:
+            total = _over_messages(Over(Aggregate.SUM, node.past, node.argument, node.at))
+            count = Over(Aggregate.COUNT, node.past, node.at, TRUE)
+            return Binary(BinaryOperator.DIV, total, Conversion(count, node.type))
+        case _:
+            assert_never(node.aggregate)
 
 
 def _window(window: Window, grid: int) -> Window:

@@ -99,7 +99,7 @@ def check(found: Margin, expected: ReferenceMargin, verdict: bool, formulas: Seq
 
     In a `lasting` trace a comparison has its distance until a later step, which may decide.
     """
-    assert found.value == expected.value
+    assert found.value == expected.value and repr(found.value) != '-0.0'
     assert not (found.value > 0 and not verdict) and not (found.value < 0 and verdict)
     if math.isfinite(found.value):
         formula = formulas[found.comparison]
