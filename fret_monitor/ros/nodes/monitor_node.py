@@ -33,7 +33,7 @@ from fret_monitor.ros.settings.names import full_name, refuse_shared_names
 from fret_monitor.ros.settings.opened import open_monitors, Opened
 from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
 from fret_monitor.ros.settings.parameters import (
-    Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Scheduling, Settings,
+    Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
 )
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import ErrorKeeper, steady_timer, Watch
@@ -166,7 +166,7 @@ class MonitorNode(ClockNode, LifecycleNode):
                 self._sessions.append(BundleSession(
                     self, item, self._watch, settings, name, reports_failures=not self._sessions))
             undo.pop_all()
-        self._warn(_ask_system(settings.scheduling, library))
+        self._warn(_ask_system(settings, library))
         self._warn([warning for item in opened for warning in item.warnings])
         self._warn(Overrides.of(self).unused([
             full_name(self, session.manifest, topic)
@@ -273,7 +273,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         return response
 
 
-def _ask_system(wanted: Scheduling, library: Any) -> Iterator[str]:
+def _ask_system(wanted: Settings, library: Any) -> Iterator[str]:
     """Ask the system for what is wanted, and yield a warning for each thing that it refuses."""
     if wanted.priority and (error := library.fm_set_priority(wanted.priority)):
         yield words.NO_PRIORITY % (wanted.priority, strerror(error))

@@ -164,20 +164,11 @@ class MetricsAddress:
 
 
 @dataclass(frozen=True)
-class Scheduling:
-    """What the system is asked for; by default nothing."""
-
-    priority: int = 0
-    processors: str = ''
-    locks_memory: bool = False
-
-
-@dataclass(frozen=True)
 class Settings:
     """
     The bundles to monitor, and what overrides them; `period` is in seconds, exact.
 
-    `gates`: the gates to run; () for all.
+    `gates`: the gates to run; () for all. `priority` and what follows it is asked of the system.
     """
 
     origins: tuple[Origin, ...]
@@ -191,8 +182,10 @@ class Settings:
     constants: Mapping[str, Text] = field(default_factory=dict)
     blackbox: BlackBoxSettings | None = None
     gates: tuple[str, ...] = ()
-    scheduling: Scheduling = Scheduling()
     margins: bool = False
+    priority: int = 0
+    processors: str = ''
+    locks_memory: bool = False
 
 
 def read_settings(given: Mapping[str, Any]) -> Settings:
@@ -218,30 +211,30 @@ def problems_of(read: Callable[[Mapping[str, Any], list[str]], object],
     return problems
 
 
-def read_truth(given: Mapping[str, Any], name: str, problems: list[str]) -> bool:
-    """Return a truth value; true if it is not given."""
-    value = given.get(name, True)
+def read_truth(given: Mapping[str, Any], name: str, problems: list[str],
+               otherwise: bool = True) -> bool:
+    """Return a truth value, and `otherwise` if it is not given."""
+    value = given.get(name, otherwise)
     if not isinstance(value, bool):
         problems.append(f"parameter '{name}' is {value!r}, and has to be true or false")
     return bool(value)
 
 
-def _is_true(given: Mapping[str, Any], name: str, problems: list[str]) -> bool:
-    """Return a truth value; false if it is not given."""
-    return name in given and read_truth(given, name, problems)
-
-
 def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
     """Return the settings, and add what cannot be used to `problems`."""
     return Settings(
-        _origins(given, problems), _policy(given, problems), _period(given, problems),
-        read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
-        _whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
-        read_truth(given, 'log_violations', problems), _is_true(given, 'verdicts', problems),
-        _metrics(given, problems),
-        _constant_texts(given, problems), _blackbox(given, problems),
-        tuple(_texts(given, 'gates', problems)), _scheduling(given, problems),
-        _is_true(given, 'margins', problems))
+        origins=_origins(given, problems), policy=_policy(given, problems),
+        period=_period(given, problems),
+        hot_path=read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
+        handler_depth=_whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
+        log_violations=read_truth(given, 'log_violations', problems),
+        publishes_verdicts=read_truth(given, 'verdicts', problems, False),
+        metrics=_metrics(given, problems), constants=_constant_texts(given, problems),
+        blackbox=_blackbox(given, problems), gates=tuple(_texts(given, 'gates', problems)),
+        priority=_whole(given, 'priority', 0, 99, words.ANY_PRIORITY, problems),
+        processors=_processors(given, problems),
+        locks_memory=read_truth(given, 'lock_memory', problems, False),
+        margins=read_truth(given, 'margins', problems, False))
 
 
 def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
@@ -332,14 +325,12 @@ def _whole(given: Mapping[str, Any], name: str, least: int, most: int, wanted: s
     return value
 
 
-def _scheduling(given: Mapping[str, Any], problems: list[str]) -> Scheduling:
-    priority = _whole(given, 'priority', 0, 99, words.ANY_PRIORITY, problems)
+def _processors(given: Mapping[str, Any], problems: list[str]) -> str:
     processors = given.get('processors', '')
     if not isinstance(processors, int | str) or isinstance(processors, bool):
         problems.append(f"parameter 'processors' is {processors!r}, and has to be "
                         f'{words.SOME_PROCESSORS}')
-    return Scheduling(
-        priority, str(processors), _is_true(given, 'lock_memory', problems))
+    return str(processors)
 
 
 def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:
