@@ -266,7 +266,7 @@ def test_a_receiver_that_could_not_be_stopped_keeps_its_objects(
 
     library: Any = SimpleNamespace(fm_receiver_start=start, fm_receiver_stop=stop)
     middleware: Any = SimpleNamespace(
-        functions=None, subscription=lambda _: None, taking=lambda _: 0)
+        functions=None, handle=lambda _: None, taking=lambda _: 0)
     evaluator: Any = SimpleNamespace(library=library, pointer=None, drain=lambda: None)
     subscription: Any = Subscription()
     receiver = EngineReceiver(evaluator, middleware, subscription, 0)

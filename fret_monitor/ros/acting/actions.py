@@ -181,10 +181,10 @@ class _ActionThread(native_lifetimes.NativeThread):
 
     def _end(self, node: Node, middleware: Middleware, end: _Ends) -> dict[str, Any]:
         if not isinstance(end, tuple):
-            return {'publisher': middleware.publisher(end)}
+            return {'publisher': middleware.handle(end)}
         self._names += [ffi.new('char[]', item.name.encode()) for item in end]
         return {'services': [
-            {'node': middleware.node(node), 'client': middleware.client(item),
+            {'node': middleware.handle(node), 'client': middleware.handle(item),
              'support': ffi.cast('struct fm_service_support *', item.support), 'name': name}
             for item, name in zip(end, self._names[-len(end):])]}
 

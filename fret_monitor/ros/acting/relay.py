@@ -78,7 +78,7 @@ class Relay(native_lifetimes.NativeThread):
             'engine': self._engine.pointer,
             'middleware': self._middleware.functions,
             'publish': self._middleware.publish_serialized(),
-            'publisher': self._middleware.publisher(self._publisher),
+            'publisher': self._middleware.handle(self._publisher),
             'substitute': self._substitute if has_substitute else ffi.NULL,
             'substitute_size': len(gate.substitute),
             'holds': gate.otherwise is Otherwise.HOLD,
@@ -146,7 +146,7 @@ class Relay(native_lifetimes.NativeThread):
                 return
             held.enter_context(new.handle)
             self._library.fm_relay_publish_with(
-                self._place[0], self._middleware.publisher(new))
+                self._place[0], self._middleware.handle(new))
             self._publisher, self._next = new, None
             self._held, before = held, self._held
         before.close()
@@ -164,16 +164,16 @@ class Relay(native_lifetimes.NativeThread):
             self._others = self._target.others
 
     def add(self, subscription: RclSubscription) -> None:
-        if not self._call('add', self._middleware.subscription(subscription)):
+        if not self._call('add', self._middleware.handle(subscription)):
             raise Unavailable('the middleware has no callback for new messages, or there are '
                               'eight subscriptions already')
 
     def retire(self, subscription: RclSubscription) -> None:
-        self._call('retire', self._middleware.subscription(subscription))
+        self._call('retire', self._middleware.handle(subscription))
 
     def remove(self, subscription: RclSubscription) -> bool:
         """Take what is waiting, then no more; return whether it may be destroyed."""
-        return self._call('remove', self._middleware.subscription(subscription)) in (None, True)
+        return self._call('remove', self._middleware.handle(subscription)) in (None, True)
 
     def end(self) -> None:
         """End the thread; a second call does nothing."""

@@ -63,7 +63,7 @@ class GraphSources:
             self._ends = ffi.new('struct fm_service_client[]', [
                 self._end(middleware, item) for item in self._clients])
             self._pointer: Any = ffi.gc(self._library.fm_graph_create(
-                engine.pointer, self._functions, self._services, middleware.node(node), sources,
+                engine.pointer, self._functions, self._services, middleware.handle(node), sources,
                 self._ends, len(watched), monotonic_ns()), self._library.fm_graph_destroy)
         if self._pointer == ffi.NULL:
             raise Unavailable('memory is short')
@@ -73,7 +73,7 @@ class GraphSources:
             return {}
         self._texts.append((ffi.new('char[]', client.name.encode()), ffi.NULL))
         with client.handle:
-            return {'node': middleware.node(self._node), 'client': middleware.client(client),
+            return {'node': middleware.handle(self._node), 'client': middleware.handle(client),
                     'support': ffi.cast('struct fm_service_support *', client.support),
                     'name': self._texts[-1][0]}
 

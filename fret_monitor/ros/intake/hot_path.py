@@ -31,13 +31,14 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.feed import Receiver, Topic
 from fret_monitor.ros.intake.in_place import InPlaceTypes
-from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher, RclSubscription
+from fret_monitor.ros.intake.rcl_endpoint import (
+    RclClient, RclEndpoint, RclPublisher, RclSubscription,
+)
 from fret_monitor.ros.intake.symbols import find_symbol, loaded_library, Unavailable
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.reporting import ReportTable
 
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.utilities import get_rmw_implementation_identifier
 
 
@@ -90,16 +91,10 @@ class Middleware:
             topic_names=(self._rmw, 'rmw_get_topic_names_and_types'),
             free_topics=(loaded_library('librmw.so'), 'rmw_names_and_types_fini'))
 
-    def node(self, node: Node) -> Any:
-        """Return the rmw handle of a node; the caller holds its rclpy handle."""
-        return self._handle_of('rcl_node_get_rmw_handle', node)
-
-    def client(self, item: RclClient) -> Any:
-        """Return the rmw handle of a client; the caller holds its rclpy handle."""
-        return self._handle_of('rcl_client_get_rmw_handle', item)
-
-    def _handle_of(self, function: str, item: Any) -> Any:
-        found: Any = find_symbol(self._rcl, function, 'void * (*)(void *)')(
+    def handle(self, item: Node | RclEndpoint | RclClient) -> Any:
+        """Return the rmw handle of a node or what it has; the caller holds its rclpy handle."""
+        kind = 'node' if isinstance(item, Node) else item.KIND
+        found: Any = find_symbol(self._rcl, f'rcl_{kind}_get_rmw_handle', 'void * (*)(void *)')(
             ffi.cast('void *', item.handle.pointer))
         if found == ffi.NULL:
             raise Unavailable('rcl gives no handle of the middleware')
@@ -126,22 +121,14 @@ class Middleware:
         names = ('FM_WAKE', 'FM_LISTEN', 'FM_LISTEN_IN_PLACE')
         return int(ffi.integer_const(names[self._may_take * (1 + is_in_place)]))
 
-    def subscription(self, item: RclSubscription) -> Any:
-        """Return the rmw handle of a subscription; the caller holds its rclpy handle."""
-        return self._handle_of('rcl_subscription_get_rmw_handle', item)
-
-    def publisher(self, item: Publisher | RclPublisher) -> Any:
-        """Return the rmw handle of a publisher; the caller holds its rclpy handle."""
-        return self._handle_of('rcl_publisher_get_rmw_handle', item)
-
-    def publishers(self, items: Sequence[RclPublisher]) -> Any:
-        """Return an array of the rmw handles of publishers, and NULL; as `publisher`."""
-        return ffi.new('void *[]', [*map(self.publisher, items), ffi.NULL])
+    def handles(self, items: Sequence[RclPublisher]) -> Any:
+        """Return an array of rmw handles, and NULL; as `handle`."""
+        return ffi.new('void *[]', [*map(self.handle, items), ffi.NULL])
 
     def gid(self, item: RclPublisher) -> bytes:
         """Return the identity of a publisher; the caller holds its rclpy handle."""
         found: Any = ffi.new('struct fm_gid *')
-        if self._gid_of(self.publisher(item), found):
+        if self._gid_of(self.handle(item), found):
             self.functions.forget_error()
         return bytes(ffi.buffer(found.data))
 
@@ -192,7 +179,7 @@ class EngineReceiver:
             self._held.enter_context(subscription.handle)
             native_lifetimes.keep(self)
             if not self._start(key, self._place, engine.pointer, middleware.functions,
-                               middleware.subscription(subscription), topic,
+                               middleware.handle(subscription), topic,
                                middleware.taking(subscription)):
                 raise Unavailable('the middleware has no callback for new messages')
             undo.pop_all()
@@ -286,13 +273,13 @@ class Announcer(native_lifetimes.NativeThread):
         self._kept = middleware, table
         with self._starting((*publishers, *margins, *locks)):
             settings = ffi.new('struct fm_lock[]', [
-                (middleware.publisher(publisher), lock.requirements, lock.n_requirements,
+                (middleware.handle(publisher), lock.requirements, lock.n_requirements,
                  lock.period)
                 for publisher, lock in zip(locks, table.pointer.locks[0:len(locks)])])
             self._start(
                 engine.pointer, middleware.functions,
-                middleware.publishers(publishers), len(publishers), settings, len(locks),
-                middleware.publishers(margins) if margins else ffi.NULL)
+                middleware.handles(publishers), len(publishers), settings, len(locks),
+                middleware.handles(margins) if margins else ffi.NULL)
 
 
 class VerdictThread(native_lifetimes.NativeThread):
@@ -305,4 +292,4 @@ class VerdictThread(native_lifetimes.NativeThread):
         self._middleware = middleware
         with self._starting(publishers):
             self._start(engine.pointer, middleware.functions,
-                        middleware.publishers(publishers), len(publishers))
+                        middleware.handles(publishers), len(publishers))

@@ -71,7 +71,7 @@ class KeyedTopics:
             (index, *texts) for index, texts in zip(self._topics, self._texts, strict=True)])
         with node.handle:
             self._pointer: Any = ffi.gc(self._library.fm_keyed_topics_create(
-                self._functions, middleware.node(node), patterns, len(self._topics)),
+                self._functions, middleware.handle(node), patterns, len(self._topics)),
                 self._library.fm_keyed_topics_destroy)
         if self._pointer == ffi.NULL:
             raise Unavailable('memory is short')

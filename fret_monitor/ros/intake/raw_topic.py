@@ -129,7 +129,7 @@ class _RawReceiver:
         self._held = ExitStack()
         self._held.enter_context(subscription.handle)
         self.handle = subscription.handle
-        self._pointer = intake.middleware.subscription(subscription)
+        self._pointer = intake.middleware.handle(subscription)
         intake.receivers.append(self)
 
     def waiting(self) -> list[Taken]:

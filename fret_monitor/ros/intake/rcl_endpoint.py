@@ -40,10 +40,12 @@ class RclEndpoint:
     `handle` is rclpy's object for that of rcl: hold it (`with`) while C uses it.
     """
 
-    def __init__(self, kind: Any, node: Node, msg_type: Any, topic: str,
-                 qos_profile: QoSProfile) -> None:
+    KIND: str  # in names of functions of rcl
+    HANDLE: Any  # rclpy's class
+
+    def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
         """
-        Advertise the topic, or subscribe to it; `kind` is rclpy's class of the handle.
+        Advertise the topic, or subscribe to it.
 
         Raises `InvalidTopicNameException` if the name of the topic is not valid, and
         `RuntimeError` if the middleware refuses.
@@ -53,7 +55,7 @@ class RclEndpoint:
         check_is_valid_msg_type(msg_type)  # imports its type support
         try:
             with node.handle:
-                self.handle: Any = kind(
+                self.handle: Any = self.HANDLE(
                     node.handle, msg_type, topic, qos_profile.get_c_qos_profile())
         except ValueError:
             node._validate_topic_or_service_name(topic)
@@ -77,9 +79,7 @@ class RclPublisher(RclEndpoint):
     It has no events, so that threads other than the executor's may make and destroy it.
     """
 
-    def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
-        """Advertise the topic; raises as `RclEndpoint`."""
-        super().__init__(_rclpy.Publisher, node, msg_type, topic, qos_profile)
+    KIND, HANDLE = 'publisher', _rclpy.Publisher
 
     @property
     def subscriptions(self) -> int:
@@ -96,13 +96,13 @@ class RclSubscription(RclEndpoint):
     `EventsExecutor` replaces the callback that C has set on it.
     """
 
-    def __init__(self, node: Node, msg_type: Any, topic: str, qos_profile: QoSProfile) -> None:
-        """Subscribe; raises as `RclEndpoint`."""
-        super().__init__(_rclpy.Subscription, node, msg_type, topic, qos_profile)
+    KIND, HANDLE = 'subscription', _rclpy.Subscription
 
 
 class RclClient:
     """A client of a node; its owner closes it. Hold `handle` (`with`) while C uses it."""
+
+    KIND = 'client'
 
     def __init__(self, node: Node, kind: Any, name: str) -> None:
         """

@@ -349,22 +349,16 @@ class BundleSession:
         `name`: with the key, of one with a variable in its name; `is_found`: in the graph.
         """
         kind, name = self._classes[mapped.message_type], name or mapped.name
-        if in_place is not None:
-            kind = self._class_in_place(in_place, name, kind)
+        try:
+            kind = kind if in_place is None else in_place.class_in_place(kind)
+        except Unavailable as reason:
+            self._node.get_logger().info(
+                f'{words.COPIED % self._node.resolve_topic_name(name)}{reason}')
         feed.subscribe(
             self._engine.library, name, mapped.message_type, kind, topic,
             dict(mapped.qos) if name != mapped.name else
             self._overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
             is_found=is_found)
-
-    def _class_in_place(self, middleware: Middleware, topic: str, message_class: Any) -> Any:
-        """Return the class for reading in place, or `message_class` if messages must be copied."""
-        try:
-            return middleware.class_in_place(message_class)
-        except Unavailable as reason:
-            self._node.get_logger().info(
-                f'{words.COPIED % self._node.resolve_topic_name(topic)}{reason}')
-            return message_class
 
     # Reports.
 

@@ -165,18 +165,15 @@ class LoggerNode(ClockNode):
 
     def _listen(self, outside: Iterable[str]) -> None:
         """Subscribe to the handlers of the bundle and to topics `outside` it, and to no others."""
-        wanted = {self.resolve_topic_name(item.topic): (item.topic, item.handler)
-                  for item in self._requirements}
         self._outside = {topic.rpartition('/')[2]: topic for topic in sorted(outside)}
-        wanted |= {topic: (topic, handler) for handler, topic in self._outside.items()}
-        lines = {
-            item.handler: ViolationLines(self._library, item.id, item.sentence, item.severity)
-            for item in self._requirements} | {
-            handler: ViolationLines(self._library, handler, topic, Severity.ERROR)
-            for handler, topic in self._outside.items()}
+        heard = [(item.topic, item.handler, ViolationLines(
+            self._library, item.id, item.sentence, item.severity)) for item in self._requirements]
+        heard += [(topic, handler, ViolationLines(self._library, handler, topic, Severity.ERROR))
+                  for handler, topic in self._outside.items()]
+        wanted = {self.resolve_topic_name(topic): (topic, handler) for topic, handler, _ in heard}
         with self._changed:
             # Lines of former requirements stay, for violations that wait to be logged.
-            self._lines |= lines
+            self._lines |= {handler: lines for _, handler, lines in heard}
             self._add_missed()
         for topic in self._followed.keys() - wanted.keys():
             self._feed.unsubscribe(self._followed.pop(topic))
