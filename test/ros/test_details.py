@@ -51,7 +51,7 @@ def test_details_are_published_as_they_are_worded_with_the_time_of_the_violation
     details = Details(node)
     heard: list[Any] = []
     partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, heard.append, 10)
-    wait_until(lambda: details.listeners() == 1, 'who listens')
+    wait_until(details.has_listeners, 'who listens')
     engine.want_details(True)
     engine.message(0, b'\0\1\0\0\x2a\0\0\0', received=3_000_000_007)
     record = Reporter(engine, ReportTable(engine.monitor.manifest)).detail(

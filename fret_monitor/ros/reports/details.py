@@ -21,6 +21,7 @@ violations are logged. A thread publishes and logs them; the handler's message d
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from threading import Event
 from typing import Any
 
@@ -57,15 +58,18 @@ class Details:
             DiagnosticArray, DETAILS_TOPIC, violation_profile(depth),
             event_callbacks=PublisherEventCallbacks(matched=lambda _: self.listening.set()))
 
-    def listeners(self) -> int:
-        """Return the number of subscribers; `listening` is set whenever it changes."""
-        return int(self._publisher.get_subscription_count())
+    def has_listeners(self) -> bool:
+        """Return whether somebody subscribes; `listening` is set whenever that may change."""
+        with suppress(RuntimeError):  # the context was shut down
+            return self._publisher.get_subscription_count() > 0
+        return False
 
     def publish(self, detail: StatusRecord, stamp: int) -> None:
         """Publish the details of a violation, by its time (ns)."""
         array = DiagnosticArray(status=[status_message(detail)])
         array.header.stamp = as_time(stamp)
-        self._publisher.publish(array)
+        with suppress(RuntimeError):  # the context was shut down
+            self._publisher.publish(array)
 
     def close(self) -> None:
         self._node.destroy_publisher(self._publisher)
@@ -105,7 +109,7 @@ class DetailPublisher:
     def _loop(self) -> None:
         while not self._is_over.is_set():
             self.turns += 1
-            has_listeners = self._has_listeners()
+            has_listeners = self._details.has_listeners()
             self._engine.want_details(
                 has_listeners or self._log is not None,
                 MOST_DETAILS_PER_S if has_listeners else LOGGED_PER_S)
@@ -121,19 +125,9 @@ class DetailPublisher:
         if self._log is not None:
             self._write(self._log.end())
 
-    def _has_listeners(self) -> bool:
-        try:
-            return self._details.listeners() > 0
-        except RuntimeError:  # the context was shut down
-            return False
-
     def _take(self, detail: Any) -> None:
-        if self._has_listeners():
-            try:
-                self._details.publish(
-                    self._reporter.detail(detail), detail.violation.stamp)
-            except RuntimeError:  # the context was shut down
-                pass
+        if self._details.has_listeners():
+            self._details.publish(self._reporter.detail(detail), detail.violation.stamp)
         if self._log is not None:
             self._write(self._log.add(detail))
 
