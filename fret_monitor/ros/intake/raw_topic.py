@@ -142,7 +142,7 @@ class _RawReceiver:
                 self._intake.middleware.functions, self._pointer, self._message, self._info)
         if result != ffi.integer_const('FM_TAKEN'):
             return None
-        gid = ffi.new('uint8_t[]', bytes(ffi.buffer(info.gid)))
+        gid = ffi.from_buffer('uint8_t[]', bytes(ffi.buffer(info.gid)))
         return Taken(
             bytes(ffi.buffer(self._message.buffer, self._message.length)),
             ffi.new('struct fm_origin *', (
