@@ -24,7 +24,7 @@ from urllib.parse import urlsplit
 
 from bundles import spec_of, write_bundle
 from fret_monitor.ros.settings.parameters import (
-    check_settings, MetricsAddress, problems_of, Refusal,
+    check_settings, Given, MetricsAddress, Refusal,
 )
 from fret_monitor.runtime.reporting import StatusRecord
 import pytest
@@ -122,11 +122,14 @@ def test_an_address_that_is_taken_or_none_is_refused(url: str) -> None:
     with pytest.raises(Refusal, match=r'cannot listen on 127\.0\.0\.1:\d+: Address already'):
         metrics.MetricsServer(MetricsAddress('127.0.0.1', urlsplit(url).port or 0))
     for wrong in ('9400', 9400, ':9400', '127.0.0.1', '127.0.0.1:99999', 'a b:1', True):
-        problem, = problems_of(check_settings, {'metrics': wrong})
+        given = Given({'metrics': wrong})
+        check_settings(given)
+        problem, = given.problems
         assert problem.startswith(f"parameter 'metrics' is {wrong!r}, and has to be an address")
-    assert problems_of(check_settings, {'metrics': ''}) == []
+    given = Given({'metrics': ''})
+    assert check_settings(given).metrics is None and given.problems == []
     for text, found in (('[::1]:9400', ('::1', 9400)), ('robot-1:0', ('robot-1', 0))):
-        address = check_settings({'metrics': text}, []).metrics
+        address = check_settings(Given({'metrics': text})).metrics
         assert address is not None and (address.host, address.port) == found
         assert str(address) == text
 

@@ -23,8 +23,7 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import is_integer, number_fault
 from fret_monitor.native import words
 from fret_monitor.ros.settings.parameters import (
-    check_settings, CONSTANT, CONSTANTS, Described, KNOWN, LEVELS, problems_of, read_truth,
-    read_word, Refusal,
+    check_settings, CONSTANT, CONSTANTS, Described, Given, KNOWN, LEVELS, Refusal,
 )
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -56,8 +55,11 @@ class Parameters:
             node, CONSTANT, read_only=table['spec'].read_only)
         self._ignored = self._find_ignored()
         self._names_of_constants: set[str] = set()
-        if problems := problems_of(_level, self.values()) + problems_of(_autostart, self.values()):
-            raise Refusal(*problems)
+        given = Given(self.values())
+        _level(given)
+        given.truth('autostart')
+        if given.problems:
+            raise Refusal(*given.problems)
         self._set_level()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(lambda _: self._set_level())
@@ -117,23 +119,22 @@ class Parameters:
                 successful=False, reason=words.READ_AT_START % ', '.join(overrides))
         new = {item.name: item.value for item in parameters if item.name in self._table
                or self._constants.has(item.name)}
-        problems = problems_of(check_settings, self.values() | new) + problems_of(_level, new)
+        given = Given(self.values() | new)
+        check_settings(given)
+        _level(given)
+        problems = given.problems
         fixed = [name for name in new if name != 'log_level']
         if fixed and self._is_configured():
             problems = [words.READ_ONCE % ', '.join(fixed)]
         return SetParametersResult(successful=not problems, reason='; '.join(problems))
 
     def _set_level(self) -> None:
-        self._node.get_logger().set_level(_level(self.values(), []))
+        self._node.get_logger().set_level(_level(Given(self.values())))
 
 
-def _level(given: Mapping[str, Any], problems: list[str]) -> LoggingSeverity:
-    word = read_word(given, 'log_level', LEVELS, problems)
+def _level(given: Given) -> LoggingSeverity:
+    word = given.word('log_level', LEVELS)
     return LoggingSeverity[word.upper()] if word else LoggingSeverity.UNSET
-
-
-def _autostart(given: Mapping[str, Any], problems: list[str]) -> None:
-    read_truth(given, 'autostart', problems)
 
 
 class ConstantParameters:

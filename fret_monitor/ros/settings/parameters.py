@@ -18,7 +18,7 @@ The ROS parameters of the nodes: described, checked, and what they mean. Without
 All problems are reported together, each with what to write instead.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import zip_longest
@@ -188,83 +188,129 @@ class Settings:
     locks_memory: bool = False
 
 
-def read_settings(given: Mapping[str, Any]) -> Settings:
+class Given:
+    """The values of parameters, by name, and the `problems` of those that cannot be used."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Take the values; those that are missing have their defaults."""
+        self.values = values
+        self.problems: list[str] = []
+
+    def refuse(self, name: str, wanted: str) -> None:
+        """Note that a value has to be another."""
+        self.problems.append(
+            f"parameter '{name}' is {self.values.get(name)!r}, and has to be {wanted}")
+
+    def truth(self, name: str, otherwise: bool = True) -> bool:
+        """Return a truth value, and `otherwise` if it is not given."""
+        value = self.values.get(name, otherwise)
+        if not isinstance(value, bool):
+            self.refuse(name, 'true or false')
+        return bool(value)
+
+    def word(self, name: str, among: Sequence[str]) -> str:
+        """Return a word among some, or an empty text if there is none or it is another."""
+        value = self.values.get(name) or ''
+        # In YAML, and so in `-p hot_path:=off`, `on` and `off` are booleans.
+        if isinstance(self.values.get(name), bool) and 'off' in among:
+            value = 'on' if self.values[name] else 'off'
+        if value and value not in among:
+            self.problems.append(
+                f"parameter '{name}' is '{value}', and has to be one of {', '.join(among)}")
+            return ''
+        return str(value)
+
+    def whole(self, name: str, least: int, most: int, wanted: str) -> int:
+        """Return a whole number within limits; `wanted` describes them."""
+        value = self.values.get(name, MONITOR_PARAMETERS[name].default)
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            self.refuse(name, wanted)
+            return least
+        return value
+
+    def positive(self, name: str, unit: str) -> Fraction | None:
+        """Return a number above 0, exact; None if there is none."""
+        value = self.values.get(name)
+        if value is None or value == '':
+            return None
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not isfinite(value) or value < 0:
+            self.refuse(name, f'a number above 0 ({unit})')
+            return None
+        # str() gives the decimal number as written. 0 is the default: no value is given.
+        return Fraction(str(value)) or None
+
+    def texts(self, name: str) -> list[str]:
+        """Return a text or a list of texts."""
+        value: Any = self.values.get(name) or ''
+        listed: list[Any] = [value] if isinstance(value, str | bool | int | float) else list(value)
+        wrong = [item for item in listed
+                 if not isinstance(item, str) or not item and listed != ['']]
+        if wrong:
+            self.problems.append(
+                f"parameter '{name}' is {listed if len(listed) > 1 else value!r}, and has to be a "
+                f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
+            return []
+        return [item for item in listed if item]
+
+
+def read_settings(values: Mapping[str, Any]) -> Settings:
     """
     Return the settings that the values of parameters give.
 
     Raises `Refusal` if a value cannot be used, or no bundle is given.
     """
-    problems: list[str] = []
-    settings = check_settings(given, problems)
-    if not settings.origins and not problems:
-        problems.append('nothing to monitor: name a bundle with -p spec:=FILE, '
-                        'or a compiled one with -p library:=FOLDER')
-    if problems:
-        raise Refusal(*problems)
+    given = Given(values)
+    settings = check_settings(given)
+    if not settings.origins and not given.problems:
+        given.problems.append('nothing to monitor: name a bundle with -p spec:=FILE, '
+                              'or a compiled one with -p library:=FOLDER')
+    if given.problems:
+        raise Refusal(*given.problems)
     return settings
 
 
-def problems_of(read: Callable[[Mapping[str, Any], list[str]], object],
-                given: Mapping[str, Any]) -> list[str]:
-    problems: list[str] = []
-    read(given, problems)
-    return problems
-
-
-def read_truth(given: Mapping[str, Any], name: str, problems: list[str],
-               otherwise: bool = True) -> bool:
-    """Return a truth value, and `otherwise` if it is not given."""
-    value = given.get(name, otherwise)
-    if not isinstance(value, bool):
-        problems.append(f"parameter '{name}' is {value!r}, and has to be true or false")
-    return bool(value)
-
-
-def check_settings(given: Mapping[str, Any], problems: list[str]) -> Settings:
-    """Return the settings, and add what cannot be used to `problems`."""
+def check_settings(given: Given) -> Settings:
+    """Return the settings; what cannot be used is among the problems then."""
+    origins, policy = _origins(given), given.word('policy', [item.value for item in Policy])
     return Settings(
-        origins=_origins(given, problems), policy=_policy(given, problems),
-        period=_period(given, problems),
-        hot_path=read_word(given, 'hot_path', _HOT_PATHS, problems) or 'auto',
-        handler_depth=_whole(given, 'handler_depth', 1, LARGEST_DEPTH, words.COUNT, problems),
-        log_violations=read_truth(given, 'log_violations', problems),
-        publishes_verdicts=read_truth(given, 'verdicts', problems, False),
-        metrics=_metrics(given, problems), constants=_constant_texts(given, problems),
-        blackbox=_blackbox(given, problems), gates=tuple(_texts(given, 'gates', problems)),
-        priority=_whole(given, 'priority', 0, 99, words.ANY_PRIORITY, problems),
-        processors=_processors(given, problems),
-        locks_memory=read_truth(given, 'lock_memory', problems, False),
-        margins=read_truth(given, 'margins', problems, False))
+        origins=origins, policy=Policy(policy) if policy else None,
+        period=_period(given), hot_path=given.word('hot_path', _HOT_PATHS) or 'auto',
+        handler_depth=given.whole('handler_depth', 1, LARGEST_DEPTH, words.COUNT),
+        log_violations=given.truth('log_violations'),
+        publishes_verdicts=given.truth('verdicts', False),
+        metrics=_metrics(given), constants=_constant_texts(given),
+        blackbox=_blackbox(given), gates=tuple(given.texts('gates')),
+        priority=given.whole('priority', 0, 99, words.ANY_PRIORITY),
+        processors=_processors(given), locks_memory=given.truth('lock_memory', False),
+        margins=given.truth('margins', False))
 
 
-def _origins(given: Mapping[str, Any], problems: list[str]) -> tuple[Origin, ...]:
-    specs = _specs(_texts(given, 'spec', problems), problems)
-    libraries = [Path(item).expanduser() for item in _texts(given, 'library', problems)]
+def _origins(given: Given) -> tuple[Origin, ...]:
+    specs = list(_specs(given))
+    libraries = [Path(item).expanduser() for item in given.texts('library')]
     if specs and libraries and len(specs) != len(libraries):
-        problems.append(
+        given.problems.append(
             f"parameters 'spec' and 'library' name {len(specs)} and {len(libraries)}: where both "
             'are given, each bundle has its folder, in the same order')
     return tuple(Origin(*pair) for pair in zip_longest(specs, libraries))
 
 
-def _specs(texts: Sequence[str], problems: list[str]) -> list[Path]:
-    specs = []
-    for text in texts:
+def _specs(given: Given) -> Iterator[Path]:
+    for text in given.texts('spec'):
         try:
-            specs.append(find_bundle(text))
+            yield find_bundle(text)
         except CompileError as error:
-            problems.append(str(error).removeprefix('error: '))
-    return specs
+            given.problems.append(str(error).removeprefix('error: '))
 
 
-def _constant_texts(given: Mapping[str, Any], problems: list[str]) -> dict[str, Text]:
+def _constant_texts(given: Given) -> dict[str, Text]:
     """Return the constants among parameters, by name, each with its parameter as the source."""
     found = {}
-    for parameter in (name for name in given if name.startswith(CONSTANTS)):
-        value = given[parameter]
+    for parameter in (name for name in given.values if name.startswith(CONSTANTS)):
+        value = given.values[parameter]
         if not isinstance(value, bool | int | float | str):
-            problems.append(f"parameter '{parameter}' is {value!r}, and has to be a number, true "
-                            'or false')
+            given.refuse(parameter, 'a number, true or false')
         else:
             text = str(value).lower() if isinstance(value, bool) else str(value)
             found[parameter.removeprefix(CONSTANTS)] = Text.whole(
@@ -272,103 +318,47 @@ def _constant_texts(given: Mapping[str, Any], problems: list[str]) -> dict[str, 
     return found
 
 
-def _texts(given: Mapping[str, Any], name: str, problems: list[str]) -> list[str]:
-    value: Any = given.get(name) or ''
-    listed: list[Any] = [value] if isinstance(value, str | bool | int | float) else list(value)
-    wrong = [item for item in listed if not isinstance(item, str) or not item and listed != ['']]
-    if wrong:
-        problems.append(
-            f"parameter '{name}' is {listed if len(listed) > 1 else value!r}, and has to be a "
-            f"path or a list of paths; quote it: -p '{name}:=\"{wrong[0]}\"'")
-        return []
-    return [item for item in listed if item]
-
-
-def _metrics(given: Mapping[str, Any], problems: list[str]) -> MetricsAddress | None:
-    value = given.get('metrics') or ''
+def _metrics(given: Given) -> MetricsAddress | None:
+    value = given.values.get('metrics') or ''
     if value == '':
         return None
     found = _ADDRESS.fullmatch(value) if isinstance(value, str) else None
     if found is None or int(found['port']) > _LARGEST_PORT:
-        problems.append(f"parameter 'metrics' is {value!r}, and has to be an address and a port, "
-                        'say -p metrics:=127.0.0.1:9400')
+        given.refuse('metrics', 'an address and a port, say -p metrics:=127.0.0.1:9400')
         return None
     return MetricsAddress(found['host'].strip('[]'), int(found['port']))
 
 
-def _blackbox(given: Mapping[str, Any], problems: list[str]) -> BlackBoxSettings | None:
-    folder = given.get('blackbox') or ''
-    seconds = _positive(given, 'blackbox_seconds', 'seconds, say 10.0', problems)
-    numbers = [_whole(given, name, least, _MOST, f'a number of {unit}, at least {least}: -p {name}'
-                      f':={least}', problems) for name, unit, least in (
+def _blackbox(given: Given) -> BlackBoxSettings | None:
+    folder = given.values.get('blackbox') or ''
+    seconds = given.positive('blackbox_seconds', 'seconds, say 10.0')
+    numbers = [given.whole(name, least, _MOST, f'a number of {unit}, at least {least}: -p {name}'
+                           f':={least}') for name, unit, least in (
         ('blackbox_bytes', 'bytes', _LEAST_BYTES), ('blackbox_files', 'files', 1),
         ('blackbox_disk_bytes', 'bytes', _LEAST_DISK_BYTES))]
     if not isinstance(folder, str):
-        problems.append(f"parameter 'blackbox' is {folder!r}, and has to be the path of a folder")
-    if not folder or problems:
+        given.refuse('blackbox', 'the path of a folder')
+    if not folder or given.problems:
         return None
     try:
         path = Path(folder).expanduser().absolute()
     except FileNotFoundError:
-        problems.append(f"parameter 'blackbox' is '{folder}', in a working directory that was "
-                        'deleted: give the whole path')
+        given.problems.append(f"parameter 'blackbox' is '{folder}', in a working directory that "
+                              'was deleted: give the whole path')
         return None
     return BlackBoxSettings(path, float(seconds or 10), *numbers)
 
 
-def _whole(given: Mapping[str, Any], name: str, least: int, most: int, wanted: str,
-           problems: list[str]) -> int:
-    value = given.get(name, MONITOR_PARAMETERS[name].default)
-    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
-        problems.append(f"parameter '{name}' is {value!r}, and has to be {wanted}")
-        return least
-    return value
-
-
-def _processors(given: Mapping[str, Any], problems: list[str]) -> str:
-    processors = given.get('processors', '')
+def _processors(given: Given) -> str:
+    processors = given.values.get('processors', '')
     if not isinstance(processors, int | str) or isinstance(processors, bool):
-        problems.append(f"parameter 'processors' is {processors!r}, and has to be "
-                        f'{words.SOME_PROCESSORS}')
+        given.refuse('processors', words.SOME_PROCESSORS)
     return str(processors)
 
 
-def _policy(given: Mapping[str, Any], problems: list[str]) -> Policy | None:
-    word = read_word(given, 'policy', [policy.value for policy in Policy], problems)
-    return Policy(word) if word else None
-
-
-def read_word(given: Mapping[str, Any], name: str, words: Sequence[str],
-              problems: list[str]) -> str:
-    """Return a word among some, or an empty text if there is none or it is another."""
-    value = given.get(name) or ''
-    # In YAML, and so in `-p hot_path:=off`, `on` and `off` are booleans.
-    if isinstance(given.get(name), bool) and 'off' in words:
-        value = 'on' if given[name] else 'off'
-    if value and value not in words:
-        problems.append(f"parameter '{name}' is '{value}', and has to be one of "
-                        f"{', '.join(words)}")
-        return ''
-    return str(value)
-
-
-def _period(given: Mapping[str, Any], problems: list[str]) -> Fraction | None:
-    period = _positive(given, 'period', 'seconds, say 0.1', problems)
-    rate = _positive(given, 'rate', 'steps a second, say 10.0', problems)
+def _period(given: Given) -> Fraction | None:
+    period = given.positive('period', 'seconds, say 0.1')
+    rate = given.positive('rate', 'steps a second, say 10.0')
     if period is not None and rate is not None:
-        problems.append("parameters 'period' and 'rate' are both given: give one of them")
+        given.problems.append("parameters 'period' and 'rate' are both given: give one of them")
     return period if rate is None else 1 / rate
-
-
-def _positive(given: Mapping[str, Any], name: str, unit: str,
-              problems: list[str]) -> Fraction | None:
-    value = given.get(name)
-    if value is None or value == '':
-        return None
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not isfinite(value) or value < 0:
-        problems.append(
-            f"parameter '{name}' is {value!r}, and has to be a number above 0 ({unit})")
-        return None
-    # str() gives the decimal number as written. 0 is the default: no value is given.
-    return Fraction(str(value)) or None
