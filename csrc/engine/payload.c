@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "outbox.h"
+#include "pairs.h"
 
 #define HEADER_BYTES 4u
 #define MOST_PADDING 7u
@@ -50,15 +51,41 @@ static size_t write_length(uint8_t * out, size_t at, size_t length)
   return write_bytes(out, align(out, at, sizeof(bytes)), bytes, sizeof(bytes));
 }
 
+static struct fm_key key_of(const struct fm_action * action, const uint8_t * key, uint32_t which)
+{
+  const struct fm_key whole = {key + 1, key[0]};
+  return action->is_of_pairs ? fm_pair_part(&whole, which) : whole;
+}
+
+// The decimal number of a key, which was checked: an integer of up to 64 bits.
+static size_t write_number(uint8_t * out, size_t at, const struct fm_key * key, uint32_t size)
+{
+  const bool is_negative = key->size > 0 && key->bytes[0] == '-';
+  uint64_t number = 0;
+  for (uint32_t k = is_negative ? 1 : 0; k < key->size; ++k) {
+    number = 10u * number + (uint64_t)(key->bytes[k] - '0');
+  }
+  number = is_negative ? 0u - number : number;
+  for (uint32_t k = 0; k < size; ++k) {
+    out[at + k] = (uint8_t)(number >> (8u * k));
+  }
+  return at + size;
+}
+
 static size_t write_part(
   const struct fm_action * action, const struct fm_payload_part * part, const uint8_t * key,
   uint8_t * out, size_t at)
 {
+  const struct fm_key own = key_of(action, key, part->which);
   switch (part->kind) {
     case FM_PART_LENGTH:
-      return write_length(out, at, part->size + part->n_keys * (size_t)key[0]);
+      return write_length(
+        out, at, part->size + part->n_keys * (size_t)key_of(action, key, 0).size +
+        part->n_second * (size_t)key_of(action, key, 1).size);
     case FM_PART_KEY:
-      return write_bytes(out, at, key + 1, key[0]);
+      return write_bytes(out, at, own.bytes, own.size);
+    case FM_PART_NUMBER:
+      return write_number(out, align(out, at, part->align), &own, part->size);
     case FM_PART_BYTES:
     default:
       return write_bytes(

@@ -35,7 +35,8 @@ enum fm_part_kind
 {
   FM_PART_BYTES = 0,
   FM_PART_LENGTH = 1,  // of a text: four bytes
-  FM_PART_KEY = 2
+  FM_PART_KEY = 2,
+  FM_PART_NUMBER = 3   // a key as a whole number
 };
 
 /// A part of a message or request that contains the key of an instance. What follows a key lies
@@ -43,10 +44,12 @@ enum fm_part_kind
 struct fm_payload_part
 {
   uint32_t kind;    // enum fm_part_kind
-  uint32_t align;   // of bytes: the header of four bytes does not count
+  uint32_t align;   // of bytes and numbers: the header of four bytes does not count
   uint32_t at;      // of bytes: where they are in the payload
-  uint32_t size;    // of bytes; of a length: of what is no key, with the zero at its end
-  uint32_t n_keys;  // of a length: the keys in the text
+  uint32_t size;    // of bytes, numbers; of a length: of what is no key, with the zero at its end
+  uint32_t which;   // of a key or a number: 0: the key, of a pair the first one; 1: the second one
+  uint32_t n_keys;  // of a length: the keys in the text, of pairs the first ones
+  uint32_t n_second;  // of a length of pairs: the second ones in the text
 };
 
 /// An action. Texts are UTF-8, as written in the bundle. One with parts is an action of each
@@ -68,6 +71,7 @@ struct fm_action
   uint32_t retries;         // after the first try
   const struct fm_payload_part * parts;  // of a message with keys; the payload has their bytes
   uint32_t n_parts;         // 0: the message is the payload
+  bool is_of_pairs;         // with parts: it follows requirements of pairs
 };
 
 /// The actions that follow a requirement, as indices.

@@ -35,8 +35,8 @@ struct fm_instance_schedule
   uint8_t key[FM_KEY_ROOM];  // its size, then its bytes
 };
 
-/// Those of one instance variable. Zeroed, but for the options, before the first call;
-/// fm_schedules_free frees what it holds.
+/// Those of one instance variable, or of the pairs of two. Zeroed, but for the options, before the
+/// first call; fm_schedules_free frees what it holds.
 struct fm_schedules
 {
   struct fm_schedule_options options;

@@ -42,7 +42,7 @@ struct fm_actions
 {
   struct fm_actions_options options;
   struct fm_schedule * schedule;         // of the bundle
-  struct fm_schedules * schedules;       // of instances: those of a variable at its first kind
+  struct fm_schedules * schedules;       // those of a kind's variables at the first such kind
   struct fm_action_call * calls;         // of each action; zeroed if it publishes
   struct caller * callers;               // of each action
   uint8_t * payload;                     // room for any message
@@ -161,9 +161,11 @@ static void act(struct fm_actions * actions, const struct caller * caller, int64
 static struct fm_schedules * schedules_of(struct fm_actions * actions, uint32_t requirement)
 {
   const struct fm_report_table * table = actions->options.table;
-  const char * variable = table->kinds[table->requirements[requirement].kind].variable;
+  const struct fm_report_kind * own = &table->kinds[table->requirements[requirement].kind];
   uint32_t kind = 0;
-  while (strcmp(table->kinds[kind].variable, variable) != 0) {
+  while (strcmp(table->kinds[kind].variable, own->variable) != 0 ||
+    strcmp(table->kinds[kind].second, own->second) != 0)
+  {
     kind += 1;
   }
   return &actions->schedules[kind];

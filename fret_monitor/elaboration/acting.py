@@ -25,6 +25,7 @@ import re
 
 from fret_monitor.bundle.bundle import ActionEntry, Bundle, GateEntry
 from fret_monitor.elaboration.acting_topics import check_topics, LOCK_TYPE
+from fret_monitor.elaboration.instances import key_ranges
 from fret_monitor.elaboration.message_values import is_given, message_bytes
 from fret_monitor.elaboration.signals import find_layout, FindMessage
 from fret_monitor.logic.specification import Gate, Property, Signal
@@ -93,7 +94,7 @@ class _Acting:
             interface = entry.type.value
             payload, parts = message_bytes(
                 layout, entry.content, self.problems,
-                [item.name.value for item in self.bundle.instance_variables])
+                key_ranges(self.bundle.instance_variables, self.signals))
             if entry.kind is ActionKind.PUBLISH and has_stamp(layout) and \
                     not is_given(entry.content, layout.fields[0].name, 'stamp'):
                 stamp_at = STAMP_AT

@@ -22,6 +22,7 @@ from fret_monitor.bundle.bundle import Bundle, InstanceVariable, Requirement
 from fret_monitor.bundle.instances import mentioned, MOST_VARIABLES
 from fret_monitor.bundle.yaml_tree import Node, YamlList, YamlMapping, YamlScalar
 from fret_monitor.elaboration.gates_with_keys import check_gates
+from fret_monitor.elaboration.message_values import INTEGERS, KeyRange
 from fret_monitor.logic.scopes import variables_of
 from fret_monitor.logic.specification import InstanceAggregate, Property, Signal
 from fret_monitor.messages.field_path import key_type
@@ -64,43 +65,71 @@ def check_instances(bundle: Bundle, properties: Iterable[Property], signals: Ite
 
 def _check_actions(bundle: Bundle, properties: Iterable[Property], inputs: Mapping[str, Signal],
                    problems: Problems) -> None:
-    """Report actions with a key that follow what has none, or another one."""
-    names = {item.name.value for item in bundle.instance_variables}
-    keyed: dict[str, str] = {}
+    """Report actions with keys that follow what has none, or other ones."""
+    names = [item.name.value for item in bundle.instance_variables]
+    keyed: dict[str, list[str]] = {}
     for action in bundle.actions:
-        found = [(name, place) for text in _texts(action.content)
-                 for name, place in mentioned(text) if name in names]
-        for name, place in found:
-            if keyed.setdefault(action.name.value, name) != name:
-                problems.error(
-                    f'the action {shown(action.name.value)} has keys of two variables', place,
-                    f"'{keyed[action.name.value]}' is one, too",
-                    'the key of one, for requirements of each of it; those of pairs take none')
+        found = [name for text in _texts(action.content) for name, _ in mentioned(text)]
+        keyed[action.name.value] = [name for name in names if name in found]
     variables = {item.id: variables_of(
         {name: inputs[name].variables for name in item.inputs}, inputs) for item in properties}
     kept = {name.value for gate in bundle.gates for name in gate.keep}
+    first: dict[str, Requirement] = {}  # that an action follows
     for requirement in bundle.requirements:
         of = variables.get(requirement.id.value)
         for used in (*requirement.on_violation, *requirement.on_end):
-            variable = keyed.get(used.value)
-            if variable is None or of is None:
+            keys = keyed.get(used.value)
+            if not keys or of is None:
                 continue
-            if {*of} != {variable}:
-                _refuse_action(used, variable, requirement, problems)
+            if not of.issuperset(keys):
+                _refuse_action(used, keys, requirement, problems)
+                continue
+            other = first.setdefault(used.value, requirement)
+            if variables.get(other.id.value) != of:
+                problems.error(
+                    f'the action {shown(used.value)} has keys of instances, and follows '
+                    f'requirements of others: {other.id.value} and {requirement.id.value}',
+                    used.span, 'it is one of each instance', 'write two actions')
             elif requirement.id.value in kept:
                 problems.error(
-                    f'the action {shown(used.value)} has the key of {shown(variable)}, and a gate '
+                    f'the action {shown(used.value)} has the key of {shown(keys[0])}, and a gate '
                     f'keeps {requirement.id.value}', used.span, 'the gate does not know the key',
                     'let an action without a key follow it')
 
 
-def _refuse_action(name: Text, variable: str, requirement: Requirement,
+def _refuse_action(name: Text, keys: Iterable[str], requirement: Requirement,
                    problems: Problems) -> None:
     problems.error(
-        f'the action {shown(name.value)} has the key of {shown(variable)}, and '
-        f'{requirement.id.value} is not one for each {variable}', name.span,
+        f'the action {shown(name.value)} has the key of {" and ".join(map(shown, keys))}, and '
+        f'{requirement.id.value} is not one for each {" and ".join(keys)}', name.span,
         'its violation has no such key',
         f'on_violation: []   # in {requirement.id.value}, or an action without a key')
+
+
+def key_ranges(variables: Iterable[InstanceVariable],
+               signals: Iterable[Signal]) -> dict[str, KeyRange]:
+    """Return the least and the greatest key of each variable; None: they are no whole numbers."""
+    signals = [*signals]
+    found: dict[str, KeyRange] = {}
+    for item in variables:
+        name = item.name.value
+        kinds = [kind for signal in signals for of, kind in _types_of_keys(signal) if of == name]
+        mentions = sum(name in signal.variables for signal in signals)
+        listed = [int(key.value) for key in item.keys if _is_number(key.value)]
+        if item.keys:
+            found[name] = (min(listed), max(listed)) if len(listed) == len(item.keys) else None
+        elif kinds and len(kinds) == mentions and all(kind.base in INTEGERS for kind in kinds):
+            limits = [ValueType.of_field(kind.base).limits for kind in kinds]
+            found[name] = int(min(low for low, _ in limits)), int(max(high for _, high in limits))
+        else:
+            found[name] = None
+    return found
+
+
+def _is_number(text: str) -> bool:
+    """Whether a key is written as a whole number of at most 64 bits is."""
+    number = _number(text)
+    return number is not None and str(number) == text and -2**63 <= number < 2**64
 
 
 def _texts(node: Node | None) -> Iterator[Text]:

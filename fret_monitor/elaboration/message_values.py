@@ -18,16 +18,17 @@ The values of a message that a bundle writes, checked against the definition of 
 Every mistake is reported at its place; `messages/serialize.py` makes bytes of the rest.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import math
 import re
+from typing import TypeAlias
 
 from fret_monitor.bundle.yaml_shape import kind_of
 from fret_monitor.bundle.yaml_tree import Node, Unread, YamlList, YamlMapping, YamlScalar
 from fret_monitor.messages.installed import listed, nested_layout
 from fret_monitor.messages.layout import ArrayKind, FieldType, MessageField, MessageLayout
-from fret_monitor.messages.serialize import KeyedText, serialize_keyed, Value
+from fret_monitor.messages.serialize import KeyedNumber, KeyedText, serialize_keyed, Value
 from fret_monitor.model.diagnostics import counted, did_you_mean, Problems, Span
 from fret_monitor.model.floats import to_float32
 from fret_monitor.model.names import is_integer, LONGEST_KEY, number_fault, PLACEHOLDER, shown
@@ -37,19 +38,26 @@ from fret_monitor.model.values import ValueType
 _SPECIAL = {'nan': 'nan', '.nan': 'nan', 'inf': 'inf', '.inf': 'inf', '-inf': '-inf',
             '-.inf': '-inf'}
 _TEXTS = ('string', 'wstring')
+INTEGERS = ('byte', 'char', *(
+    f'{sign}int{bits}' for sign in ('', 'u') for bits in (8, 16, 32, 64)))
 _TRUTHS = {'true': True, 'false': False}
 _MOST_DIGITS = 30
 
 
+KeyRange: TypeAlias = tuple[int, int] | None
+"""The least and the greatest key of a variable; None: keys that are no whole numbers."""
+
+
 def message_bytes(layout: MessageLayout, content: YamlMapping | None, problems: Problems,
-                  variables: Collection[str] = ()) -> tuple[bytes, tuple[PayloadPart, ...]]:
+                  variables: Mapping[str, KeyRange] | None = None,
+                  ) -> tuple[bytes, tuple[PayloadPart, ...]]:
     """
     Return a message serialized, and report all that does not fit its definition.
 
-    With one of the instance `variables` in a text, in braces, it has parts (`serialize_keyed`).
+    With one of the instance `variables`, in braces, it has parts (`serialize_keyed`).
     """
     found = Problems()
-    values = _MessageReader(found, variables).message(layout, content) if content else {}
+    values = _MessageReader(found, variables or {}).message(layout, content) if content else {}
     problems.extend((*found.errors, *found.warnings))
     return (b'', ()) if found.errors else serialize_keyed(layout, values)
 
@@ -69,7 +77,7 @@ def _entry(mapping: YamlMapping, name: str) -> Node | None:
 @dataclass(frozen=True)
 class _MessageReader:
     problems: Problems
-    variables: Collection[str]
+    variables: Mapping[str, KeyRange]  # in the bundle's order
 
     def message(self, layout: MessageLayout, node: YamlMapping) -> dict[str, Value]:
         found: dict[str, Value] = {}
@@ -143,12 +151,15 @@ class _MessageReader:
             return self._real(field, node)
         return self._whole(field, node)
 
-    def _keyed(self, field: MessageField, node: YamlScalar) -> KeyedText | None:
-        """Return a text with the key of an instance in it."""
+    def _keyed(self, field: MessageField, node: YamlScalar) -> KeyedText | KeyedNumber | None:
+        """Return a text with keys of an instance in it, or a key that is a number."""
+        if field.type.base in INTEGERS:
+            return self._keyed_number(field, node)
         if field.type.base != 'string':
             self.problems.error(
                 f"the field '{field.name}' cannot be a key", node.span,
-                f'it is of type {field.type.base}', 'a key is text: only a string can contain it')
+                f'it is of type {field.type.base}',
+                'only a string can contain it, and a whole number keys that are whole numbers')
         elif field.type.text_limit is not None:
             self.problems.error(
                 f"the field '{field.name}' has room for {field.type.text_limit} characters",
@@ -156,7 +167,28 @@ class _MessageReader:
                 'contain it')
         elif (text := self._text(field, node)) is not None:
             names = '|'.join(map(re.escape, self.variables))
-            return KeyedText(tuple(re.split(rf'\{{(?:{names})\}}', text)))
+            pieces, order = re.split(rf'\{{({names})\}}', text), [*self.variables]
+            return KeyedText(tuple(pieces[::2]), tuple(map(order.index, pieces[1::2])))
+        return None
+
+    def _keyed_number(self, field: MessageField, node: YamlScalar) -> KeyedNumber | None:
+        base, name = field.type.base, node.value[1:-1]
+        low, high = ValueType.of_field(base).limits
+        if name not in self.variables:
+            self._wrong(field, node.value, node.span, 'a key alone: "{NAME}"')
+        elif (found := self.variables[name]) is None:
+            self.problems.error(
+                f"the field '{field.name}' cannot be a key of '{name}'", node.span,
+                f'it is of type {base}, and these keys need not be whole numbers',
+                'a whole number takes those that are listed whole numbers, or come from fields of '
+                'whole numbers alone')
+        elif not low <= found[0] <= found[1] <= high:
+            self.problems.error(
+                f"the field '{field.name}' cannot be a key of '{name}'", node.span,
+                f'it is of type {base}, from {low} to {high}; the keys are from {found[0]} to '
+                f'{found[1]}', 'a field of a greater type, or a string')
+        else:
+            return KeyedNumber([*self.variables].index(name))
         return None
 
     def _text(self, field: MessageField, node: YamlScalar) -> str | None:

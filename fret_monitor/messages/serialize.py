@@ -31,12 +31,21 @@ from fret_monitor.model.values import ValueType
 
 @dataclass(frozen=True)
 class KeyedText:
-    """A text with the key of an instance between each two of its pieces."""
+    """A text with the key of an instance variable (index) between each two of its pieces."""
 
     pieces: tuple[str, ...]
+    keys: tuple[int, ...]
 
 
-type Value = bool | int | float | str | KeyedText | Sequence[Value] | Mapping[str, Value]
+@dataclass(frozen=True)
+class KeyedNumber:
+    """The key of an instance variable (index), which is a whole number."""
+
+    key: int
+
+
+type Value = (bool | int | float | str | KeyedText | KeyedNumber | Sequence[Value]
+              | Mapping[str, Value])
 
 HEADER_TYPE = 'std_msgs/msg/Header'
 STAMP_AT = 4
@@ -60,7 +69,7 @@ def serialize(layout: MessageLayout, values: Mapping[str, Value]) -> bytes:
 
 def serialize_keyed(layout: MessageLayout, values: Mapping[str, Value]
                     ) -> tuple[bytes, tuple[PayloadPart, ...]]:
-    """Do the same; with a `KeyedText`, the bytes are those of the parts, which come second."""
+    """Do the same; with keys, the bytes are those of the parts, which come second."""
     writer = _CdrWriter()
     writer.message(layout, values)
     return bytes(writer.data), writer.finished_parts()
@@ -134,6 +143,8 @@ class _CdrWriter:
             self.message(nested_layout(layout, kind), value if isinstance(value, Mapping) else {})
         elif isinstance(value, KeyedText):
             self._keyed(value)
+        elif isinstance(value, KeyedNumber):
+            self._keyed_number(ValueType.of_field(kind.base).size, value)
         elif kind.base == 'string':
             text = str(value or '').encode() + b'\0'
             self._number('uint32', len(text))
@@ -150,14 +161,22 @@ class _CdrWriter:
         first, *others = (piece.encode() for piece in text.pieces)
         size = len(first) + sum(map(len, others)) + 1
         self._end_part()
-        self._parts.append(PayloadPart(PartKind.LENGTH, size=size, n_keys=len(others)))
+        self._parts.append(PayloadPart(PartKind.LENGTH, size=size, keys=text.keys))
         self._append(first)
-        for piece in others:
+        for key, piece in zip(text.keys, others, strict=True):
             self._end_part()
-            self._parts.append(PayloadPart(PartKind.KEY))
+            self._parts.append(PayloadPart(PartKind.KEY, keys=(key,)))
             self._append(piece)
         self._append(b'\0')
         self._known, self._at = 1, 0
+
+    def _keyed_number(self, size: int, number: KeyedNumber) -> None:
+        self._end_part()
+        self._parts.append(PayloadPart(
+            PartKind.NUMBER, align=size, size=size, keys=(number.key,)))
+        self._at = 0 if size > self._known else self._at + -self._at % size
+        self._known = max(self._known, size)
+        self._at = (self._at + size) % self._known
 
     def _number(self, base: str, value: int | float) -> None:
         kind = ValueType.of_field(base)

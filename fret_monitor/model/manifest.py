@@ -41,7 +41,7 @@ from fret_monitor.model.policies import (
 from fret_monitor.model.probability import LEAST, Probability, RELATIONS
 from fret_monitor.model.values import ValueType
 
-FORMAT = 15
+FORMAT = 16
 _FRACTION = re.compile(r'\d{1,40}/[1-9]\d{0,40}')
 
 EVENTS = '/_service_event'  # after the name of a service: the topic of its calls
@@ -790,7 +790,8 @@ def _manifest(content: _Value) -> Manifest:
     inputs = tuple(_input(item) for item in content['inputs'].items())
     groups, requirements = content['groups'].items(), content['requirements'].items()
     topics = content['topics'].items()
-    actions = tuple(_action(item) for item in content['actions'].items())
+    actions = tuple(_action(item, len(content['variables'].items()))
+                    for item in content['actions'].items())
     policy = content['policy'].choice(Policy)
     constants = tuple((name.text(), value.text()) for name, value in content['constants'].pairs())
     return Manifest(
@@ -929,8 +930,8 @@ def _probability(item: _Value) -> Probability | None:
     return Probability(relation, item['bound'].share(), item['confidence'].share())
 
 
-def _parts(item: _Value, payload: bytes) -> tuple[PayloadPart, ...]:
-    found = tuple(map(_part, item.items()))
+def _parts(item: _Value, payload: bytes, variables: int) -> tuple[PayloadPart, ...]:
+    found = tuple(_part(each, variables) for each in item.items())
     of_bytes = [part for part in found if part.kind is PartKind.BYTES]
     if sum(part.size for part in of_bytes) > max(0, len(payload) - _HEADER_BYTES) or any(
             part.at + part.size > len(payload) for part in of_bytes):
@@ -938,15 +939,17 @@ def _parts(item: _Value, payload: bytes) -> tuple[PayloadPart, ...]:
     return found
 
 
-def _part(item: _Value) -> PayloadPart:
+def _part(item: _Value, variables: int) -> PayloadPart:
     if item['align'].found not in (1, 2, 4, 8):
         item['align'].refuse('1, 2, 4 or 8')
+    if item['kind'].found == PartKind.NUMBER.value and item['size'].found not in (1, 2, 4, 8):
+        item['size'].refuse('1, 2, 4 or 8')
     return PayloadPart(
         item['kind'].choice(PartKind), item['align'].natural(), item['at'].index(_MOST_BYTES),
-        item['size'].index(_MOST_BYTES), item['n_keys'].index(_MOST_BYTES))
+        item['size'].index(_MOST_BYTES), item['keys'].indices(variables))
 
 
-def _action(item: _Value) -> ManifestAction:
+def _action(item: _Value, variables: int) -> ManifestAction:
     payload = item['payload'].data()
     return ManifestAction(
         name=item['name'].text(),
@@ -954,7 +957,7 @@ def _action(item: _Value) -> ManifestAction:
         target=item['target'].text(),
         interface=item['interface'].text(),
         payload=payload,
-        parts=_parts(item['parts'], payload),
+        parts=_parts(item['parts'], payload, variables),
         stamp_at=item['stamp_at'].natural_or_none(),
         period=item['period'].nanoseconds(),
         duration=item['duration'].nanoseconds(),

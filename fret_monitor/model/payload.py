@@ -24,20 +24,22 @@ class PartKind(Enum):
     BYTES = 'bytes'
     LENGTH = 'length'
     KEY = 'key'
+    NUMBER = 'number'
 
 
 @dataclass(frozen=True)
 class PayloadPart:
     """
-    A part of a payload: of bytes, the length of a text, or the key.
+    A part of a payload: of bytes, the length of a text, a key, or a key as a whole number.
 
-    `align`: of bytes, to so many after the header of four bytes. `at`: of bytes, where they are in
-    the payload. `size`: of bytes; of a length, that of what is no key, with the zero at its end.
-    `n_keys`: of a length, the keys in the text.
+    `align`: of bytes and numbers, to so many after the header of four bytes. `at`: of bytes, where
+    they are in the payload. `size`: of bytes and numbers; of a length, that of what is no key,
+    with the zero at its end. `keys`: the instance variables (indices) of a key or a number: one;
+    of a length, of the keys in the text.
     """
 
     kind: PartKind
     align: int = 1
     at: int = 0
     size: int = 0
-    n_keys: int = 0
+    keys: tuple[int, ...] = ()

@@ -27,6 +27,7 @@ from fret_monitor.model.manifest import (
     followed, Manifest, ManifestAction, ManifestInput, ManifestTopic,
 )
 from fret_monitor.model.names import DETAILS_TOPIC, OWN_TOPICS, verdict_topic
+from fret_monitor.model.payload import PartKind, PayloadPart
 from fret_monitor.model.policies import (
     ActionKind, InputSource, Otherwise, OverInstances, Policy, Report, Severity, Stale, Stamp,
 )
@@ -94,7 +95,8 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
     arrays = {
         'locks': _structs('fm_report_lock', (_lock(manifest, *item) for item in locks)),
         'actions': _structs('fm_action', (
-            _action(item) for item in manifest.actions if item.kind is not ActionKind.LOCK)),
+            _action(manifest, place, item) for place, item in enumerate(manifest.actions)
+            if item.kind is not ActionKind.LOCK)),
         'inputs': _structs('fm_report_input', map(_input, manifest.inputs)),
         'requirements': _structs('fm_report_requirement', ({
             'id': item.id, 'text': item.shown, 'sentence': item.sentence,
@@ -203,18 +205,33 @@ def _lock(manifest: Manifest, place: int, action: ManifestAction) -> dict[str, V
             **_listed('requirements', users)}
 
 
-def _action(item: ManifestAction) -> dict[str, Value]:
+def _action(manifest: Manifest, place: int, item: ManifestAction) -> dict[str, Value]:
     times: dict[str, Any] = {name: getattr(item, name) for name in (
         'period', 'duration', 'timeout', 'after', 'cooldown', 'retries')}
+    pair = _instances_followed(manifest, place) if item.parts else ()
     return {
         'kind': Enumerator(f'FM_ACTION_{item.kind.name}'), 'name': item.name,
         'target': item.target, 'state': item.state,
         'payload': Elements('uint8_t', tuple(item.payload)), 'payload_size': len(item.payload),
         'parts': _structs('fm_payload_part', (
             {'kind': Enumerator(f'FM_PART_{part.kind.name}'), 'align': part.align, 'at': part.at,
-             'size': part.size, 'n_keys': part.n_keys} for part in item.parts)),
-        'n_parts': len(item.parts),
+             'size': part.size, **_keys(part, pair)} for part in item.parts)),
+        'n_parts': len(item.parts), 'is_of_pairs': len(pair) > 1,
         'stamp_at': -1 if item.stamp_at is None else item.stamp_at, **times}
+
+
+def _instances_followed(manifest: Manifest, place: int) -> tuple[int, ...]:
+    """Return the variables of the requirements that an action with keys follows."""
+    return next((manifest.kinds[kind].variables for item, kind in zip(
+        manifest.numbered, manifest.kind_of, strict=True)
+        if kind is not None and place in (*item.on_violation, *item.on_end)), ())
+
+
+def _keys(part: PayloadPart, variables: tuple[int, ...]) -> dict[str, Value]:
+    """Return which keys of an instance of some variables a part has."""
+    second = sum(key in variables[1:] for key in part.keys)
+    return {'n_keys': len(part.keys) - second, 'n_second': second} \
+        if part.kind is PartKind.LENGTH else {'which': second}
 
 
 def _gate(manifest: Manifest) -> Elements | None:

@@ -64,7 +64,8 @@ MANIFEST = Manifest(
                             timeout=10 ** 9, retries=3, after=1, cooldown=2),
              ManifestAction('brake', ActionKind.PUBLISH, '/brake', 'm/msg/M', b'\0\1\0\0\xff', 4,
                             period=10, duration=20, parts=(
-                                PayloadPart(PartKind.BYTES, 2, 4, 1), PayloadPart(PartKind.KEY)))),
+                                PayloadPart(PartKind.BYTES, 2, 4, 1),
+                                PayloadPart(PartKind.KEY, keys=(0,))))),
     gate=ManifestGate('drive', '/raw', '/cmd', 'm/msg/M', False, 1, Otherwise.SUBSTITUTE,
                       substitute=b'\0\1\0\0', period=50_000_000, stamp_at=4, latches=True,
                       open_after=2 * 10 ** 9, timeout=10 ** 9),
@@ -189,7 +190,7 @@ def test_a_value_of_another_kind_is_refused_with_its_key(key: str, way: list[str
 @pytest.mark.parametrize(('key', 'value', 'expected'), [
     ('source_hash', None, '(source_hash must be a text, not None)'),
     ('format', True, '(format must be a whole number from 0, not True)'),
-    ('format', 1, 'manifest has format 1, this version reads 15: compile the bundle again'),
+    ('format', 1, 'manifest has format 1, this version reads 16: compile the bundle again'),
     ('period', 0, '(period must be a number of seconds above 0, not 0)'),
     ('period', float('inf'), '(period must be a number of seconds above 0, not inf)'),
     ('symbol', '../x', "(symbol must be a name in C, not '../x')"),

@@ -23,12 +23,13 @@ from bag.recordings import START, TYPES
 from bundles import write_bundle
 import numpy
 import pytest
-from ros.harness import LATCHED, Partner, wait_until
+from ros.harness import LATCHED, Partner, RELIABLE, wait_until
 from ros.test_instances import (
     are_subscribed, both, Detail, Elements, Face, JOINT_STATE, joint_state, judged_by_bag,
     random_elements, reports_after, sensor_msgs, values_of,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
+from std_msgs.msg import String
 from strategies import thorough
 
 ARMS = """
@@ -40,9 +41,13 @@ for_each:
 inputs:
   effort: {topic: "/{robot}/joints", type: TYPE, field: "effort[name = {joint}]"}
   limit: {topic: "/{robot}/joints", type: TYPE, field: "position[0]"}
-actions: {stop: {lock: {topic: e_stop, rate: 5}}}
+actions:
+  stop: {lock: {topic: e_stop, rate: 5}}
+  tell:
+    publish:
+      {topic: told, type: std_msgs/msg/String, message: {data: "{joint} of {robot}!"}, rate: 5}
 requirements:
-  - {id: EFFORT, title: weak, ptltl: "effort <= limit", report: onset, on_violation: [stop]}
+  - {id: EFFORT, title: weak, ptltl: "effort <= limit", report: onset, on_violation: [stop, tell]}
   - {id: RESTS, ptltl: "H (O[0, 3] (effort < 0.6))", report: occurrence, severity: warn}
   - {id: LIMIT, ptltl: "limit <= 1.3", report: onset}
   - {id: MOST, ptltl: "max(robot, joint: effort) < 2.0", report: onset}
@@ -87,15 +92,19 @@ def test_both_nodes_publish_of_pairs_what_bag_says(
     publishers = {robot: partner.publisher(sensor_msgs.JointState, f'/{robot}/joints', LATCHED)
                   for robot in ROBOTS}
     with both(bundle, partner) as faces:
+        told = [told_by(face, partner) for face in faces]
         for robot in ROBOTS:
             wait_until(partial(are_subscribed, partner, f'/{robot}/joints'),
                        f'/{robot}/joints of both nodes')
         for robot, item in sent:
             publishers[robot].publish(joint_state(*item))
         reports = reports_after(faces, len(expected))
+        for face, found in zip(faces, told, strict=True):
+            wait_until(partial(found.__contains__, 'elbow of alpha!'), f'told of {face.name}')
         outputs = [face.process.output for face in faces]
     for face in faces:
         check_details(face, expected)
+    assert {*told[0], *told[1]} <= {f'{name} of {robot}!' for name in names for robot in ROBOTS}
     for report, output in zip(reports, outputs, strict=True):
         effort, values = report['EFFORT'], values_of(report['EFFORT'])
         assert effort.message.startswith('violated: ')
@@ -107,6 +116,17 @@ def test_both_nodes_publish_of_pairs_what_bag_says(
         assert 'there is no room for another robot and joint (`most` is ' in output
         assert 'EFFORT[robot=alpha,joint=elbow] violated at ' in output
         assert 'MOST violated at ' in output
+
+
+def told_by(face: Face, partner: Partner) -> list[str]:
+    """Return what an action tells from now on."""
+    found: list[str] = []
+
+    def take(message: String) -> None:
+        found.append(message.data)
+
+    partner.node.create_subscription(String, f'/{face.name}/told', take, RELIABLE)
+    return found
 
 
 def check_details(face: Face, expected: Sequence[Detail]) -> None:
