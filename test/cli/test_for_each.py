@@ -16,6 +16,7 @@
 
 import json
 from pathlib import Path
+import re
 
 from cli.command import Here
 from fret_monitor.build import generate_monitor, read
@@ -186,6 +187,11 @@ def test_more_instances_than_memory_allows_are_refused_with_their_bytes(here: He
     assert 'at most 4,294,967,296 are allowed' in done.err
     line = 1 + text.splitlines().index('  robot: {most: 16777216, forget: 2}')
     assert f'fleet.yaml:{line}:3: error: ' in done.err
+    help_ = re.search(r'= help: most: (\d+)\n', done.err)
+    assert help_ is not None
+    for most, status in ((int(help_[1]), 0), (int(help_[1]) + 1, 1)):
+        bundle = here.file('fleet.yaml', text.replace('16777216', str(most)))
+        assert here.run('check', bundle).status == status
 
 
 def simulate(here: Here, trace: str, text: str = FLEET) -> tuple[list[str], str]:
