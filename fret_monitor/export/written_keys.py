@@ -24,18 +24,19 @@ from enum import Flag
 
 from fret_monitor.build import Reading
 from fret_monitor.logic.expansion import check_names, expanded, in_c
+from fret_monitor.logic.formula import variables
 from fret_monitor.logic.specification import InstanceAggregate, Signal, Specification
 from fret_monitor.model.diagnostics import Problems
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.paths import LookUp
-from fret_monitor.model.policies import OverInstances, Policy
+from fret_monitor.model.policies import InputSource, OverInstances, Policy, Stale
 
 
 class Limits(Flag):
     """What a target cannot have of a bundle with instances."""
 
     NONE = 0
-    AGGREGATES = 1  # they count the instances that are ready; there are inputs without values
+    AGGREGATES = 1  # they are over instances that are ready; there are inputs without values
     EVERY_MESSAGE = 2  # a message of one key would be a step of all instances
     WHERE = 4  # messages are not selected by a field
     ELEMENTS = 8  # a message without an element of a key would be one of its instance
@@ -91,7 +92,7 @@ def _check(specification: Specification, target: str, limits: Limits,
                 f"a message without the element would be one of its '{signal.variables[0]}'",
                 'give each key a topic of its own')
     for item in specification.aggregates:
-        _check_aggregate(item, target, limits, problems)
+        _check_aggregate(item, specification, target, limits, problems)
 
 
 def _refuse_found(variable: ManifestVariable, signal: Signal, target: str,
@@ -102,14 +103,32 @@ def _refuse_found(variable: ManifestVariable, signal: Signal, target: str,
         f'for_each: {{{variable.name}: [alpha, beta]}}')
 
 
-def _check_aggregate(item: InstanceAggregate, target: str, limits: Limits,
-                     problems: Problems) -> None:
-    if Limits.AGGREGATES in limits:
-        problems.error(
-            f'{target} has no values over all instances', item.place,
-            'they are over the instances that have values',
-            'monitor this requirement by the target ros2 or copilot')
+def _check_aggregate(item: InstanceAggregate, specification: Specification, target: str,
+                     limits: Limits, problems: Problems) -> None:
+    why = _other_value(item, specification) if Limits.AGGREGATES in limits else None
+    if why is not None:
+        problems.error(f'{target} would have another value over all instances', item.place, *why)
     elif item.function is OverInstances.SUM and item.operand.type.is_float:
         problems.error(
             f'{target} has no sums of floats over instances', item.place,
             'it would be rounded at each addition, not once', 'sum integers')
+
+
+def _other_value(item: InstanceAggregate,
+                 specification: Specification) -> tuple[str, str] | None:
+    """Return why a value over instances differs from that of one monitor, and what to write."""
+    if specification.policy not in (Policy.PERIODIC, Policy.TIMED):
+        return ('it is over the instances that took a step, at messages of their keys',
+                'evaluation: {policy: timed}')
+    names = {each.name for root in (item.operand, *(one for _, one in item.feedback))
+             for each in variables(root)}
+    for signal in specification.signals:
+        if signal.name not in names or signal.source is InputSource.INSTANCES:
+            continue
+        if signal.initial is None:
+            return (f"it is over the instances that have values, and '{signal.name}' has none "
+                    'before its first message', f"give '{signal.name}' an `initial` value")
+        if signal.stale is Stale.VIOLATE:
+            return (f"it would be unknown while '{signal.name}' is silent in one instance",
+                    f"leave `stale` of '{signal.name}' out")
+    return None

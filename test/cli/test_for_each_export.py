@@ -19,7 +19,7 @@ from pathlib import Path
 from random import Random
 import subprocess
 
-from bag.test_instances import bundle, KEYS, messages, outline, record
+from bag.test_instances import bundle, FLOAT, KEYS, messages, outline, record
 from cli.command import Here
 from differential.compiled import compile_c, gcc, unoptimised, WARNINGS
 from fret_monitor.bag.check import (
@@ -141,7 +141,7 @@ def test_what_is_exported_judges_messages_as_with_for_each(policy: Policy, tmp_p
     ('copilot', ('[alpha, beta]', '{most: 9}'), '4:3',
      "copilot needs the keys of 'robot' in a list"),
     ('fprime', ('', ''), '4:3', 'fprime takes instances under another policy than every_message'),
-    ('cfs', ('', ''), '10:25', 'cfs has no values over all instances'),
+    ('cfs', ('', ''), '10:25', 'cfs would have another value over all instances'),
     ('c99', ('{topic: "/{robot}/speed", type: std_msgs/msg/Float32}',
              '{topic: joints, type: sensor_msgs/msg/JointState, field: "effort[name = {robot}]"}'),
      '4:3', 'c99 takes no elements that are looked up by a key'),
@@ -175,6 +175,54 @@ def test_keys_that_give_one_name_in_c_are_refused(here: Here) -> None:
     assert 'two requirements are handlerpropSPEED_b_2' in done.err
 
 
+OVER_ALL = [
+    'count(robot: x_robot > 0.5) <= 1', 'on -> any(robot: x_robot > 1.2)',
+    'all(robot: on | x_robot < 1.5)', 'max(robot: x_robot) < 1.6', 'min(robot: x_robot) > 0.3',
+    'O[0, 0.5 s] (count(robot: x_robot > min(robot: x_robot) + 1.0) = 0)',
+    'x_robot <= 1.0 | x_robot < max(robot: x_robot)',
+    'H (x_robot > 1.2 -> Y (count(robot: x_robot > 0.9) < 2))',
+    'count(robot: H[0, 0.5 s] x_robot > 0.4) >= 1',
+    'all(robot: O[0, 0.5 s] (on & x_robot <= min(robot: x_robot)))']
+
+
+@pytest.mark.parametrize('policy', [Policy.PERIODIC, Policy.TIMED])
+def test_values_over_all_instances_are_exported_where_each_has_a_value(
+        policy: Policy, tmp_path: Path) -> None:
+    lines = [f'  - {{id: A{place}, ptltl: "{formula}"}}' for place, formula in enumerate(OVER_ALL)]
+    file, selection = tmp_path / 'fleet.yaml', Selection(may_miss=True)
+    text = bundle(policy, ['robot'], f'[{", ".join(KEYS)}]', initial=', initial: true')
+    file.write_text('\n'.join([text.replace(f'{FLOAT}}}', f'{FLOAT}, initial: 0.7}}'), *lines]))
+    path = record(tmp_path / 'bag', list(messages(Random(f'{policy} over all'), KEYS)))
+    with unoptimised():
+        whole = check_recording(file, path, selection)
+        written = judged_with_written_keys(file, path, selection)
+    by_id, compared = {item.id: item for item in written.findings}, 0
+    for item in whole.findings:
+        found = {f'{item.id}[robot={key}]': item.instances.get(key.encode()) for key in KEYS} \
+            if item.variables else {item.id: item}
+        for name, one in found.items():
+            assert outline(by_id[name]) == outline(one or Findings(name)), name
+            compared += by_id[name].occurrences * item.id.startswith('A')
+    assert compared > 40
+
+
+@pytest.mark.parametrize(('policy', 'old', 'new', 'label'), [
+    ('timed', '', '', "'speed' has none before its first message"),
+    ('relevant_message', 'Float32}', 'Float32, initial: 0}', 'at messages of their keys'),
+    ('timed', 'Float32}', 'Float32, initial: 0, timeout: 1, stale: violate}',
+     "while 'speed' is silent in one instance")])
+def test_values_that_one_monitor_would_not_have_are_refused(
+        here: Here, policy: str, old: str, new: str, label: str) -> None:
+    text = FLEET.replace(old, new) if old else FLEET
+    done = here.run('export', here.file('fleet.yaml', text.replace(
+        'inputs:', f'evaluation: {{policy: {policy}}}\ninputs:').replace(
+            'O[0,2] !', 'O[0,2 s] !' if policy == 'timed' else 'O[0,2] !')),
+        '--to', 'c99', '--output', here.folder / 'out')
+    assert done.status == 1
+    assert 'fleet.yaml:11:25: error: c99 would have another value over all instances' in done.err
+    assert label in done.err
+
+
 ROBOTS = """\
 format: 1
 for_each: {robot: [alpha, beta]}
@@ -185,6 +233,9 @@ inputs:
 requirements:
   - {id: SPEED, ptltl: "on -> O[0, WINDOW] (speed <= 0.5)"}
   - {id: CALM, ptltl: "H (on & speed > 1.2 -> Y (speed <= 1.2))"}
+"""
+OF_ALL = """\
+  - {id: FLEET, ptltl: "count(robot: O[0, 1 s] (speed > 1.2)) <= 1"}
 """
 MESSAGES = """\
 #include <inttypes.h>
@@ -240,9 +291,11 @@ def test_the_exported_c99_gives_each_instance_the_verdicts_of_for_each(
     compiler = gcc()
     if compiler is None:
         pytest.skip('needs gcc')
-    window = '2 s' if policy is Policy.TIMED else '2'
-    path = here.file('robots.yaml', ROBOTS.replace('POLICY', policy.value).replace(
-        'WINDOW', window))
+    is_timed = policy is Policy.TIMED
+    text = ROBOTS.replace('POLICY', policy.value).replace('WINDOW', '2 s' if is_timed else '2')
+    if is_timed:
+        text = text.replace('Float32}', 'Float32, initial: 0.25}') + OF_ALL
+    path = here.file('robots.yaml', text)
     out, program = here.folder / 'out', here.folder / 'program'
     done = here.run('export', path, '--to', 'c99', '--output', out)
     assert done.status == 0, done.err
@@ -266,9 +319,10 @@ def test_the_exported_c99_gives_each_instance_the_verdicts_of_for_each(
     expected = {tuple(line.split(',')[:2]): line.split(',')[2:] for line in judged.splitlines()}
     for place, ((now, topic, _), line) in enumerate(zip(rows, lines, strict=True)):
         if topic < 2:
-            own = seconds(now) if policy is Policy.TIMED else str(place)
+            own = seconds(now) if is_timed else str(place)
             verdicts = line.split()
-            assert [verdicts[topic], verdicts[2 + topic]] == expected[own, keys[topic]]
+            assert [verdicts[topic], verdicts[2 + topic], *verdicts[4:]] == \
+                expected[own, keys[topic]]
             compared += 1
             violated += '0' in expected[own, keys[topic]]
     assert compared > 80
