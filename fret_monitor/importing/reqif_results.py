@@ -123,8 +123,9 @@ class _Types:
         self._string = 'fret-monitor-string' if string is None else string.attributes['IDENTIFIER']
         for kind in root.all('SPEC-OBJECT-TYPE'):
             self._add(data, kind, heads)
-        if string is None and self.changes:
-            self._add_string(data, root)
+        content = root.first('REQ-IF-CONTENT')
+        if string is None and self.changes and content is not None:
+            self._add_string(data, content)
 
     def _add(self, data: bytes, kind: _Element, heads: Sequence[str]) -> None:
         """Add the attributes of a type that it does not have."""
@@ -146,9 +147,7 @@ class _Types:
                 f'</{p}DATATYPE-DEFINITION-STRING-REF></{p}TYPE>'
                 f'</{p}ATTRIBUTE-DEFINITION-STRING>')
 
-    def _add_string(self, data: bytes, root: _Element) -> None:
-        content = root.first('REQ-IF-CONTENT')
-        assert content is not None  # it has the types
+    def _add_string(self, data: bytes, content: _Element) -> None:
         self.changes.append(_part(
             data, content, 'DATATYPES', f'<{self.prefix}DATATYPE-DEFINITION-STRING '
             f'IDENTIFIER={_quoted(self._string)} LONG-NAME="String" MAX-LENGTH="32000" '

@@ -52,9 +52,10 @@ WORKBOOK = '.xlsx'
 
 _HEADS = {
     'id': ('id', 'reqid', 'req id', 'requirement id', 'identifier', 'uid', 'key', 'number',
-           'reqif.foreignid', 'object identifier'),
+           'reqif.foreignid', 'object identifier', 'object id'),
     'text': ('requirement', 'requirement text', 'text', 'statement', 'sentence',
-             'formula', 'description', 'specification', 'reqif.text', 'object text'),
+             'formula', 'description', 'specification', 'reqif.text', 'object text',
+             'reqif.description'),
     'title': ('title', 'name', 'summary', 'heading', 'reqif.name', 'object short text'),
     'rationale': ('rationale', 'comment', 'comments', 'justification', 'note', 'notes'),
     'component': ('component', 'system', 'subsystem'),
@@ -329,7 +330,7 @@ def delimiter(text: str) -> str:
 
 
 def _head(cell: str) -> str:
-    return ' '.join(cell.split()).casefold()
+    return ' '.join(cell.replace('_', ' ').split()).casefold()
 
 
 def csv_rows(text: str, path: Path) -> Iterator[list[str]]:
@@ -391,10 +392,11 @@ def _places(table: _Table, columns: Mapping[str, str]) -> dict[str, int]:
 def _columns_of(table: _Table) -> str:
     """Return what to give to `--columns`: a known or the first head, and that of long texts."""
     heads = {' '.join(head.split()): place for place, head in enumerate(table.head)}
-    usable = [head for head in heads if head and not set(head) & set(',=')]
+    usable = [head for head in heads if head and not set(head) & set(',=')
+              and head not in (SECTION, IDENTIFIER)]
     if len(usable) < 2:
         return 'id=NAME,text=NAME'
-    id_ = next((head for head in usable if head.casefold() in _HEADS['id']), usable[0])
+    id_ = next((head for head in usable if _head(head) in _HEADS['id']), usable[0])
     cells = {head: [row.cells[heads[head]] for row in table.rows[:_MANY]
                     if heads[head] < len(row.cells)] for head in usable if head != id_}
     text = max(cells, key=lambda head: sum(map(len, cells[head])))

@@ -193,6 +193,23 @@ def test_parts_that_a_file_does_not_have_are_added(old: str, new: str, tmp_path:
     assert names.index('DATATYPES') < names.index('SPEC-TYPES')
 
 
+@pytest.mark.parametrize(('id_', 'text'), [
+    ('Object ID', 'ReqIF.Description'), ('requirement_ID', 'Object Text')])
+def test_attributes_that_tools_write_are_found(id_: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / 'a.reqif').write_text(ROVER.replace('"ReqIF.ForeignID"', f'"{id_}"').replace(
+        '"ReqIF.Text"', f'"{text}"'))
+    found, = import_bundles([tmp_path / 'a.reqif'], tmp_path / 'a.yaml')
+    assert [item.id for item in found.draft.requirements] == ['R-1', 'o-4', 'R-4']
+
+
+def test_attributes_that_are_not_found_are_named_without_those_of_every_file(
+        tmp_path: Path) -> None:
+    (tmp_path / 'a.reqif').write_text(ROVER.replace('"ReqIF.Text"', '"Remark"').replace(
+        '"ReqIF.ForeignID"', '"Nr"'))
+    with pytest.raises(CompileError, match='write --columns id=Nr,fretish=Remark'):
+        import_bundles([tmp_path / 'a.reqif'], tmp_path / 'a.yaml')
+
+
 def test_empty_tags_are_opened(tmp_path: Path) -> None:
     text = re.sub('<VALUES>.*?</VALUES>', '<VALUES />', ROVER)
     text = re.sub('(?s)<DATATYPES>.*</DATATYPES>', '<DATATYPES/>', text)
