@@ -26,6 +26,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+import logging
 import sys
 from typing import Any
 
@@ -44,12 +45,29 @@ _REQUEST_FAILED = -32803
 _CONTENT_MODIFIED = -32801
 
 
+class _Refusal(JsonRpcException):
+    """What a request cannot have, such as a name that is taken; no error of this server."""
+
+
+class _Server(LanguageServer):
+
+    def report_server_error(self, error: Exception, source: Any) -> None:
+        if not isinstance(error, _Refusal):
+            super().report_server_error(error, source)
+
+
+def _is_logged(record: logging.LogRecord) -> bool:
+    """Whether pygls logs something else than a refusal, of which the editor is told."""
+    return not (record.exc_info and isinstance(record.exc_info[1], _Refusal))
+
+
 class BundleServer:
     """A language server with its open files."""
 
     def __init__(self, files: OpenFiles | None = None) -> None:
         """Register what it can do."""
-        self._server = LanguageServer('fret-monitor', __version__)
+        self._server = _Server('fret-monitor', __version__)
+        logging.getLogger('pygls.protocol.json_rpc').addFilter(_is_logged)
         self._files = OpenFiles() if files is None else files
         self._worker = ThreadPoolExecutor(1)
         self._waiting: dict[str, asyncio.Task[None]] = {}
@@ -202,7 +220,7 @@ class BundleServer:
         """Return a file that is a bundle with its diagnostics."""
         found = await self._edited(params.text_document.uri)
         if found is None and params.text_document.uri in self._files.by_uri:
-            raise JsonRpcException('the text has changed', _CONTENT_MODIFIED)
+            raise _Refusal('the text has changed', _CONTENT_MODIFIED)
         return found if found and editing.looks_like_a_bundle(found.source.text) else None
 
     def _offset(self, found: EditedBundle, params: Any) -> int:
@@ -254,7 +272,7 @@ class BundleServer:
         except CompileError as error:
             item = error.diagnostics[0]
             message = '; '.join(filter(None, (item.title, item.label, item.help)))
-            raise JsonRpcException(message, _REQUEST_FAILED) from None
+            raise _Refusal(message, _REQUEST_FAILED) from None
         return self._converter.edits(edits)
 
     async def _actions(self, params: Any) -> Any:

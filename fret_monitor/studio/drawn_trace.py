@@ -66,6 +66,14 @@ class DrawnTrace:
         return replace(self, values={item.name: self.values.get(item.name, [])
                                      for item in signals})
 
+    def is_same(self, other: 'DrawnTrace') -> bool:
+        """Whether all values are the same; -0.0 and 0.0 are equal, and divide differently."""
+        return self == other and self._signs() == other._signs()
+
+    def _signs(self) -> list[float]:
+        return [math.copysign(1.0, value) for changes in self.values.values()
+                for _, value in changes if isinstance(value, float) and value == 0]
+
 
 class Lanes(NamedTuple):
     """What a part has on a trace, by id; margins only if they are computed."""
@@ -154,7 +162,7 @@ class CompiledPart:
     def lanes(self, trace: DrawnTrace) -> Lanes:
         """Return what the requirements have on a trace."""
         own = trace.of(self._part.signals)
-        if self._last is None or self._last[0] != own:
+        if self._last is None or not self._last[0].is_same(own):
             self._evaluator.restore(self._start)
             self._last = own, self._computed(own)
         return self._last[1]

@@ -15,10 +15,13 @@
 """The bundles of one folder, as a page may see them: nothing outside, links included."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from hashlib import sha256
 import os
 from pathlib import Path
+import re
 import stat
 
 from fret_monitor.editing import looks_like_a_bundle
@@ -31,6 +34,7 @@ _SUFFIXES = ('.yaml', '.yml')
 _RECORDINGS = ('.mcap', '.db3', '.bag')
 _METADATA = 'metadata.yaml'
 _MOST_FILES = 500
+_LINE_END = re.compile(r'(\r\n|\r|\n)')
 
 
 @dataclass(frozen=True)
@@ -115,9 +119,11 @@ class Folder:
         except OSError as error:
             raise ValueError(f"cannot read '{name}': {error.strerror or error}") from None
 
-    def write(self, name: str, text: str, stamp: str | None) -> str:
+    def write(self, name: str, text: str, stamp: str | None, like: str | None = None) -> str:
         """
         Replace a file, or make it if `stamp` is None, and return its new stamp.
+
+        Lines end as those of the file `like` do, which the text was before it was changed.
 
         Raises
         ------
@@ -129,6 +135,9 @@ class Folder:
         if present != stamp or stamp is None and os.path.lexists(path):
             raise ValueError(f"'{name}' is there already" if stamp is None else
                              f"'{name}' has changed on disk since it was read")
+        if like is not None:
+            with suppress(ValueError):  # it is not there any more
+                text = ended_as(self.read(like).text, text)
         data = text.encode()
         if len(data) > MOST_BYTES:
             raise ValueError(f"'{name}' would have more than {MOST_BYTES:,} bytes")
@@ -161,6 +170,28 @@ class Folder:
         except (OSError, ValueError) as error:
             reason = getattr(error, 'strerror', None) or error
             refuse(f"cannot read '{path}': {reason}")
+
+
+def ended_as(old: str, text: str) -> str:
+    """
+    Return a text, of which lines end with a newline, with the line ends of an older one.
+
+    Lines that were there keep theirs; others have that of the line before them.
+    """
+    parts, lines = _LINE_END.split(old), text.split('\n')
+    ends = parts[1::2]
+    if all(end == '\n' for end in ends):
+        return text
+    if len(set(ends)) == 1:
+        return ends[0].join(lines)
+    found, end = [''] * len(lines), ends[0]
+    for tag, first, _, begin, stop in SequenceMatcher(
+            None, parts[::2], lines).get_opcodes():
+        for place in range(begin, stop):
+            if tag == 'equal' and first + place - begin < len(ends):
+                end = ends[first + place - begin]
+            found[place] = end
+    return ''.join(line + end for line, end in zip(lines, [*found[:-1], ''], strict=True))
 
 
 def _check_name(name: str) -> None:

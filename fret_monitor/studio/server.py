@@ -235,7 +235,7 @@ class Talk:
                 return {'text': stored.text, 'stamp': stored.stamp}
             case 'write':
                 stamp = self._folder.write(question['name'], question['text'],
-                                           question['stamp'])
+                                           question['stamp'], question.get('like'))
                 self._watched = {question['name']: stamp}
                 return {'stamp': stamp}
             case 'watch':

@@ -86,6 +86,10 @@ def _now() -> int:
     return time_ns() // 1_000_000
 
 
+def _take_nothing(_: Any) -> None:
+    """Take no message: the node has no executor."""
+
+
 def _profile(publishers: Sequence[Any]) -> Any:
     """
     Return a profile that all publishers match; no driver is slowed down by this page.
@@ -112,20 +116,23 @@ class Watching:
         self._node: Any = rclpy.create_node(
             f'_fret_studio_{os.getpid()}', namespace=plan['namespace'] or '/',
             enable_rosout=False, start_parameter_services=False)
+        # Not of the executor: the last message is taken when it is shown, not each as it comes.
+        self._readers: Any = rclpy.create_node(
+            f'_fret_studio_inputs_{os.getpid()}', namespace=plan['namespace'] or '/',
+            enable_rosout=False, start_parameter_services=False)
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._turn = Turn()
         self._is_over = Event()
         self._last: dict[str, bool | None] = {}  # verdicts, as sent
         self._published: dict[str, float] = {}  # when a verdict came on its topic
-        self._samples: dict[str, tuple[int, bytes]] = {}  # the last message of a topic
         self._monitors: list[str] | None = None
         self._inputs: Sequence[Mapping[str, Any]] = plan['inputs']
         self._classes: dict[str, Any] = {}
         self._ids = {item['id'] for item in plan['requirements']}
         self._instances: set[str] = set()  # that were violated, such as SLOW[robot=alpha]
         self._clients: dict[str, Any] = {}
-        self._heard: set[str] = set()  # topics of inputs
+        self._heard: dict[str, Any] = {}  # topics of inputs, and their subscriptions
         self._listen(plan['requirements'])
         self._find_types()
 
@@ -162,21 +169,18 @@ class Watching:
             publishers = self._node.get_publishers_info_by_topic(
                 self._node.resolve_topic_name(topic))
             if publishers:
-                self._heard.add(topic)
-                self._node.create_subscription(
-                    self._classes[topic], topic, partial(self._keep, topic),
-                    _profile(publishers), raw=True)
-
-    def _keep(self, topic: str, data: bytes) -> None:
-        self._samples[topic] = _now(), data
+                self._heard[topic] = self._readers.create_subscription(
+                    self._classes[topic], topic, _take_nothing, _profile(publishers))
 
     def _values(self) -> Iterator[tuple[str, tuple[int, Shown]]]:
         """Yield the inputs that are new since the last call, and their values."""
-        from rclpy.serialization import deserialize_message
-        samples, self._samples = self._samples, {}
-        for topic, (time, data) in samples.items():
+        for topic, subscription in self._heard.items():
             with suppress(RuntimeError, ValueError):
-                message = deserialize_message(data, self._classes[topic])
+                found = subscription.handle.take_message(self._classes[topic], False)
+                if found is None:
+                    continue
+                message, facts = found
+                time = facts['received_timestamp'] // 1_000_000 or _now()
                 for item in self._inputs:
                     if item['topic'] == topic:
                         yield item['name'], (time, read_path(message, item['path']))
@@ -291,7 +295,8 @@ class Watching:
     def _end(self) -> None:
         import rclpy
         ends: Sequence[Callable[[], object]] = (
-            self._node.destroy_node, self._executor.shutdown, rclpy.try_shutdown)
+            self._readers.destroy_node, self._node.destroy_node, self._executor.shutdown,
+            rclpy.try_shutdown)
         for end in ends:
             end()
 

@@ -210,6 +210,17 @@ def test_an_input_is_renamed_everywhere_or_the_reason_is_given(client: Client) -
         client.ask('textDocument/rename', **place, newName='fast')
 
 
+def test_a_refused_rename_is_no_error_of_the_server(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with editor() as client:
+        client.open(URI, BUNDLE)
+        with pytest.raises(Refused):
+            client.ask('textDocument/rename', textDocument=DOCUMENT, newName='fast',
+                       position=place_of(BUNDLE, 'speed <='))
+    assert capfd.readouterr().err == ''
+
+
 def test_a_line_to_write_is_a_quick_fix(client: Client) -> None:
     text = BUNDLE.replace('!fast', '!fasst')
     client.open(URI, text)

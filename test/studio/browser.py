@@ -19,15 +19,15 @@ Nothing but the address of the page is reached: all other names are not found.
 """
 
 from base64 import b64decode
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 import json
 from pathlib import Path
 import shutil
 import subprocess
 import time
 from typing import Any
-from urllib.request import urlopen
 
 CHROMIUM = next(filter(None, map(shutil.which, (
     'chromium', 'chromium-browser', 'google-chrome'))), None)
@@ -35,12 +35,23 @@ WAIT_S = 150.0
 KEYS = {'ArrowRight': 39, 'ArrowLeft': 37, ' ': 32, 'Enter': 13, 'Tab': 9, 'Escape': 27}
 
 
+def called(socket: Any, number: int, method: str, parameters: dict[str, Any],
+           note: Callable[[dict[str, Any]], None]) -> Any:
+    """Return the result of a command of the protocol; give `note` what comes before it."""
+    socket.send(json.dumps({'id': number, 'method': method, 'params': parameters}))
+    while (found := json.loads(socket.recv(WAIT_S))).get('id') != number:
+        note(found)
+    assert 'error' not in found, found
+    return found['result']
+
+
 class Page:
     """A page; what goes wrong in it is in `problems`."""
 
-    def __init__(self, socket: Any) -> None:
+    def __init__(self, socket: Any, context: str) -> None:
         self._socket = socket
         self._next = 0
+        self.context = context
         self.problems: list[str] = []
         for domain in ('Page', 'Runtime', 'Log', 'Network'):
             self.call(f'{domain}.enable')
@@ -48,17 +59,14 @@ class Page:
     def call(self, method: str, **parameters: Any) -> Any:
         """Return the result of a command of the protocol."""
         self._next += 1
-        self._socket.send(json.dumps({
-            'id': self._next, 'method': method, 'params': parameters}))
-        while True:
-            found = json.loads(self._socket.recv(WAIT_S))
-            if found.get('id') == self._next:
-                assert 'error' not in found, found
-                return found['result']
-            self._note(found)
+        return called(self._socket, self._next, method, parameters, self._note)
 
     def _note(self, found: dict[str, Any]) -> None:
         match found:
+            case {'method': 'Page.javascriptDialogOpening'}:  # leaves a page with unsaved text
+                self._socket.send(json.dumps({
+                    'id': -1, 'method': 'Page.handleJavaScriptDialog',
+                    'params': {'accept': True}}))
             case {'method': 'Runtime.exceptionThrown', 'params': parameters}:
                 self.problems.append(json.dumps(parameters['exceptionDetails']))
             case {'method': 'Runtime.consoleAPICalled', 'params': {'type': 'error', **rest}}:
@@ -158,9 +166,45 @@ class Page:
         path.write_bytes(b64decode(found['data']))
 
 
+@dataclass(frozen=True)
+class Chromium:
+    """A running Chromium, whose pages share nothing, unless they are asked to."""
+
+    port: int
+    _browser: Any
+
+    @contextmanager
+    def page(self) -> Iterator[Page]:
+        """Open a page in a window with a storage of its own."""
+        context = self._call('Target.createBrowserContext')['browserContextId']
+        try:
+            with self.tab(context) as page:
+                yield page
+        finally:
+            self._call('Target.disposeBrowserContext', browserContextId=context)
+
+    @contextmanager
+    def tab(self, context: str) -> Iterator[Page]:
+        """Open a page that shares the storage of others; it is closed at the end."""
+        target = self._call('Target.createTarget', url='about:blank', browserContextId=context,
+                            newWindow=True)['targetId']
+        try:
+            with _connected(f'ws://127.0.0.1:{self.port}/devtools/page/{target}') as socket:
+                page = Page(socket, context)
+                page.call('Emulation.setDeviceMetricsOverride', width=1400, height=1000,
+                          deviceScaleFactor=1, mobile=False)
+                page.call('Emulation.setFocusEmulationEnabled', enabled=True)
+                yield page
+        finally:
+            self._call('Target.closeTarget', targetId=target)
+
+    def _call(self, method: str, **parameters: Any) -> Any:
+        return called(self._browser, 0, method, parameters, lambda found: None)
+
+
 @contextmanager
-def browser(profile: Path) -> Iterator[Page]:
-    """Start a Chromium with one page."""
+def chromium(profile: Path) -> Iterator[Chromium]:
+    """Start a Chromium."""
     assert CHROMIUM is not None
     process = subprocess.Popen(
         [CHROMIUM, '--headless', '--no-sandbox', '--disable-gpu', '--disable-extensions',
@@ -171,16 +215,24 @@ def browser(profile: Path) -> Iterator[Page]:
     try:
         end = time.monotonic() + WAIT_S
         note = profile / 'DevToolsActivePort'
-        while not note.exists() or not note.read_text().count('\n'):
+        while not note.exists() or note.read_text().count('\n') < 1:
             assert process.poll() is None and time.monotonic() < end, 'Chromium does not start'
             time.sleep(0.05)
-        port = note.read_text().splitlines()[0]
-        with urlopen(f'http://127.0.0.1:{port}/json/list') as answer:
-            address = next(item['webSocketDebuggerUrl'] for item in json.load(answer)
-                           if item['type'] == 'page')
-        from websockets.sync.client import connect  # of the extra `studio`
-        with connect(address, max_size=None) as socket:
-            yield Page(socket)
+        port, path = note.read_text().splitlines()[:2]
+        with _connected(f'ws://127.0.0.1:{port}{path}') as socket:
+            yield Chromium(int(port), socket)
     finally:
         process.terminate()
         process.wait(WAIT_S)
+
+
+@contextmanager
+def browser(profile: Path) -> Iterator[Page]:
+    """Start a Chromium with one page."""
+    with chromium(profile) as found, found.page() as page:
+        yield page
+
+
+def _connected(address: str) -> Any:
+    from websockets.sync.client import connect  # of the extra `studio`
+    return connect(address, max_size=None)

@@ -20,12 +20,12 @@ above it (`npm install axe-core`), and without it this test is skipped.
 """
 
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
-from studio.browser import browser, CHROMIUM, Page
-from studio.serving import studio
+from studio.browser import CHROMIUM, Page
 
 AXE = next((path for folder in Path(__file__).resolve().parents
             if (path := folder / 'node_modules' / 'axe-core' / 'axe.min.js').is_file()), None)
@@ -51,44 +51,48 @@ def found(page: Page) -> list[Any]:
     return [item for item in result if item[0] in SERIOUS]
 
 
-@needs_axe
-@pytest.mark.parametrize('is_dark', [False, True])
-@pytest.mark.parametrize('width', [1400, 390])
-def test_axe_finds_nothing_serious(tmp_path: Path, is_dark: bool, width: int) -> None:
-    assert AXE is not None
-    (tmp_path / 'b.yaml').write_text(BUNDLE.replace('nothing', '0'))
-    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
+def found_in_all(page: Page) -> list[Any]:
+    """Return what axe-core finds on a screen and on a telephone, in light and dark."""
+    problems: list[Any] = []
+    for width, scheme in product((1400, 390), ('light', 'dark')):
         page.call('Emulation.setDeviceMetricsOverride', width=width, height=900,
                   deviceScaleFactor=1, mobile=width < 800)
         page.call('Emulation.setEmulatedMedia', features=[
-            {'name': 'prefers-color-scheme', 'value': 'dark' if is_dark else 'light'}])
-        page.open(url)
-        page.see('figure')
-        page.wait("!!document.querySelector('.lane[aria-label^=SLOW] rect.is-true')")
-        page.get(AXE.read_text(encoding='utf-8') + '; 0')
-        assert found(page) == []
-        # With the form of a new requirement.
-        page.click('#new-requirement')
-        page.wait("document.activeElement.id === 'new-id'")
-        page.type('SLOW')
-        page.see('#new-problems li')
-        assert found(page) == []
-        # With a mistake in the text, and while a monitor is looked for.
-        page.get("document.querySelector('#live-connect').click()")
-        page.wait("document.querySelectorAll('#live-rows .lane').length > 0")
-        page.get("document.querySelector('.cm-content').focus()")
-        page.type('requirement: x\n')
-        page.see('#problems li')
-        assert found(page) == []
+            {'name': 'prefers-color-scheme', 'value': scheme}])
+        problems += [(width, scheme, *item) for item in found(page)]
+    return problems
 
 
 @needs_axe
-def test_axe_finds_a_button_without_a_name(tmp_path: Path) -> None:
+def test_axe_finds_nothing_serious(folder: Path, url: str, page: Page) -> None:
     assert AXE is not None
-    (tmp_path / 'b.yaml').write_text(BUNDLE)
-    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
-        page.open(url)
-        page.see('#live-connect')
-        page.get(AXE.read_text(encoding='utf-8') + '; 0')
-        page.get("document.querySelector('#live-connect').textContent = ''; 0")
-        assert 'button-name' in [name for _, name, _ in found(page)]
+    (folder / 'b.yaml').write_text(BUNDLE.replace('nothing', '0'))
+    page.open(url)
+    page.see('figure')
+    page.wait("!!document.querySelector('.lane[aria-label^=SLOW] rect.is-true')")
+    page.get(AXE.read_text(encoding='utf-8') + '; 0')
+    assert found_in_all(page) == []
+    # With the form of a new requirement.
+    page.click('#new-requirement')
+    page.wait("document.activeElement.id === 'new-id'")
+    page.type('SLOW')
+    page.see('#new-problems li')
+    assert found_in_all(page) == []
+    # With a mistake in the text, and while a monitor is looked for.
+    page.get("document.querySelector('#live-connect').click()")
+    page.wait("document.querySelectorAll('#live-rows .lane').length > 0")
+    page.get("document.querySelector('.cm-content').focus()")
+    page.type('requirement: x\n')
+    page.see('#problems li')
+    assert found_in_all(page) == []
+
+
+@needs_axe
+def test_axe_finds_a_button_without_a_name(folder: Path, url: str, page: Page) -> None:
+    assert AXE is not None
+    (folder / 'b.yaml').write_text(BUNDLE)
+    page.open(url)
+    page.see('#live-connect')
+    page.get(AXE.read_text(encoding='utf-8') + '; 0')
+    page.get("document.querySelector('#live-connect').textContent = ''; 0")
+    assert 'button-name' in [name for _, name, _ in found(page)]

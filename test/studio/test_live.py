@@ -30,7 +30,7 @@ from fret_monitor.studio.plan import plan
 from fret_monitor.studio.turn import MOST_CHANGES, MOST_OCCURRENCES, read_path, Turn
 import pytest
 from strategies import thorough
-from studio.browser import browser, CHROMIUM, Page
+from studio.browser import CHROMIUM, Page
 from studio.serving import studio
 
 pytest.importorskip('uvicorn')
@@ -255,9 +255,10 @@ def looks(page: Page, selector: str) -> Any:
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
-def test_a_violation_is_seen_as_it_comes_up(bundle: Path, domain: int, tmp_path: Path) -> None:
-    with robot(bundle, domain) as (partner, _), studio(bundle, 'b.yaml') as url, \
-            browser(tmp_path / 'profile') as page:
+def test_a_violation_is_seen_as_it_comes_up(
+    bundle: Path, domain: int, page: Page,
+) -> None:
+    with robot(bundle, domain) as (partner, _), studio(bundle, 'b.yaml') as url:
         from std_msgs.msg import Float64
         speed = partner.publisher(Float64, 'speed')
         page.open(url)
@@ -342,10 +343,9 @@ def processor_s(process: Any) -> float:
 @thorough
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
 def test_a_topic_of_1_khz_is_watched_for_a_minute(
-    bundle: Path, domain: int, tmp_path: Path,
+    bundle: Path, domain: int, page: Page,
 ) -> None:
-    with robot(bundle, domain) as (partner, monitor), studio(bundle, 'b.yaml') as url, \
-            browser(tmp_path / 'profile') as page:
+    with robot(bundle, domain) as (partner, monitor), studio(bundle, 'b.yaml') as url:
         from std_msgs.msg import Float64
         speed = partner.publisher(Float64, 'speed')
         page.call('Page.addScriptToEvaluateOnNewDocument', source=COUNTING)
@@ -394,59 +394,59 @@ def _watch_for_a_minute(page: Page, monitor: Any, flood: Flood) -> None:
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
-def test_an_instance_has_a_row_from_its_first_violation_on(tmp_path: Path) -> None:
-    (tmp_path / 'b.yaml').write_text(BUNDLE)
-    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
-        page.open(url)
-        page.see('#drawn .node')  # the page's own picture, which this one replaces
-        page.get("""(async () => {
-            const { LiveView } = await import('./live.js');
-            const [talk, place] = [new EventTarget(), document.querySelector('#watch')];
-            const plan = { inputs: [], leftOut: [], requirements: [{ id: 'FAR' }, { id: 'B' }] };
-            const { Picture } = await import('./picture.js');
-            const nodes = [['requirement', 'FAR'], ['requirement', 'B'], ['topic', 'near'],
-              ['topic', '/far']].map(([kind, name]) => ({ kind, name, detail: '', from: null }));
-            window.picture = new Picture(
-              document.querySelector('#drawn'), async () => ({ nodes, links: [] }), () => null);
-            picture.use();
-            new LiveView(place, async () => plan, talk, (...names) => picture.mark(...names));
-            place.querySelector('#live-connect').click();
-            window.tell = (verdicts, more) => talk.dispatchEvent(
-              new CustomEvent('live', { detail: { verdicts, ...more } })); })()""")
-        page.wait("document.querySelectorAll('#drawn .node').length === 4")
-        page.wait("document.querySelectorAll('#live-rows .lane').length === 2")
-        page.get("""tell({ FAR: [[Date.now() - 500, false]], 'NO[k=1]': [[Date.now(), true]],
-            'FAR[robot=alpha]': [[Date.now() - 500, false]] }, { 'health /m': [
-              { name: 'topic /alpha/near', level: 1, values: [] },
-              { name: 'topic /so/far', level: 0, values: [] }] })""")
-        rows = "[...document.querySelectorAll('#live-rows .name')].map((each) => each.textContent)"
-        assert page.get(rows) == ['FAR', 'FAR[robot=alpha]', 'B']
-        broken = """[...document.querySelectorAll('#drawn .broken')].map(
-            (each) => each.ariaLabel.split(';')[0] + each.ariaLabel.split(';').at(-1))"""
-        assert page.get(broken) == ['requirement FAR broken now', 'topic near broken now']
-        page.get('tell({ FAR: [[Date.now(), true]] }); 0')
-        assert page.get(broken)[0] == 'requirement FAR broken now'  # the instance
-        page.get("tell({ 'FAR[robot=alpha]': [[Date.now(), null]] }); 0")
-        assert page.get(broken) == ['topic near broken now']
-        lane = '#live-rows .lane[aria-label^="FAR[robot=alpha]"]'
-        page.wait(f"document.querySelector('{lane}')?.ariaLabel.endsWith('violated')")
-        page.get(f"document.querySelector('{lane}').scrollIntoView()")
-        page.wait(f"!!document.querySelector('{lane} rect.is-false')")
-        assert page.problems == []
+def test_an_instance_has_a_row_from_its_first_violation_on(
+    folder: Path, url: str, page: Page,
+) -> None:
+    (folder / 'b.yaml').write_text(BUNDLE)
+    page.open(url)
+    page.see('#drawn .node')  # the page's own picture, which this one replaces
+    page.get("""(async () => {
+        const { LiveView } = await import('./live.js');
+        const [talk, place] = [new EventTarget(), document.querySelector('#watch')];
+        const plan = { inputs: [], leftOut: [], requirements: [{ id: 'FAR' }, { id: 'B' }] };
+        const { Picture } = await import('./picture.js');
+        const nodes = [['requirement', 'FAR'], ['requirement', 'B'], ['topic', 'near'],
+          ['topic', '/far']].map(([kind, name]) => ({ kind, name, detail: '', from: null }));
+        window.picture = new Picture(
+          document.querySelector('#drawn'), async () => ({ nodes, links: [] }), () => null);
+        picture.use();
+        new LiveView(place, async () => plan, talk, (...names) => picture.mark(...names));
+        place.querySelector('#live-connect').click();
+        window.tell = (verdicts, more) => talk.dispatchEvent(
+          new CustomEvent('live', { detail: { verdicts, ...more } })); })()""")
+    page.wait("document.querySelectorAll('#drawn .node').length === 4")
+    page.wait("document.querySelectorAll('#live-rows .lane').length === 2")
+    page.get("""tell({ FAR: [[Date.now() - 500, false]], 'NO[k=1]': [[Date.now(), true]],
+        'FAR[robot=alpha]': [[Date.now() - 500, false]] }, { 'health /m': [
+          { name: 'topic /alpha/near', level: 1, values: [] },
+          { name: 'topic /so/far', level: 0, values: [] }] })""")
+    rows = "[...document.querySelectorAll('#live-rows .name')].map((each) => each.textContent)"
+    assert page.get(rows) == ['FAR', 'FAR[robot=alpha]', 'B']
+    broken = """[...document.querySelectorAll('#drawn .broken')].map(
+        (each) => each.ariaLabel.split(';')[0] + each.ariaLabel.split(';').at(-1))"""
+    assert page.get(broken) == ['requirement FAR broken now', 'topic near broken now']
+    page.get('tell({ FAR: [[Date.now(), true]] }); 0')
+    assert page.get(broken)[0] == 'requirement FAR broken now'  # the instance
+    page.get("tell({ 'FAR[robot=alpha]': [[Date.now(), null]] }); 0")
+    assert page.get(broken) == ['topic near broken now']
+    lane = '#live-rows .lane[aria-label^="FAR[robot=alpha]"]'
+    page.wait(f"document.querySelector('{lane}')?.ariaLabel.endsWith('violated')")
+    page.get(f"document.querySelector('{lane}').scrollIntoView()")
+    page.wait(f"!!document.querySelector('{lane} rect.is-false')")
+    assert page.problems == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
-def test_what_the_page_keeps_of_a_long_run_is_bounded(tmp_path: Path) -> None:
-    (tmp_path / 'b.yaml').write_text(BUNDLE)
-    with studio(tmp_path, 'b.yaml') as url, browser(tmp_path / 'profile') as page:
-        page.open(url)
-        found = page.get("""(async () => {
-            const { History } = await import('./live.js');
-            const history = new History();
-            for (let k = 0; k < 100000; k += 1) history.add(k * 100, k % 7);
-            const view = { first: 9700000, count: 300000 };
-            return [history.changes.length, history.changes[0][0], history.thinned(view).length,
-              history.at(9999950)];
-        })()""")
-        assert found == [3002, 9699800, found[2], 99999 % 7]
-        assert 300 <= found[2] <= 1200
+def test_what_the_page_keeps_of_a_long_run_is_bounded(folder: Path, url: str, page: Page) -> None:
+    (folder / 'b.yaml').write_text(BUNDLE)
+    page.open(url)
+    found = page.get("""(async () => {
+        const { History } = await import('./live.js');
+        const history = new History();
+        for (let k = 0; k < 100000; k += 1) history.add(k * 100, k % 7);
+        const view = { first: 9700000, count: 300000 };
+        return [history.changes.length, history.changes[0][0], history.thinned(view).length,
+          history.at(9999950)];
+    })()""")
+    assert found == [3002, 9699800, found[2], 99999 % 7]
+    assert 300 <= found[2] <= 1200

@@ -172,6 +172,25 @@ def test_verdicts_are_those_of_simulate(tmp_path: Path, text: str) -> None:
             assert now == int(cells[number]), (name, label)
 
 
+def test_a_zero_of_the_other_sign_is_another_value(tmp_path: Path) -> None:
+    text = """\
+format: 1
+inputs:
+  x: {topic: x, type: std_msgs/msg/Float64}
+  y: {topic: y, type: std_msgs/msg/Float64}
+requirements:
+  - {id: B, ptltl: "y / x > 0.5"}
+"""
+    questions = Questions(tmp_path)
+
+    def verdict(x: float) -> Any:
+        return questions.answer({
+            'do': 'simulate', 'name': 'b.yaml', 'text': text, 'steps': 1,
+            'values': {'x': [[0, x]], 'y': [[0, 1.0]]}})['answer']['verdicts']['B']
+
+    assert [verdict(x) for x in (-0.0, 0.0, -0.0)] == [[(0, 0)], [(0, 1)], [(0, 0)]]
+
+
 COUNTED = MIXED.replace('timed', 'every_message').replace('0.15 s, 0.35 s', '1, 3').replace(
     '0.25 seconds', '2 ticks').replace('0.5 s', '5').replace(
     'timeOver(1 s, x > 0.5) <= 0.75', 'countOver(9, x > 0.5) <= 6')

@@ -233,6 +233,22 @@ def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
         Folder(tmp_path).write('x' * 300 + '.yaml', BUNDLE, None)
 
 
+@pytest.mark.parametrize(('old', 'text', 'expected'), [
+    (b'a\nb\n', 'b\nc\n', b'b\nc\n'),
+    (b'a\r\nb\r\n', 'a\nc\nb\n', b'a\r\nc\r\nb\r\n'),
+    # Another first line, one more in the middle, and one fewer.
+    (b'a\r\nb\nc\r\nd\ne', 'A\nb\nc\nnew\nd\ne', b'A\r\nb\nc\r\nnew\r\nd\ne'),
+    (b'a\r\nb\nc\rd\n', 'a\nc\nd\n', b'a\r\nc\rd\n'),
+    (b'a', 'a\nb\n', b'a\nb\n')])
+def test_a_write_keeps_the_end_of_each_line(
+    tmp_path: Path, old: bytes, text: str, expected: bytes,
+) -> None:
+    (tmp_path / 'b.yaml').write_bytes(old)
+    found = Folder(tmp_path)
+    found.write('b.yaml', text, found.stamp('b.yaml'), 'b.yaml')
+    assert (tmp_path / 'b.yaml').read_bytes() == expected
+
+
 def test_a_write_keeps_the_permissions_and_leaves_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / 'b.yaml'
     path.write_text(BUNDLE)

@@ -15,6 +15,7 @@
 // The page: a bundle, what is wrong with it, what it means, and a trace to try it on.
 
 import { h, show } from './dom.js';
+import { Drafts } from './drafts.js';
 import { Editor } from './editor.js';
 import { LiveView } from './live.js';
 import { Meaning } from './meaning.js';
@@ -36,7 +37,8 @@ requirements:
 
 const at = (id) => document.getElementById(id);
 const talk = new Talk();
-const file = { name: null, stamp: null, saved: '', ends: '\n', isShown: false };
+const drafts = new Drafts();
+const file = { name: null, stamp: null, saved: '', isShown: false };
 let pause = 0;
 let isLost = false; // the connection
 
@@ -68,23 +70,14 @@ show(at('actions'), button(words.save, save, 'save'), button(words.saveAs, saveA
 
 // What is open, and what of it is saved.
 
-const draft = () => `draft ${file.folder}/${file.name ?? ''}`;
-const draftOf = () => `${draft()} of`; // the stamp of the file that was changed
+const draft = (name = file.name) => `${file.folder}/${name ?? ''}`;
 
 function changed() {
   clearTimeout(pause);
   pause = setTimeout(check, PAUSE_MS);
   state(words.checking);
-  if (editor.text === file.saved) forgetDraft();
-  else {
-    localStorage.setItem(draft(), editor.text);
-    localStorage.setItem(draftOf(), file.stamp ?? '');
-  }
-}
-
-function forgetDraft() {
-  localStorage.removeItem(draft());
-  localStorage.removeItem(draftOf());
+  if (editor.text === file.saved) drafts.drop(draft());
+  else if (!drafts.keep(draft(), editor.text, file.stamp)) notice(words.noRoom, []);
 }
 
 function state(text) {
@@ -110,14 +103,12 @@ async function open(name) {
     await meaning.flush();
     const found = name ? await talk.ask('read', { name }) : { text: NEW, stamp: null };
     const text = found.text.replace(/\r\n?/g, '\n'); // the editor has no other line ends
+    const kept = await drafts.take(draft(name));
     if (name !== file.name) forget();
-    Object.assign(file, { name, stamp: found.stamp, saved: name ? text : '',
-      ends: found.text.match(/\r?\n/)?.[0] ?? '\n' });
+    Object.assign(file, { name, stamp: found.stamp, saved: name ? text : '' });
     files.value = name ?? '';
-    notice();
-    const kept = localStorage.getItem(draft());
-    editor.load(kept ?? text);
-    if (kept !== null && kept !== text) restored(localStorage.getItem(draftOf()));
+    editor.load(kept.draft?.text ?? text);
+    restored(kept, text);
     await check();
   } catch (error) {
     files.value = file.name ?? '';
@@ -125,13 +116,15 @@ async function open(name) {
   }
 }
 
-// The text of a draft is shown: it may be one of an older file.
-function restored(stamp) {
-  if (!file.name || stamp === file.stamp) notice(words.restored, []);
-  else {
-    file.stamp = stamp;
-    changedBy(file.name);
-  }
+// Say what is shown in place of the text of the file. A draft may be one of an older file.
+function restored({ draft: kept, more, isElsewhere }, text) {
+  const isShown = kept !== null && kept.text !== text;
+  const notes = [isShown ? words.restored : '', more ? words.moreDrafts(more) : '',
+    isElsewhere ? words.elsewhere : ''].filter(Boolean).join(' ');
+  if (isShown && file.name && kept.stamp !== file.stamp) {
+    file.stamp = kept.stamp;
+    changedBy(file.name, notes);
+  } else notice(notes, isShown && file.name ? [again(file.name)] : []);
 }
 
 async function save() {
@@ -149,17 +142,24 @@ async function saveAs() {
 async function write(name, stamp) {
   const { text } = editor;
   try {
-    const found = await talk.ask('write', {
-      name, text: text.replaceAll('\n', file.ends), stamp });
-    forgetDraft();
+    const like = file.stamp && file.name; // its line ends are kept
+    const found = await talk.ask('write', { name, text, stamp, like });
+    drafts.drop(draft());
     Object.assign(file, { name, stamp: found.stamp, saved: text });
     list((await talk.ask('open')).names);
     files.value = name;
     notice();
     await check();
   } catch (error) {
-    notice(isLost ? words.lost : error.message, []);
+    if (!isLost && name === file.name && await isChanged()) changedBy(name);
+    else notice(isLost ? words.lost : error.message, []);
   }
+}
+
+// Whether the file on disk is not the one that the text was made of.
+async function isChanged() {
+  const found = await talk.ask('read', { name: file.name }).catch(() => null);
+  return found?.stamp !== file.stamp;
 }
 
 async function format() {
@@ -168,12 +168,15 @@ async function format() {
   if (found !== null && text === editor.text) editor.write(found);
 }
 
-const changedBy = (name) => notice(words.changed(name), [
-  [words.reload, async () => {
-    await meaning.flush();
-    forgetDraft();
-    await open(name);
-  }],
+// What is written here is dropped.
+const again = (name) => [words.reload, async () => {
+  await meaning.flush();
+  drafts.drop(draft());
+  await open(name);
+}];
+
+const changedBy = (name, notes = '') => notice([words.changed(name), notes].join(' '), [
+  again(name),
   [words.overwrite, async () => {
     const found = await talk.ask('read', { name }).catch(() => null);
     await write(name, found?.stamp ?? null);
@@ -190,8 +193,7 @@ talk.addEventListener('open', async () => {
   if (!isLost) return;
   isLost = false;
   notice(); // the connection alone was lost, such as that of a tunnel
-  const found = await talk.ask('read', { name: file.name }).catch(() => null);
-  if (file.name && found?.stamp !== file.stamp) changedBy(file.name);
+  if (file.name && await isChanged()) changedBy(file.name);
   await check();
 });
 addEventListener('beforeunload', (event) => {

@@ -61,7 +61,12 @@ export const words = {
   askName: 'Name of the file, in this folder:',
   yes: 'Write',
   no: 'Cancel',
-  restored: 'What was not saved when this page was closed is here again.',
+  restored: 'This is what was not saved.',
+  moreDrafts: (count) => `There ${count === 1 ? 'is 1 more text' : `are ${count} more texts`} of `
+    + 'this file that a closed tab has not saved: save this one and open the file again.',
+  elsewhere: 'Another tab has changes of this file that are not saved; they are not in this one.',
+  noRoom: 'The storage of the browser is full: what is written here is lost when this page is '
+    + 'closed. Save it.',
   requirement: 'Requirement',
   noBundle: 'When the bundle has no errors, its requirements are explained here.',
   reading: 'looking for examples',
