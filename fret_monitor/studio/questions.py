@@ -39,7 +39,7 @@ from fret_monitor.editing import (
     read_edited, RequirementMemory, sentence_form, with_edits, with_requirement, with_sentence,
 )
 from fret_monitor.logic.expansion import expanded
-from fret_monitor.logic.formula import Binary, BinaryOperator
+from fret_monitor.logic.formula import Binary, BinaryOperator, Conversion, postorder, Variable
 from fret_monitor.logic.scopes import one_instance
 from fret_monitor.logic.specification import Property, Signal, Specification
 from fret_monitor.model.diagnostics import CompileError, Diagnostic, Level, Source, Span
@@ -53,6 +53,7 @@ from fret_monitor.studio.drawn_trace import (
 from fret_monitor.studio.folder import Folder
 from fret_monitor.studio.plan import plan
 from fret_monitor.studio.values import column, nanoseconds, Refused, runs, seconds, shown, start
+from fret_monitor.traces.boundary import constants
 
 Question: TypeAlias = Mapping[str, Any]
 Answer: TypeAlias = Any
@@ -61,6 +62,7 @@ MOST_STEPS = 100_000
 _LONGEST = 100 * 365 * 86_400 * 10**9  # ns
 _MOST_PARTS = 64  # that are kept beside those of the present text
 _MEMORY = 3_000_000_000
+_MOST_LEVELS = 8  # numbers with which an input is compared, that are drawn
 _FIXED = 5  # diagnostics for which fixes are looked for: each way is tried
 _MOST_KEYS = 4  # listed ones, of which a trace has inputs
 _KEYS = ('a', 'b')  # of a variable whose keys are not listed
@@ -137,11 +139,12 @@ class Questions:
 
     def _overview(self, reading: Reading, places: 'Utf16') -> Answer:
         specification = _with_instances(reading.specification)
+        levels = _levels(specification)
         return {
             'policy': specification.policy.value,
             'isTimed': specification.policy is Policy.TIMED,
             'period': None if specification.period is None else float(specification.period),
-            'inputs': [_input(signal) for signal in specification.signals
+            'inputs': [_input(signal, levels[signal.name]) for signal in specification.signals
                        if signal.source is not InputSource.TIME],
             'judged': [item.id for item in specification.properties],
             'windows': [*windows_of(specification)],
@@ -406,11 +409,24 @@ def _diagnostic(edited: EditedBundle, found: Diagnostic, places: Utf16) -> Answe
         **(places.range(span) if span and is_here else {'from': 0, 'to': 0})}
 
 
-def _input(signal: Signal) -> Answer:
+def _levels(specification: Specification) -> Mapping[str, list[float]]:
+    """Return the numbers with which each input is compared."""
+    found: dict[str, set[float]] = {signal.name: set() for signal in specification.signals}
+    for node in postorder(root for item in specification.properties for root in item.roots):
+        if isinstance(node, Binary) and node.operator.is_relation:
+            for side, other in ((node.left, node.right), (node.right, node.left)):
+                side = side.argument if isinstance(side, Conversion) else side
+                if isinstance(side, Variable):
+                    found[side.name] |= constants([other])
+    return {name: sorted(levels)[:_MOST_LEVELS] for name, levels in found.items()}
+
+
+def _input(signal: Signal, levels: list[float]) -> Answer:
     return {
         'name': signal.name, 'type': signal.type.value,
         'isBool': signal.type is ValueType.BOOL,
         'isFloat': signal.type.is_float,
+        'levels': [] if signal.values or signal.type is ValueType.BOOL else levels,
         'names': [name for name, _ in signal.values],
         'numbers': [index if isinstance(number, str) else number
                     for index, (_, number) in enumerate(signal.values)],

@@ -30,6 +30,7 @@ from hmac import compare_digest
 import json
 from pathlib import Path
 import secrets
+import shlex
 import socket
 from types import FrameType
 from typing import Any
@@ -240,8 +241,9 @@ class Talk:
                 return {'stamp': stamp}
             case 'watch':
                 plan = await self._quick.ask({**question, 'do': 'plan'}, lambda: True)
-                await self._live.watch({**plan, 'namespace': str(question['namespace'])})
-                return plan
+                namespace = str(question['namespace'])
+                await self._live.watch({**plan, 'namespace': namespace})
+                return {**plan, 'command': self._command(question['name'], namespace)}
             case 'unwatch':
                 return await self._live.end()
             case 'reset':
@@ -258,6 +260,15 @@ class Talk:
         process = self._slow if do in _SLOW else \
             self._recordings if do in _OF_RECORDINGS else self._quick
         return await process.ask(question, is_wanted)
+
+    def _command(self, name: str, namespace: str) -> str | None:
+        """Return what starts a monitor of a bundle; None without a file."""
+        if self._folder.stamp(name) is None:
+            return None
+        return shlex.join([
+            'ros2', 'run', 'fret_monitor', 'monitor', '--ros-args',
+            '-p', f'spec:={self._folder.path(name)}',
+            *(['-r', f'__ns:=/{namespace.strip("/")}'] if namespace.strip('/') else [])])
 
     async def _watch(self) -> None:
         """Tell the page when its file was changed by somebody else, or a recording has come."""

@@ -127,6 +127,7 @@ class Watching:
         self._last: dict[str, bool | None] = {}  # verdicts, as sent
         self._published: dict[str, float] = {}  # when a verdict came on its topic
         self._monitors: list[str] | None = None
+        self._elsewhere: list[str] = []  # namespaces of others
         self._inputs: Sequence[Mapping[str, Any]] = plan['inputs']
         self._classes: dict[str, Any] = {}
         self._ids = {item['id'] for item in plan['requirements']}
@@ -236,14 +237,22 @@ class Watching:
             f'{item.node_namespace.rstrip("/")}/{item.node_name}'
             for item in self._node.get_publishers_info_by_topic(
                 self._node.resolve_topic_name(DETAILS_TOPIC))})
-        if found != self._monitors:
-            self._monitors = found
-            self._turn.note(monitors=found)
+        others = [] if found else self._others()
+        if (found, others) != (self._monitors, self._elsewhere):
+            self._monitors, self._elsewhere = found, others
+            self._turn.note(monitors=found, others=others)
         self._listen_to_inputs()
         stale = monotonic() - _STALE_S
         for requirement in self._ids | self._instances:
             if not found or self._published.get(requirement, stale) < stale:
                 self._note(requirement, None)
+
+    def _others(self) -> list[str]:
+        """Return the other namespaces in which there is a monitor."""
+        end = f'/{DETAILS_TOPIC}'
+        return sorted(name.removesuffix(end) or '/'
+                      for name, _ in self._node.get_topic_names_and_types()
+                      if name.endswith(end) and self._node.count_publishers(name))
 
     def _obey(self) -> None:
         while line := _line():

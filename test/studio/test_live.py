@@ -245,6 +245,8 @@ def test_a_monitor_is_watched_and_reset(
                      and watcher.verdicts['FAR[robot=alpha]'][-1] is None, 'the reset')
 
 
+AXIS = """[...document.querySelectorAll('#live-rows .axis')[0].children].map(
+    (each) => each.textContent)"""
 SLOW, SPEED = '.lane[aria-label^="SLOW-1"]', '.lane[aria-label^="speed:"]'
 
 
@@ -263,8 +265,13 @@ def test_a_violation_is_seen_as_it_comes_up(
         speed = partner.publisher(Float64, 'speed')
         page.open(url)
         page.wait('!!document.body.dataset.checked')
-        page.get("document.querySelector('#live-namespace').value = '/robot'")
         page.get("document.querySelector('#live-connect').focus()")
+        page.key('Enter')
+        # None is in this namespace: how one is started, and where another is.
+        page.wait("document.querySelector('#live-status button')?.textContent === 'Watch /robot'")
+        assert page.text('#live-status pre') == (
+            f'ros2 run fret_monitor monitor --ros-args -p spec:={bundle / "b.yaml"}')
+        page.get("document.querySelector('#live-status button').focus()")
         page.key('Enter')
         page.wait("document.querySelector('#live-status').textContent"
                   " === 'watching /robot/fret_monitor'")
@@ -280,6 +287,7 @@ def test_a_violation_is_seen_as_it_comes_up(
         page.get(f"document.querySelector('#watch {SLOW}').scrollIntoView()")
         page.wait(f"document.querySelectorAll('#watch {SLOW} rect').length === 2")
         assert looks(page, SLOW) == '10'
+        assert page.get(AXIS) == ['2.19', '0.313']  # of 0.5 to 2
         page.wait("/no publisher/.test(document.querySelector('#live-health').textContent)")
         assert '=>' not in page.get('document.body.innerText')  # a function in place of a word
         # A pause holds the picture, and what came meanwhile is there afterwards.
@@ -433,6 +441,13 @@ def test_an_instance_has_a_row_from_its_first_violation_on(
     page.wait(f"document.querySelector('{lane}')?.ariaLabel.endsWith('violated')")
     page.get(f"document.querySelector('{lane}').scrollIntoView()")
     page.wait(f"!!document.querySelector('{lane} rect.is-false')")
+    # Beside a row is its value where the pointer is.
+    shown = f"document.querySelector('{lane}').nextElementSibling.textContent"
+    page.wait(f"{shown} === 'violated'")
+    page.mouse('mouseMoved', page.point(lane, 0.1))
+    page.wait(f"{shown} === 'not known' && !!document.querySelector('{lane} line.pointed')")
+    page.mouse('mouseMoved', page.point('#live-title'))
+    page.wait(f"{shown} === 'violated'")
     assert page.problems == []
 
 

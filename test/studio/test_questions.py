@@ -112,6 +112,7 @@ def test_a_bundle_without_errors_has_its_inputs_and_requirements(tmp_path: Path)
     found = ask(tmp_path, 'check')['bundle']
     assert [(item['name'], item['type'], item['names']) for item in found['inputs']] == [
         ('speed', 'float64', []), ('hot', 'bool', []), ('mode', 'int8', ['IDLE', 'DRIVE'])]
+    assert [item['levels'] for item in found['inputs']] == [[0.5, 1.5], [], []]
     assert [item['id'] for item in found['requirements']] == ['SLOW', 'A,B', 'C']
     assert BUNDLE[found['requirements'][2]['from']:].startswith('C,')
 

@@ -34,6 +34,22 @@ export function svg(tag, attributes = {}, ...children) {
   return filled(document.createElementNS(SVG, tag), attributes, children);
 }
 
+// The cell with the name of a row; `axis` is beside it, if it has numbers.
+export function named(name, axis = null) {
+  return h('span', { class: 'name', title: name }, h('span', {}, name), axis && axis.element);
+}
+
+// The greatest and the least number that a row has room for.
+export class Axis {
+  #ends = [h('span'), h('span')];
+  element = h('span', { class: 'axis' }, ...this.#ends);
+
+  show(least, greatest, digits = 3) {
+    const text = (value) => Number.isFinite(value) ? String(Number(value.toPrecision(digits))) : '';
+    this.#ends.forEach((end, number) => { end.textContent = text([greatest, least][number]); });
+  }
+}
+
 export function show(place, ...children) {
   place.replaceChildren(...children.filter((child) => child != null));
 }

@@ -16,7 +16,7 @@
 
 const LOCK = 'fret_monitor '; // a tab holds the one of its name as long as it is open
 const ALL = 'fret_monitor drafts';
-const WAIT_MS = 500; // the page before a reload holds its lock for a moment
+const WAIT_MS = 3000; // the page before a reload holds its lock for a moment
 
 export class Drafts {
   #tab = null;
@@ -24,7 +24,7 @@ export class Drafts {
 
   async #begin() {
     const known = sessionStorage.getItem('tab'); // a tab that is duplicated has it, too
-    this.#tab = known && await hold(LOCK + known) ? known : crypto.randomUUID();
+    this.#tab = known && await hold(LOCK + known, AbortSignal.timeout(WAIT_MS)) ? known : crypto.randomUUID();
     sessionStorage.setItem('tab', this.#tab);
     if (this.#tab !== known) await hold(LOCK + this.#tab);
   }
@@ -65,10 +65,10 @@ export class Drafts {
   }
 }
 
-// Hold a lock until the tab is closed; false: another tab has it.
-function hold(name) {
+// Hold a lock until the tab is closed; false: another tab had it until the signal came.
+function hold(name, signal) {
   return new Promise((resolve) => {
-    navigator.locks.request(name, { signal: AbortSignal.timeout(WAIT_MS) }, () => {
+    navigator.locks.request(name, { signal }, () => {
       resolve(true);
       return new Promise(() => {});
     }).catch(() => resolve(false));

@@ -89,7 +89,7 @@ export class Fields {
 
   #fill(input, text) {
     if (input.value !== text) input.value = text;
-    input.size = Math.max(8, input.placeholder.length, Math.min(60, text.length + 1));
+    input.size = Math.max(8, input.placeholder.length + 2, Math.min(60, text.length + 1));
   }
 }
 

@@ -14,7 +14,7 @@
 
 // Rows of a trace as drawings: what is drawn, and what pointer and keyboard do to it.
 
-import { h, svg } from './dom.js';
+import { Axis, h, named, svg } from './dom.js';
 import { place } from './trace.js';
 import { words } from './words.js';
 
@@ -93,8 +93,9 @@ export function numbers(changes, view, end, scale) {
 // The least and the greatest value, with room around them.
 function extent(input, changes) {
   const values = changes.map(([, value]) => asNumber(input, value)).filter(Number.isFinite);
-  const least = Math.min(...values, input.names.length ? 0 : Infinity);
-  const greatest = Math.max(...values, input.names.length ? input.names.length - 1 : -Infinity);
+  const others = input.names.length ? [0, input.names.length - 1] : input.levels ?? [];
+  const least = Math.min(...values, ...others);
+  const greatest = Math.max(...values, ...others);
   if (!Number.isFinite(least)) return [-1, 1];
   const room = (greatest - least) / 4 || Math.max(1, Math.abs(least) / 2);
   return [least - room, greatest + room];
@@ -112,6 +113,8 @@ export class Lane {
     isWaiting = () => false }) {
     Object.assign(this, { name, view, input, changes, end, set, steps, enter, isWaiting });
     this.height = input && !input.isBool ? HEIGHT.number : HEIGHT.truth;
+    this.axis = input && !input.isBool && !input.names.length ? new Axis() : null;
+    this.label = named(name, this.axis);
     this.picture = svg('svg', {
       class: 'lane', viewBox: `0 0 ${WIDTH} ${this.height}`, preserveAspectRatio: 'none',
       height: this.height, tabindex: 0, role: 'slider', 'aria-label': words.laneLabel(name),
@@ -136,7 +139,8 @@ export class Lane {
       : truths(changes, view, this.end(), input ? 'truth' : 'verdict');
     const marks = view.marks.map(([kind, step]) => svg('line', {
       class: kind, x1: view.x(step), x2: view.x(step), y1: 0, y2: this.height }));
-    this.picture.replaceChildren(this.#chosen, ...parts, ...marks);
+    this.picture.replaceChildren(this.#chosen, ...this.#levels(), ...parts, ...marks);
+    if (this.axis && changes.length) this.axis.show(...this.#ends);
   }
 
   #choose() {
@@ -169,8 +173,17 @@ export class Lane {
     return found && found[0] <= step ? found : undefined;
   }
 
+  get #ends() { return this.#extent ?? extent(this.input, this.changes()); }
+
+  // The numbers with which an input is compared.
+  #levels() {
+    const scale = this.input?.levels?.length ? this.#scale() : null;
+    return scale === null ? [] : this.input.levels.map((level) => svg('line', {
+      class: 'level', x1: 0, x2: WIDTH, y1: scale(level), y2: scale(level) }));
+  }
+
   #scale() {
-    const [least, greatest] = this.#extent ?? extent(this.input, this.changes());
+    const [least, greatest] = this.#ends;
     return (value) => {
       const number = asNumber(this.input, value);
       return Number.isFinite(number)

@@ -16,7 +16,7 @@
 // A running monitor, as it publishes: verdicts, inputs, occurrences, health of topics. What is
 // kept is bounded: five minutes of each row, a hundred occurrences.
 
-import { h, show, svg } from './dom.js';
+import { Axis, h, named, show, svg } from './dom.js';
 import { numbers, truths, WIDTH } from './lanes.js';
 import { words } from './words.js';
 
@@ -72,7 +72,8 @@ class Row {
       class: 'lane live', viewBox: `0 0 ${WIDTH} ${height}`, preserveAspectRatio: 'none', height,
       role: 'img', 'aria-label': name });
     this.shown = h('output', { class: 'now', 'aria-live': 'off' });
-    this.parts = [h('span', { class: 'name', title: name }, name), this.picture, this.shown];
+    this.axis = input && !input.isBool && !Object.keys(input.names).length ? new Axis() : null;
+    this.parts = [named(name, this.axis), this.picture, this.shown];
   }
 
   text(last) {
@@ -85,9 +86,9 @@ class Row {
   draw(view) {
     const { history, kind } = this;
     const end = view.first + view.count;
-    const value = history.at(end);
-    const text = this.text(value);
-    this.shown.textContent = text;
+    const text = this.text(history.at(end));
+    const value = history.at(view.pointed ?? end);
+    this.shown.textContent = this.text(value);
     this.shown.className = `now ${kind}${
       kind !== 'verdict' || typeof value !== 'boolean' ? '' : value ? ' is-true' : ' is-false'}`;
     this.picture.setAttribute('aria-label', `${this.name}: ${text}`);
@@ -95,13 +96,16 @@ class Row {
     const changes = history.thinned(view);
     this.picture.replaceChildren(...(kind === 'verdict' || this.input.isBool
       ? truths(changes, view, end, kind === 'verdict' ? 'verdict' : 'truth')
-      : numbers(changes, view, end, this.#scale(changes))));
+      : numbers(changes, view, end, this.#scale(changes))),
+    ...(view.pointed === null ? [] : [svg('line', { class: 'pointed', y1: 0, y2: this.height,
+      x1: view.x(view.pointed), x2: view.x(view.pointed) })]));
   }
 
   #scale(changes) {
     const values = changes.map(([, value]) => value).filter(Number.isFinite);
     const [least, greatest] = [Math.min(...values), Math.max(...values)];
     const room = (greatest - least) / 8 || Math.max(1, Math.abs(least) / 2);
+    this.axis?.show(least - room, greatest + room);
     return (value) => Number.isFinite(value)
       ? this.height * (greatest + room - value) / (greatest - least + 2 * room) : null;
   }
@@ -118,7 +122,10 @@ export class LiveView {
   #skew = null; // of the robot's clock, ms
   #span = 60;
   #drawing = 0;
+  #pointed = null; // where the pointer is in a row, as a part of its width
   #seen;
+  #others = []; // namespaces with a monitor
+  #command = null; // that starts a monitor of the bundle
   #violated = new Set(); // requirements and instances, now
   #broken;
 
@@ -151,8 +158,11 @@ export class LiveView {
       } }, ...SPANS.map((each) => h('option', { value: each, selected: each === 60 },
         words.span(each)))),
       status: h('p', { id: 'live-status', role: 'status' }, words.notWatching),
-      rows: h('div', { class: 'rows', id: 'live-rows' }),
-      begin: h('span'),
+      rows: h('div', { class: 'rows', id: 'live-rows',
+        onpointermove: (event) => this.#point(event),
+        onpointerdown: (event) => this.#point(event),
+        onpointerleave: () => { this.#pointed = null; } }),
+      begin: h('span'), pointed: h('span'),
       occurrences: h('ol', { id: 'live-occurrences', role: 'log', tabindex: 0,
         'aria-label': words.violations }),
       health: h('div', { id: 'live-health', role: 'region', tabindex: 0,
@@ -197,13 +207,15 @@ export class LiveView {
     const rows = [...plan.requirements.map((item) => new Row(item.id, 'verdict')), ...inputs];
     this.#rows = new Map(rows.map((row) => [`${row.kind} ${row.name}`, row]));
     this.#health = {};
+    this.#others = [];
+    this.#command = plan.command;
     this.#violated.clear();
     this.#isOn = true;
     this.#frozen = this.#skew = null;
     this.#seen.disconnect();
     show(this.#parts.rows, ...rows.flatMap((row) => row.parts), h('span'),
       h('div', { class: 'scale ends', 'aria-hidden': 'true' }, this.#parts.begin,
-        h('span', {}, words.now)));
+        this.#parts.pointed, h('span', {}, words.now)));
     rows.forEach((row) => this.#seen.observe(row.picture));
     show(this.#parts.occurrences);
     show(this.#parts.health);
@@ -243,7 +255,8 @@ export class LiveView {
       if (name.startsWith('health ')) this.#health[name.slice(7)] = value;
     }
     if (Object.keys(found).some((name) => name.startsWith('health '))) this.#showHealth();
-    if (found.monitors) this.#showMonitors(found.monitors);
+    this.#others = found.others ?? this.#others;
+    if (found.monitors || found.others) this.#showMonitors(found.monitors ?? []);
     if (found.missing?.length) {
       this.#parts.note.textContent += ` ${words.notInstalled(found.missing)}`;
     }
@@ -300,7 +313,28 @@ export class LiveView {
   #showMonitors(names) {
     show(this.#parts.monitor, ...names.map((name) => h('option', { value: name }, name)));
     this.#tell(names.length ? words.watching(names) : words.noMonitor);
+    if (!names.length) this.#help();
     this.#enable();
+  }
+
+  // Say where else a monitor is, and how one is started.
+  #help() {
+    this.#parts.status.append(
+      ...this.#others.map((name) => h('button', { type: 'button',
+        onclick: () => this.#watch(name) }, words.watchIn(name))),
+      ...(this.#command ? [h('div', {}, words.startOne, h('pre', {}, this.#command))] : []));
+  }
+
+  async #watch(namespace) {
+    this.#parts.namespace.value = namespace;
+    this.#leave(words.connecting);
+    await this.#toggle();
+  }
+
+  // Values are of the time at which the pointer is.
+  #point(event) {
+    const box = event.target.closest('.lane')?.getBoundingClientRect();
+    this.#pointed = box ? Math.max(0, Math.min(1, (event.clientX - box.left) / box.width)) : null;
   }
 
   #pause() {
@@ -320,9 +354,11 @@ export class LiveView {
     if (document.hidden) return;
     const count = this.#span * 1000;
     const first = (this.#frozen ?? this.#now) - count;
-    const view = { first, count, x: (time) => (time - first) * WIDTH / count };
+    const pointed = this.#pointed === null ? null : first + this.#pointed * count;
+    const view = { first, count, pointed, x: (time) => (time - first) * WIDTH / count };
     for (const row of this.#rows.values()) row.draw(view);
     this.#parts.begin.textContent = words.ago(this.#span);
+    this.#parts.pointed.textContent = pointed === null ? '' : new Date(pointed).toLocaleTimeString();
     this.#place.dataset.drawn = String(Number(this.#place.dataset.drawn ?? 0) + 1);
   }
 

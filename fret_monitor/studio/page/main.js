@@ -45,6 +45,8 @@ let isLost = false; // the connection
 for (const name of ['write', 'read', 'try', 'recordings', 'picture', 'live']) {
   at(`${name}-title`).textContent = words[name];
 }
+at('nav').setAttribute('aria-label', words.parts);
+show(at('nav'), ...Object.entries(words.nav).map(([id, name]) => h('a', { href: `#${id}` }, name)));
 at('problems').setAttribute('aria-label', words.problems(1, 0));
 
 const ask = (what, question = {}) => talk.ask(what, {

@@ -53,14 +53,16 @@ export class Recordings {
         button(words.takeOver, () => this.#takeOver(), 'take-over')),
     };
     const { names, note, body, tools } = this.#parts;
-    show(place, h('div', { class: 'tools' }, h('label', {}, words.recording, ' ', names),
-      button(words.open, () => this.#open(null), 'open-recording')), tools, note, body);
+    this.#parts.choice = h('div', { class: 'tools' }, h('label', {}, words.recording, ' ', names),
+      button(words.open, () => this.#open(null), 'open-recording'));
+    show(place, this.#parts.choice, tools, note, body);
     this.list([]);
   }
 
   list(names) {
     const { value } = this.#parts.names;
     show(this.#parts.names, ...names.map((name) => h('option', { value: name }, name)));
+    this.#parts.choice.hidden = !names.length;
     if (names.includes(value)) this.#parts.names.value = value;
     if (!names.length) this.#tell(words.noRecordings);
     else if (this.#parts.note.textContent === words.noRecordings) this.#tell('');

@@ -135,7 +135,7 @@ export class Tryout {
     lane.shown = lane.input ? h('output', { class: 'now' }) : h('button', {
       type: 'button', class: 'now', disabled: true, onclick: () => this.#why(lane.name) });
     lane.parts = [
-      h('span', { class: 'name', title: lane.name }, lane.name), lane.picture, lane.shown];
+      lane.label, lane.picture, lane.shown];
     return lane.parts;
   }
 

@@ -29,7 +29,9 @@ export const words = {
   notWatching: 'No monitor is watched.',
   searching: 'looking for a monitor',
   noMonitor: 'No monitor publishes copilot/violations here. Is it active, in this namespace, '
-    + 'and with the same ROS_DOMAIN_ID?',
+    + 'and with the same ROS_DOMAIN_ID? ',
+  watchIn: (name) => `Watch ${name}`,
+  startOne: 'In a terminal in which ROS 2 is sourced, this starts one, of what is saved:',
   watching: (names) => `watching ${names.join(', ')}`,
   violations: 'Violations', over: 'over',
   health: 'Health', levels: ['ok', 'warning', 'error'],
@@ -38,6 +40,9 @@ export const words = {
   leftOut: (names) => `Without a plot, since it is computed from a message: ${names.join(', ')}.`,
   notInstalled: (names) => `Without a plot, since its message type is not installed: ${
     names.join(', ')}.`,
+  parts: 'Parts of this page',
+  nav: { write: 'Bundle', read: 'Meaning', try: 'Trace', picture: 'Picture',
+    recordings: 'Recordings', live: 'Live' },
   file: 'File',
   noFile: 'new file',
   save: 'Save',
