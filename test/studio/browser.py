@@ -32,6 +32,7 @@ from typing import Any
 CHROMIUM = next(filter(None, map(shutil.which, (
     'chromium', 'chromium-browser', 'google-chrome'))), None)
 WAIT_S = 150.0
+NAVIGATED = -32000  # a code of the protocol
 KEYS = {'ArrowRight': 39, 'ArrowLeft': 37, ' ': 32, 'Enter': 13, 'Tab': 9, 'Escape': 27}
 
 
@@ -41,8 +42,14 @@ def called(socket: Any, number: int, method: str, parameters: dict[str, Any],
     socket.send(json.dumps({'id': number, 'method': method, 'params': parameters}))
     while (found := json.loads(socket.recv(WAIT_S))).get('id') != number:
         note(found)
+    if found.get('error', {}).get('code') == NAVIGATED:
+        raise Navigated(found['error']['message'])
     assert 'error' not in found, found
     return found['result']
+
+
+class Navigated(Exception):
+    """The page was left before it answered."""
 
 
 class Page:
@@ -90,10 +97,17 @@ class Page:
     def wait(self, code: str, what: str = '') -> Any:
         """Return the value of an expression when it is true."""
         end = time.monotonic() + WAIT_S
-        while not (value := self.get(code)):
+        while not (value := self._found(code)):
             assert time.monotonic() < end, what or code
             time.sleep(0.02)
         return value
+
+    def _found(self, code: str) -> Any:
+        """Return the value of an expression; None if the page is left for another one."""
+        try:
+            return self.get(code)
+        except Navigated:
+            return None
 
     def see(self, selector: str) -> None:
         """Wait for an element."""

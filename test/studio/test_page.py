@@ -185,7 +185,7 @@ def test_a_recording_its_reasons_the_picture_and_the_form(
     page.wait("!!document.querySelector('#why .report').shadowRoot.querySelector('.fired')")
     assert page.get(f"document.querySelectorAll('{ANSWER} line.trigger').length") == 1
     page.drag(ANSWER.replace('ANSWER', 'flow'), (0.01, 0.2), (0.05, 0.2))
-    page.wait("!document.querySelector('#why p') && !document.querySelector('.lane line:not(.level)')")
+    page.wait("!document.querySelector('#why p, .lane line:not(.level)')")
     # Margins.
     page.click('#margins')
     page.wait("document.querySelector('.lane[aria-label^=\"margin of LOW\"] path')"
