@@ -368,16 +368,18 @@ static int make_parts(struct fm_blackbox_writer * writer)
   return 0;
 }
 
-// Whether no two topics of the bundle are one: its messages would be there twice.
-static bool are_plain(const struct fm_blackbox_options * options)
+// Several topics of the bundle are one that has several `where`: its messages are kept once.
+static void keep_once(const struct fm_blackbox_options * options, struct fm_engine * engine)
 {
-  bool are = true;
   for (uint32_t k = 0; k < options->n_topics; ++k) {
-    for (uint32_t other = 0; other < k; ++other) {
-      are = are && strcmp(options->topics[k].name, options->topics[other].name) != 0;
+    for (uint32_t first = 0; first < k; ++first) {
+      if (strcmp(options->topics[k].name, options->topics[first].name) == 0) {
+        fm_engine_keep_of(engine, first, FM_KEEP_ALL);
+        fm_engine_keep_of(engine, k, FM_KEEP_NONE);
+        break;
+      }
     }
   }
-  return are;
 }
 
 int fm_blackbox_writer_create(
@@ -385,10 +387,6 @@ int fm_blackbox_writer_create(
 {
   struct fm_blackbox_writer * writer = calloc(1, sizeof(*writer));
   *out = NULL;
-  if (!are_plain(options)) {
-    free(writer);
-    return EPROTOTYPE;
-  }
   if (writer == NULL || pthread_mutex_init(&writer->mutex, NULL) != 0) {
     free(writer);
     return ENOMEM;
@@ -407,6 +405,7 @@ int fm_blackbox_writer_create(
 bool fm_blackbox_writer_start(struct fm_blackbox_writer * writer, struct fm_engine * engine)
 {
   fm_engine_keep_messages(engine, writer->box);
+  keep_once(&writer->options, engine);
   writer->engine = engine;
   writer->is_over = false;
   writer->is_running = fm_start_thread(&writer->thread, run, writer);

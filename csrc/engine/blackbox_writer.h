@@ -50,12 +50,12 @@ struct fm_blackbox_event
 
 /// Create the folder, write to it once, and take the memory. The options are copied; what they
 /// point to outlives the writer. Returns 0, or an error as in errno: ENOMEM if there is not so
-/// much memory, EPROTOTYPE if two topics are one. O(memory + topics^2).
+/// much memory. O(memory).
 FM_EXPORT int fm_blackbox_writer_create(
   struct fm_blackbox_writer ** out, const struct fm_blackbox_options * options);
 
 /// Keep the messages of an engine, which delivers none yet, and start the thread. False if none
-/// can be started.
+/// can be started. Those of several topics with one name are kept once. O(topics^2).
 FM_EXPORT bool fm_blackbox_writer_start(
   struct fm_blackbox_writer * writer, struct fm_engine * engine);
 

@@ -226,6 +226,13 @@ void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box
   fm_engine_unlock(engine);
 }
 
+void fm_engine_keep_of(struct fm_engine * engine, uint32_t topic, enum fm_keeping keeping)
+{
+  fm_engine_lock(engine);
+  engine->topics[topic].keeping = (uint8_t)keeping;
+  fm_engine_unlock(engine);
+}
+
 // ---- taking ------------------------------------------------------------------------------------
 
 // Wait for a signal, the deadline, or `end` of CLOCK_MONOTONIC. If the system time is set in the

@@ -286,6 +286,18 @@ FM_EXPORT void fm_engine_take_margins(struct fm_engine * engine, double * out);
 /// The black box must outlive the engine. O(1).
 FM_EXPORT void fm_engine_keep_messages(struct fm_engine * engine, struct fm_blackbox * box);
 
+/// Which messages of a topic a black box keeps: those that its `where` selects, unless it is said.
+enum fm_keeping
+{
+  FM_KEEP_SELECTED = 0,
+  FM_KEEP_ALL = 1,      // for other topics with this name, too
+  FM_KEEP_NONE = 2      // another topic with this name keeps them
+};
+
+/// Before messages are delivered. O(1).
+FM_EXPORT void fm_engine_keep_of(
+  struct fm_engine * engine, uint32_t topic, enum fm_keeping keeping);
+
 /// Let a gate of the evaluator judge the messages of its topic: these are given to
 /// fm_engine_judge, and not to fm_engine_message. Whatever else is evaluated, the engine notes
 /// with the gate. While the engine hangs (fm_engine_hangs) for half a second, the gate is closed;

@@ -152,6 +152,22 @@ static void deliver_fields_locked(
   }
 }
 
+// A message that the `where` of this topic does not select, for others with its name.
+static void keep_unrelated_locked(
+  struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
+  const struct fm_origin * origin)
+{
+  int64_t now = 0;
+  const bool has_time = fm_engine_read_for_message_locked(engine, origin->received, &now);
+  const bool is_timed =
+    has_time && engine->has_begun && fm_evaluator_is_timed(engine->options.evaluator);
+  const int64_t instant = is_timed && !fm_engine_uses_headers(engine) ?
+    fm_engine_instant_locked(engine, origin->received, now) : now;
+  fm_engine_keep_message_locked(
+    engine, topic, reading,
+    time_of_locked(engine, origin->received, has_time, is_timed, instant), origin);
+}
+
 bool fm_engine_accept_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading,
   const struct fm_origin * origin, uint32_t * receipt)
@@ -175,6 +191,9 @@ bool fm_engine_accept_locked(
   }
   if (reading->is_unrelated) {
     *receipt = FM_UNRELATED;
+    if (cell->keeping == FM_KEEP_ALL) {
+      keep_unrelated_locked(engine, topic, reading, origin);
+    }
   }
   return *receipt == FM_RECEIVED;
 }

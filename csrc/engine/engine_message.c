@@ -60,7 +60,8 @@ bool fm_engine_is_source(const struct fm_engine * engine, uint32_t topic)
 bool fm_engine_needs_bytes(
   const struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading)
 {
-  return !reading->is_decoded || (!reading->is_unrelated && (
+  return !reading->is_decoded || engine->topics[topic].keeping == FM_KEEP_ALL ||
+         (!reading->is_unrelated && (
            engine->blackbox != NULL || fm_engine_is_source(engine, topic) ||
            fm_engine_reader(engine, topic)->parts != NULL ||
            !all_are_read(reading->fields, engine->options.topics[topic].n_inputs)));
@@ -70,12 +71,12 @@ void fm_engine_keep_message_locked(
   struct fm_engine * engine, uint32_t topic, const struct fm_reading * reading, int64_t stamp,
   const struct fm_origin * origin)
 {
-  if (reading->is_decoded &&
+  if (reading->is_decoded && !reading->is_unrelated &&
     !all_are_read(reading->fields, engine->options.topics[topic].n_inputs))
   {
     fm_engine_keep_evidence_locked(engine, topic, reading->message, reading->size);
   }
-  if (engine->blackbox != NULL) {
+  if (engine->blackbox != NULL && engine->topics[topic].keeping != FM_KEEP_NONE) {
     const struct fm_kept kept =
     {reading->size, fm_steady_time(), stamp, origin->sent, topic, origin->key_size};
     fm_blackbox_keep_keyed(engine->blackbox, &kept, reading->message, origin->key);

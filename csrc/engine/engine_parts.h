@@ -66,6 +66,7 @@ struct fm_engine_topic
   uint64_t links;               // messages with links between frames, which are no steps
   bool has_sources;             // an input that is not a field
   bool is_source;               // of derived topics
+  uint8_t keeping;              // enum fm_keeping
 };
 
 // A transform that is made of the tree: the message that came last, and room for the next.

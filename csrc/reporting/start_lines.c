@@ -264,9 +264,6 @@ void fm_add_blackbox_refusal(
   if (error == ENOMEM) {
     fm_lines_add(lines, FM_ERROR, "parameter 'blackbox_bytes': no %" PRIu64 " bytes of memory",
       options->memory);
-  } else if (error == EPROTOTYPE) {
-    fm_lines_add(lines, FM_ERROR, "parameter 'blackbox': not supported yet with several `where` "
-      "of one topic: leave it out");
   } else {
     fm_lines_add(lines, FM_ERROR, "parameter 'blackbox': cannot write to the folder '%s': %s",
       options->folder, strerror(error));

@@ -24,6 +24,7 @@ import struct
 from time import sleep, time_ns
 from typing import Any
 
+from bag.recordings import TYPES
 from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor import build
@@ -36,11 +37,11 @@ from fret_monitor.ros.settings.parameters import BlackBoxSettings, read_settings
 from fret_monitor.runtime import Engine, Evaluator
 import pytest
 from ros.exported import exported_bundle, ExportedNode
-from ros.harness import NodeProcess, Partner, started, wait_until
+from ros.harness import LATCHED, NodeProcess, Partner, started, wait_until
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float32, Header
-from strategies import HOT_PATHS
+from strategies import HOT_PATHS, thorough
 
 BUNDLE = """
 format: 1
@@ -322,6 +323,42 @@ def test_a_monitor_writes_a_file_that_bag_judges_alike(
     assert found['errors'] == []
     assert found['recorded'] == found['read'] == 45
     assert found['requirements']['R-1']['occurrences'] == 3
+
+
+SELECTED = """
+format: 1
+inputs:
+  a: {topic: t, type: KIND, where: "header.frame_id = a", field: temperature, initial: 0}
+  b: {topic: t, type: KIND, where: "header.frame_id = b", field: temperature, initial: 0}
+evaluation: {policy: relevant_message}
+requirements:
+  - {id: A, ptltl: "a < 0.5 | Y (a < 0.5)"}
+  - {id: B, ptltl: "b < 0.5", report: onset}
+""".replace('KIND', 'sensor_msgs/msg/Temperature')
+
+
+@pytest.mark.parametrize('how', ['on', pytest.param('native', marks=thorough)])
+def test_messages_of_a_topic_with_several_where_are_in_the_file_once(
+        partner: Partner, tmp_path: Path, how: str, capsys: pytest.CaptureFixture[str]) -> None:
+    spec, folder = tmp_path / 'bundle.yaml', tmp_path / 'box'
+    spec.write_text(SELECTED, encoding='utf-8')
+    sent = [('a', 0.1), ('c', 9.0), ('b', 0.2), ('a', 0.9), ('c', 0.3), ('b', 0.4), ('a', 0.7)]
+    with monitoring(spec, how, '-p', f'blackbox:={folder}') as node:
+        publisher = partner.publisher(Temperature, 't', LATCHED)
+        wait_until(lambda: publisher.get_subscription_count() == 2, 'both subscriptions')
+        for name, value in sent:
+            publisher.publish(Temperature(header=Header(frame_id=name), temperature=value))
+        node.wait_for('A violated at')
+    [path] = folder.iterdir()  # written at the end of the node
+    with Reader(path) as reader:
+        found: list[Any] = [TYPES.deserialize_cdr(data, item.msgtype)
+                            for item, _, data in reader.messages() if item.topic == '/t']
+    assert [(item.header.frame_id, item.temperature) for item in found] == sent
+    assert main(['bag', str(spec), str(path), '--json']) == 0
+    judged = json.loads(capsys.readouterr().out)
+    assert judged['errors'] == []
+    assert {name: item['occurrences'] for name, item in judged['requirements'].items()} == {
+        'A': 1, 'B': 0}
 
 
 @pytest.mark.parametrize('is_native', [False, True])
