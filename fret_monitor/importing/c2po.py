@@ -19,7 +19,8 @@ Reads the specifications of R2U2's compiler C2PO.
 A file has sections: INPUT with declarations `a, b: bool;`, DEFINE with `name = expression;`,
 FTSPEC and PTSPEC with `name: formula;` or a formula alone. The formulas are kept as texts; those
 that `mltl` cannot read are left out with their reasons, as of other files. An assume-guarantee
-contract `p => q` becomes an implication. Other sections (STRUCT, for instance) are reported.
+contract `p => q` becomes an implication, `G[5]` is `G[0,5]`, and the members of ENUM are
+constants. STRUCT is reported; what reads a structure, or the time stamp TAU, is left out.
 
 C2PO binds some operators otherwise than `mltl`: `->`, `xor` and `<->` alike and from the left, `!`
 tighter than comparisons, and in older versions the operators over time, too. What this could
@@ -49,6 +50,10 @@ _TIGHTER = frozenset({'<', '>', '<=', '>=', '=', '==', '!=', '+', '-', '*', '/',
 _OF_BITS = frozenset({'&', '|', '^', '~', '<<', '>>'})
 _OPENING = frozenset('([')
 _CLOSING = frozenset(')]')
+_SHORT_BOUND = re.compile(r'\b[GFHOURST]\s*\[\s*(?=\d+\s*\])')
+_BRACED = re.compile(r'([A-Za-z_]\w*)\s*:\s*\{([^}]*)\}?')
+_MEMBER = re.compile(r'([A-Za-z_]\w*)(?:\s*:\s*(-?\d+))?')
+_UNREAD = {'TAU': 'it is the time stamp of R2U2, and no input'}
 _DECLARED = re.compile(r'([A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:\s*(\w+)')
 
 
@@ -62,13 +67,26 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
     """Return the component of a file; `name` is its name."""
     variables: list[ComponentVariable] = []
     requirements: list[ComponentRequirement] = []
+    kinds: dict[str, str] = {}
+    unread = {**_UNREAD}
     for section, written in _statements(source):
         text, place = written.value, written.span
+        braced = _BRACED.match(text) if section in ('ENUM', 'STRUCT') else None
+        if braced:
+            kinds[braced[1]] = section
+        if braced and section == 'ENUM':
+            variables += _members(braced[2], f'{file}, {braced[1]}', variables, unread)
+            continue
+        if section == 'STRUCT' and not braced:
+            continue  # the fields of one that was reported
         declared = _DECLARED.fullmatch(text) if section == 'INPUT' else None
         defined = _DEFINED.match(text) if section in ('DEFINE', 'ATOMIC') else None
         if declared:
-            variables += [ComponentVariable(one.strip(), VariableRole.INPUT, declared[2])
+            kind = 'int' if kinds.get(declared[2]) == 'ENUM' else declared[2]
+            variables += [ComponentVariable(one.strip(), VariableRole.INPUT, kind)
                           for one in declared[1].split(',')]
+        elif defined and (kind := _kind_of(text[defined.end():], kinds)):
+            unread[defined[1]] = f'it is of the structure {kind}'
         elif defined:
             wording = _wording(written, defined.end(), f'{file}, {defined[1]}')
             variables.append(
@@ -79,7 +97,7 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
         else:
             problems.warning(f'{file}: a part of the section {section} is left out', place,
                              'cannot be read', 'INPUT has names and types, DEFINE expressions')
-    variables, unread = _read_alike(variables, problems)
+    variables = _read_alike(variables, unread, problems)
     names = {item.name for item in variables}
     unread |= {item.id: 'it is the name of a formula: DEFINE gives names that formulas read'
                for item in requirements if item.id not in names}
@@ -88,10 +106,30 @@ def read_c2po(source: Source, file: str, name: str, problems: Problems) -> Impor
         for item in requirements), (file,))
 
 
-def _read_alike(variables: Sequence[ComponentVariable], problems: Problems
-                ) -> tuple[list[ComponentVariable], dict[str, str]]:
-    """Return the variables without definitions that are left out, and why these are, by name."""
-    unread: dict[str, str] = {}
+def _members(text: str, label: str, known: Sequence[ComponentVariable],
+             unread: dict[str, str]) -> Iterator[ComponentVariable]:
+    """Yield the members of an enumeration as constants; one with two numbers is `unread`."""
+    numbers = {item.name: item.assignments[0].text for item in known if item.assignments}
+    free = 0
+    for member in _MEMBER.finditer(text):
+        number = member[2] or str(free)
+        free += member[2] is None
+        if numbers.setdefault(member[1], number) != number:
+            unread[member[1]] = f'it is {numbers[member[1]]} and {number} in ENUM'
+        elif not any(item.name == member[1] for item in known):
+            yield ComponentVariable(member[1], VariableRole.INTERNAL, 'int', (
+                Wording((Language.MLTL,), number, f'{label}, {member[1]}'),))
+
+
+def _kind_of(text: str, kinds: Mapping[str, str]) -> str:
+    """Return the structure that an expression makes, or ''."""
+    name = text.lstrip().partition('(')[0].strip()
+    return name if kinds.get(name) == 'STRUCT' else ''
+
+
+def _read_alike(variables: Sequence[ComponentVariable], unread: dict[str, str],
+                problems: Problems) -> list[ComponentVariable]:
+    """Return the variables without definitions that are left out; add why to `unread`."""
     left = [*variables]
     while wrong := [item for item in left for one in item.assignments
                     if _faulty(one, unread).fault is not None]:
@@ -101,7 +139,7 @@ def _read_alike(variables: Sequence[ComponentVariable], problems: Problems
             problems.warning(fault.title, fault.span, fault.label, fault.help)
             unread[item.name] = 'its definition is left out'
             left.remove(item)
-    return left, unread
+    return left
 
 
 def _faulty(wording: Wording, unread: Mapping[str, str]) -> Wording:
@@ -128,8 +166,18 @@ def _wording(text: Text, begin: int, label: str) -> Wording:
     """Return the formula that begins in a statement at a place."""
     value = text.value[begin:].lstrip()
     begin = len(text.value) - len(value)
-    return Wording((Language.MLTL,), value, label,
-                   Text(value, text.source, text.offsets[begin:]))
+    whole = _with_lower_bounds(Text(value, text.source, text.offsets[begin:]))
+    return Wording((Language.MLTL,), whole.value, label, whole)
+
+
+def _with_lower_bounds(text: Text) -> Text:
+    """Return a text with `[0,n]` for a bound `[n]`."""
+    value, offsets = text.value, [*text.offsets]
+    for bound in reversed([*_SHORT_BOUND.finditer(value)]):
+        end = bound.end()
+        value = f'{value[:end]}0,{value[end:]}'
+        offsets[end:end] = [offsets[end]] * 2
+    return Text(value, text.source, offsets)
 
 
 def _other_meaning(text: str) -> tuple[str, str] | None:

@@ -23,6 +23,7 @@ from fret_monitor.cli.main import main
 from fret_monitor.importing import import_bundles
 from fret_monitor.importing.component import Wording
 from fret_monitor.importing.parsed_wording import parse_wording, rename
+from fret_monitor.logic.evaluate import evaluate
 from fret_monitor.model.diagnostics import Source, Text
 import pytest
 
@@ -143,6 +144,35 @@ def test_a_definition_that_c2po_reads_otherwise_is_left_out(tmp_path: Path) -> N
     found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
     assert [item.span.line for item in found.warnings if 'otherwise' in item.title and item.span] \
         == [3]
+
+
+def test_a_bound_of_one_number_is_the_upper_one(tmp_path: Path) -> None:
+    text = 'INPUT a, b: bool;\nFTSPEC\n  x: a U[ 3] G[2] b && X[0] ;\n  y: F[4] a && G b;\n' \
+        '  z: G[5] (a S[2] b);\n'
+    found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
+    assert [item.text for item in found.draft.requirements] == ['G[0,5] (a S[0,2] b)']
+    place = next(item.span for item in found.warnings if 'needs a bound' in item.title)
+    assert place is not None and (place.line, place.column) == (4, 16)
+
+
+def test_members_of_an_enumeration_are_constants(tmp_path: Path) -> None:
+    text = ('ENUM\n  Light: {RED, GREEN: 7, OFF};\n  Other: {RED, OFF: 5};\nINPUT now: Light;\n'
+            'FTSPEC\n  one: now == RED || now == GREEN;\n  two: now == OFF;\n')
+    target = tmp_path / 'a.yaml'
+    assert main(['import', str(written(tmp_path, text)), '-o', str(target)]) == 0
+    assert "left out: two (it reads 'OFF': it is 1 and 5 in ENUM)" in target.read_text()
+    specification = read(target).specification
+    assert [item.name for item in specification.signals] == ['now']
+    assert evaluate(specification.properties[0].formula, {'now': [0, 1, 7]}) == [True, False, True]
+
+
+def test_what_reads_a_structure_or_the_time_stamp_is_left_out(tmp_path: Path) -> None:
+    text = ('STRUCT Pair: { x: int; y: int; };\nINPUT a: int;\nDEFINE p := Pair(a, a);\n'
+            'FTSPEC\n  one: p.x == 3;\n  two: TAU == a;\n  kept: a > 3;\n')
+    found, = import_bundles([written(tmp_path, text)], tmp_path / 'a.yaml')
+    assert [item.id for item in found.draft.requirements] == ['kept']
+    assert [item.name for item in found.draft.inputs] == ['a']
+    assert sum('STRUCT' in item.title for item in found.warnings) == 1
 
 
 def test_a_warning_has_the_place_in_the_file(tmp_path: Path) -> None:
