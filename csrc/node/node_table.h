@@ -27,6 +27,7 @@
 
 #include "graph.h"
 #include "report_table.h"
+#include "shared_names.h"
 #include "subscription.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
@@ -54,7 +55,6 @@ struct fm_action_type
 {
   const rosidl_message_type_support_t * (* message)(void);
   const rosidl_service_type_support_t * (* service)(void);
-  const char * type;  // std_srvs/srv/Trigger
 };
 
 struct fm_node_topic
@@ -108,9 +108,19 @@ struct fm_node_kind
   int64_t forget;
 };
 
+/// Names of topics and services as written, which the node resolves and compares.
+struct fm_used_names
+{
+  const struct fm_use * uses;
+  uint32_t n_uses;
+  const struct fm_typed_use * types;
+  uint32_t n_types;
+};
+
 struct fm_node_table
 {
   struct fm_report_table report;
+  struct fm_used_names names;
   const char * bundle;     // its name; report.bundle is what statuses show
   const char * node_name;  // unless it is remapped
   const char * origin;     // where the bundle is from, if this node stands for `monitor`; else ""
@@ -136,19 +146,12 @@ struct fm_node_table
   const struct fm_action_type * action_types;  // of each action, without locks
 };
 
-struct fm_own_service
-{
-  const char * name;  // ~/reset
-  const char * type;
-};
-
-/// The bundles of a node, at least one, or its gates; and the services that every node offers.
+/// The bundles of a node, at least one, or its gates; and the names that every node uses.
 struct fm_node_tables
 {
   const struct fm_node_table * const * tables;
   uint32_t n;
-  const struct fm_own_service * services;
-  uint32_t n_services;
+  struct fm_used_names own;
 };
 
 extern const struct fm_node_tables fm_node_tables;

@@ -15,37 +15,11 @@
 """A wrapper of `csrc/reporting/shared_names.h`: names that only one part of a node may use."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
+from fret_monitor.model.used_names import TypedUse, Use
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.reporting import lines_of, LogLine, ReportTable
-
-
-class Use(NamedTuple):
-    """
-    What publishes on a topic, offers a service, or calls one, as `struct fm_use`.
-
-    `kind` is `gate`, `lock` or `action`, and `owner` its name; both are empty for the node itself.
-    `is_alone`: it must be the only one; `ends` are the full names of a gate.
-    """
-
-    kind: str
-    owner: str
-    bundle: str
-    verb: str
-    name: str
-    is_alone: bool
-    ends: tuple[str, str] | None = None
-
-
-class TypedUse(NamedTuple):
-    """A topic or service with its type; `owner` is the bundle's or gate's number from 1, or 0."""
-
-    name: str
-    interface: str
-    owner: int
-    is_service: bool
-    is_input: bool
 
 
 def find_two_types(library: Any, uses: Sequence[TypedUse], owners: Sequence[str],

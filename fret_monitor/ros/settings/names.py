@@ -20,16 +20,13 @@ from itertools import islice
 from typing import Any
 
 from fret_monitor.model.manifest import Manifest, ManifestAction, ManifestGate, ManifestTopic
-from fret_monitor.model.names import (
-    DETAILS_TOPIC, DIAGNOSTICS_TOPIC, OWN_SERVICE_TYPES, OWN_SERVICES, OWN_TOPICS,
-)
-from fret_monitor.model.policies import ActionKind
 from fret_monitor.model.report_table import used_topics
+from fret_monitor.model.used_names import (
+    types_of, types_of_node, Use, uses_of, uses_of_node, what_is_done,
+)
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime.reporting import ReportTable
-from fret_monitor.runtime.shared_names import (
-    find_merged, find_shared, find_two_types, TypedUse, Use,
-)
+from fret_monitor.runtime.shared_names import find_merged, find_shared, find_two_types
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -54,10 +51,15 @@ def full_name(node: Node, manifest: Manifest, topic: ManifestTopic) -> str:
     return '/'.join(shown if part == _STAND_IN else part for part in parts)
 
 
+def _full(node: Node, name: str, *, is_service: bool) -> str:
+    resolve = node.resolve_service_name if is_service else node.resolve_topic_name
+    return str(resolve(name))
+
+
 def ends_of(node: Node, gate: ManifestGate) -> tuple[str, str]:
     """Return the full names of what a gate reads and of what it publishes, or calls."""
-    resolve = node.resolve_service_name if gate.is_service else node.resolve_topic_name
-    return resolve(gate.source), resolve(gate.target)
+    return (_full(node, gate.source, is_service=gate.is_service),
+            _full(node, gate.target, is_service=gate.is_service))
 
 
 def refuse_merged_topics(
@@ -85,75 +87,26 @@ def refuse_shared_names(node: Node, manifests: Sequence[Manifest], owners: Seque
     itself publishes is compared by `refuse_merged_topics`. `owners` are the names of the bundles
     or gates, for the text; `library` has the functions of csrc. Raises `Refusal`.
     """
-    used = [*_own_names(node, manifests),
-            *(item for manifest in manifests for item in _used_names(node, manifest))]
-    typed = [*_own_types(node), *(item for number, manifest in enumerate(manifests)
-                                  for item in _types(node, manifest, number + 1))]
-    lines = find_shared(library, used) or find_two_types(
-        library, typed, owners, 'gate' if manifests[0].gate else 'bundle')
+    used = [*uses_of_node(), *(item for manifest in manifests for item in uses_of(manifest))]
+    typed = [*types_of_node(), *(item for number, manifest in enumerate(manifests)
+                                 for item in types_of(manifest, number + 1))]
+    lines = find_shared(library, [_resolved(node, item) for item in used]) or find_two_types(
+        library, [item._replace(name=_full(node, item.name, is_service=item.is_service))
+                  for item in typed], owners, 'gate' if manifests[0].gate else 'bundle')
     if lines:
         raise Refusal(*(line.text for line in lines))
 
 
-def _own_names(node: Node, manifests: Sequence[Manifest]) -> Iterator[Use]:
-    """
-    Yield the topics of the node itself, and the services that no action may call.
-
-    An action may publish on `/diagnostics` too.
-    """
-    handlers = [topic for manifest in manifests for topic in (
-        *(item.topic for item in manifest.numbered), *manifest.margin_topics)]
-    for topic in (DIAGNOSTICS_TOPIC, DETAILS_TOPIC, '~/alive', *dict.fromkeys(handlers)):
-        yield Use('', '', '', 'publish on', node.resolve_topic_name(topic),
-                  topic != DIAGNOSTICS_TOPIC)
-    for name in OWN_SERVICES:
-        yield Use('', '', '', 'call', node.resolve_service_name(name), False)
-
-
-def _used_names(node: Node, manifest: Manifest) -> Iterator[Use]:
-    if (gate := manifest.gate) is not None:
-        source, target = ends_of(node, gate)
-        yield Use('gate', gate.name, manifest.name,
-                  *(('offer', source) if gate.is_service else ('publish on', target)), True,
-                  (source, target))
-    for action in manifest.actions:
-        kind = 'lock' if action.kind is ActionKind.LOCK else 'action'
-        yield Use(kind, action.name, manifest.name, *done_by(node, action), kind == 'lock')
+def _resolved(node: Node, use: Use) -> Use:
+    name, *ends = (_full(node, item, is_service=use.is_service)
+                   for item in (use.name, *(use.ends or ())))
+    return use._replace(name=name, ends=(ends[0], ends[1]) if ends else None)
 
 
 def done_by(node: Node, action: ManifestAction) -> tuple[str, str]:
-    """Return what an action does with which topic or service."""
-    match action.kind:
-        case ActionKind.LOCK | ActionKind.PUBLISH:
-            return 'publish on', node.resolve_topic_name(action.target)
-        case ActionKind.CALL:
-            return 'call', node.resolve_service_name(action.target)
-        case ActionKind.TRANSITION:
-            return 'call', node.resolve_service_name(f'{action.target}/change_state')
-
-
-def _own_types(node: Node) -> Iterator[TypedUse]:
-    for name, interface in OWN_TOPICS.items():
-        yield TypedUse(node.resolve_topic_name(name), interface, 0, False, False)
-    for name, interface in OWN_SERVICE_TYPES.items():
-        yield TypedUse(node.resolve_service_name(name), interface, 0, True, False)
-
-
-def _types(node: Node, manifest: Manifest, owner: int) -> Iterator[TypedUse]:
-    """Yield topics and services with their types: those of inputs, the gate, locks, actions."""
-    def used(name: str, interface: str, *, is_service: bool) -> TypedUse:
-        resolve = node.resolve_service_name if is_service else node.resolve_topic_name
-        return TypedUse(resolve(name), interface, owner, is_service, False)
-
-    for topic in manifest.received:
-        if manifest.key_of(topic) is None:  # the others are found by their type
-            yield used(topic.name, topic.message_type, is_service=False)._replace(is_input=True)
-    if (gate := manifest.gate) is not None:
-        for name in (gate.source, gate.target):
-            yield used(name, gate.interface, is_service=gate.is_service)
-    for action in sorted(manifest.actions, key=lambda item: item.kind is not ActionKind.LOCK):
-        if action.interface:
-            yield used(action.target, action.interface, is_service=action.kind is ActionKind.CALL)
+    """Return what an action does with which topic or service, by its full name."""
+    verb, name = what_is_done(action)
+    return verb, _full(node, name, is_service=verb == 'call')
 
 
 @contextmanager
