@@ -71,61 +71,18 @@ static void remove_at(struct fm_bound_topics * bound, uint32_t k)
 
 // ---- listed keys -------------------------------------------------------------------------------
 
-// Keys of a variable.
-struct listed
-{
-  const struct fm_key * keys;
-  uint32_t n;  // 0: they are found
-};
-
-static bool has_variable(const struct fm_report_topic * topic, const char * variable)
-{
-  const size_t size = strlen(variable);
-  return strncmp(topic->variable + 1, variable, size) == 0 &&
-         strcmp(topic->variable + 1 + size, "}") == 0;
-}
-
-// The keys of the variable of a topic in a kind.
-static struct listed listed_in(
-  const struct fm_report_kind * about, const struct fm_node_kind * kind,
-  const struct fm_report_topic * topic)
-{
-  const uint32_t half = has_variable(topic, about->variable) ? 0u : 1u;
-  if (half == 1u && !has_variable(topic, about->second)) {
-    return (struct listed) {NULL, 0};
-  }
-  return kind->halves == NULL ? (struct listed) {kind->listed, kind->n_listed} :
-         (struct listed) {kind->halves[half].listed, kind->halves[half].n_listed};
-}
-
-// The keys of the variable of a topic, where they are listed.
-static struct listed listed_of(
-  const struct fm_node_table * table, const struct fm_report_topic * topic)
-{
-  struct listed listed = {NULL, 0};
-  for (uint32_t k = 0; listed.n == 0 && k < table->report.n_kinds; ++k) {
-    listed = listed_in(&table->report.kinds[k], &table->kinds[k], topic);
-  }
-  return listed;
-}
-
-static bool is_keyed(const struct fm_report_topic * topic)
-{
-  return topic->variable[0] != '\0';
-}
-
-static bool open_listed(
-  struct fm_bound_topics * bound, uint32_t topic, const struct listed * listed)
+static bool open_listed(struct fm_bound_topics * bound, uint32_t topic)
 {
   const struct fm_report_topic * about = &bound->options.table->report.topics[topic];
+  const struct fm_node_topic * with = &bound->options.table->topics[topic];
   struct fm_memory memory = {NULL, false};
   bool is_good = true;
-  for (uint32_t k = 0; is_good && k < listed->n; ++k) {
-    const char * const key = (const char *)listed->keys[k].bytes;
+  for (uint32_t k = 0; is_good && k < with->n_listed; ++k) {
+    const char * const key = (const char *)with->listed[k].bytes;
     const char * const name = fm_with_key(&memory, about->name, about->variable, key);
     is_good = open_topic(
       bound, name == NULL ? NULL : fm_resolve(bound->options.node, &memory, name, false), topic,
-      listed->keys[k], false);
+      with->listed[k], false);
   }
   fm_memory_free(&memory);
   return is_good;
@@ -139,11 +96,7 @@ bool fm_bound_begin(struct fm_bound_topics * bound, const struct fm_bound_option
   bound->options = *options;
   bound->n_handovers = calloc(table->report.n_topics + (size_t)1, sizeof(*bound->n_handovers));
   for (uint32_t k = 0; is_good && bound->n_handovers != NULL && k < table->report.n_topics; ++k) {
-    const struct fm_report_topic * topic = &table->report.topics[k];
-    if (is_keyed(topic)) {
-      const struct listed listed = listed_of(table, topic);
-      is_good = open_listed(bound, k, &listed);
-    }
+    is_good = open_listed(bound, k);
   }
   return is_good && bound->n_handovers != NULL;
 }
@@ -158,7 +111,7 @@ static bool make_watch(struct fm_bound_topics * bound)
   uint32_t n = 0;
   for (uint32_t k = 0; patterns != NULL && k < table->report.n_topics; ++k) {
     const struct fm_report_topic * topic = &table->report.topics[k];
-    if (is_keyed(topic) && listed_of(table, topic).n == 0) {
+    if (topic->variable[0] != '\0' && table->topics[k].n_listed == 0) {
       patterns[n++] = (struct fm_keyed_pattern) {k, bound->options.names[k], topic->type};
     }
   }

@@ -66,21 +66,6 @@ static struct fm_blackbox_topic * list_topics(
   return topics;
 }
 
-static struct fm_blackbox_requirement * name_requirements(
-  struct fm_node_blackbox * box, const struct fm_node_table * table)
-{
-  const uint32_t n = table->report.n_requirements;
-  struct fm_blackbox_requirement * requirements =
-    fm_reserve(&box->memory, n, sizeof(*requirements));
-  for (uint32_t k = 0; requirements != NULL && k < n; ++k) {
-    const char * name = strstr(FM_HANDLER_TOPIC(table, k), FM_HANDLER);
-    requirements[k] = (struct fm_blackbox_requirement) {
-      table->report.requirements[k].id,
-      name == NULL ? FM_HANDLER_TOPIC(table, k) : name + strlen(FM_HANDLER)};
-  }
-  return requirements;
-}
-
 static bool make_writer(struct fm_node_blackbox * box)
 {
   struct fm_lines lines = {NULL, 0, 0};
@@ -112,8 +97,8 @@ bool fm_node_blackbox_begin(
     .after = FM_BLACKBOX_AFTER_NS, .poll = FM_BLACKBOX_POLL_NS,
     .node = rcl_node_get_fully_qualified_name(&node->node), .bundle = table->bundle,
     .topics = list_topics(box, table, names), .n_topics = table->report.n_topics,
-    .requirements = name_requirements(box, table)};
-  return box->options.topics != NULL && box->options.requirements != NULL && make_writer(box);
+    .requirements = table->in_blackbox};
+  return box->options.topics != NULL && make_writer(box);
 }
 
 bool fm_node_blackbox_start(struct fm_node_blackbox * box, struct fm_engine * engine)

@@ -25,17 +25,13 @@
 #include <rosidl_runtime_c/message_type_support_struct.h>
 #include <rosidl_runtime_c/service_type_support_struct.h>
 
+#include "blackbox_file.h"
 #include "graph.h"
 #include "report_table.h"
 #include "shared_names.h"
 #include "subscription.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
-
-/// The topic of the violations of a requirement, as written.
-#define FM_HANDLER_TOPIC(table, requirement) \
-  ((table)->report.topics[(table)->report.n_topics + (requirement)].name)
-#define FM_HANDLER "copilot/handlerprop"  // what the topics of violations begin with
 
 /// The function that returns the type support of a message type, for the table: it is declared
 /// here, so that the table includes no header of a message.
@@ -62,6 +58,8 @@ struct fm_node_topic
   const rosidl_message_type_support_t * (* support)(void);  // NULL: the node does not subscribe
   struct fm_fixed_qos qos;
   const char * const * definition;  // of the message and of all within it, in pieces; then NULL
+  const struct fm_key * listed;     // keys of the variable in its name
+  uint32_t n_listed;                // 0: they are found, or there is no variable
 };
 
 /// What a gate needs beside its report. Of one on a service, `from` is zeroed.
@@ -143,6 +141,7 @@ struct fm_node_table
   const struct fm_derived_topic * derived;  // names of nodes as written
   uint32_t n_derived;
   const struct fm_node_gate_table * gate;  // NULL: the bundle has none, or leaves it to others
+  const struct fm_blackbox_requirement * in_blackbox;  // requirements
   const struct fm_action_type * action_types;  // of each action, without locks
 };
 

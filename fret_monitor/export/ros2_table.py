@@ -215,8 +215,18 @@ def _topics(manifest: Manifest) -> Iterator[str]:
     names = _definitions(manifest)
     for kind, name in names.items():
         yield from _array('char * const', name, _pieces(definition_or_none(kind)))
+    keys = {place: variable.keys for place, item in enumerate(manifest.topics)
+            if (variable := manifest.key_of(item)) is not None}
+    for place, listed in keys.items():
+        yield from _array('struct fm_key', f'topic_{place}_keys', (
+            _key(key.encode()) for key in listed))
     yield from _array('struct fm_node_topic', 'topics', (
-        _topic(item, names[item.message_type]) for item in manifest.topics))
+        _topic(item, names[item.message_type], (f'topic_{place}_keys', len(keys[place]))
+               if place in keys else ('NULL', 0))
+        for place, item in enumerate(manifest.topics)))
+    yield from _array('struct fm_blackbox_requirement', 'in_blackbox', (
+        f"{{{_text(item.id)}, {_text(item.handler.removeprefix('handlerprop'))}}}"
+        for item in manifest.numbered))
     yield from _array('struct fm_transform_topic', 'transforms', (
         f'{{{", ".join(map(_text, frames))}, {index}u}}'
         for index, frames in manifest.made_of(MadeKind.TRANSFORM).items()))
@@ -243,10 +253,11 @@ def _pieces(definition: str) -> list[str]:
     return [*map(_text, definition.splitlines(keepends=True)), 'NULL']
 
 
-def _topic(item: ManifestTopic, definition: str) -> str:
+def _topic(item: ManifestTopic, definition: str, keys: tuple[str, int] = ('NULL', 0)) -> str:
     *choices, depth = fixed_qos(dict(item.qos))
     support = 'NULL' if item.made else f'FM_TYPE_SUPPORT({_arguments(item.message_type)})'
-    return f'{{{support}, {{{", ".join(choices)}, {depth}u}}, {definition}}}'
+    return (f'{{{support}, {{{", ".join(choices)}, {depth}u}}, {definition}, '
+            f'{keys[0]}, {keys[1]}u}}')
 
 
 def _gate(manifest: Manifest, gate: ManifestGate) -> Iterator[str]:
@@ -261,7 +272,7 @@ def _gate(manifest: Manifest, gate: ManifestGate) -> Iterator[str]:
 
 def _gate_topic(manifest: Manifest, gate: ManifestGate) -> str:
     if gate.is_service:
-        return '{NULL, {0}, NULL}'
+        return '{NULL, {0}, NULL, NULL, 0}'
     source = manifest.subscribed[-1] if gate.topic is None else manifest.topics[gate.topic]
     return _topic(source, _definitions(manifest)[source.message_type])
 
@@ -310,7 +321,7 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
         **{field: f'{names.index(topic) if transforms else 0}u'
            for field, topic in zip(('tf', 'tf_static'), TOPICS)},
         **{name: name for name in (
-            'topics', 'end_definition', 'action_types')},
+            'topics', 'end_definition', 'action_types', 'in_blackbox')},
     }
     yield f'extern const struct fm_node_table fm_node_table_{place.number};'
     yield f'const struct fm_node_table fm_node_table_{place.number} = {{'
