@@ -174,7 +174,6 @@ ROOMS = {
         'subscription.c': 'test/runtime/test_subscription.py ' + _ros('node_parts'),
         'details.c': 'test/runtime/test_reporting.py',
         'violation_log.c': 'test/runtime/test_reporting.py',
-        'time_log.c': 'test/runtime/test_review_time.py',
         'condition_log.c': 'test/runtime/test_review_acting.py',
         'start_lines.c': 'test/runtime/test_start_lines.py',
         'lines.c': f'{_REVIEW} ' + _ros('node_parts'),

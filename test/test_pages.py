@@ -302,8 +302,8 @@ def test_the_page_on_ros_has_every_executable_and_the_name_of_its_node() -> None
 
 def test_the_page_on_the_exported_node_has_its_parameters() -> None:
     source = (ROOT / 'csrc/node/parameters.c').read_text(encoding='utf-8')
-    rows = source.partition(' described[] = {')[2].partition('}};')[0]
-    own = re.findall(r'^  \{"(\w+)",', rows, re.MULTILINE)
+    rows = source.partition(' described[] = {')[2].partition('};')[0]
+    own = re.findall(r'^  (?:\{|[A-Z]+\()"(\w+)",', rows, re.MULTILINE)
     assert 'lock_memory' in own
     row = next(row for row in table('export_ros2.md', '', 'monitor in Python')
                if row[0] == 'parameters')

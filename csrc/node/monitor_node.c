@@ -291,15 +291,7 @@ static bool begin_types(struct fm_monitor_node * monitor)
   return false;
 }
 
-static void for_all(
-  struct fm_monitor_node * monitor, void (* act)(struct fm_session * session))
-{
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
-    act(&monitor->sessions[k]);
-  }
-}
-
-// The same with the engines of the active sessions.
+// Do something with the engines of the active sessions.
 static void for_engines(
   struct fm_monitor_node * monitor, void (* act)(struct fm_engine * engine))
 {
@@ -569,7 +561,9 @@ static void serve_all(struct fm_monitor_node * monitor)
         &monitor->node, monitor->offered[k].service, monitor->offered[k].context);
     }
   }
-  for_all(monitor, fm_session_serve_requests);
+  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
+    fm_session_serve_requests(&monitor->sessions[k]);
+  }
 }
 
 // ---- timers ------------------------------------------------------------------------------------

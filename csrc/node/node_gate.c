@@ -25,8 +25,6 @@
 #include "rmw_functions.h"
 #include "start_lines.h"
 
-#define ALIGNMENT 16u
-
 // ---- the engine --------------------------------------------------------------------------------
 
 static struct fm_gate_options options_of(
@@ -52,8 +50,8 @@ static bool log_refusal(const struct fm_node * node, const struct fm_report_gate
 
 bool fm_node_gate_guard(
   struct fm_node_gate * gate, struct fm_node * node, const struct fm_node_table * table,
-  struct fm_engine * engine, struct fm_evaluator * evaluator, const char * source,
-  const char * target)
+  struct fm_engine * engine, struct fm_evaluator * evaluator, struct fm_memory * memory,
+  const char * source, const char * target)
 {
   memset(gate, 0, sizeof(*gate));
   if (table->gate == NULL) {
@@ -61,30 +59,19 @@ bool fm_node_gate_guard(
   }
   const struct fm_gate_options options = options_of(table, evaluator);
   const uint64_t bytes = fm_gate_bytes(&options);
-  gate->node = node;
-  gate->table = table;
-  gate->source = source;
-  gate->target = target;
-  gate->engine = engine;
-  gate->memory = bytes == 0 ? NULL : malloc((size_t)bytes + ALIGNMENT);
-  if (gate->memory == NULL) {
+  void * room = bytes == 0 ? NULL : fm_reserve(memory, (size_t)bytes, 1);
+  *gate = (struct fm_node_gate) {
+    .node = node, .table = table, .source = source, .target = target, .engine = engine};
+  if (room == NULL) {
     fm_log(node, FM_ERROR, "the gate cannot be made: memory is short");
     return false;
   }
-  const uintptr_t address = (uintptr_t)gate->memory;
-  struct fm_gate * made = fm_gate_init(
-    (uint8_t *)gate->memory + (-address % ALIGNMENT), &options);
+  struct fm_gate * made = fm_gate_init(room, &options);
   if (made == NULL) {
     return log_refusal(node, table->report.gate);
   }
   fm_engine_guard(engine, made, &options);
   return true;
-}
-
-void fm_node_gate_end(struct fm_node_gate * gate)
-{
-  free(gate->memory);
-  memset(gate, 0, sizeof(*gate));
 }
 
 // ---- the publisher -----------------------------------------------------------------------------

@@ -204,21 +204,16 @@ static void read_given(struct fm_parameters * parameters)
 
 // ---- checks ------------------------------------------------------------------------------------
 
-static const char * const levels[] = {"debug", "info", "warn", "error", "fatal"};
-static const char * const hot_paths[] = {"auto", "on", "off"};
-enum {
-  N_LEVELS = sizeof(levels) / sizeof(levels[0]),
-  N_HOT_PATHS = sizeof(hot_paths) / sizeof(hot_paths[0])
-};
+static const char * const levels[] = {"debug", "info", "warn", "error", "fatal", NULL};
+static const char * const hot_paths[] = {"auto", "on", "off", NULL};
 
-static bool is_among(const char * text, const char * const * words, size_t n)
+// `words` ends with NULL.
+static bool is_among(const char * text, const char * const * words)
 {
-  for (size_t k = 0; k < n; ++k) {
-    if (strcmp(text, words[k]) == 0) {
-      return true;
-    }
+  while (*words != NULL && strcmp(text, *words) != 0) {
+    ++words;
   }
-  return false;
+  return *words != NULL;
 }
 
 static void refuse_value(
@@ -236,40 +231,47 @@ struct described
   const char * description;
   enum fm_settable settable;
   fm_parameter_value usual;
-  const char * wanted;  // NULL: true or false
+  const char * wanted;
   int64_t least;        // of a number
   int64_t most;
+  const char * const * words;  // of a text, which may be empty; NULL: any
+  int of_yaml;          // another type: YAML makes numbers and truth values of some texts
 };
 
-#define BYTES(name, least) "a number of bytes, at least " #least ": -p " name ":=" #least
+#define FLAG(name, description, settable, is_true) \
+  {name, description, settable, TRUTH(is_true), "true or false", 0, 0, NULL, FM_TRUTH}
+#define NUMBER(name, description, usual, wanted, least, most) \
+  {name, description, FM_UNCONFIGURED, usual, wanted, least, most, NULL, FM_WHOLE}
+#define BYTES(name, description, usual, least) \
+  {name, description, FM_UNCONFIGURED, WHOLE(usual), \
+    "a number of bytes, at least " #least ": -p " name ":=" #least, least, MOST, NULL, FM_WHOLE}
 #define MOST (INT64_C(1) << 62)
 
 static const struct described described[] = {
-  {"use_sim_time", "whether the time is that of /clock", FM_ALWAYS, TRUTH(false), NULL, 0, 0},
+  FLAG("use_sim_time", "whether the time is that of /clock", FM_ALWAYS, false),
   {"log_level", FM_WORDS_LOG_LEVEL, FM_ALWAYS, NO_WORD, "one of debug, info, warn, error, fatal",
-    0, 0},
+    0, 0, levels, FM_WORD},
   {"hot_path", FM_WORDS_HOT_PATH, FM_UNCONFIGURED, {.type = FM_WORD, TEXT("auto", 4u)},
-    "one of auto, on, off", 0, 0},
-  {"handler_depth", FM_WORDS_HANDLER_DEPTH, FM_UNCONFIGURED, WHOLE(1000), FM_WORDS_COUNT, 1,
-    INT32_MAX},
-  {"log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, TRUTH(true), NULL, 0, 0},
-  {"verdicts", FM_WORDS_VERDICTS, FM_UNCONFIGURED, TRUTH(false), NULL, 0, 0},
-  {"margins", FM_WORDS_MARGINS, FM_UNCONFIGURED, TRUTH(false), NULL, 0, 0},
-  {"autostart", FM_WORDS_AUTOSTART, FM_AT_START, TRUTH(true), NULL, 0, 0},
-  {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, NO_WORD, "the path of a folder", 0, 0},
-  {"blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, FM_UNCONFIGURED, REAL(FM_BLACKBOX_SECONDS),
-    "a number above 0 (seconds, say 10.0)", 0, 1000000000},
-  {"blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, FM_UNCONFIGURED, WHOLE(64 << 20),
-    BYTES("blackbox_bytes", 4096), 4096, MOST},
-  {"blackbox_files", FM_WORDS_BLACKBOX_FILES, FM_UNCONFIGURED, WHOLE(20),
-    "a number of files, at least 1: -p blackbox_files:=1", 1, MOST},
-  {"blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, FM_UNCONFIGURED, WHOLE(1 << 30),
-    BYTES("blackbox_disk_bytes", 1048576), 1048576, MOST},
-  {"priority", FM_WORDS_PRIORITY, FM_UNCONFIGURED, WHOLE(0), FM_WORDS_ANY_PRIORITY, 0, 99},
-  {"processors", FM_WORDS_PROCESSORS, FM_UNCONFIGURED, NO_WORD, FM_WORDS_SOME_PROCESSORS, 0, 0},
-  {"lock_memory", FM_WORDS_LOCK_MEMORY, FM_UNCONFIGURED, TRUTH(false), NULL, 0, 0},
-  {"start_type_description_service", "whether the node offers ~/get_type_description",
-    FM_AT_START, TRUTH(true), NULL, 0, 0}};
+    "one of auto, on, off", 0, 0, hot_paths, FM_TRUTH},
+  NUMBER("handler_depth", FM_WORDS_HANDLER_DEPTH, WHOLE(1000), FM_WORDS_COUNT, 1, INT32_MAX),
+  FLAG("log_violations", FM_WORDS_LOG_VIOLATIONS, FM_UNCONFIGURED, true),
+  FLAG("verdicts", FM_WORDS_VERDICTS, FM_UNCONFIGURED, false),
+  FLAG("margins", FM_WORDS_MARGINS, FM_UNCONFIGURED, false),
+  FLAG("autostart", FM_WORDS_AUTOSTART, FM_AT_START, true),
+  {"blackbox", FM_WORDS_BLACKBOX, FM_UNCONFIGURED, NO_WORD, "the path of a folder", 0, 0, NULL,
+    FM_WORD},
+  NUMBER("blackbox_seconds", FM_WORDS_BLACKBOX_SECONDS, REAL(FM_BLACKBOX_SECONDS),
+    "a number above 0 (seconds, say 10.0)", 0, 1000000000),
+  BYTES("blackbox_bytes", FM_WORDS_BLACKBOX_BYTES, 64 << 20, 4096),
+  NUMBER("blackbox_files", FM_WORDS_BLACKBOX_FILES, WHOLE(20),
+    "a number of files, at least 1: -p blackbox_files:=1", 1, MOST),
+  BYTES("blackbox_disk_bytes", FM_WORDS_BLACKBOX_DISK_BYTES, 1 << 30, 1048576),
+  NUMBER("priority", FM_WORDS_PRIORITY, WHOLE(0), FM_WORDS_ANY_PRIORITY, 0, 99),
+  {"processors", FM_WORDS_PROCESSORS, FM_UNCONFIGURED, NO_WORD, FM_WORDS_SOME_PROCESSORS, 0, 0,
+    NULL, FM_WHOLE},
+  FLAG("lock_memory", FM_WORDS_LOCK_MEMORY, FM_UNCONFIGURED, false),
+  FLAG("start_type_description_service", "whether the node offers ~/get_type_description",
+    FM_AT_START, true)};
 enum { N_DESCRIBED = sizeof(described) / sizeof(described[0]) };
 
 static const struct described * description_of(const char * name)
@@ -280,21 +282,6 @@ static const struct described * description_of(const char * name)
     }
   }
   return NULL;
-}
-
-static bool is_good_word(const char * name, const char * word)
-{
-  const bool is_level = strcmp(name, "log_level") == 0;
-  const bool is_free = !is_level && strcmp(name, "hot_path") != 0;
-  return *word == '\0' || is_free ||
-         is_among(word, is_level ? levels : hot_paths, is_level ? N_LEVELS : N_HOT_PATHS);
-}
-
-// Whether what YAML makes of a parameter's word is no text: `on` and `off` are truth values.
-static bool is_word_of_yaml(const char * name, const fm_parameter_value * value)
-{
-  return (value->type == FM_WHOLE && strcmp(name, "processors") == 0) ||
-         (value->type == FM_TRUTH && strcmp(name, "hot_path") == 0);
 }
 
 static bool is_good(const struct described * item, const fm_parameter_value * value)
@@ -308,8 +295,9 @@ static bool is_good(const struct described * item, const fm_parameter_value * va
       return is_whole || (value->type == FM_REAL && value->double_value >= (double)item->least &&
              value->double_value < (double)item->most);
     case FM_WORD:
-      return value->type == FM_WORD ? is_good_word(item->name, value->string_value.data) :
-             is_word_of_yaml(item->name, value);
+      return value->type != FM_WORD ? value->type == item->of_yaml :
+             item->words == NULL || value->string_value.size == 0 ||
+             is_among(value->string_value.data, item->words);
     default:
       return value->type == FM_TRUTH;
   }
@@ -322,7 +310,7 @@ static bool check(
 {
   const bool found = is_good(item, value);
   if (!found) {
-    refuse_value(name, value, item->wanted == NULL ? "true or false" : item->wanted, reason);
+    refuse_value(name, value, item->wanted, reason);
   }
   return found;
 }
@@ -433,7 +421,7 @@ static bool is_of_rcl(const char * topic)
 static void check_override(const struct fm_parameter * given, struct fm_text * problems)
 {
   static const char * const timed[] = {
-    "deadline", "lifespan", "liveliness", "liveliness_lease_duration"};
+    "deadline", "lifespan", "liveliness", "liveliness_lease_duration", NULL};
   const char * topic = given->name + strlen(OVERRIDES);
   const char * endpoint = strchr(topic, '.');
   const char * policy = endpoint == NULL ? NULL : strchr(endpoint + 1, '.');
@@ -448,7 +436,7 @@ static void check_override(const struct fm_parameter * given, struct fm_text * p
   } else if (begins_with(endpoint, ".subscription_")) {
     fm_text_join(problems, "\n", FM_WORDS_NO_ENDPOINT, given->name);
   } else if (begins_with(endpoint, SUBSCRIPTION)) {
-    if (is_among(policy + 1, timed, sizeof(timed) / sizeof(timed[0]))) {
+    if (is_among(policy + 1, timed)) {
       fm_text_join(problems, "\n", FM_WORDS_OF_TIME, given->name);
     } else {
       apply(given, policy + 1, &unused, problems);
@@ -652,7 +640,7 @@ static void set_level(const struct fm_parameters * parameters)
 {
   const char * text = fm_parameter_find(parameters, "log_level")->value.string_value.data;
   int level = RCUTILS_LOG_SEVERITY_UNSET;
-  for (int k = 0; k < (int)N_LEVELS; ++k) {
+  for (int k = 0; levels[k] != NULL; ++k) {
     level = strcmp(text, levels[k]) == 0 ? RCUTILS_LOG_SEVERITY_DEBUG * (k + 1) : level;
   }
   fm_log_set_level(parameters->node, level);
@@ -714,7 +702,7 @@ static void warn_of_unknown(const struct fm_parameters * parameters, const char 
 void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
-    "spec", "library", "policy", "period", "rate", "native", "gates"};
+    "spec", "library", "policy", "period", "rate", "native", "gates", NULL};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     const char * dot = strrchr(name, '.');
@@ -724,7 +712,7 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     {
       continue;
     }
-    const bool is_compiled = is_among(name, compiled, sizeof(compiled) / sizeof(compiled[0]));
+    const bool is_compiled = is_among(name, compiled);
     if (is_compiled && parameters->tables->tables[0]->origin[0] != '\0') {
       continue;  // they have chosen this program
     }

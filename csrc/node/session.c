@@ -32,7 +32,6 @@
 #include "words.h"
 
 #define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
-#define ALIGNMENT 16u
 
 // ---- what is advertised ------------------------------------------------------------------------
 
@@ -225,20 +224,12 @@ static struct fm_evaluator_options options_of(
     .margins = scope->margins == NULL ? NULL : scope->margins()};
 }
 
-// Zeroed memory, aligned; that which is never used is not touched. NULL if memory is short.
-static void * reserve(struct fm_session * session, uint64_t bytes)
-{
-  session->memory = bytes == 0 ? NULL : calloc((size_t)bytes + ALIGNMENT, 1);
-  const uintptr_t address = (uintptr_t)session->memory;
-  return session->memory == NULL ? NULL :
-         (uint8_t *)session->memory + (-address % ALIGNMENT);
-}
-
 static struct fm_evaluator * make_evaluator(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
   const struct fm_evaluator_options options = options_of(table, &table->scope);
-  void * memory = reserve(session, fm_evaluator_bytes(&options));
+  const uint64_t bytes = fm_evaluator_bytes(&options);
+  void * memory = bytes == 0 ? NULL : fm_reserve(&session->active, (size_t)bytes, 1);
   return memory == NULL ? NULL : fm_evaluator_init(memory, &options);
 }
 
@@ -306,9 +297,10 @@ static struct fm_scopes * make_scopes(struct fm_session * session)
   const struct fm_scopes_options all = {
     .bundle = &bundle, .kinds = kinds, .n_kinds = n,
     .n_aggregates = table->n_aggregates, .aggregates = table->aggregates, .seed = seed};
-  void * memory = reserve(session, fm_scopes_bytes(&all));
+  const uint64_t bytes = fm_scopes_bytes(&all);
+  void * memory = bytes == 0 ? NULL : fm_reserve(&session->active, (size_t)bytes, 1);
   if (memory != NULL) {
-    fm_use_large_pages(memory, fm_scopes_bytes(&all));
+    fm_use_large_pages(memory, bytes);
   }
   return memory == NULL ? NULL : fm_scopes_init(memory, &all);
 }
@@ -350,8 +342,8 @@ static bool make_engine(struct fm_session * session)
     return false;
   }
   return follow_derived(session) && fm_node_gate_guard(
-    &session->gate, session->node, table, session->engine, evaluator, session->gate_source,
-    session->gate_target);
+    &session->gate, session->node, table, session->engine, evaluator, &session->active,
+    session->gate_source, session->gate_target);
 }
 
 // The middleware's handles of publishers, as long as the session is active; NULL if there are
@@ -517,12 +509,9 @@ void fm_session_deactivate(struct fm_session * session)
     if (session->engine != NULL) {
       fm_engine_destroy(session->engine);
     }
-    fm_node_gate_end(&session->gate);
-    free(session->memory);
     fm_memory_free(&session->active);
   }
   session->engine = NULL;
-  session->memory = NULL;
   session->active = (struct fm_memory) {NULL, false};
 }
 

@@ -53,7 +53,6 @@ struct fm_session
   struct fm_node_gate gate;
   const char * gate_source;           // full names; NULL: no gate
   const char * gate_target;
-  void * memory;                      // of the evaluator, or of all scopes
   struct fm_engine * engine;
   struct fm_reporter reporter;
   const char ** topic_names;          // as resolved

@@ -156,7 +156,6 @@ struct fm_node_gate
   const char * source;             // their full names
   const char * target;
   struct fm_engine * engine;
-  void * memory;                   // of the gate
   struct fm_gate_target * state;
   rcl_publisher_t publisher;
   rcl_publisher_t next;            // that replaces it; zeroed: none
@@ -164,12 +163,13 @@ struct fm_node_gate
   struct fm_service_gate service;
 };
 
-/// Let the gate of the table judge for an engine of this evaluator; the names outlive the gate.
-/// Returns false, with the reason logged. O(bytes).
+/// Let the gate of the table judge for an engine of this evaluator. The names outlive the gate; the
+/// memory, of which some is reserved, outlives the engine. Returns false, with the reason logged.
+/// O(bytes).
 bool fm_node_gate_guard(
   struct fm_node_gate * gate, struct fm_node * node, const struct fm_node_table * table,
-  struct fm_engine * engine, struct fm_evaluator * evaluator, const char * source,
-  const char * target);
+  struct fm_engine * engine, struct fm_evaluator * evaluator, struct fm_memory * memory,
+  const char * source, const char * target);
 
 /// Advertise the target, or offer the service, and start to judge. Returns false, with the reason
 /// logged.
@@ -200,9 +200,6 @@ void fm_node_gate_describe(const struct fm_node_gate * gate);
 
 /// End the thread, and withdraw the target; its subscriptions were closed before.
 void fm_node_gate_stop(struct fm_node_gate * gate);
-
-/// Free the memory, after the engine was destroyed.
-void fm_node_gate_end(struct fm_node_gate * gate);
 
 // ---- topics ------------------------------------------------------------------------------------
 

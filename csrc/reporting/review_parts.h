@@ -101,9 +101,8 @@ struct fm_review
 FM_INTERNAL bool fm_are_worth_reading(
   const struct fm_time_counts * before, const struct fm_time_counts * now);
 
-/// Add the lines about the time; locks and the gate; silences; inputs and topics; instances;
+/// Add the lines about locks and the gate; silences; inputs and topics; instances;
 /// requirements that wait for messages.
-FM_INTERNAL void fm_review_time(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_conditions(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_gate(struct fm_review * review, struct fm_lines * lines);
 FM_INTERNAL void fm_review_silences(struct fm_review * review, struct fm_lines * lines);

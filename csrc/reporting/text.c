@@ -22,6 +22,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define ALIGNMENT 16u  // of what is reserved
+
 enum { MOST_DIGITS = 17, LONGEST_NUMBER = 64, MOST_NAMED = 5 };
 
 const char * fm_text_get(const struct fm_text * text)
@@ -316,23 +318,23 @@ char * fm_copy_of(const char * text)
 
 // ---- memory that is freed together -------------------------------------------------------------
 
-union fm_reserved
+struct fm_reserved
 {
-  union fm_reserved * before;
-  long double aligned;
+  struct fm_reserved * before;
 };
 
 void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes)
 {
-  union fm_reserved * block = memory->is_short ? NULL :
-    calloc(1, sizeof(*block) + (n > 0 ? n : 1u) * bytes);
-  if (block == NULL) {
+  const size_t size = (n > 0 ? n : 1u) * bytes;
+  struct fm_reserved * made =
+    memory->is_short ? NULL : calloc(1, sizeof(*made) + ALIGNMENT + size);
+  if (made == NULL) {
     memory->is_short = true;
     return NULL;
   }
-  block->before = memory->last;
-  memory->last = block;
-  return block + 1;
+  made->before = memory->last;
+  memory->last = made;
+  return (uint8_t *)(made + 1) + (-(uintptr_t)(made + 1) % ALIGNMENT);
 }
 
 const char * fm_reserve_text(struct fm_memory * memory, const char * text)
@@ -344,9 +346,9 @@ const char * fm_reserve_text(struct fm_memory * memory, const char * text)
 void fm_memory_free(struct fm_memory * memory)
 {
   while (memory->last != NULL) {
-    union fm_reserved * block = memory->last;
-    memory->last = block->before;
-    free(block);
+    struct fm_reserved * made = memory->last;
+    memory->last = made->before;
+    free(made);
   }
   memory->is_short = false;
 }

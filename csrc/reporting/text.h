@@ -96,11 +96,12 @@ char * fm_copy_of(const char * text);
 /// Memory that is freed together. Zeroed: none. The owner calls fm_memory_free.
 struct fm_memory
 {
-  union fm_reserved * last;
+  struct fm_reserved * last;
   bool is_short;  // some could not be reserved: NULL was returned, as it is from then on
 };
 
-/// Return `n` zeroed elements, or one if there are none. `bytes`: of an element. O(bytes).
+/// Return `n` zeroed elements, or one if there are none, aligned for the engine. `bytes`: of an
+/// element. What is never used is not touched, if it is large.
 void * fm_reserve(struct fm_memory * memory, size_t n, size_t bytes);
 
 /// Return a copy of a text; NULL if memory is short.
