@@ -169,7 +169,7 @@ ROOMS = {
         'text.c': 'test/csrc/test_node_text.py ' + _ros('node_parts exported_node'),
         'gate_target.c': 'test/runtime/test_gate_target.py ' + _ros('gate'),
         'instance_lines.c': f'test/runtime/test_reporting.py {_REVIEW} ' + _ros('instances'),
-        'bound_topics.c': _ros('instances'),
+        'topics.c': _ros('instances node_parts'),
         'node_blackbox.c': _ros('node_parts blackbox'),
         'subscription.c': 'test/runtime/test_subscription.py ' + _ros('node_parts'),
         'details.c': 'test/runtime/test_reporting.py',

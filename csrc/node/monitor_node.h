@@ -19,7 +19,7 @@
 #ifndef MONITOR_NODE_H_
 #define MONITOR_NODE_H_
 
-#include "lifecycle.h"
+#include "node_services.h"
 #include "node_health.h"
 #include "parameters.h"
 

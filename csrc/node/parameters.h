@@ -22,11 +22,10 @@
 #ifndef PARAMETERS_H_
 #define PARAMETERS_H_
 
-#include <rcl/wait.h>
 #include <rcl_interfaces/msg/parameter_type.h>
 #include <rcl_interfaces/msg/parameter_value.h>
 
-#include "endpoints.h"
+#include "log.h"
 #include "node_table.h"
 
 /// Types of rcl_interfaces/msg/ParameterType; no parameter of this node is a list, a larger one.
@@ -103,33 +102,5 @@ void fm_parameter_refuse(
 /// Set a parameter to a value that is not refused; the value is copied. Sets the level of the log.
 void fm_parameter_set(
   struct fm_parameters * parameters, const char * name, const fm_parameter_value * value);
-
-// ---- services ----------------------------------------------------------------------------------
-
-enum { FM_PARAMETER_SERVICES = 6 };
-
-/// Zeroed before fm_parameter_services_begin.
-struct fm_parameter_services
-{
-  struct fm_node * node;
-  struct fm_parameters * parameters;
-  /// Called after a parameter was set.
-  void (* changed)(void * context, const struct fm_parameter * parameter);
-  void * context;
-  rcl_service_t services[FM_PARAMETER_SERVICES];
-  rcl_publisher_t events;
-};
-
-/// Offer the services. Returns false, with the error logged. What it is given outlives it.
-bool fm_parameter_services_begin(
-  struct fm_parameter_services * services, struct fm_node * node,
-  struct fm_parameters * parameters,
-  void (* changed)(void * context, const struct fm_parameter * parameter), void * context);
-
-/// Write the services.
-void fm_parameter_services_offered(
-  struct fm_parameter_services * services, struct fm_offered offered[FM_PARAMETER_SERVICES]);
-
-void fm_parameter_services_end(struct fm_parameter_services * services);
 
 #endif  // PARAMETERS_H_

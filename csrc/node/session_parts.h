@@ -105,7 +105,7 @@ struct fm_pending
   int64_t until;        // steady
 };
 
-/// Zeroed before fm_service_gate_open; fm_service_gate_close frees all of it.
+/// Of a gate on a topic, all of it stays zero.
 struct fm_service_gate
 {
   struct fm_node * node;
@@ -123,11 +123,6 @@ struct fm_service_gate
   int64_t next_line;                // about these
 };
 
-/// Offer the service of the gate in the table. Returns false, with the reason logged.
-bool fm_service_gate_open(
-  struct fm_service_gate * gate, struct fm_node * node, const struct fm_node_table * table,
-  const struct fm_node_clock * clock, struct fm_engine * engine);
-
 /// Wait for requests, and for answers of the server. Returns false if rcl fails.
 bool fm_service_gate_wait(const struct fm_service_gate * gate, rcl_wait_set_t * wait_set);
 
@@ -138,12 +133,6 @@ void fm_service_gate_serve(struct fm_service_gate * gate);
 /// Refuse the requests that wait for a server that has gone, or too long; once a second. A server
 /// that was killed and started again is there, and has not the request. O(requests).
 void fm_service_gate_review(struct fm_service_gate * gate);
-
-/// Whether another node offers the service, too.
-bool fm_service_gate_has_other(const struct fm_service_gate * gate);
-
-/// Refuse what waits, and withdraw the service.
-void fm_service_gate_close(struct fm_service_gate * gate);
 
 // ---- the gate ----------------------------------------------------------------------------------
 

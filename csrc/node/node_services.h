@@ -12,16 +12,19 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// lifecycle.h: the node as a managed node: its states, and the services that change them.
+/// node_services.h: the services of every managed node: of its life cycle, and of its parameters.
 ///
 /// The main thread only.
 
-#ifndef LIFECYCLE_H_
-#define LIFECYCLE_H_
+#ifndef NODE_SERVICES_H_
+#define NODE_SERVICES_H_
 
 #include <rcl_lifecycle/rcl_lifecycle.h>
 
 #include "endpoints.h"
+#include "parameters.h"
+
+// ---- the life cycle ----------------------------------------------------------------------------
 
 enum { FM_LIFECYCLE_SERVICES = 5 };
 
@@ -58,4 +61,32 @@ void fm_lifecycle_services(
 
 void fm_lifecycle_end(struct fm_lifecycle * lifecycle);
 
-#endif  // LIFECYCLE_H_
+// ---- parameters --------------------------------------------------------------------------------
+
+enum { FM_PARAMETER_SERVICES = 6 };
+
+/// Zeroed before fm_parameter_services_begin.
+struct fm_parameter_services
+{
+  struct fm_node * node;
+  struct fm_parameters * parameters;
+  /// Called after a parameter was set.
+  void (* changed)(void * context, const struct fm_parameter * parameter);
+  void * context;
+  rcl_service_t services[FM_PARAMETER_SERVICES];
+  rcl_publisher_t events;
+};
+
+/// Offer the services. Returns false, with the error logged. What it is given outlives it.
+bool fm_parameter_services_begin(
+  struct fm_parameter_services * services, struct fm_node * node,
+  struct fm_parameters * parameters,
+  void (* changed)(void * context, const struct fm_parameter * parameter), void * context);
+
+/// Write the services.
+void fm_parameter_services_offered(
+  struct fm_parameter_services * services, struct fm_offered offered[FM_PARAMETER_SERVICES]);
+
+void fm_parameter_services_end(struct fm_parameter_services * services);
+
+#endif  // NODE_SERVICES_H_
