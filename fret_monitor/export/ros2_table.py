@@ -37,7 +37,7 @@ from fret_monitor.model.report_table import (
 )
 from fret_monitor.model.transforms import TOPICS
 from fret_monitor.model.used_names import (
-    types_of, types_of_node, TypedUse, Use, uses_of, uses_of_node,
+    TypedUse, types_of, types_of_node, Use, uses_of, uses_of_node,
 )
 
 _SOURCES = {**SOURCES, InputSource.INSTANCES: 'FM_AGGREGATE'}
