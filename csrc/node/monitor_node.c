@@ -41,17 +41,6 @@
 
 // ---- transitions -------------------------------------------------------------------------------
 
-static struct fm_blackbox_settings blackbox_of(const struct fm_parameters * given)
-{
-  const double seconds = fm_parameter_real(given, "blackbox_seconds");
-  return (struct fm_blackbox_settings) {
-    fm_parameter_find(given, "blackbox")->value.string_value.data,
-    seconds > 0 ? seconds : FM_BLACKBOX_SECONDS,
-    (uint64_t)fm_parameter_whole(given, "blackbox_bytes"),
-    (uint64_t)fm_parameter_whole(given, "blackbox_files"),
-    (uint64_t)fm_parameter_whole(given, "blackbox_disk_bytes")};
-}
-
 // Ask the system for what the parameters want; what it refuses is logged.
 static void schedule(const struct fm_node * node, const struct fm_parameters * given)
 {
@@ -84,34 +73,15 @@ static uint32_t n_sessions(const struct fm_monitor_node * monitor)
   return monitor->tables->n;
 }
 
-// What callbacks do where no gate takes the messages.
-static enum fm_taking taking_of(const struct fm_parameters * given)
-{
-  const char * word = fm_parameter_hot_path(given);
-  return strcmp(word, "off") == 0 ? FM_WAKE : strcmp(word, "on") == 0 ? FM_LISTEN :
-         (enum fm_taking)fm_receiver_taking(rmw_get_implementation_identifier());
-}
-
 static bool configure_all(struct fm_monitor_node * monitor)
 {
-  const struct fm_parameters * given = &monitor->parameters;
-  if (!fm_refuse_names(&monitor->node, monitor->tables)) {
-    return false;
+  bool is_good = fm_refuse_names(&monitor->node, monitor->tables);
+  for (uint32_t k = 0; is_good && k < n_sessions(monitor); ++k) {
+    is_good = fm_session_configure(
+      &monitor->sessions[k], monitor->tables, k, &monitor->node, &monitor->clock,
+      &monitor->parameters);
   }
-  for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
-    const struct fm_settings settings = {
-      (uint32_t)fm_parameter_whole(given, "handler_depth"),
-      fm_parameter_is_true(given, "log_violations"), given->fixed[k], blackbox_of(given),
-      taking_of(given), fm_parameter_is_true(given, "verdicts"),
-      fm_parameter_is_true(given, "margins")};
-    if (!fm_session_configure(
-        &monitor->sessions[k], monitor->tables->tables[k], &monitor->node, &monitor->clock,
-        &settings))
-    {
-      return false;
-    }
-  }
-  return true;
+  return is_good;
 }
 
 static void warn(const struct fm_monitor_node * monitor, const struct fm_node_table * table)
@@ -161,7 +131,7 @@ static void log_taking(struct fm_monitor_node * monitor, const char * middleware
   monitor->has_logged_taking = true;
   if (strcmp(fm_parameter_hot_path(&monitor->parameters), "off") == 0) {
     fm_log(node, FM_INFO, FM_WORDS_WAKES FM_WORDS_HOT_PATH_IS_OFF);
-  } else if (taking_of(&monitor->parameters) == FM_WAKE) {
+  } else if (fm_taking_of(&monitor->parameters) == FM_WAKE) {
     fm_log(node, FM_INFO, FM_WORDS_WAKES FM_WORDS_UNKNOWN_CALLBACKS, middleware);
   } else {
     const char * why = fm_why_copied();

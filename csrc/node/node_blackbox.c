@@ -79,21 +79,26 @@ static bool make_writer(struct fm_node_blackbox * box)
 
 bool fm_node_blackbox_begin(
   struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
-  const char * const * names, const struct fm_blackbox_settings * settings)
+  const char * const * names, const struct fm_parameters * parameters)
 {
+  const char * given = fm_parameter_find(parameters, "blackbox")->value.string_value.data;
+  const double seconds = fm_parameter_real(parameters, "blackbox_seconds");
   *box = (struct fm_node_blackbox) {.node = node};
-  if (settings->folder[0] == '\0') {
+  if (given[0] == '\0') {
     return true;
   }
-  const char * folder = whole_path(&box->memory, settings->folder);
+  const char * folder = whole_path(&box->memory, given);
   if (folder == NULL) {
     fm_log(node, FM_ERROR, "parameter 'blackbox' is '%s', in a working directory that was "
-      "deleted: give the whole path", settings->folder);
+      "deleted: give the whole path", given);
     return false;
   }
   box->options = (struct fm_blackbox_options) {
-    .folder = folder, .lasts = (int64_t)(settings->seconds * 1e9),
-    .memory = settings->memory, .disk = settings->disk, .files = settings->files,
+    .folder = folder,
+    .lasts = (int64_t)((seconds > 0 ? seconds : FM_BLACKBOX_SECONDS) * 1e9),
+    .memory = (uint64_t)fm_parameter_whole(parameters, "blackbox_bytes"),
+    .disk = (uint64_t)fm_parameter_whole(parameters, "blackbox_disk_bytes"),
+    .files = (uint64_t)fm_parameter_whole(parameters, "blackbox_files"),
     .after = FM_BLACKBOX_AFTER_NS, .poll = FM_BLACKBOX_POLL_NS,
     .node = rcl_node_get_fully_qualified_name(&node->node), .bundle = table->bundle,
     .topics = list_topics(box, table, names), .n_topics = table->report.n_topics,

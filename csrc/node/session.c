@@ -17,6 +17,7 @@
 #include "session.h"
 
 #include <diagnostic_msgs/msg/diagnostic_array.h>
+#include <rmw/rmw.h>
 #include <std_msgs/msg/bool.h>
 #include <std_msgs/msg/empty.h>
 #include <std_msgs/msg/float64.h>
@@ -80,6 +81,16 @@ static bool refuse_merged(const struct fm_session * session)
   return is_good;
 }
 
+static bool is_wanted(const struct fm_session * session, const char * parameter)
+{
+  return fm_parameter_is_true(session->parameters, parameter);
+}
+
+static uint32_t handler_depth(const struct fm_session * session)
+{
+  return (uint32_t)fm_parameter_whole(session->parameters, "handler_depth");
+}
+
 // Advertise a topic for each requirement, which the function names. Returns the publishers; NULL,
 // with the error logged, if one cannot be made. Late subscriptions to one that is latched get the
 // last message.
@@ -91,7 +102,7 @@ static rcl_publisher_t * advertise_each(
   rcl_publisher_t * publishers =
     fm_reserve(&session->configured, table->n_requirements, sizeof(*publishers));
   rmw_qos_profile_t profile = rmw_qos_profile_default;  // reliable, volatile
-  profile.depth = is_latched ? 1u : session->settings.handler_depth;
+  profile.depth = is_latched ? 1u : handler_depth(session);
   profile.durability = is_latched ? RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL : profile.durability;
   bool is_good = publishers != NULL;
   for (uint32_t k = 0; is_good && k < table->n_requirements; ++k) {
@@ -151,10 +162,10 @@ static bool advertise_all(struct fm_session * session)
   return session->handlers != NULL && fm_advertise(
     session->node, &session->details,
     ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), FM_DETAILS_TOPIC,
-    session->settings.handler_depth) &&
-         (!session->settings.publishes_verdicts || advertise_verdicts(session)) &&
+    handler_depth(session)) &&
+         (!is_wanted(session, "verdicts") || advertise_verdicts(session)) &&
          fm_node_actions_begin(&session->actions, session->node, session->table) &&
-         (!session->settings.has_margins || advertise_margins(session));
+         (!is_wanted(session, "margins") || advertise_margins(session));
 }
 
 // Resolve the names of the gate.
@@ -175,14 +186,22 @@ static bool name_gate(struct fm_session * session)
   return true;
 }
 
+enum fm_taking fm_taking_of(const struct fm_parameters * parameters)
+{
+  const char * word = fm_parameter_hot_path(parameters);
+  return strcmp(word, "off") == 0 ? FM_WAKE : strcmp(word, "on") == 0 ? FM_LISTEN :
+         (enum fm_taking)fm_receiver_taking(rmw_get_implementation_identifier());
+}
+
 bool fm_session_configure(
-  struct fm_session * session, const struct fm_node_table * table, struct fm_node * node,
-  struct fm_node_clock * clock, const struct fm_settings * settings)
+  struct fm_session * session, const struct fm_node_tables * tables, uint32_t place,
+  struct fm_node * node, struct fm_node_clock * clock, const struct fm_parameters * parameters)
 {
   *session = (struct fm_session) {
-    .table = table, .node = node, .clock = clock, .settings = *settings, .is_configured = true};
+    .table = tables->tables[place], .node = node, .clock = clock, .parameters = parameters,
+    .fixed = parameters->fixed[place], .taking = fm_taking_of(parameters), .is_configured = true};
   if (!resolve_used(session) || !name_shown(session) || !fm_node_blackbox_begin(
-      &session->blackbox, node, table, session->topic_names, &settings->blackbox) ||
+      &session->blackbox, node, session->table, session->topic_names, parameters) ||
     !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
   {
     fm_session_release(session);
@@ -384,7 +403,8 @@ static bool start_verdicts(struct fm_session * session)
 static bool start_threads(struct fm_session * session)
 {
   session->detail_thread = fm_detail_thread_start(
-    session->node, &session->reporter, &session->details, session->settings.logs_violations);
+    session->node, &session->reporter, &session->details,
+    is_wanted(session, "log_violations"));
   if ((session->table->report.n_actions > 0 &&
     !fm_actions_prepare(session->engine, &session->table->report)) ||
     !fm_node_blackbox_start(&session->blackbox, session->engine) ||
@@ -412,10 +432,10 @@ static bool open_topic(struct fm_session * session, uint32_t k)
     return true;  // its messages are made, or it is many topics
   }
   session->topics[k].gate = is_judged ? &session->gate : NULL;
-  session->topics[k].taking = session->settings.taking;
+  session->topics[k].taking = session->taking;
   return fm_topic_open(
     &session->topics[k], session->node, table,
-    is_last ? session->gate_source : session->topic_names[k], &session->settings.fixed[k], k);
+    is_last ? session->gate_source : session->topic_names[k], &session->fixed[k], k);
 }
 
 static bool subscribe_all(struct fm_session * session)
@@ -448,7 +468,7 @@ static bool subscribe_bound(struct fm_session * session)
 {
   const struct fm_bound_options options = {
     session->node, session->table, session->topic_names,
-    session->settings.fixed, session->settings.taking};
+    session->fixed, session->taking};
   return session->table->report.n_kinds == 0 || (
     fm_bound_begin(&session->bound, &options) &&
     fm_bound_start(&session->bound, session->engine));

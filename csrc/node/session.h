@@ -23,25 +23,15 @@
 
 #include "session_parts.h"
 
-/// What `configure` has read from the parameters.
-struct fm_settings
-{
-  uint32_t handler_depth;             // messages
-  bool logs_violations;
-  const struct fm_fixed_qos * fixed;  // a topic: the bundle's, or of `qos_overrides`
-  struct fm_blackbox_settings blackbox;
-  enum fm_taking taking;              // what callbacks do: FM_LISTEN, FM_WAKE
-  bool publishes_verdicts;
-  bool has_margins;                   // they are published
-};
-
 /// Zeroed: no session. The functions below make and end what it holds.
 struct fm_session
 {
   const struct fm_node_table * table;
   struct fm_node * node;
   struct fm_node_clock * clock;
-  struct fm_settings settings;
+  const struct fm_parameters * parameters;
+  const struct fm_fixed_qos * fixed;  // a topic: the bundle's, or of `qos_overrides`
+  enum fm_taking taking;              // what callbacks do: FM_LISTEN, FM_WAKE
   struct fm_memory configured;        // freed by fm_session_release
   struct fm_memory active;            // freed by fm_session_deactivate
   rcl_publisher_t * handlers;         // a requirement
@@ -73,11 +63,15 @@ struct fm_session
   bool is_active;
 };
 
-/// Advertise the handlers and `copilot/violations`. Returns false, with the reason logged, and
-/// nothing is left. O(requirements).
+/// Advertise the handlers and `copilot/violations`, for the `place`-th table, as the parameters say,
+/// which do not change until the release. Returns false, with the reason logged, and nothing is
+/// left. O(requirements).
 bool fm_session_configure(
-  struct fm_session * session, const struct fm_node_table * table, struct fm_node * node,
-  struct fm_node_clock * clock, const struct fm_settings * settings);
+  struct fm_session * session, const struct fm_node_tables * tables, uint32_t place,
+  struct fm_node * node, struct fm_node_clock * clock, const struct fm_parameters * parameters);
+
+/// What callbacks do where no gate takes the messages, as the parameters say.
+enum fm_taking fm_taking_of(const struct fm_parameters * parameters);
 
 /// Start monitoring, without a past and without values. Returns false, with the reason logged, and
 /// nothing is left running.

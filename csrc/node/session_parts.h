@@ -33,6 +33,7 @@
 #include "keyed_topics.h"
 #include "log.h"
 #include "node_table.h"
+#include "parameters.h"
 #include "receiver.h"
 #include "relay.h"
 #include "reporter.h"
@@ -372,16 +373,6 @@ void fm_node_actions_end(struct fm_node_actions * actions);
 
 // ---- the black box -----------------------------------------------------------------------------
 
-/// What the parameters give.
-struct fm_blackbox_settings
-{
-  const char * folder;  // empty: there is no black box
-  double seconds;
-  uint64_t memory;
-  uint64_t files;
-  uint64_t disk;
-};
-
 /// Zeroed before fm_node_blackbox_begin; fm_node_blackbox_end frees all of it.
 struct fm_node_blackbox
 {
@@ -395,7 +386,7 @@ struct fm_node_blackbox
 /// outlive it. Returns false, with the reason logged. O(topics + memory).
 bool fm_node_blackbox_begin(
   struct fm_node_blackbox * box, struct fm_node * node, const struct fm_node_table * table,
-  const char * const * names, const struct fm_blackbox_settings * settings);
+  const char * const * names, const struct fm_parameters * parameters);
 
 /// Keep the messages of an engine, which delivers none yet. Returns false if no thread can be
 /// started.
