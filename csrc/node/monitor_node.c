@@ -205,22 +205,13 @@ static void release(void * context)
 
 // ---- services ----------------------------------------------------------------------------------
 
-static uint64_t groups_of(const struct fm_node_table * table)
-{
-  uint64_t n = table->scope.monitor()->n_groups;
-  for (uint32_t k = 0; k < table->report.n_kinds; ++k) {
-    n += table->kinds[k].scope.monitor()->n_groups;
-  }
-  return n;
-}
-
 // Returns how many step groups there are, of one instance.
 static uint64_t reset_all(struct fm_monitor_node * monitor)
 {
   uint64_t n_groups = 0;
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
     fm_engine_reset(monitor->sessions[k].engine);
-    n_groups += groups_of(monitor->tables->tables[k]);
+    n_groups += monitor->tables->tables[k]->n_groups;
   }
   return n_groups;
 }

@@ -12,7 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_gate.c: the gate of a bundle, on a topic or a service; see session_parts.h for the contract.
+/// node_gate.c: the gate of a bundle, on a topic or a service; see session_parts.h for the
+/// contract.
 
 #include <rcl/error_handling.h>
 #include <rcl/graph.h>
@@ -242,7 +243,7 @@ static struct fm_gate_options options_of(
 {
   const struct fm_report_gate * about = table->report.gate;
   return (struct fm_gate_options) {
-    .evaluator = evaluator, .monitor = table->scope.monitor(),
+    .evaluator = evaluator, .monitor = table->monitor(),
     .topics = table->report.topic_inputs,
     .n_topics = table->report.n_topics, .from = about->topic, .otherwise = about->otherwise,
     .hold = about->hold, .period = about->period, .passes_silent = about->passes_silent,

@@ -28,10 +28,12 @@
 #include "blackbox_file.h"
 #include "graph.h"
 #include "report_table.h"
+#include "scopes.h"
 #include "shared_names.h"
 #include "subscription.h"
 
 #define FM_DETAILS_TOPIC "copilot/violations"
+#define FM_PATIENCE_NS 500000  // a timeout found later may be put off once (evaluator.h)
 
 /// The function that returns the type support of a message type, for the table: it is declared
 /// here, so that the table includes no header of a message.
@@ -76,36 +78,6 @@ struct fm_node_gate_table
   int64_t timeout;                // ns, for which a request waits for its answer
 };
 
-/// What the evaluator of a scope needs: as in fm_evaluator_options.
-struct fm_node_scope
-{
-  const struct fm_monitor * (* monitor)(void);
-  const struct fm_topic * topics;
-  const uint8_t * reports;
-  const uint8_t * sources;
-  const int64_t * timeouts;
-  const bool * violates;
-  const int64_t * startups;
-  const int64_t * windows;
-  const uint32_t * rooms;
-  const struct fm_tests * (* tests)(void);  // NULL: none
-  const struct fm_margins * (* margins)(void);  // NULL: none
-};
-
-/// A kind of instances; what fm_report_kind has is not repeated. As in fm_kind.
-struct fm_node_kind
-{
-  const struct fm_outputs * (* outputs)(void);  // NULL: none
-  struct fm_node_scope scope;
-  const uint8_t * concerns;
-  const uint32_t * of_base;
-  uint32_t base;
-  const struct fm_half * halves;
-  const struct fm_key * listed;
-  uint32_t n_listed;
-  int64_t forget;
-};
-
 /// Names of topics and services as written, which the node resolves and compares.
 struct fm_used_names
 {
@@ -125,8 +97,10 @@ struct fm_node_table
   const char * const * warnings;  // about the bundle
   uint32_t n_warnings;
   const char * judged_by_gates;  // of the log: requirements that are left to gates; may be ""
-  struct fm_node_scope scope;  // of the bundle
-  const struct fm_node_kind * kinds;  // as many as in the report
+  const struct fm_monitor * (* monitor)(void);  // of the bundle's scope
+  /// Fill in the options of evaluators (of the bundle's scope, then of each kind) and the kinds.
+  void (* describe)(struct fm_evaluator_options * options, struct fm_kind * kinds);
+  uint64_t n_groups;       // step groups of all these, of one instance
   const struct fm_aggregate * aggregates;
   uint32_t n_aggregates;
   const struct fm_readers * (* readers)(void);  // NULL: no topics

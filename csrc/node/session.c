@@ -32,8 +32,6 @@
 #include "verdict_thread.h"
 #include "words.h"
 
-#define PATIENCE_NS 500000     // a timeout found later may be put off once (evaluator.h)
-
 // ---- what is advertised ------------------------------------------------------------------------
 
 // The full names of the topics that the node uses, first those of the inputs. Returns false, with
@@ -229,33 +227,10 @@ void fm_session_release(struct fm_session * session)
 
 // ---- the engine --------------------------------------------------------------------------------
 
-static struct fm_evaluator_options options_of(
-  const struct fm_node_table * table, const struct fm_node_scope * scope)
-{
-  return (struct fm_evaluator_options) {
-    .monitor = scope->monitor(),
-    .topics = scope->topics, .n_topics = table->report.n_topics,
-    .policy = table->report.policy, .reports = scope->reports, .timeouts = scope->timeouts,
-    .violates = scope->violates, .period = table->report.period, .patience = PATIENCE_NS,
-    .sources = scope->sources, .reports_recoveries = true, .startups = scope->startups,
-    .windows = scope->windows, .rooms = scope->rooms,
-    .tests = scope->tests == NULL ? NULL : scope->tests(),
-    .margins = scope->margins == NULL ? NULL : scope->margins()};
-}
-
-static struct fm_evaluator * make_evaluator(struct fm_session * session)
-{
-  const struct fm_node_table * table = session->table;
-  const struct fm_evaluator_options options = options_of(table, &table->scope);
-  const uint64_t bytes = fm_evaluator_bytes(&options);
-  void * memory = bytes == 0 ? NULL : fm_reserve(&session->active, (size_t)bytes, 1);
-  return memory == NULL ? NULL : fm_evaluator_init(memory, &options);
-}
-
 static void set_initial(
   const struct fm_node_table * table, struct fm_evaluator * evaluator, struct fm_scopes * scopes)
 {
-  for (uint32_t k = 0; k < table->scope.monitor()->n_inputs; ++k) {
+  for (uint32_t k = 0; k < table->monitor()->n_inputs; ++k) {
     if (table->report.inputs[k].has_initial) {
       fm_evaluator_initial(evaluator, k, table->report.inputs[k].initial);
     }
@@ -267,23 +242,6 @@ static void set_initial(
         fm_scopes_initial(scopes, kind, k, about->inputs[k].initial);
       }
     }
-  }
-}
-
-static void describe_kinds(
-  const struct fm_node_table * table, struct fm_evaluator_options * options,
-  struct fm_kind * kinds)
-{
-  for (uint32_t k = 0; k < table->report.n_kinds; ++k) {
-    const struct fm_node_kind * kind = &table->kinds[k];
-    const struct fm_report_kind * about = &table->report.kinds[k];
-    options[k] = options_of(table, &kind->scope);
-    kinds[k] = (struct fm_kind) {
-      .options = &options[k], .outputs = kind->outputs == NULL ? NULL : kind->outputs(),
-      .concerns = kind->concerns, .keyed = about->keyed, .shared = about->shared,
-      .of_base = kind->of_base, .base = kind->base, .halves = kind->halves,
-      .listed = kind->listed, .n_listed = kind->n_listed, .most = about->most,
-      .forget = kind->forget};
   }
 }
 
@@ -300,21 +258,15 @@ static void make_seed(uint64_t seed[2])
   }
 }
 
-static struct fm_scopes * make_scopes(struct fm_session * session)
+static struct fm_scopes * make_scopes(
+  struct fm_session * session, const struct fm_evaluator_options * options,
+  const struct fm_kind * kinds)
 {
   const struct fm_node_table * table = session->table;
-  const uint32_t n = table->report.n_kinds;
-  const struct fm_evaluator_options bundle = options_of(table, &table->scope);
-  struct fm_evaluator_options * options = fm_reserve(&session->active, n, sizeof(*options));
-  struct fm_kind * kinds = fm_reserve(&session->active, n, sizeof(*kinds));
-  if (session->active.is_short) {
-    return NULL;
-  }
-  describe_kinds(table, options, kinds);
   uint64_t seed[2];
   make_seed(seed);
   const struct fm_scopes_options all = {
-    .bundle = &bundle, .kinds = kinds, .n_kinds = n,
+    .bundle = options, .kinds = kinds, .n_kinds = table->report.n_kinds,
     .n_aggregates = table->n_aggregates, .aggregates = table->aggregates, .seed = seed};
   const uint64_t bytes = fm_scopes_bytes(&all);
   void * memory = bytes == 0 ? NULL : fm_reserve(&session->active, (size_t)bytes, 1);
@@ -322,6 +274,14 @@ static struct fm_scopes * make_scopes(struct fm_session * session)
     fm_use_large_pages(memory, bytes);
   }
   return memory == NULL ? NULL : fm_scopes_init(memory, &all);
+}
+
+static struct fm_evaluator * make_evaluator(
+  struct fm_session * session, const struct fm_evaluator_options * options)
+{
+  const uint64_t bytes = fm_evaluator_bytes(options);
+  void * memory = bytes == 0 ? NULL : fm_reserve(&session->active, (size_t)bytes, 1);
+  return memory == NULL ? NULL : fm_evaluator_init(memory, options);
 }
 
 // The names of nodes are resolved.
@@ -339,18 +299,26 @@ static bool follow_derived(struct fm_session * session)
 static bool make_engine(struct fm_session * session)
 {
   const struct fm_node_table * table = session->table;
-  const bool has_instances = table->report.n_kinds > 0;
-  struct fm_scopes * scopes = has_instances ? make_scopes(session) : NULL;
-  struct fm_evaluator * evaluator = !has_instances ? make_evaluator(session) :
-    scopes == NULL ? NULL : fm_scopes_bundle(scopes);
+  const uint32_t n = table->report.n_kinds;
+  struct fm_evaluator_options * of_evaluators =
+    fm_reserve(&session->active, n + 1u, sizeof(*of_evaluators));
+  struct fm_kind * kinds = fm_reserve(&session->active, n, sizeof(*kinds));
+  struct fm_scopes * scopes = NULL;
+  struct fm_evaluator * evaluator = NULL;
+  if (!session->active.is_short) {
+    table->describe(of_evaluators, kinds);
+    scopes = n > 0 ? make_scopes(session, of_evaluators, kinds) : NULL;
+    evaluator = n == 0 ? make_evaluator(session, of_evaluators) :
+      scopes == NULL ? NULL : fm_scopes_bundle(scopes);
+  }
   if (evaluator != NULL) {
     set_initial(table, evaluator, scopes);
   }
   const struct fm_engine_options options = {
-    .evaluator = evaluator, .scopes = scopes, .monitor = table->scope.monitor(),
+    .evaluator = evaluator, .scopes = scopes, .monitor = table->monitor(),
     .readers = table->readers == NULL ? NULL : table->readers(),
     .topics = table->report.topic_inputs, .n_topics = table->report.n_topics,
-    .sources = table->scope.sources,
+    .sources = evaluator == NULL ? NULL : of_evaluators[0].sources,
     .uses_header_stamps = table->report.uses_header_stamps, .reorder = table->report.reorder,
     .takes_recoveries = false};
   session->engine = options.evaluator == NULL ? NULL : fm_engine_create(&options);
@@ -481,7 +449,7 @@ bool fm_session_activate(struct fm_session * session)
     return false;
   }
   session->reporter = (struct fm_reporter) {
-    &session->table->report, session->table->scope.monitor(), session->engine,
+    &session->table->report, session->table->monitor(), session->engine,
     rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
     session->shown_names};
   fm_engine_follow_steady(session->engine);

@@ -63,9 +63,9 @@ struct fm_session
   bool is_active;
 };
 
-/// Advertise the handlers and `copilot/violations`, for the `place`-th table, as the parameters say,
-/// which do not change until the release. Returns false, with the reason logged, and nothing is
-/// left. O(requirements).
+/// Advertise the handlers and `copilot/violations`, for the `place`-th table, as the parameters
+/// say, which do not change until the release. Returns false, with the reason logged, and nothing
+/// is left. O(requirements).
 bool fm_session_configure(
   struct fm_session * session, const struct fm_node_tables * tables, uint32_t place,
   struct fm_node * node, struct fm_node_clock * clock, const struct fm_parameters * parameters);

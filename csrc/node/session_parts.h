@@ -153,9 +153,9 @@ struct fm_node_gate
   struct fm_service_gate service;
 };
 
-/// Let the gate of the table judge for an engine of this evaluator. The names outlive the gate; the
-/// memory, of which some is reserved, outlives the engine. Returns false, with the reason logged.
-/// O(bytes).
+/// Let the gate of the table judge for an engine of this evaluator. The names outlive the gate;
+/// the memory, of which some is reserved, outlives the engine. Returns false, with the reason
+/// logged. O(bytes).
 bool fm_node_gate_guard(
   struct fm_node_gate * gate, struct fm_node * node, const struct fm_node_table * table,
   struct fm_engine * engine, struct fm_evaluator * evaluator, struct fm_memory * memory,

@@ -157,40 +157,59 @@ def _scope(manifest: Manifest, n_reported: int, prefix: str = '') -> Iterator[st
         yield from _array(kind, f'{prefix}{name}', items)
 
 
-def _scope_value(manifest: Manifest, topics: str, prefix: str = '') -> str:
-    return ', '.join((f'{{{manifest.symbol}', topics, *(f'{prefix}{name}' for name in _ARRAYS),
-                      manifest.tests or 'NULL', manifest.margins or 'NULL')) + '}'
+def _options(manifest: Manifest, topics: str, terms: Sequence[str], prefix: str = '') -> str:
+    """Return the `struct fm_evaluator_options` of a scope."""
+    return ',\n    '.join((
+        f'{{\n    .monitor = {manifest.symbol}()', f'.topics = {topics}', *terms,
+        '.patience = FM_PATIENCE_NS', '.reports_recoveries = true',
+        *(f'.{name} = {prefix}{name}' for name in _ARRAYS),
+        *(f'.{name} = {f"{symbol}()" if symbol else "NULL"}'
+          for name, symbol in (('tests', manifest.tests), ('margins', manifest.margins))))) + '}'
 
 
 def _kinds(manifest: Manifest) -> Iterator[str]:
-    """Yield the kinds of instances, and the values over them."""
-    items = []
+    """Yield the arrays of the kinds of instances, and the values over them."""
     for place, kind in enumerate(manifest.kinds):
         prefix = f'kind_{place}_'
         yield from _scope(kind.manifest, kind.n_reported, prefix)
-        topics, arrays = initializer(fed_inputs(kind.manifest), f'{prefix}topics')
-        yield from arrays
+        yield from initializer(fed_inputs(kind.manifest), f'{prefix}topics')[1]
         yield from _array('uint8_t', f'{prefix}concerns', (
             f'{concern}u' for concern in concerns(manifest, place)))
         of_base = manifest.of_base(place)
         if of_base is not None:
             yield from _array('uint32_t', f'{prefix}of_base', (
                 f'{NONE if item is None else item}u' for item in of_base))
-        keys = manifest.listed(place)
-        yield from _array('struct fm_key', f'{prefix}listed', map(_key, keys))
-        halves = manifest.halves(place)
-        yield from _halves(halves, prefix)
-        scope = _scope_value(kind.manifest, topics, prefix)
-        items.append(', '.join((
-            f'{{{kind.manifest.outputs or "NULL"}', scope, f'{prefix}concerns',
-            f'{prefix}of_base' if of_base else 'NULL', f'{manifest.base_of(place)}u',
-            f'{prefix}halves' if halves else 'NULL', f'{prefix}listed', f'{len(keys)}u',
-            f'INT64_C({manifest.forget(place)})}}')))
-    # Of none: {0} would lack the braces of the scope.
-    yield from _array('struct fm_node_kind', 'kinds', items or ['{.forget = 0}'])
+        yield from _array('struct fm_key', f'{prefix}listed', map(_key, manifest.listed(place)))
+        yield from _halves(manifest.halves(place), prefix)
     yield from _array('struct fm_aggregate', 'aggregates', (
         f'{{{item.kind}u, {OPERATIONS[item.function]}, {manifest.operand_of(item)}u, '
         f'{item.input}u}}' for item in manifest.aggregates))
+
+
+def _describe(manifest: Manifest, topics: str, terms: Sequence[str], table: str) -> Iterator[str]:
+    """Yield the function `describe`: the options of all evaluators, and the kinds of instances."""
+    yield 'static void describe(struct fm_evaluator_options * options, struct fm_kind * kinds)'
+    yield '{'
+    yield f'  options[0] = (struct fm_evaluator_options) {_options(manifest, topics, terms)};'
+    if not manifest.kinds:
+        yield '  (void)kinds;'
+    for place, kind in enumerate(manifest.kinds):
+        prefix = f'kind_{place}_'
+        of_topics = initializer(fed_inputs(kind.manifest), f'{prefix}topics')[0]
+        options = _options(kind.manifest, of_topics, terms, prefix)
+        of_base = 'NULL' if manifest.of_base(place) is None else f'{prefix}of_base'
+        yield f'  options[{place + 1}] = (struct fm_evaluator_options) {options};'
+        yield f'  kinds[{place}] = (struct fm_kind) {{\n    ' + ',\n    '.join((
+            f'.options = &options[{place + 1}]',
+            f'.outputs = {f"{kind.manifest.outputs}()" if kind.manifest.outputs else "NULL"}',
+            *(f'.{name} = {table}.report.kinds[{place}].{name}'
+              for name in ('keyed', 'shared', 'most')),
+            f'.concerns = {prefix}concerns', f'.of_base = {of_base}',
+            f'.base = {manifest.base_of(place)}u',
+            f'.halves = {f"{prefix}halves" if manifest.halves(place) else "NULL"}',
+            f'.listed = {prefix}listed', f'.n_listed = {len(manifest.listed(place))}u',
+            f'.forget = INT64_C({manifest.forget(place)})')) + '};'
+    yield '}'
 
 
 def _halves(halves: Sequence[ManifestHalf], prefix: str) -> Iterator[str]:
@@ -297,6 +316,8 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
                           for use in uses_of(manifest)],
                          [*types_of(manifest, place.number + 1)])
     yield from arrays
+    n_groups = sum(len(item.groups) for item in (
+        manifest, *(kind.manifest for kind in manifest.kinds)))
     fields = {
         'names': used,
         'bundle': _text(place.bundle),
@@ -306,8 +327,9 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
         'n_warnings': f'{n_warnings}u',
         'judged_by_gates': _text(judged_by_gates(
             manifest.kept, f'spec:={origin}' if origin else FOLDER_OF_EACH)),
-        'scope': _scope_value(manifest, report['topic_inputs']),
-        'kinds': 'kinds',
+        'monitor': manifest.symbol,
+        'describe': 'describe',
+        'n_groups': f'{n_groups}u',
         'aggregates': 'aggregates',
         'n_aggregates': f'{len(manifest.aggregates)}u',
         'gate': 'gate' if manifest.gate else 'NULL',
@@ -323,8 +345,13 @@ def _table(manifest: Manifest, origin: str, n_warnings: int,
         **{name: name for name in (
             'topics', 'end_definition', 'action_types', 'in_blackbox')},
     }
-    yield f'extern const struct fm_node_table fm_node_table_{place.number};'
-    yield f'const struct fm_node_table fm_node_table_{place.number} = {{'
+    table = f'fm_node_table_{place.number}'
+    terms = [f'.{name} = {report[name]}' for name in ('n_topics', 'policy', 'period')]
+    yield f'extern const struct fm_node_table {table};'
+    yield ''
+    yield from _describe(manifest, report['topic_inputs'], terms, table)
+    yield ''
+    yield f'const struct fm_node_table {table} = {{'
     yield '  .report = {'
     yield from (f'    .{name} = {value},' for name, value in report.items())
     yield '  },'
