@@ -548,14 +548,15 @@ static void declare(
     item->settable, is_used ? &given->value : &item->usual);
 }
 
-// The constant of a name in one of the bundles; NULL: it has none.
-static const struct fm_constant * find_constant(
-  const struct fm_node_table * table, const char * name)
+// The `k`-th constant of all bundles; NULL: there are fewer.
+static const struct fm_constant * constant_at(const struct fm_parameters * parameters, uint32_t k)
 {
-  for (uint32_t k = 0; k < table->report.n_constants; ++k) {
-    if (strcmp(table->report.constants[k].name, name) == 0) {
-      return &table->report.constants[k];
+  for (uint32_t t = 0; t < parameters->tables->n; ++t) {
+    const struct fm_report_table * table = &parameters->tables->tables[t]->report;
+    if (k < table->n_constants) {
+      return &table->constants[k];
     }
+    k -= table->n_constants;
   }
   return NULL;
 }
@@ -565,15 +566,14 @@ static bool has_other_value(
   const struct fm_parameters * parameters, const struct fm_constant * constant)
 {
   const fm_parameter_value value = value_of_constant(constant->value);
-  for (uint32_t k = 0; k < parameters->tables->n; ++k) {
-    const struct fm_constant * other =
-      find_constant(parameters->tables->tables[k], constant->name);
-    const fm_parameter_value its = value_of_constant(other == NULL ? "" : other->value);
-    if (other != NULL && !are_equal(&its, &value)) {
-      return true;
-    }
+  const struct fm_constant * other;
+  bool is_other = false;
+  for (uint32_t k = 0; (other = constant_at(parameters, k)) != NULL; ++k) {
+    const fm_parameter_value its = value_of_constant(other->value);
+    is_other = is_other ||
+      (strcmp(other->name, constant->name) == 0 && !are_equal(&its, &value));
   }
-  return false;
+  return is_other;
 }
 
 static void declare_constant(
@@ -597,34 +597,23 @@ static void declare_constant(
   fm_text_free(&name);
 }
 
-static void declare_constants(
-  struct fm_parameters * parameters, const struct fm_report_table * table,
-  struct fm_text * problems)
-{
-  for (uint32_t k = 0; k < table->n_constants; ++k) {
-    declare_constant(parameters, &table->constants[k], problems);
-  }
-}
-
 static bool is_constant(const struct fm_parameters * parameters, const char * name)
 {
-  for (uint32_t k = 0; k < parameters->tables->n; ++k) {
-    if (find_constant(parameters->tables->tables[k], name) != NULL) {
-      return true;
-    }
+  const struct fm_constant * constant;
+  bool is_one = false;
+  for (uint32_t k = 0; (constant = constant_at(parameters, k)) != NULL; ++k) {
+    is_one = is_one || strcmp(constant->name, name) == 0;
   }
-  return false;
+  return is_one;
 }
 
 static void refuse_unknown_constants(
   const struct fm_parameters * parameters, struct fm_text * problems)
 {
   struct fm_text names = {NULL, 0, 0};
-  for (uint32_t t = 0; t < parameters->tables->n; ++t) {
-    const struct fm_report_table * table = &parameters->tables->tables[t]->report;
-    for (uint32_t k = 0; k < table->n_constants; ++k) {
-      fm_text_list(&names, ", ", table->constants[k].name);
-    }
+  const struct fm_constant * constant;
+  for (uint32_t k = 0; (constant = constant_at(parameters, k)) != NULL; ++k) {
+    fm_text_list(&names, ", ", constant->name);
   }
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
@@ -666,8 +655,9 @@ void fm_parameters_begin(
   for (size_t k = 0; k < N_DESCRIBED; ++k) {
     declare(parameters, &described[k], problems);
   }
-  for (uint32_t k = 0; k < tables->n; ++k) {
-    declare_constants(parameters, &tables->tables[k]->report, problems);
+  const struct fm_constant * constant;
+  for (uint32_t k = 0; (constant = constant_at(parameters, k)) != NULL; ++k) {
+    declare_constant(parameters, constant, problems);
   }
   refuse_unknown_constants(parameters, problems);
   refuse_metrics(parameters, problems);
