@@ -412,7 +412,7 @@ static bool subscribe_all(struct fm_session * session)
   const bool has_more = table->gate != NULL && !table->report.gate->is_service &&
     table->report.gate->topic == table->report.n_topics;
   const uint32_t n = table->report.n_topics + (has_more ? 1u : 0u);
-  session->topics = calloc(n + 1u, sizeof(*session->topics));
+  session->topics = fm_reserve(&session->active, n, sizeof(*session->topics));
   if (session->topics == NULL) {
     return false;
   }
@@ -480,8 +480,6 @@ void fm_session_deactivate(struct fm_session * session)
     is_over = fm_topic_close(&session->topics[k]) && is_over;
   }
   is_over = fm_bound_end(&session->bound) && is_over;
-  free(session->topics);
-  session->topics = NULL;
   session->n_topics = 0;
   fm_node_gate_stop(&session->gate);
   if (session->engine != NULL) {
@@ -499,6 +497,7 @@ void fm_session_deactivate(struct fm_session * session)
     }
     fm_memory_free(&session->active);
   }
+  session->topics = NULL;
   session->engine = NULL;
   session->active = (struct fm_memory) {NULL, false};
 }
