@@ -154,19 +154,23 @@ static uint32_t place_of_own(
   return found;
 }
 
-static char * name_of(const struct fm_gate_target * state, const struct fm_offer * offer)
+static const char * name_of(
+  const struct fm_gate_target * state, const struct fm_offer * offer, struct fm_memory * memory)
 {
   struct fm_text name = {NULL, 0, 0};
   fm_text_add(&name, "%s", is_of_this_node(state, offer) ? "another " : "");
   fm_offer_name(&name, offer);
-  return name.bytes;
+  const char * copy = fm_reserve_text(memory, fm_text_get(&name));
+  fm_text_free(&name);
+  return copy;
 }
 
 void fm_gate_target_look(
   struct fm_gate_target * state, const struct fm_offer * offers, uint32_t n)
 {
   const uint32_t own = place_of_own(state, offers, n);
-  char ** names = calloc(n + 1u, sizeof(*names));
+  struct fm_memory memory = {NULL, false};
+  const char ** names = fm_reserve(&memory, n, sizeof(*names));
   bool has_unnamed = false;
   uint32_t n_names = 0;
   for (uint32_t k = 0; names != NULL && k < n; ++k) {
@@ -176,18 +180,14 @@ void fm_gate_target_look(
     const bool is_unnamed = fm_offer_is_unnamed(&offers[k]);
     has_unnamed = has_unnamed || is_unnamed;
     if (!is_unnamed || state->unnamed_looks >= UNNAMED_LOOKS) {
-      names[n_names] = name_of(state, &offers[k]);
-      n_names += names[n_names] != NULL ? 1u : 0u;
+      names[n_names++] = name_of(state, &offers[k], &memory);
     }
   }
   state->unnamed_looks = has_unnamed ? state->unnamed_looks + 1u : 0;
-  if (names != NULL) {
+  if (!memory.is_short) {
     fm_text_sort(&state->others, names, n_names);
   }
-  for (uint32_t k = 0; k < n_names; ++k) {
-    free(names[k]);
-  }
-  free(names);
+  fm_memory_free(&memory);
 }
 
 const char * fm_gate_target_others(const struct fm_gate_target * state)

@@ -31,8 +31,8 @@
 struct publisher
 {
   uint8_t gid[FM_GID_BYTES];
-  char * who;   // the full name of its node, or that it is not known
-  char * type;
+  const char * who;   // the full name of its node, or that it is not known
+  const char * type;
   bool is_named;
   bool is_ours;  // of the topic's type
   bool is_reliable;
@@ -43,11 +43,13 @@ struct publisher
 
 struct fm_subscription
 {
-  char * topic;
-  char * type;
+  struct fm_memory names;  // these two
+  const char * topic;
+  const char * type;
   struct fm_fixed_qos fixed;
   struct fm_request current;
   struct fm_request wanted;
+  struct fm_memory noted;         // the next, and what they point to
   struct publisher * publishers;  // those of the last review
   uint32_t n_publishers;
   bool has_new;           // publishers for which the subscription was not checked yet
@@ -127,24 +129,15 @@ struct fm_subscription * fm_subscription_create(
   if (state == NULL) {
     return NULL;
   }
-  state->topic = fm_copy_of(topic);
-  state->type = fm_copy_of(type);
+  state->topic = fm_reserve_text(&state->names, topic);
+  state->type = fm_reserve_text(&state->names, type);
   state->fixed = *fixed;
   state->current = wanted_request(state);
-  if (state->topic == NULL || state->type == NULL) {
+  if (state->names.is_short) {
     fm_subscription_destroy(state);
     return NULL;
   }
   return state;
-}
-
-static void free_publishers(struct publisher * publishers, uint32_t n)
-{
-  for (uint32_t k = 0; k < n; ++k) {
-    free(publishers[k].who);
-    free(publishers[k].type);
-  }
-  free(publishers);
 }
 
 void fm_subscription_destroy(struct fm_subscription * state)
@@ -152,13 +145,12 @@ void fm_subscription_destroy(struct fm_subscription * state)
   if (state == NULL) {
     return;
   }
-  free_publishers(state->publishers, state->n_publishers);
+  fm_memory_free(&state->noted);
+  fm_memory_free(&state->names);
   fm_text_free(&state->logged_types);
   fm_text_free(&state->unmatched);
   fm_text_free(&state->other_types);
   free(state->ends);
-  free(state->topic);
-  free(state->type);
   free(state);
 }
 
@@ -204,28 +196,23 @@ void fm_offer_name(struct fm_text * text, const struct fm_offer * offer)
   }
 }
 
-static char * who_is(const struct fm_offer * offer)
-{
-  struct fm_text name = {NULL, 0, 0};
-  fm_offer_name(&name, offer);
-  return name.bytes;
-}
-
-// Returns false if memory is short.
-static bool note_publisher(
+static void note_publisher(
   const struct fm_subscription * state, const struct fm_offer * offer, int64_t now,
-  struct publisher * noted)
+  struct fm_memory * memory, struct publisher * noted)
 {
   const struct publisher * before = find(state, offer->gid);
+  struct fm_text name = {NULL, 0, 0};
+  fm_offer_name(&name, offer);
   *noted = (struct publisher) {
-    .who = who_is(offer), .type = fm_copy_of(offer->type),
+    .who = fm_reserve_text(memory, fm_text_get(&name)),
+    .type = fm_reserve_text(memory, offer->type),
     .is_named = !fm_offer_is_unnamed(offer),
     .is_ours = strcmp(offer->type, state->type) == 0,
     .is_reliable = offer->is_reliable, .is_durable = offer->is_durable,
     .is_logged = before != NULL && before->is_logged,
     .since = before != NULL ? before->since : now};
   memcpy(noted->gid, offer->gid, FM_GID_BYTES);
-  return noted->who != NULL && noted->type != NULL;
+  fm_text_free(&name);
 }
 
 // Remember these publishers, in place of those of the last review. Returns false if memory is
@@ -234,18 +221,18 @@ static bool note_publishers(
   struct fm_subscription * state, const struct fm_offer * offers, uint32_t n, int64_t now)
 {
   bool has_new = state->has_new;
-  struct publisher * noted = calloc(n + 1u, sizeof(*noted));
+  struct fm_memory memory = {NULL, false};
+  struct publisher * noted = fm_reserve(&memory, n, sizeof(*noted));
   for (uint32_t k = 0; noted != NULL && k < n; ++k) {
-    if (!note_publisher(state, &offers[k], now, &noted[k])) {
-      free_publishers(noted, n);
-      return false;
-    }
+    note_publisher(state, &offers[k], now, &memory, &noted[k]);
     has_new = has_new || (noted[k].is_ours && find(state, noted[k].gid) == NULL);
   }
-  if (noted == NULL) {
+  if (memory.is_short) {
+    fm_memory_free(&memory);
     return false;
   }
-  free_publishers(state->publishers, state->n_publishers);
+  fm_memory_free(&state->noted);
+  state->noted = memory;
   state->publishers = noted;
   state->n_publishers = n;
   state->has_new = has_new;
@@ -462,11 +449,11 @@ static void log_losses(
 
 static void note_mismatches(struct fm_subscription * state)
 {
-  char ** words = calloc(2u * state->n_publishers + 1u, sizeof(*words));
+  const char ** words = calloc(2u * state->n_publishers + 1u, sizeof(*words));
   if (words == NULL) {
     return;
   }
-  char ** types = words + state->n_publishers;
+  const char ** types = words + state->n_publishers;
   uint32_t n_words = 0;
   uint32_t n_types = 0;
   for (uint32_t k = 0; k < state->n_publishers; ++k) {

@@ -97,10 +97,10 @@ void fm_text_list(struct fm_text * text, const char * separator, const char * wo
 
 static int compare_words(const void * one, const void * other)
 {
-  return strcmp(*(char * const *)one, *(char * const *)other);
+  return strcmp(*(const char * const *)one, *(const char * const *)other);
 }
 
-void fm_text_sort(struct fm_text * text, char ** words, uint32_t n)
+void fm_text_sort(struct fm_text * text, const char ** words, uint32_t n)
 {
   fm_text_clear(text);
   qsort(words, n, sizeof(*words), compare_words);

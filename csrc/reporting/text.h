@@ -57,7 +57,7 @@ FM_PRINTF(3, 4);
 void fm_text_list(struct fm_text * text, const char * separator, const char * word);
 
 /// Replace the text by `n` words, sorted, each once, with commas; sorts `words`. O(n log n).
-void fm_text_sort(struct fm_text * text, char ** words, uint32_t n);
+void fm_text_sort(struct fm_text * text, const char ** words, uint32_t n);
 
 /// Add bytes that somebody sent: each byte outside characters of UTF-8 that can be shown is
 /// a '?'.
