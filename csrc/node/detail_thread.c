@@ -12,11 +12,11 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// detail_thread.c: see session_parts.h for the contract.
+/// detail_thread.c: see session.h for the contract.
 
 #define _POSIX_C_SOURCE 200809L
 
-#include "session_parts.h"
+#include "session.h"
 
 #include <pthread.h>
 #include <stdlib.h>

@@ -31,7 +31,7 @@
 #include "endpoints.h"
 #include "rmw_functions.h"
 #include "scheduling.h"
-#include "session_parts.h"
+#include "session.h"
 #include "start_lines.h"
 #include "words.h"
 

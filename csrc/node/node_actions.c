@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_actions.c: see session_parts.h for the contract.
+/// node_actions.c: see session.h for the contract.
 
-#include "session_parts.h"
+#include "session.h"
 
 #include <lifecycle_msgs/srv/change_state.h>
 #include <lifecycle_msgs/srv/get_state.h>

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_clock.c: see session_parts.h for the contract.
+/// node_clock.c: see session.h for the contract.
 
-#include "session_parts.h"
+#include "session.h"
 
 #include <rcl/error_handling.h>
 #include <rmw/qos_profiles.h>

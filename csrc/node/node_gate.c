@@ -12,7 +12,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_gate.c: the gate of a bundle, on a topic or a service; see session_parts.h for the
+/// node_gate.c: the gate of a bundle, on a topic or a service; see session.h for the
 /// contract.
 
 #include <rcl/error_handling.h>
@@ -24,7 +24,7 @@
 
 #include "endpoints.h"
 #include "rmw_functions.h"
-#include "session_parts.h"
+#include "session.h"
 #include "start_lines.h"
 #include "words.h"
 

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// node_graph.c: see session_parts.h for the contract.
+/// node_graph.c: see session.h for the contract.
 
-#include "session_parts.h"
+#include "session.h"
 
 #include <lifecycle_msgs/srv/get_state.h>
 #include <rcl_interfaces/srv/get_parameters.h>

@@ -26,19 +26,23 @@
 #include "endpoints.h"
 #include "words.h"
 
-static struct fm_blackbox_facts blackbox_facts(const struct fm_session * session)
+// The black box of the facts is `written`.
+static struct fm_facts facts_of(
+  const struct fm_session * session, struct fm_blackbox_facts * written)
 {
-  const struct fm_blackbox_facts none = {0, 0, 0, 0, 0};
-  return session->blackbox.writer == NULL ? none :
-         fm_blackbox_writer_facts(session->blackbox.writer);
+  const bool has_blackbox = session->blackbox.writer != NULL;
+  if (has_blackbox) {
+    *written = fm_blackbox_writer_facts(session->blackbox.writer);
+  }
+  return (struct fm_facts) {
+    .now = fm_steady_now(), .actions = session->actions.counts,
+    .blackbox = has_blackbox ? written : NULL};
 }
 
 bool fm_health_begin(struct fm_health * health, struct fm_session * session)
 {
-  const struct fm_blackbox_facts written = blackbox_facts(session);
-  const struct fm_facts facts = {
-    .now = fm_steady_now(), .actions = session->actions.counts,
-    .blackbox = session->blackbox.writer == NULL ? NULL : &written};
+  struct fm_blackbox_facts written;
+  const struct fm_facts facts = facts_of(session, &written);
   memset(health, 0, sizeof(*health));
   health->session = session;
   health->review = fm_review_create(&session->reporter, &facts);
@@ -77,18 +81,14 @@ static struct fm_publishers publishers_of(const struct fm_session * session, uin
 static void look(struct fm_health * health)
 {
   const struct fm_session * session = health->session;
-  const struct fm_node_clock * clock = session->clock;
-  const struct fm_blackbox_facts written = blackbox_facts(session);
-  const bool has_gate = fm_node_gate_is_running(&session->gate);
-  if (has_gate) {
+  struct fm_blackbox_facts written;
+  struct fm_facts facts = facts_of(session, &written);
+  facts.topics = health->topics;
+  facts.waits_for_clock = session->clock->is_simulated && fm_clock_now(session->clock) <= 0;
+  if (fm_node_gate_is_running(&session->gate)) {
     health->gate = fm_node_gate_facts(&session->gate);
+    facts.gate = &health->gate;
   }
-  const struct fm_facts facts = {
-    .now = fm_steady_now(), .topics = health->topics,
-    .actions = session->actions.counts,
-    .blackbox = session->blackbox.writer == NULL ? NULL : &written,
-    .gate = has_gate ? &health->gate : NULL,
-    .waits_for_clock = clock->is_simulated && fm_clock_now(clock) <= 0};
   for (uint32_t k = 0; k < session->n_topics; ++k) {
     health->topics[k] = publishers_of(session, k);
   }

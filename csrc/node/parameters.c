@@ -26,7 +26,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "session_parts.h"
+#include "session.h"
 #include "words.h"
 
 #define OVERRIDES "qos_overrides."

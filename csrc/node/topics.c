@@ -13,7 +13,7 @@
 // limitations under the License.
 
 /// topics.c: the subscriptions to topics of a bundle, also to those with a variable in their
-/// names; see session_parts.h for the contract.
+/// names; see session.h for the contract.
 
 #include <rcl/error_handling.h>
 #include <rmw/qos_profiles.h>
@@ -22,7 +22,7 @@
 
 #include "endpoints.h"
 #include "rmw_functions.h"
-#include "session_parts.h"
+#include "session.h"
 #include "words.h"
 
 // ---- subscriptions -----------------------------------------------------------------------------

@@ -12,9 +12,9 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// used_names.c: see session_parts.h for the contract.
+/// used_names.c: see session.h for the contract.
 
-#include "session_parts.h"
+#include "session.h"
 
 #include <string.h>
 
