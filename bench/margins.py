@@ -20,15 +20,17 @@ values of the inputs, and random walks. Times are of the processor, the median o
 ratio is the median of the rounds'. Under `timed` messages are 10 ms apart, and each deadline
 between two is evaluated. If reelay, rtamt and mstlo (PyPI: mstlo-python) are installed, they
 answer the same questions with their margins (robustness) through their Python bindings, the only
-interface of their wheels; ours are then called from Python, too.
+interface of their wheels; ours are called from Python, too (`margin_step`). All loops do nothing
+but the calls.
 
     python -m bench.margins
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
+import math
 from pathlib import Path
 from random import Random
 from statistics import median
@@ -40,7 +42,7 @@ from bench.run import ROUNDS
 from fret_monitor.build import compile_monitor, generate_monitor, GeneratedMonitor, read
 from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import Monitor
-from fret_monitor.runtime.evaluator import Evaluator
+from fret_monitor.runtime import margin_step
 from fret_monitor.traces.benchmark import Inputs, StepTimer
 
 FORMULAS = ('H (x > 3 -> y < 8)', 'H[0,1000 TICKS] x > 0',
@@ -53,8 +55,9 @@ requirements: [{id: R, ptltl: "FORMULA"}]
 """
 POLICIES = {'every_message': '', 'timed': '0 ms'}
 ROWS = 10_000
-LONGEST_S = 5.0
-PEER_STEPS = 50_000
+LONGEST_S = 5.0  # to fill the windows
+FULL_STEPS = 1_200
+PEER_STEPS, ROUND_S = 10_000, 0.1  # of a round, at most
 
 
 def main() -> int:
@@ -132,23 +135,31 @@ def processor_time(timer: StepTimer, rows: Inputs) -> float:
 
 # -- peers ----------------------------------------------------------------------------------------
 
-Update = Callable[[int, float, float], Any]
+@dataclass(frozen=True)
+class Peer:
+    """How a monitor is called for a row `step, x, y`: an expression, and what is in its names."""
+
+    call: str
+    names: Mapping[str, object]
+
+
 ASKED = ('H[0,1000] x > 0', 'H[0,1000] (x > 3 -> O[0,100] y > 8)', '(x > -2) S[0,1000] (y > 8)')
 """Of the present and the past; mstlo answers the mirrored question about the future, later."""
 
 
-def reelay(number: int) -> Update:
-    """Return the step of reelay's monitor."""
+def reelay(number: int) -> Peer:
+    """Return how reelay is called."""
     pattern = ('historically[0:1000]{x > 0.0}',
                'historically[0:1000](not {x > 3.0} or once[0:100]{y > 8.0})',
                '{x > -2.0} since[0:1000] {y > 8.0}')[number]
     monitor = import_module('reelay').discrete_timed_monitor(
         pattern=pattern, semantics='robustness', condense=False)
-    return lambda _, x, y: monitor.update({'x': x, 'y': y})
+    return Peer('update({"x": x})' if number == 0 else 'update({"x": x, "y": y})',
+                {'update': monitor.update})
 
 
-def rtamt(number: int) -> Update:
-    """Return the step of rtamt's monitor."""
+def rtamt(number: int) -> Peer:
+    """Return how rtamt is called."""
     specification = import_module('rtamt').StlDiscreteTimeSpecification()
     for name in ('x', 'y'):
         specification.declare_var(name, 'float')
@@ -156,37 +167,22 @@ def rtamt(number: int) -> Update:
                           'historically[0:1000]((x > 3) -> once[0:100](y > 8))',
                           '(x > -2) since[0:1000] (y > 8)')[number]
     specification.parse()
-    return lambda step, x, y: specification.update(step, [('x', x), ('y', y)])
+    return Peer('update(step, [("x", x), ("y", y)])', {'update': specification.update})
 
 
-def mstlo(number: int) -> Update:
-    """Return the step of mstlo's monitor, of the same formula about the future."""
+def mstlo(number: int) -> Peer:
+    """Return how mstlo is called, for the same formula about the future."""
     tool = import_module('mstlo_python')
     monitor = tool.Monitor(tool.parse_formula((
         'G[0, 1000](x > 0)', 'G[0, 1000]((x > 3) -> F[0, 100](y > 8))',
         '(x > -2) U[0, 1000] (y > 8)')[number]),
         semantics='DelayedQuantitative', algorithm='Incremental')
-
-    def update(step: int, x: float, y: float) -> Any:
-        found = monitor.update('x', x, float(step))
-        return found if number == 0 else monitor.update('y', y, float(step))
-    return update
+    first = 'update("x", x, float(step))'
+    return Peer(first if number == 0 else f'{first}; update("y", y, float(step))',
+                {'update': monitor.update})
 
 
-def ours(monitor: Monitor) -> Update:
-    """Return the step of our monitor, called from Python."""
-    evaluator = Evaluator(monitor)
-    library, pointer = evaluator.library, evaluator.pointer
-
-    def update(step: int, x: float, y: float) -> Any:
-        evaluator.store(0, x, step)
-        evaluator.store(1, y, step)
-        evaluator.step(step)
-        return library.fm_evaluator_margin(pointer, 0).value
-    return update
-
-
-PEERS: dict[str, Callable[[int], Update]] = {
+PEERS: dict[str, Callable[[int], Peer]] = {
     'reelay': reelay, 'rtamt': rtamt, 'mstlo_python': mstlo}
 
 
@@ -195,30 +191,50 @@ def beside_peers(folder: Path, number: int, formula: str) -> Iterator[str]:
     _, monitor = compiled(folder, 'every_message', formula, has_margins=True)
     rows = inputs_of('random')
     timer = StepTimer(monitor, rows)
-    in_c = median(processor_time(timer, rows) for _ in range(ROUNDS))
-    from_python = time_of(ours(monitor))
-    head = f'| `{formula}` | {in_c:.1f} ns | {from_python:,.0f} ns'
-    for name, make in PEERS.items():
-        if find_spec(name) is not None:
-            peer = time_of(make(number))
-            yield (f'{head} | {name.removesuffix("_python")} | {peer:,.0f} ns | '
-                   f'{peer / in_c:,.0f} | {peer / from_python:,.1f} |')
-    if not any(map(find_spec, PEERS)):
-        yield f'{head} | - | - | - | - |'
+    found = [name for name in PEERS if find_spec(name) is not None]
+    calls = {name: Calls(PEERS[name](number)) for name in found}
+    ours = Calls(Peer('take(x, y)', {'take': margin_step(monitor, 'R')}))
+    rounds = [(processor_time(timer, rows), ours.round(), *(calls[name].round() for name in found))
+              for _ in range(ROUNDS)]
+    in_c, from_python, *others = (median(column) for column in zip(*rounds))
+    for place, (name, peer) in enumerate(zip(found or ['-'], others or [math.nan]), start=2):
+        ratios = [median(each[place] / each[mine] for each in rounds) if found else math.nan
+                  for mine in (0, 1)]
+        yield (f'| `{formula}` | {in_c:.1f} ns | {from_python:,.0f} ns | '
+               f'{name.removesuffix("_python")} | {peer:,.0f} ns | '
+               f'{ratios[0]:,.0f} | {ratios[1]:,.1f} |')
 
 
-def time_of(update: Update) -> float:
-    """Return the processor time of a step (ns), once the windows are full."""
-    pairs = [*zip(values('random', 1), values('random', 2))]
-    end, step = time.monotonic() + LONGEST_S, 0
-    while step < 1200 and time.monotonic() < end:
-        update(step, *pairs[step])
-        step += 1
-    steps, begin = 0, time.process_time_ns()
-    while steps < PEER_STEPS and time.process_time_ns() < begin + LONGEST_S * 1e9:
-        update(step + steps, *pairs[steps % ROWS])
-        steps += 1
-    return (time.process_time_ns() - begin) / steps
+class Calls:
+    """Times calls from Python, in a loop that does nothing else."""
+
+    def __init__(self, peer: Peer) -> None:
+        """Fill the windows."""
+        self._pairs = [*zip(values('random', 1), values('random', 2))]
+        self._step = 0
+        names = dict(peer.names)
+        exec(f'def loop(step, pairs):\n for x, y in pairs:\n  {peer.call}\n  step += 1', names)
+        self._loop: Any = names['loop']
+        self._take(FULL_STEPS, LONGEST_S)
+        self._size = max(1, min(PEER_STEPS, round(ROUND_S * 1e9 / self._take(100, 0.1))))
+
+    def _take(self, most: int, longest: float) -> float:
+        """Take steps, and return the processor time of one (ns)."""
+        begin, done = time.process_time_ns(), 0
+        while done < most and time.process_time_ns() - begin < longest * 1e9:
+            pairs = self._pairs[:min(most - done, 100 if done else 1)]
+            self._loop(self._step, pairs)
+            self._step += len(pairs)
+            done += len(pairs)
+        return (time.process_time_ns() - begin) / done
+
+    def round(self) -> float:
+        """Return the processor time of a step (ns)."""
+        pairs = self._pairs[:self._size]
+        begin = time.process_time_ns()
+        self._loop(self._step, pairs)
+        self._step += len(pairs)
+        return (time.process_time_ns() - begin) / len(pairs)
 
 
 if __name__ == '__main__':

@@ -21,6 +21,7 @@ from fret_monitor.runtime.evaluator import (
     Evaluator, InputCounts, NEVER, RequirementCounts, TimeCounts, TopicCounts, Violation,
 )
 from fret_monitor.runtime.gate import GateCounts, Judgement, MessageGate
+from fret_monitor.runtime.margin_step import margin_step, MarginStep
 
 __all__ = [
     'Engine',
@@ -29,6 +30,7 @@ __all__ = [
     'GateCounts',
     'InputCounts',
     'Judgement',
+    'MarginStep',
     'MOST_DETAILS_PER_S',
     'NEVER',
     'OrderCounts',
@@ -39,4 +41,5 @@ __all__ = [
     'TimeCounts',
     'TopicCounts',
     'Violation',
+    'margin_step',
 ]
