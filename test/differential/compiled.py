@@ -203,7 +203,9 @@ class Compiled:
         steps = len(next(iter(trace.values())))
         columns = c_columns(self._signals, trace, steps)
         pointers = (ctypes.c_void_p * len(columns))(*map(ctypes.addressof, columns))
-        afresh = (ctypes.c_bool * steps)(*(t in set(resets) for t in range(steps)))
+        afresh = (ctypes.c_bool * steps)()
+        for t in resets:
+            afresh[t] = True
         out = (ctypes.c_bool * (steps * self._count))()
         assert self._run(self._monitor, pointers, steps, afresh, out)
         return [list(out[number::self._count]) for number in range(self._count)]

@@ -139,3 +139,35 @@ def test_timed_tests_of_every_template_agree_with_the_reference() -> None:
         assert found == expected
         turned += sum(len(history) > 1 for history in found[::3])
     assert turned > 30
+
+
+@thorough
+@pytest.mark.parametrize(('sentence', 'rate'), [
+    ('upon c the x shall {} within 3 ticks satisfy r', 1 - 0.1 ** 0.25),
+    ('whenever c the x shall {} for 2 ticks satisfy r', 0.9 ** (1 / 3)),
+    ('upon c the x shall {} immediately satisfy r', 0.9),
+    ('in m mode whenever c the x shall {} within 3 ticks satisfy r', 1 - 0.1 ** 0.25)])
+def test_of_2000_runs_with_overlapping_triggers_few_are_ever_refuted(
+        sentence: str, rate: float) -> None:
+    problems, error, runs, steps = Problems(), 0.1, 2000, 300
+    formula = formula_of(sentence_term(
+        parse(sentence.format('with probability > 0.9')), scope_of(INPUTS), problems, STEPS,
+        Fraction('0.9')))
+    assert not problems.errors and isinstance(formula, NotRefuted)
+    formulas: list[Formula] = [formula, *(
+        Binary(operator, trial_of(formula), Constant(value, ValueType.INT64))
+        for operator, value in ((BinaryOperator.NE, -1), (BinaryOperator.EQ, 0)))]
+    compiled = Compiled(specification_of([
+        property_of(f'R-{number}', item) for number, item in enumerate(formulas)], INPUTS))
+    rng = Random(sentence)
+    count = runs * steps
+    trace = {'m': stretches(rng, count, 40), 's': [False] * count,
+             'c': [rng.random() < 0.5 for _ in range(count)],
+             'r': [rng.random() < rate for _ in range(count)]}
+    verdicts, not_failed, undecided = compiled.run(trace, [*range(0, count, steps)])
+    refuted = sum(not verdict for verdict in verdicts[steps - 1::steps])
+    trials, failures = undecided.count(False), not_failed.count(False)
+    assert trials > 40 * runs and trials < trace['c'].count(True)
+    if 'mode' not in sentence:  # where the mode ends, the trial succeeds
+        assert abs(failures / trials - 0.1) < 4 * (0.1 * 0.9 / trials) ** 0.5
+    assert refuted / runs <= error + 4 * (error * (1 - error) / runs) ** 0.5
