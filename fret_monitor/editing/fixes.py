@@ -42,6 +42,11 @@ _ENTRY = re.compile(r"""[\w.]+[ \t]*:[ \t]+(?:"[^"\n]*"|'[^'\n]*'|[^\s,{}\[\]]+)
 _INDENTED = re.compile(r'[ ]*(?:-[ ]+)*')
 _COMMENT = re.compile(r'[ ]{2,}#.*')
 _OF_YAML = ('YAML', 'a comma ends a value')  # what is cut is read after the fix, with its errors
+_INPUTS = re.compile(r'^inputs:[ \t]*(?:#.*)?$(?=\n(?:[ \t]*(?:#.*)?\n)*(?P<indent>[ ]+)\S)',
+                     re.MULTILINE)
+_INPUTS_IN_BRACES = re.compile(r'^inputs:[ \t]*\{(?=[ \t]*\w)', re.MULTILINE)
+_REQUIREMENTS = re.compile(r'^requirements:', re.MULTILINE)
+_NAME = re.compile(r'[A-Za-z_]\w*')
 _MOST = 10  # ways that are tried for one diagnostic
 
 
@@ -78,6 +83,8 @@ def _ways(found: Diagnostic, span: Span) -> Iterator[TextEdit]:
         written = '{{{}}}' if PLACEHOLDER.fullmatch(span.source.text, span.start, span.end) \
             else '{}'
         yield from (TextEdit(span, written.format(word)) for word in _MEANT.findall(help_))
+    elif help_.startswith('declare it under inputs'):
+        yield from _new_inputs(span)
     elif help_.startswith('remove'):
         yield from _without_entry(span)
     elif (line := _LINE.fullmatch(help_.partition('\n')[0])) is not None:
@@ -123,6 +130,23 @@ def _new_keys(span: Span, inside: str, line: str) -> Iterator[TextEdit]:
     yield TextEdit(Span(source, after, after), f'\n{" " * width}{line}')
     yield TextEdit(Span(source, after, after), f'\n{" " * (width + 2)}{line}')
     yield TextEdit(Span(source, first, first), f'{line}\n{" " * width}')
+
+
+def _new_inputs(span: Span) -> Iterator[TextEdit]:
+    """Yield edits that declare a name as an input: a truth value, or a number."""
+    source = span.source
+    name = source.text[span.start:span.end]
+    block = _INPUTS.search(source.text)
+    brace = _INPUTS_IN_BRACES.search(source.text)
+    below = _REQUIREMENTS.search(source.text)
+    for kind in ('Bool', 'Float64') if _NAME.fullmatch(name) else ():
+        line = f'{name}: {{topic: {name}, type: std_msgs/msg/{kind}}}'
+        if block is not None:
+            yield TextEdit(Span(source, block.end(), block.end()), f'\n{block["indent"]}{line}')
+        elif brace is not None:
+            yield TextEdit(Span(source, brace.end(), brace.end()), f'{line}, ')
+        elif below is not None:
+            yield TextEdit(Span(source, below.start(), below.start()), f'inputs:\n  {line}\n')
 
 
 def _without_entry(span: Span) -> Iterator[TextEdit]:

@@ -205,7 +205,8 @@ class Questions:
         after = self._edited({**question, 'text': whole})
         known = {(item.title, item.label) for item in edited.diagnostics}
         return {'text': edit.text, **Utf16(edited.source.text).range(edit.place), 'whole': whole,
-                'problems': [': '.join(filter(None, (item.title, item.label)))
+                'problems': ['; '.join(filter(None, (
+                    ': '.join(filter(None, (item.title, item.label))), item.help)))
                              for item in after.diagnostics
                              if (item.title, item.label) not in known]}
 

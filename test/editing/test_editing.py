@@ -434,6 +434,30 @@ def test_a_line_to_write_is_a_quick_fix(old: str, new: str, titles: list[str]) -
         assert [item for item in after.diagnostics if item.level is Level.ERROR] == []
 
 
+@pytest.mark.parametrize('inputs', [
+    '\n  speed: {topic: speed, type: std_msgs/msg/Float64}',
+    ' # these\n\n    # a comment\n    speed: {topic: speed, type: std_msgs/msg/Float64}',
+    ' {speed: {topic: speed, type: std_msgs/msg/Float64}}', None])
+@pytest.mark.parametrize(('condition', 'kind'), [('new', 'Bool'), ('new < 0.5', 'Float64')])
+def test_an_unknown_name_is_declared_as_an_input(
+    inputs: str | None, condition: str, kind: str,
+) -> None:
+    response = 'TRUE' if inputs is None else 'speed <= 1.0'
+    text = f"""\
+format: 1
+{'' if inputs is None else f'inputs:{inputs}'}
+requirements:
+  - {{id: A, fretish: when {condition} the robot shall satisfy {response}}}
+"""
+    found = editing.read_edited(Path('b.yaml'), text)
+    first = next(item for item in found.diagnostics if "'new'" in item.title)
+    fix, = editing.fixes(found, first)
+    after = editing.read_edited(Path('b.yaml'), editing.with_edits(text, [fix.edit]))
+    assert [item for item in after.diagnostics if item.level is Level.ERROR] == []
+    assert f'new: {{topic: new, type: std_msgs/msg/{kind}}}' in after.source.text
+    assert text.splitlines()[-1] in after.source.text
+
+
 def test_a_name_in_braces_keeps_them_in_its_quick_fix() -> None:
     text = """\
 format: 1

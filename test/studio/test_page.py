@@ -113,6 +113,8 @@ def test_write_understand_and_try(folder: Path, url: str, page: Page) -> None:
              "(each) => each.textContent === 'violates it').click()")
     page.wait("document.querySelector('#steps').value !== '40'")
     page.wait(f"!!document.querySelector('{SLOW} rect.is-false')")
+    page.wait(f"""document.querySelector('{SLOW}').nextElementSibling.textContent
+        === 'violated: why?'""")  # at the last step, which is chosen
     # Write: a mistake, its message, its fix.
     page.get("document.querySelector('.cm-content').focus()")
     at = BUNDLE.index('!hot') + 1
@@ -363,6 +365,9 @@ def test_another_file_takes_nothing_of_the_one_before(folder: Path, url: str, pa
     page.wait("!document.querySelector('#notice').hidden")
     page.wait(f"{notice}.startsWith('b.yaml was changed on disk by somebody else')")
     assert (folder / 'b.yaml').read_text() == TWO + '# by hand\n'
+    # A new file, of which seconds are time.
+    at_once(page, "choose('#file', '')")
+    page.wait(f"({TEXT}).includes('policy: timed') && {state} === 'no problems · not saved'")
     assert page.problems == []
 
 

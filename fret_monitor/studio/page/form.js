@@ -154,7 +154,8 @@ export class NewForm {
   #problems = h('ul', { class: 'help', 'aria-live': 'polite', id: 'new-problems' });
   #add = h('button', { id: 'new-add', disabled: true }, words.addRequirement);
   #found = null;
-  element = form(words.newRequirement, h('label', {}, words.newId, ' ', this.#id),
+  element = form(words.newRequirement, h('p', { class: 'faint' }, words.newHelp),
+    h('label', {}, words.newId, ' ', this.#id),
     this.#fields.element, this.#problems, h('div', { class: 'tools' }, this.#add,
       h('button', { type: 'button', onclick: () => this.#close(null) }, words.no)));
 

@@ -28,6 +28,7 @@ import { words } from './words.js';
 const MOST_PROBLEMS = 100; // that are listed
 const PAUSE_MS = 60; // after a key, before the text is checked
 const NEW = `format: 1
+evaluation: {policy: timed}
 inputs:
   speed: {topic: odom, type: nav_msgs/msg/Odometry, field: twist.twist.linear.x}
 requirements:

@@ -55,6 +55,7 @@ export class Picture {
     const isBroken = this.#broken[node.kind]?.(node.name) ?? false;
     if (node.isBroken === isBroken) return;
     node.isBroken = isBroken;
+    node.shown.lastChild.textContent = short(node);
     node.shown.classList.toggle('broken', isBroken);
     node.shown.setAttribute('aria-label',
       [label(node, this.#nodes), isBroken && words.brokenNow].filter(Boolean).join('; '));
@@ -109,7 +110,6 @@ export class Picture {
   }
 
   #node(node) {
-    const short = node.name.length > LETTERS ? `${node.name.slice(0, LETTERS - 1)}…` : node.name;
     node.shown = svg('g', {
       class: `node of-${node.kind} ${node.level ?? ''}`, role: 'button',
       tabindex: node === this.#nodes[this.#active] ? 0 : -1, 'aria-label': label(node, this.#nodes),
@@ -119,7 +119,7 @@ export class Picture {
       onpointerleave: () => this.#mark(node, false) },
     svg('title', {}, [node.name, node.detail].filter(Boolean).join('\n')),
     svg('rect', { width: WIDTH, height: HEIGHT, rx: 5 }),
-    svg('text', { x: 8, y: 16 }, node.level ? `! ${short}` : short));
+    svg('text', { x: 8, y: 16 }, short(node)));
     this.#show(node);
     return node.shown;
   }
@@ -153,6 +153,12 @@ export class Picture {
     } else return;
     event.preventDefault();
   }
+}
+
+// The name as it has room, with a mark if something is wrong.
+function short(node) {
+  const name = node.name.length > LETTERS ? `${node.name.slice(0, LETTERS - 1)}…` : node.name;
+  return node.level || node.isBroken ? `! ${name}` : name;
 }
 
 function label(node, nodes) {

@@ -383,6 +383,7 @@ export class Tryout {
     try {
       const found = await this.#ask('example', { ids, kind });
       this.take(found, '');
+      this.#view.choose(found.steps - 1, this.#trace.steps); // where it is violated, or is not
     } catch (error) {
       this.#tell(error.message);
     }

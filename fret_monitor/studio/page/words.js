@@ -128,13 +128,16 @@ export const words = {
   pictureNode: (kind, name, detail, sources, targets, level) => [
     `${kind} ${name}`, detail, sources && `reads ${sources}`, targets && `read by ${targets}`,
     level].filter(Boolean).join('; '),
+  newHelp: 'Only component and response are necessary. For example: condition “when bumper”, '
+    + 'component “robot”, timing “within 2 seconds”, response “speed <= 0.05”. If the bundle has '
+    + 'no input of a name yet, write the requirement into it: below the text is a fix.',
   newRequirement: 'New requirement', newId: 'Id', addRequirement: 'Write it into the bundle',
   brokenNow: 'broken now',
   form: 'Fields of the sentence; what is written here is written into the text',
   fieldNames: { scope: 'scope', condition: 'condition', component: 'component',
     probability: 'probability', timing: 'timing', response: 'response' },
   fieldHints: { scope: 'always in force', condition: 'from the begin', probability: 'in any case',
-    timing: 'eventually', component: '', response: '' },
+    timing: 'eventually', component: 'robot', response: 'speed <= 1.0' },
   recordings: 'Recordings',
   recording: 'Recording', open: 'Open', openingRecording: 'reading the recording',
   noRecordings: 'There is no recording in this folder.',
