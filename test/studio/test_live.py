@@ -434,7 +434,7 @@ def test_an_instance_has_a_row_from_its_first_violation_on(
         (each) => each.ariaLabel.split(';')[0] + each.ariaLabel.split(';').at(-1))"""
     assert page.get(broken) == ['requirement FAR broken now', 'topic near broken now']
     assert page.get("""[...document.querySelectorAll('#drawn .node text')].map(
-        (each) => each.textContent)""") == ['! near', '/far', '! FAR', 'B']
+        (each) => each.textContent)""") == ['! FAR', 'B', '! near', '/far']
     page.get('tell({ FAR: [[Date.now(), true]] }); 0')
     assert page.get(broken)[0] == 'requirement FAR broken now'  # the instance
     page.get("tell({ 'FAR[robot=alpha]': [[Date.now(), null]] }); 0")
