@@ -121,7 +121,7 @@ def _unknown(connections: Mapping[str, Connection],
         if item.place is not None:
             yield Diagnostic(f'no input is called {shown(item.name)}', item.place,
                              help=did_you_mean(item.name, names.values()), level=Level.WARNING)
-    for file in dict.fromkeys(item.file for item in unknown if item.place is None):
+    for file in dict.fromkeys(item.file for item in unknown if item.place is None and item.file):
         unread = [shown(item.name) for item in unknown if item.file == file and not item.place]
         more = f' and {len(unread) - _MOST_LISTED} more' if len(unread) > _MOST_LISTED else ''
         yield Diagnostic(f'{file}: no requirement or variable is called '

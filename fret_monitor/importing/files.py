@@ -46,7 +46,7 @@ from fret_monitor.importing.tables import (
     WORKBOOK,
 )
 from fret_monitor.importing.topics import (
-    Connection, is_database, is_list, read_database, read_list,
+    Connection, is_database, is_list, read_database, read_inputs, read_list,
 )
 from fret_monitor.importing.xml_format import read_xml, XmlFormat
 from fret_monitor.importing.xml_text import MAX_XML
@@ -57,8 +57,9 @@ from fret_monitor.model.names import fret_name, handler_fault, handler_name, sho
 MAX_BYTES = 256 * 2 ** 20  # FRET writes about 10 KiB for each requirement
 _KINDS = ('a project or component specification of FRET (JSON), its Lustre, a specification of '
           'R2U2 (C2PO), a table (CSV, XLSX) with columns of ids and requirements, ReqIF, a '
-          'state diagram (Mermaid, DOT), a variable database of Ogma (JSON), or a list of names '
-          'and topics')
+          'state diagram (Mermaid, DOT), a variable database of Ogma (JSON), a list of names '
+          'and topics, or a bundle with inputs (.yaml)')
+_BUNDLE = ('.yaml', '.yml')
 _LONGEST_ID = 100
 _BEGIN_BYTES = 1000
 
@@ -146,6 +147,8 @@ def _read(path: Path, problems: Problems, options: ImportOptions
     if kind == ARCHIVE:
         return [item for name, text in unpacked(path, MAX_XML)
                 for item in read_table(path, MAX_BYTES, columns, problems, text, name)], []
+    if kind in _BUNDLE and (links := read_inputs(path, problems)):
+        return [], links
     source = _source(path)
     content = source.text.lstrip()
     if content[:1] in ('{', '['):

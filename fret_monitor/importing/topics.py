@@ -13,17 +13,19 @@
 # limitations under the License.
 
 """
-Parse the topics of inputs: Ogma's variable databases, and lists of names and topics.
+Parse the topics of inputs: Ogma's variable databases, lists of names and topics, and bundles.
 
-Both result in a `Connection` for each name. A database contains the topic of each input, the
+All result in a `Connection` for each name. A database contains the topic of each input, the
 message type of each topic, and sometimes the field. A list has a line for each input: name,
 topic, and optionally message type and field.
 """
 
 from dataclasses import dataclass
 from dataclasses import field as attribute
+from pathlib import Path
 import re
 
+from fret_monitor.bundle.reader import survey_bundle
 from fret_monitor.importing.json_text import items, mapping, text
 from fret_monitor.model.diagnostics import Problems, Source, Span
 from fret_monitor.model.names import shown, topic_fault, type_fault
@@ -132,4 +134,24 @@ def read_list(source: Source, file: str, problems: Problems) -> list[Connection]
             place = Span(source, start, start + max(len(whole.rstrip()), 1))
             found.append(_usable(item, file, problems, place))
         start += len(whole) + 1
+    return found
+
+
+def read_inputs(path: Path, problems: Problems) -> list[Connection]:
+    """
+    Return the connections of the inputs of a bundle, such as one that `new` has written.
+
+    Those are left out whose messages are chosen, or made by the monitor, with a warning.
+    """
+    bundle = survey_bundle(path, Problems())
+    found: list[Connection] = []
+    for item in bundle.inputs if bundle is not None else ():
+        if item.where or item.made or item.variables or item.scale:
+            problems.warning(f"{path.name}: the input '{item.name.value}' is not taken over",
+                             item.name.span, 'it is more than a field of each message',
+                             'copy it into the new bundle')
+        elif item.topic is not None:
+            found.append(Connection(item.name.value, item.topic.value,
+                                    item.type.value if item.type else None,
+                                    item.field.value if item.field else None))
     return found

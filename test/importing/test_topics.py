@@ -14,6 +14,9 @@
 
 """Variable databases and lists: the topics and fields of inputs."""
 
+from pathlib import Path
+
+from fret_monitor.cli.main import main
 from fret_monitor.importing.topics import Connection, is_list, read_database, read_list
 from fret_monitor.model.diagnostics import Problems, Source
 from importing.examples import DATABASE
@@ -68,3 +71,26 @@ def test_what_ros_would_refuse_is_reported_with_its_line(line: str, reported: st
     ('this is no list of names\n', False), ('1 /a\n', False)])
 def test_a_list_is_known_by_its_lines(text: str, answer: bool) -> None:
     assert is_list(text) is answer
+
+
+def test_inputs_of_a_bundle_give_topics_and_types(tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / 'robot.yaml').write_text(
+        'format: 1\nevaluation: {policy: timed}\ninputs:\n'
+        '  force: {topic: /gripper/force, type: std_msgs/msg/Float32, field: data, timeout: 2}\n'
+        '  unused: {topic: /x, type: std_msgs/msg/Bool}\n'
+        '  some: {topic: /y, type: std_msgs/msg/Float32, field: data, where: "data > 1"}\n'
+        '# requirements:\n', encoding='utf-8')
+    (tmp_path / 'a.csv').write_text('id,text\nR-1,force <= 20 & some < 3\n', encoding='utf-8')
+    target = tmp_path / 'a.yaml'
+    assert main(['import', str(tmp_path / 'a.csv'), str(tmp_path / 'robot.yaml'), '-o',
+                 str(target)]) == 0
+    text = target.read_text(encoding='utf-8')
+    for line in ('topic: /gripper/force', 'type: std_msgs/msg/Float32', 'field: data'):
+        assert text.count(line) == 1
+    said = capsys.readouterr().err
+    assert "robot.yaml:6:3: warning: robot.yaml: the input 'some' is not taken over" in said
+    assert 'unused' not in said and 'least one requirement' not in said
+    (tmp_path / 'none.yaml').write_text('no bundle: and no list of names\n', encoding='utf-8')
+    assert main(['import', str(tmp_path / 'a.csv'), str(tmp_path / 'none.yaml'), '-o',
+                 str(tmp_path / 'b.yaml')]) == 1
