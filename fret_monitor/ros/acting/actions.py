@@ -168,11 +168,10 @@ class _ActionThread(native_lifetimes.NativeThread):
                  ends: Sequence[_Ends], before: Sequence[ActionCounts]) -> None:
         super().__init__('actions', engine)
         self._n = len(ends)
-        self._names: list[Any] = []
         with self._starting((node, *(part for end in ends for part in (
                 end if isinstance(end, tuple) else (end,))))):
             counts = action_facts(before)
-            self._kept = (middleware, table, ffi.new('struct fm_action_ends[]', [
+            self._kept = (middleware, table, ends, ffi.new('struct fm_action_ends[]', [
                 self._end(node, middleware, end) for end in ends]))
             self._start(ffi.new('struct fm_actions_options *', {
                 'engine': engine.pointer, 'table': table.pointer, 'ends': self._kept[-1],
@@ -182,11 +181,7 @@ class _ActionThread(native_lifetimes.NativeThread):
     def _end(self, node: Node, middleware: Middleware, end: _Ends) -> dict[str, Any]:
         if not isinstance(end, tuple):
             return {'publisher': middleware.handle(end)}
-        self._names += [ffi.new('char[]', item.name.encode()) for item in end]
-        return {'services': [
-            {'node': middleware.handle(node), 'client': middleware.handle(item),
-             'support': ffi.cast('struct fm_service_support *', item.support), 'name': name}
-            for item, name in zip(end, self._names[-len(end):])]}
+        return {'services': [middleware.service_client(node, item) for item in end]}
 
     def look(self) -> tuple[list[ActionCounts], list[LogLine]]:
         """Return the counts, and the lines since the last look; before `close`."""

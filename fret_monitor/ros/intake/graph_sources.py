@@ -71,11 +71,8 @@ class GraphSources:
     def _end(self, middleware: Middleware, client: RclClient | None) -> dict[str, Any]:
         if client is None:
             return {}
-        self._texts.append((ffi.new('char[]', client.name.encode()), ffi.NULL))
         with client.handle:
-            return {'node': middleware.handle(self._node), 'client': middleware.handle(client),
-                    'support': ffi.cast('struct fm_service_support *', client.support),
-                    'name': self._texts[-1][0]}
+            return middleware.service_client(self._node, client)
 
     def close(self) -> None:
         """End the watch, which nobody uses any more."""

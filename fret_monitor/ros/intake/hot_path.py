@@ -100,6 +100,11 @@ class Middleware:
             raise Unavailable('rcl gives no handle of the middleware')
         return found
 
+    def service_client(self, node: Node, client: RclClient) -> dict[str, Any]:
+        """Return the members of a `struct fm_service_client`; as `handle`."""
+        return {'node': self.handle(node), 'client': self.handle(client),
+                'support': client.support, 'name': client.name}
+
     def read_in_place(self, library: Any) -> None:
         """
         Read messages in the middleware's buffers, instead of copying them first.

@@ -20,6 +20,7 @@ They are made with the node's handle, so no executor serves them.
 
 from typing import Any
 
+from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake.in_place import capsule_pointer
 from fret_monitor.ros.settings.names import one_type
 
@@ -100,7 +101,11 @@ class RclSubscription(RclEndpoint):
 
 
 class RclClient:
-    """A client of a node; its owner closes it. Hold `handle` (`with`) while C uses it."""
+    """
+    A client of a node; its owner closes it. Hold `handle` (`with`) while C uses it.
+
+    `name`, the full name of the service, and `support`, of its type, are those of C.
+    """
 
     KIND = 'client'
 
@@ -121,13 +126,10 @@ class RclClient:
             except ValueError:
                 node._validate_topic_or_service_name(name, is_service=True)
                 raise
-        self.support: int = capsule_pointer(type(kind)._TYPE_SUPPORT, None)
-
-    @property
-    def name(self) -> str:
-        """The full name of the service."""
+        self.support = ffi.cast(
+            'struct fm_service_support *', capsule_pointer(type(kind)._TYPE_SUPPORT, None))
         with self.handle:
-            return str(self.handle.service_name)
+            self.name = ffi.new('char[]', str(self.handle.service_name).encode())
 
     def close(self) -> None:
         """Destroy it as soon as its handle is no longer held."""
