@@ -20,10 +20,9 @@ A thin typed wrapper of the scopes in C: the bundle, and an instance for each ke
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import IntEnum
 from mmap import mmap
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.policies import Policy
@@ -33,7 +32,7 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.native.monitor import CData, MonitorKind
 from fret_monitor.runtime.evaluator import (
     closest_of, Evaluator, EvaluatorOptions, input_counts, InputCounts, Margin, margin_of,
-    MarginLanes, NEVER, requirement_counts, RequirementCounts,
+    MarginLanes, requirement_counts, RequirementCounts,
 )
 
 BUNDLE = 2**32 - 1
@@ -43,24 +42,6 @@ _KEYED = 2**32 - 1
 _NO_SLOT = 2**32 - 1
 _MOST_KEY_BYTES = 255
 _MOST_LOGGED = 8192
-
-
-class Event(IntEnum):
-    """What happened in a scope: `enum fm_scope_event`."""
-
-    STEPPED = 0
-    BEGAN = 1
-    ENDED = 2
-    BEYOND = 3
-
-
-class Stepped(NamedTuple):
-    """An event of a scope: a kind (index, or `BUNDLE`) and a slot, at an instant."""
-
-    instant: int
-    kind: int
-    slot: int
-    event: Event
 
 
 @dataclass(frozen=True)
@@ -81,9 +62,9 @@ class KindCounts:
 
 class Scopes:
     """
-    Runs a bundle with instance variables; otherwise as `Evaluator`.
+    Runs a bundle with instance variables; otherwise as `Evaluator`. Not thread-safe.
 
-    Not thread-safe. A message is `begin_row`, its values, and `end`, after `advance_to`.
+    An engine gives it the messages, or `KeyedRows` the rows of a trace.
     """
 
     def __init__(self, monitor: Monitor, *, policy: Policy | None = None,
@@ -126,7 +107,6 @@ class Scopes:
         # Of the kinds, then of the bundle: its index is -1.
         self._manifests = [*(item.monitor.manifest for item in monitor.kinds), monitor.manifest]
         self._next = [_places(item.inputs) for item in self._manifests]
-        self._n = ffi.new('uint32_t *')
         self._key = ffi.new('uint8_t[]', _MOST_KEY_BYTES)
         self._set_initial_values()
 
@@ -199,68 +179,6 @@ class Scopes:
         for kind, lanes in enumerate(self._lanes):
             self.library.fm_evaluator_draw_margins(self._blank(kind), lanes.pointer)
         return self._lanes
-
-    def begin_row(self, is_for_all: bool, now: int) -> None:
-        """Begin a row of a trace: a step of all scopes that it is for."""
-        self.library.fm_scopes_begin_row(self.pointer, is_for_all, now)
-
-    def store(self, index: int, value: bool | int | float) -> None:
-        """Store a value of an input of the bundle's scope, in all scopes that read it."""
-        place = self._next[-1][index]
-        place[0] = value
-        self.library.fm_scopes_store_from(self.pointer, index, place)
-
-    def enter(self, kind: int, key: bytes) -> int | None:
-        """Return the slot of the instance of a key, which begins if needed; None: no room."""
-        slot: int = self.library.fm_scopes_enter(self.pointer, kind, key, len(key))
-        return None if slot == _KEYED else slot
-
-    def store_keyed(self, kind: int, index: int, value: bool | int | float) -> None:
-        """Store a value of an input of the instance that was entered, of that kind."""
-        place = self._next[kind][index]
-        place[0] = value
-        self.library.fm_scopes_store_keyed_from(self.pointer, index, place)
-
-    def end(self) -> int:
-        """Take the steps of a message; return when it took effect in the bundle's scope."""
-        return int(self.library.fm_scopes_end(self.pointer))
-
-    def advance_to(self, now: int) -> Iterator[int]:
-        """Take what is due before `now`; yield each instant, after which its events are there."""
-        while (instant := self.library.fm_scopes_advance_to(self.pointer, now)) != NEVER:
-            yield int(instant)
-
-    def advance(self, now: int) -> Iterator[int]:
-        """Take what is due by `now`, as `advance_to`."""
-        while (instant := self.library.fm_scopes_advance(self.pointer, now)) != NEVER:
-            yield int(instant)
-
-    def take_events(self) -> list[Stepped]:
-        """Return the events since the last call."""
-        found = self.library.fm_scopes_stepped(self.pointer, self._n)
-        events = [Stepped(item.instant, item.kind, item.slot, Event(item.event))
-                  for item in found[0:self._n[0]]]
-        self.library.fm_scopes_clear(self.pointer)
-        return events
-
-    def verdicts(self, kind: int, slot: int) -> list[bool | None] | None:
-        """
-        Return the verdicts of a scope, by requirement; None of a group that is not ready.
-
-        Return None if there is no instance.
-        """
-        found = self.library.fm_scopes_look(self.pointer, kind, slot)
-        if found == ffi.NULL:
-            return None
-        manifest = self._manifests[-1 if kind == BUNDLE else kind]
-        ready = [self.library.fm_evaluator_ready(found, group)
-                 and self.library.fm_evaluator_steps(found, group)
-                 for group, _ in enumerate(manifest.groups)]
-        count = len(manifest.requirements) if kind == BUNDLE else \
-            self.monitor.manifest.kinds[kind].n_reported
-        verdicts = self.library.fm_evaluator_verdicts(found)
-        return [bool(verdicts[place]) if ready[manifest.requirements[place].group] else None
-                for place in range(count)]
 
     def key(self, kind: int, slot: int) -> bytes:
         """Return the key of an instance."""
