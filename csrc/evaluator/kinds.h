@@ -108,6 +108,7 @@ struct fm_pool_counts
   uint64_t open;     // of those that ended, how many had a deadline
   uint64_t beyond;   // parts of messages whose key found no room, or has too many bytes or none
   uint64_t unsized;  // of these, how many whose key has too many bytes or none
+  uint64_t second;   // of these, how many pairs of which there was room for the first key alone
 };
 
 #ifdef __cplusplus

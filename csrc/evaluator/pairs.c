@@ -135,6 +135,13 @@ bool fm_pairs_add(struct fm_pairs * pairs, uint32_t slot, const struct fm_key * 
   return true;
 }
 
+bool fm_pairs_lack_second(const struct fm_pairs * pairs, const struct fm_key * pair)
+{
+  const struct fm_pair_lists * first = &pairs->lists[0];
+  const struct fm_key key = fm_pair_part(pair, 0);
+  return first->keys.n < first->keys.most || find(first, &key) != FM_NO_SLOT;
+}
+
 void fm_pairs_remove(struct fm_pairs * pairs, uint32_t slot)
 {
   for (uint32_t h = 0; h < 2; ++h) {

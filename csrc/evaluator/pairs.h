@@ -60,6 +60,10 @@ FM_INTERNAL bool fm_pairs_fit(const struct fm_pairs * pairs, const struct fm_key
 FM_INTERNAL bool fm_pairs_add(
   struct fm_pairs * pairs, uint32_t slot, const struct fm_key * pair);
 
+/// Whether there is room for the first key of a pair that was not added for lack of room: there is
+/// none for the second. O(bytes) expected.
+FM_INTERNAL bool fm_pairs_lack_second(const struct fm_pairs * pairs, const struct fm_key * pair);
+
 /// Remove a pair, which was added. O(bytes) expected.
 FM_INTERNAL void fm_pairs_remove(struct fm_pairs * pairs, uint32_t slot);
 

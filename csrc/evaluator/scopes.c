@@ -275,7 +275,11 @@ static uint32_t find_or_begin(
   slot = add_key(&scopes->kinds[kind], &found);
   if (slot == FM_NO_SLOT) {
     pool->counts.beyond += 1;
-    pool->counts.unsized += size == 0 || size > FM_MOST_KEY_BYTES ? 1u : 0u;
+    const bool is_sized = size > 0 && size <= FM_MOST_KEY_BYTES;
+    const struct fm_pairs * pairs = scopes->kinds[kind].pairs;
+    pool->counts.unsized += is_sized ? 0u : 1u;
+    pool->counts.second +=
+      is_sized && pairs != NULL && fm_pairs_lack_second(pairs, &found) ? 1u : 0u;
     pool->is_short = pool->is_short || size > 0;
     fm_scopes_report(scopes, FM_SCOPE_BEYOND, kind, slot, scopes->message.now, 0);
   } else {
@@ -706,7 +710,7 @@ static const struct fm_pool * base_of(const struct fm_scopes * scopes, uint32_t 
 
 struct fm_pool_counts fm_scopes_counts(const struct fm_scopes * scopes, uint32_t kind)
 {
-  const struct fm_pool_counts none = {0, 0, 0, 0, 0, 0};
+  const struct fm_pool_counts none = {0, 0, 0, 0, 0, 0, 0};
   return kind < scopes->n_kinds ? base_of(scopes, kind)->counts : none;
 }
 

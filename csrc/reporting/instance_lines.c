@@ -123,17 +123,32 @@ static enum fm_status_level describe(
   return is_evaluated ? FM_STATUS_OK : FM_STATUS_WARN;
 }
 
+static void add_beyond(
+  struct fm_text * message, uint64_t n, const char * variable, uint32_t most)
+{
+  if (n > 0) {
+    fm_text_add(
+      message, ", of them %" PRIu64 " of %s (`most` is %" PRIu32 ")", n, variable, most);
+  }
+}
+
 enum fm_status_level fm_describe_instances(
   const struct fm_review * review, uint32_t requirement, struct fm_text * message)
 {
   const uint32_t kind = review->table->requirements[requirement].kind;
   const struct fm_pool_counts * now = &review->now.kinds[kind].counts;
   const struct fm_pool_counts * before = &review->before.kinds[kind].counts;
+  const struct fm_report_kind * about = &review->table->kinds[kind];
   const uint64_t more = now->beyond - before->beyond;
   const uint64_t unsized = now->unsized - before->unsized;
+  const uint64_t second = now->second - before->second;
   const enum fm_status_level level = describe(review, requirement, message);
   if (more > 0) {
     fm_text_add(message, "; %" PRIu64 " beyond `most` since the last report", more);
+  }
+  if (about->second[0] != '\0') {
+    add_beyond(message, more - unsized - second, about->variable, about->first_most);
+    add_beyond(message, second, about->second, about->second_most);
   }
   if (unsized > 0) {
     fm_text_add(message, ", of them %" PRIu64 " for their size: " FM_WORDS_KEY_SIZE, unsized);
@@ -166,17 +181,29 @@ void fm_add_nearest(
 
 // ---- lines -------------------------------------------------------------------------------------
 
-static void log_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
+static void log_beyond(
+  const struct fm_report_kind * about, const char * variable, uint32_t most,
+  struct fm_lines * lines)
+{
+  struct fm_text variables = {NULL, 0, 0};
+  fm_add_variables(&variables, about);
+  fm_lines_add(lines, FM_ERROR,
+    "there is no room for another %s%s%s (`most` is %" PRIu32 "): its messages are not evaluated; "
+    "/diagnostics counts them", variable, about->second[0] == '\0' ? "" : " in pairs of ",
+    about->second[0] == '\0' ? "" : fm_text_get(&variables), most);
+  fm_text_free(&variables);
+}
+
+static void log_all_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
 {
   const struct fm_report_kind * about = &review->table->kinds[kind];
   const struct fm_pool_counts * counts = &review->now.kinds[kind].counts;
-  if (counts->beyond > counts->unsized && fm_is_first(&review->kinds[kind].is_beyond_logged)) {
-    struct fm_text variables = {NULL, 0, 0};
-    fm_add_variables(&variables, about);
-    fm_lines_add(lines, FM_ERROR,
-      "there is no room for another %s (`most` is %" PRIu32 "): its messages are not evaluated; "
-      "/diagnostics counts them", fm_text_get(&variables), about->most);
-    fm_text_free(&variables);
+  struct fm_kind_log * log = &review->kinds[kind];
+  if (counts->beyond > counts->unsized + counts->second && fm_is_first(&log->is_first_logged)) {
+    log_beyond(about, about->variable, about->first_most, lines);
+  }
+  if (counts->second > 0 && fm_is_first(&log->is_second_logged)) {
+    log_beyond(about, about->second, about->second_most, lines);
   }
 }
 
@@ -212,7 +239,7 @@ void fm_review_instances(struct fm_review * review, struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < review->table->n_kinds; ++k) {
     if (!review->table->kinds[k].has_base) {
-      log_beyond(review, k, lines);
+      log_all_beyond(review, k, lines);
       log_unsized(review, k, lines);
     }
   }

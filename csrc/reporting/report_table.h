@@ -104,6 +104,8 @@ struct fm_report_kind
                                   // key
   uint32_t n_inputs;
   uint32_t most;                  // instances at one time
+  uint32_t first_most;            // keys of `variable` at one time
+  uint32_t second_most;
   bool has_base;                  // its instances are those of a kind before it
   const struct fm_report_comparison * comparisons;
 };

@@ -44,7 +44,8 @@ struct fm_topic_log
 /// What was logged of a kind of instances.
 struct fm_kind_log
 {
-  bool is_beyond_logged;
+  bool is_first_logged;   // keys beyond `most` of the first variable
+  bool is_second_logged;
   bool is_unsized_logged;
   bool is_unusable_logged;
 };

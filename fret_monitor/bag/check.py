@@ -829,15 +829,18 @@ class _Run:
                 self._errors.append(
                     f'{counted(found.unsized, "message")} with a key of '
                     f'{self._variables(place)} not evaluated: {words.KEY_SIZE}')
-            if beyond := found.beyond - found.unsized:
-                self._errors.append(
-                    f'{counted(beyond, "message")} with a key of {self._variables(place)} for '
-                    f'which `most: {self._manifest.most(place)}` leaves no room: not evaluated')
-            for number, item in enumerate(kind.manifest.inputs):
+            for beyond, item in zip(found.by_variable, self._manifest.mentioned(place)):
+                if beyond:
+                    of = item.name if len(kind.variables) == 1 else \
+                        f'{item.name}, in pairs of {self._variables(place)},'
+                    self._errors.append(
+                        f'{counted(beyond, "message")} with a key of {of} for which '
+                        f'`most: {item.most}` leaves no room: not evaluated')
+            for number, signal in enumerate(kind.manifest.inputs):
                 counts = self._scopes.input_counts(place, number)
                 if kind.shared[number] is None and counts.unusable:
                     (self._warnings if counts.received else self._errors).append(
-                        f'{counted(counts.unusable, "message")} without a value of {item.name}')
+                        f'{counted(counts.unusable, "message")} without a value of {signal.name}')
 
     def _complain_of_transforms(self) -> None:
         if self._left_out == self._manifest.made:

@@ -32,6 +32,7 @@ from fret_monitor.model.manifest import Manifest
 from fret_monitor.model.names import key_text
 from fret_monitor.model.policies import Policy
 from fret_monitor.model.times import known_text, overflow_text
+from fret_monitor.native import words
 from fret_monitor.start import start
 from fret_monitor.traces.csv_trace import parse_seconds, seconds_text
 from fret_monitor.traces.simulate import simulate
@@ -86,8 +87,9 @@ def run(options: Namespace) -> int:
     for found in slacks.values() if verdicts is None else ():
         print('\n'.join(_slack_lines(found, is_timed)), file=sys.stderr)
     for item in summary.beyond:
-        print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' beyond most: {item.most} "
-              'not evaluated', file=sys.stderr)
+        why = f'beyond most: {item.most} not evaluated' if item.most else \
+            f'not evaluated: {words.KEY_SIZE}'
+        print(f"{counted(item.rows, 'row')} of keys of '{item.variable}' {why}", file=sys.stderr)
     if summary.overflows:
         print(overflow_text(summary.overflows), file=sys.stderr)
     if options.json:

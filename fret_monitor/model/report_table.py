@@ -140,9 +140,10 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
 
 def _kind(manifest: Manifest, place: int) -> dict[str, Value]:
     kind = manifest.kinds[place]
-    names = [item.name for item in manifest.mentioned(place)]
+    own = manifest.mentioned(place)
     return {
-        'variable': names[0], 'second': ''.join(names[1:]), 'most': manifest.most(place),
+        'variable': own[0].name, 'second': ''.join(item.name for item in own[1:]),
+        'most': manifest.most(place), 'first_most': own[0].most, 'second_most': own[-1].most,
         'inputs': _structs('fm_report_input', map(_input, kind.manifest.inputs)),
         'n_inputs': len(kind.manifest.inputs),
         'keyed': _structs('fm_topic', (

@@ -49,7 +49,8 @@ class KindCounts:
     """
     Counters of the instances of a kind; `open`: ended while something was pending.
 
-    `unsized` are those of `beyond` whose key has too many bytes or none.
+    Of `beyond`, `unsized` have a key of too many bytes or none, and `second` are pairs that found
+    room for their first key.
     """
 
     alive: int
@@ -58,6 +59,12 @@ class KindCounts:
     open: int
     beyond: int
     unsized: int
+    second: int
+
+    @property
+    def by_variable(self) -> tuple[int, int]:
+        """How many found no room for their key, of pairs their first one, and their second one."""
+        return self.beyond - self.unsized - self.second, self.second
 
 
 class Scopes:
@@ -193,7 +200,7 @@ class Scopes:
         """Return the counters of the instances of a kind."""
         found = self.library.fm_scopes_counts(self.pointer, kind)
         return KindCounts(found.alive, found.begun, found.ended, found.open, found.beyond,
-                          found.unsized)
+                          found.unsized, found.second)
 
 
 class ClosestLog:

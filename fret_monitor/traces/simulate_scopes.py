@@ -20,7 +20,7 @@ there, and of the bundle. A cell is empty where the row does not concern a requi
 is known of it yet.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import csv
 from typing import BinaryIO, TextIO
 
@@ -95,11 +95,14 @@ class ScopedRun:
                        {name: first for name, (_, first) in found.items() if first is not None},
                        tuple(self._beyond()), self._scopes.overflows())
 
-    def _beyond(self) -> list[Beyond]:
+    def _beyond(self) -> Iterator[Beyond]:
         """Return the variables whose keys were more than `most`."""
-        found = [(place, self._scopes.counts(place).beyond) for place, _ in self._manifest.bases]
-        return [Beyond(' and '.join(item.name for item in self._manifest.mentioned(kind)),
-                       self._manifest.most(kind), rows) for kind, rows in found if rows]
+        for place, _ in self._manifest.bases:
+            counts, variables = self._scopes.counts(place), self._manifest.mentioned(place)
+            found = [Beyond(' and '.join(item.name for item in variables), None, counts.unsized),
+                     *(Beyond(item.name, item.most, rows)
+                       for rows, item in zip(counts.by_variable, variables))]
+            yield from (item for item in found if item.rows)
 
 
 def _cells(manifest: Manifest) -> list[list[int]]:

@@ -37,8 +37,8 @@ class Summary:
 
 @dataclass(frozen=True)
 class Beyond:
-    """How many rows had a key of a variable, or of two, for which `most` left no room."""
+    """How many rows had a key of a variable for which `most` left no room; None: for its size."""
 
     variable: str
-    most: int
+    most: int | None
     rows: int

@@ -218,3 +218,36 @@ def first_violations(table: str, start: int) -> dict[tuple[str, str], int]:
             if cell == '0' and name not in ('time', 'robot'):
                 found.setdefault((robot, name), time)
     return found
+
+
+PAIRS = """
+format: 1
+for_each: {robot: {most: 2}, person: {most: 3}}
+inputs:
+  distance: {topic: "/{robot}/people", type: geometry_msgs/msg/PointStamped,
+             where: "header.frame_id = {person}", field: point.x}
+requirements: [{id: SLOW, ptltl: distance < 2.0}]
+"""
+
+
+def test_of_pairs_the_variable_is_named_whose_most_leaves_no_room(
+        here: Here, tmp_path: Path) -> None:
+    bundle, trace = tmp_path / 'pairs.yaml', tmp_path / 'trace.csv'
+    bundle.write_text(PAIRS)
+    keys = [('a', 'p'), ('a', 'q'), ('b', 'r'), ('c', 'p'), ('a', 's'), ('c', 't'), ('c', 'q'),
+            ('b', 'p'), ('a', 253 * 'x'), ('aa', 254 * 'x')]
+    trace.write_text('robot,person,distance\n' + ''.join(
+        f'{robot},{person},1\n' for robot, person in keys), encoding='utf-8')
+    done = here.run('simulate', bundle, '--trace', trace)
+    assert done.err.splitlines() == [
+        "1 row of keys of 'robot and person' not evaluated: a key has 1 to 255 bytes",
+        "3 rows of keys of 'robot' beyond most: 2 not evaluated",
+        "2 rows of keys of 'person' beyond most: 3 not evaluated"]
+    found = [line.split(': ', 2)[2] for line in here.run('bag', bundle, trace).err.splitlines()
+             if line.startswith('error: ')]
+    assert found == [
+        '1 message with a key of robot and person not evaluated: a key has 1 to 255 bytes',
+        '3 messages with a key of robot, in pairs of robot and person, for which `most: 2` leaves '
+        'no room: not evaluated',
+        '2 messages with a key of person, in pairs of robot and person, for which `most: 3` '
+        'leaves no room: not evaluated']

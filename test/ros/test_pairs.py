@@ -113,7 +113,8 @@ def test_both_nodes_publish_of_pairs_what_bag_says(
         assert values['beyond most'] != '0'
         assert report['lock stop'].message == 'locked: violated: EFFORT'
         assert ', for each robot and joint, at most ' in output
-        assert 'there is no room for another robot and joint (`most` is ' in output
+        assert 'there is no room for another joint in pairs of robot and joint (`most` is 3): ' \
+            in output
         assert 'EFFORT[robot=alpha,joint=elbow] violated at ' in output
         assert 'MOST violated at ' in output
 
