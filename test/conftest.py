@@ -35,7 +35,7 @@ pytest.register_assert_rewrite('differential.compiled', 'ros.harness', 'strategi
 # Run times depend on other load on the machine more than on the code. `make thorough` tries more.
 settings.register_profile(
     'fret_monitor', deadline=None, suppress_health_check=[HealthCheck.too_slow],
-    max_examples=int(os.environ.get('FRET_MONITOR_EXAMPLES', '12')))
+    max_examples=int(os.environ.get('FRET_MONITOR_EXAMPLES', '10')))
 settings.load_profile('fret_monitor')
 
 ROOT = Path(__file__).resolve().parent.parent

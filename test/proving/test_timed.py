@@ -82,6 +82,7 @@ def test_random_formulas_are_proved(seed: int) -> None:
     assert {'next tick', 'no value changes before the next tick'} <= names
 
 
+@thorough  # test_monitors has the same of steps
 def test_a_group_of_many_parts_is_proved() -> None:
     maker = FormulaMaker(Random(5).randrange, INPUTS[:3])
     monitor = generated([maker.formula(60) for _ in range(60)])
