@@ -70,6 +70,7 @@ IN_CALLBACK = "rcl in C, taking inside the middleware's callback"
 TIMEOUT = 0.05  # s
 SILENCES = 10.0  # a second
 IDLE_TOPICS = (1, 100, 500)
+ROBOTS, ROBOT_RATE = 100, 20.0  # messages a second of each
 SETTLE = 30.0  # s of quiet, before an idle node is measured
 JOINED = 2.0  # s that another node is there
 HANDLER = 'copilot/handlerpropEACH'
@@ -102,7 +103,7 @@ def compiled(program: Path, arguments: Sequence[str]) -> Path:
 
 def exported(bundle: Path, folder: Path) -> Path:
     """Compile the node of `export --to ros2` into a folder, and return it."""
-    generated = generate_monitor(read(bundle))
+    generated = generate_monitor(read(bundle, takes_instances=True))
     folder.mkdir(exist_ok=True)
     for name, text in ros2(generated, Options()).generated.items():
         (folder / Path(name).name).write_text(text, encoding='utf-8')
@@ -598,6 +599,36 @@ def idle(bench: Bench) -> Iterator[Row]:
                     '' if place else IDLE_GOALS.get((n, name), ''))
 
 
+def fleet(bench: Bench) -> Iterator[Row]:
+    """Measure a requirement of each robot: beside that of one robot, and of a hundred."""
+    def bundle(name: str, topic: str, formula: str, most: int) -> Path:
+        path = bench.bundle(name, float_input('speed', topic),
+                            f'  - {{id: EACH, ptltl: "{formula}"}}\n')
+        if most:
+            text = path.read_text(encoding='utf-8')
+            path.write_text(f'{text}for_each: {{robot: {{most: {most}}}}}\n', encoding='utf-8')
+        return path
+
+    one = bench.work(('r0/speed',), bench.rate)
+    for case, formula in (('no violation', 'speed > -1.0'), ('a violation each', 'speed < 0.0')):
+        name = case.split()[-1]
+        work = one if name == 'violation' else replace(one, echo=HANDLER)
+        plain, keyed = (bench.monitors(bundle(f'{kind}_{name}', topic, formula, most))[0]
+                        for kind, topic, most in (('plain', '/r0/speed', 0),
+                                                  ('keyed', '"/{robot}/speed"', 100)))
+        found = rounds_of(bench, work, [
+            replace(plain, name='one requirement'), replace(keyed, name='monitor, for_each')])
+        yield from rows(
+            f'CPU a message of a robot, {case}', 'us', found, attrgetter('cpu'), '1.1')
+    robots = tuple(f'r{number}/speed' for number in range(ROBOTS))
+    keyed_path = bundle('robots', '"/{robot}/speed"', 'speed < 0.0', ROBOTS)
+    found = rounds_of(bench, bench.work(robots, ROBOTS * ROBOT_RATE, echo=HANDLER), [
+        bench.monitors(keyed_path)[0], bench.exported(keyed_path)])
+    for name in ('p50', 'p99'):
+        yield from rows(f'{ROBOTS} robots at {ROBOT_RATE:.0f} Hz, latency to the Empty, {name}',
+                        'us', found, attrgetter(name))
+
+
 def at_rest(bench: Bench, subject: Subject) -> tuple[float, float]:
     """Return milliseconds a second of a node at rest, and while others join and leave."""
     running = Running(subject)
@@ -777,7 +808,7 @@ def started(load_program: Path, work: Work, subject: Subject) -> Start:
 
 FIGURES: dict[str, Callable[[Bench], Iterator[Row]]] = {
     'quiet': quiet, 'violations': violations, 'deadlines': deadlines, 'idle': idle,
-    'cloud': cloud, 'flood': flood, 'gate': gate, 'start': start,
+    'cloud': cloud, 'fleet': fleet, 'flood': flood, 'gate': gate, 'start': start,
 }
 
 
