@@ -207,7 +207,7 @@ function drawPlot(svg, input, plot, parts, width, y) {
 // Times on an axis of `length` nanoseconds that begins `begin` after zero. Of a trace without
 // times, the `unit` is not a second but a step.
 function drawAxis(svg, begin, length, width, y, unit = 's') {
-  const wanted = length / Math.max(2, width / 90);
+  const wanted = Math.max(unit === 's' ? 0 : 1e9, length / Math.max(2, width / 90));
   const power = 10 ** Math.floor(Math.log10(wanted));
   const step = [1, 2, 5, 10].map((item) => item * power).find((item) => item >= wanted);
   for (let k = Math.ceil(begin / step); k * step <= begin + length; k += 1) {

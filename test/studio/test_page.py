@@ -28,7 +28,7 @@ import fret_monitor.studio
 from fret_monitor.studio.process import Answering, OUTDATED, Unanswered
 import pytest
 from strategies import thorough
-from studio.browser import CHROMIUM, Page
+from studio.browser import Chromium, CHROMIUM, Page
 from studio.serving import studio
 from studio.test_recordings import BUNDLE as RECORDED, messages
 
@@ -115,6 +115,12 @@ def test_write_understand_and_try(folder: Path, url: str, page: Page) -> None:
     page.wait(f"!!document.querySelector('{SLOW} rect.is-false')")
     page.wait(f"""document.querySelector('{SLOW}').nextElementSibling.textContent
         === 'violated: why?'""")  # at the last step, which is chosen
+    page.get(f"document.querySelector('{SLOW}').nextElementSibling.click()")
+    axis = page.wait("""(() => {
+        const drawn = document.querySelector('#why .report')?.shadowRoot.querySelectorAll('text');
+        const texts = [...drawn ?? []].map((each) => each.textContent);
+        return texts.filter((each) => / steps$/.test(each)).join(); })()""")
+    assert axis.startswith('0 steps') and '.' not in axis
     # Write: a mistake, its message, its fix.
     page.get("document.querySelector('.cm-content').focus()")
     at = BUNDLE.index('!hot') + 1
@@ -539,6 +545,55 @@ def written(page: Page, url: str, text: str) -> None:
     page.get("document.querySelector('.cm-content').focus()")
     page.type(text)
     page.wait(f"{STATE} === 'no problems · not saved'")
+
+
+@needs_browser
+def test_what_two_tabs_write_stays_apart(
+    folder: Path, url: str, page: Page, chromium: Chromium,
+) -> None:
+    (folder / 'b.yaml').write_text(BUNDLE)
+    written(page, url, '# one\n')
+    with chromium.tab(page.context) as tab:
+        tab.open(url)
+        tab.wait(f"{NOTICE}?.startsWith('Another tab has changes')")
+        assert tab.get(TEXT) == BUNDLE
+        tab.get("document.querySelector('.cm-content').focus()")
+        tab.type('# two\n')
+        tab.wait(f"{STATE} === 'no problems · not saved'")
+        # Each has its own, also after it is opened again.
+        for each, text in ((page, '# one\n'), (tab, '# two\n')):
+            each.call('Page.reload')
+            each.wait(f"{NOTICE}?.startsWith('{RESTORED}')")
+            assert each.get(TEXT) == text + BUNDLE
+        # What one saves is not overwritten by the other without being asked.
+        save(tab)
+        tab.wait(f"{STATE} === 'no problems · saved'")
+        page.wait(f"{NOTICE}.startsWith('b.yaml was changed on disk')")
+        page.get("document.querySelector('#notice').hidden = true")
+        save(page)
+        page.wait("!document.querySelector('#notice').hidden")
+        assert (folder / 'b.yaml').read_text() == '# two\n' + BUNDLE
+        assert page.get(TEXT) == '# one\n' + BUNDLE
+        assert tab.problems == []
+    # What a closed tab has not saved is shown by the next one, the newest first.
+    with chromium.tab(page.context) as tab:
+        written(tab, url, '# three\n')
+    with chromium.tab(page.context) as tab:
+        tab.open(url)
+        tab.wait(f"{NOTICE}?.startsWith('{RESTORED}')")
+        assert tab.get(TEXT) == '# three\n# two\n' + BUNDLE
+    # Another browser has none of them.
+    with chromium.page() as other:
+        other.open(url)
+        other.wait(f"{STATE} === 'no problems · saved'")
+        assert other.get(TEXT) == '# two\n' + BUNDLE
+    assert page.problems == []
+
+
+def save(page: Page) -> None:
+    """Save the file of a page."""
+    page.click('#save')
+    page.click('#ask-yes')
 
 
 def test_a_question_that_takes_too_long_is_ended_and_the_next_is_answered(
