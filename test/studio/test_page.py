@@ -28,7 +28,7 @@ import fret_monitor.studio
 from fret_monitor.studio.process import Answering, OUTDATED, Unanswered
 import pytest
 from strategies import thorough
-from studio.browser import Chromium, CHROMIUM, Page
+from studio.browser import CHROMIUM, Chromium, Page
 from studio.serving import studio
 from studio.test_recordings import BUNDLE as RECORDED, messages
 
