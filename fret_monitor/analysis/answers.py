@@ -58,6 +58,7 @@ class Answer:
 
     `method` says how a yes or no was found, `reason` why there is none. `conflicts` are smallest
     sets of requirements that exclude one another; `are_all` says whether there are no others.
+    `notes` are findings that are no fault.
     """
 
     question: Question
@@ -69,6 +70,7 @@ class Answer:
     conflicts: tuple[tuple[str, ...], ...] = ()
     are_all: bool = True
     outputs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

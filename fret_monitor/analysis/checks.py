@@ -47,7 +47,8 @@ from fret_monitor.analysis.runs import (
 from fret_monitor.analysis.second import NotComparable, SecondCheck
 from fret_monitor.analysis.short_runs import shown_by_short_runs
 from fret_monitor.analysis.unrolling import end_of_runs, Wanted
-from fret_monitor.logic.formula import Formula
+from fret_monitor.logic.evaluate import evaluate_all
+from fret_monitor.logic.formula import Formula, variables
 from fret_monitor.logic.printing import to_smv
 from fret_monitor.logic.specification import Specification
 from fret_monitor.model.diagnostics import counted
@@ -59,6 +60,7 @@ from fret_monitor.smt import terms as t
 from fret_monitor.smt.boolean import TooLarge
 from fret_monitor.smt.transition import NotModelled
 from fret_monitor.traces.deadline import Deadline, OutOfTime
+from fret_monitor.traces.trace import Row
 
 _MOST_CONFLICTS = 10
 _TIMED_S = 5.0  # for a question about time, since most end soon or never
@@ -479,9 +481,11 @@ class _PartAnalysis:
         reached = self._reached(blank, place, diagram.now, diagram.is_required)
         unreached = {state for state, item in enumerate(reached) if item.holds}
         asked = [state for state in diagram.asked if state in unreached]
+        blank = replace(blank, notes=tuple(self._overlaps(place, diagram)))
         if not asked:
-            return next((item for item in reached if item.holds is None), replace(
-                blank, holds=False, method='a run reaches each state'))
+            unknown = next((item for item in reached if item.holds is None), None)
+            return replace(blank, reason=unknown.reason) if unknown is not None else replace(
+                blank, holds=False, method='a run reaches each state')
         ways = diagram.into(unreached)
         tried = self._reached(blank, place, map(diagram.attempt, ways), diagram.is_required)
         stuck = {way for way, item in zip(ways, tried, strict=True) if item.holds}
@@ -494,13 +498,56 @@ class _PartAnalysis:
     def _reached(self, blank: Answer, place: int, goals: Iterable[Formula],
                  is_required: bool) -> list[Answer]:
         """Return for each goal whether no run gets there, on which the requirements hold."""
+        other = self._with(place, goals)
+        required = self._part_required if is_required else []
+        return [other._goal(blank, number, required) for number in range(
+            len(self._part.properties), len(other._part.properties))]
+
+    def _with(self, place: int, goals: Iterable[Formula]) -> '_PartAnalysis':
+        """Return the analysis of this part with properties that goals never hold."""
         more = tuple(never(self._part.properties[place], goals))
         task = replace(self._task, part=Part((*self._part.properties, *more)))
-        other = _PartAnalysis(self._context, task, self._is_on_grid)
-        required = [number for number, item in enumerate(self._part.properties)
-                    if is_required and not item.is_assumption]
-        count = len(self._part.properties)
-        return [other._goal(blank, count + number, required) for number in range(len(more))]
+        return _PartAnalysis(self._context, task, self._is_on_grid)
+
+    @property
+    def _part_required(self) -> list[int]:
+        return [number for number, item in enumerate(self._part.properties)
+                if not item.is_assumption]
+
+    def _overlaps(self, place: int, diagram: AskedDiagram) -> Iterator[str]:
+        """Yield the pairs of edges whose conditions hold at once, with values."""
+        goals = [diagram.attempt(item) for item in diagram.overlaps]
+        other, count = self._with(place, goals), len(self._part.properties)
+        for number, item in enumerate(diagram.overlaps):
+            row = other._last_row(count + number, self._part_required, item.condition)
+            if row is not None:
+                origin, *targets = (self._state_name(diagram, state)
+                                    for state in (item.origin, *item.targets))
+                yield (f'two edges out of {origin} hold at once, to {" and to ".join(targets)}'
+                       f'{self._values_text(item.condition, row)}: the first one is taken')
+
+    def _last_row(self, place: int, required: Sequence[int], both: Formula) -> Row | None:
+        """Return the last row of a run after which a property is violated, if both hold there."""
+        component = self._built()
+        games, d = component.games, component.games.diagrams
+        found = games.consistent(required)
+        steps = games.safe(required) & d.before(found.last)
+        goal = steps & ~d.outputs[place]
+        layers = games.reach(steps, goal)
+        if not found.holds or not games.is_reached(layers):
+            return None
+        rows = self._runs.rows(run_to(games, layers, steps, goal).rows())
+        columns = {signal.name: [row[number] for row in rows] for number, signal
+                   in enumerate(self._context.specification.signals)}
+        truths, = evaluate_all([both], columns, self._part.properties[place].feedback)
+        return rows[-1] if truths[-1] else None
+
+    def _values_text(self, formula: Formula, row: Row) -> str:
+        """Return the values of the inputs that a formula reads, behind a comma."""
+        named = zip(self._context.specification.signals, row, strict=True)
+        read = {item.name for item in variables(formula)}
+        found = [f'{item.name} = {value}' for item, value in named if item.name in read]
+        return f', as with {", ".join(found)}' if found else ''
 
     def _why(self, diagram: AskedDiagram, state: int, unreached: Collection[int],
              stuck: Collection[Way]) -> str:

@@ -22,6 +22,7 @@ one.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 from fret_monitor.explain.diagram import first_state, rules_of, StateRule, states_of, ways_of
 from fret_monitor.logic.formula import (
@@ -41,6 +42,15 @@ class Way:
 
 
 @dataclass(frozen=True)
+class Overlap:
+    """Two edges out of a state to different ones, by numbers; `condition`: both of theirs."""
+
+    origin: int
+    condition: Formula
+    targets: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class AskedDiagram:
     """
     A diagram in formulas.
@@ -54,6 +64,7 @@ class AskedDiagram:
     now: tuple[Formula, ...]
     before: tuple[Formula, ...]
     ways: tuple[Way, ...]
+    overlaps: tuple[Overlap, ...]
     asked: tuple[int, ...]
     is_required: bool
 
@@ -61,8 +72,8 @@ class AskedDiagram:
         """Return the edges into some states from others."""
         return [way for way in self.ways if way.target in states and way.origin not in states]
 
-    def attempt(self, way: Way) -> Formula:
-        """Return a formula that holds where the condition of an edge does, taken or not."""
+    def attempt(self, way: Way | Overlap) -> Formula:
+        """Return a formula that holds where the condition of edges does, taken or not."""
         return _both(self.before[way.origin], way.condition)
 
 
@@ -85,7 +96,8 @@ def _followed(formula: Formula, rules: Sequence[StateRule]) -> AskedDiagram:
     begun = Once(ALWAYS, _both(FTP, first_state(formula, rules)))
     now = tuple(_both(begun, state) for state in states)
     return AskedDiagram(states, now, tuple(map(Yesterday, now)), tuple(_ways(rules, states)),
-                        tuple(range(len(states))), is_required=True)
+                        tuple(_overlaps(rules, states)), tuple(range(len(states))),
+                        is_required=True)
 
 
 def _calculated(formula: Formula) -> AskedDiagram | None:
@@ -99,8 +111,8 @@ def _calculated(formula: Formula) -> AskedDiagram | None:
     if value not in values or not all(isinstance(item, Constant) for item in values):
         return None
     now = tuple(Binary(BinaryOperator.EQ, state, item) for item in values)
-    return AskedDiagram(now, now, before, tuple(_ways(rules, before)), (values.index(value),),
-                        is_required=False)
+    return AskedDiagram(now, now, before, tuple(_ways(rules, before)), (),
+                        (values.index(value),), is_required=False)
 
 
 def _rules(equation: Formula) -> list[StateRule]:
@@ -126,6 +138,16 @@ def _ways(rules: Iterable[StateRule], states: Sequence[Formula]) -> Iterator[Way
         for condition, target in rule.ways:
             if target is not rule.state:
                 yield Way(numbers[rule.state], condition or TRUE, numbers[target])
+
+
+def _overlaps(rules: Iterable[StateRule], states: Sequence[Formula]) -> Iterator[Overlap]:
+    numbers = {state: number for number, state in enumerate(states)}
+    for rule in rules:
+        edges = [(condition, target) for condition, target in rule.ways if condition is not None]
+        for (one, first), (other, second) in combinations(edges, 2):
+            if first is not second:
+                yield Overlap(numbers[rule.state], _both(one, other),
+                              (numbers[first], numbers[second]))
 
 
 def _both(left: Formula, right: Formula) -> Formula:

@@ -77,7 +77,8 @@ def _answer(item: Answer) -> dict[str, object]:
             'answer': item.holds, 'method': item.method, 'reason': item.reason,
             'conflicts': [list(each) for each in item.conflicts],
             'all_conflicts': item.are_all,
-            'violated': list(item.example.violated) if item.example else None}
+            'violated': list(item.example.violated) if item.example else None,
+            'notes': list(item.notes)}
 
 
 def examples(found: Analysis) -> Iterator[tuple[str, Answer, Example]]:
@@ -177,6 +178,8 @@ def _of_requirements(heading: str, answers: list[Answer]) -> Iterator[str]:
     for item in answers:
         if item.holds:
             yield from _wrapped(f'  {item.requirements[0]}: ', item.method)
+        for note in item.notes:
+            yield from _wrapped(f'  {item.requirements[0]}: ', note)
     reasons: dict[str, list[str]] = {}
     for item in unknown:
         reasons.setdefault(item.reason, []).append(item.requirements[0])

@@ -14,8 +14,10 @@
 
 """States of diagrams that no run reaches, against a search over all states."""
 
+from itertools import combinations
 from pathlib import Path
 from random import Random
+import re
 
 from analysis.search import reference
 from fret_monitor.analysis.answers import Answer, Question
@@ -105,3 +107,25 @@ def test_other_requirements_and_assumptions_count(tmp_path: Path) -> None:
     assert answer.holds is False
     [answer] = asked(tmp_path, text, Mode.CHECK, '  - {id: N, ptltl: "H (state != 2)"}\n')
     assert answer.holds and '2: only from 1, where x < 1 never holds' in answer.method
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_edges_that_hold_at_once_are_told_with_values(seed: int, tmp_path: Path) -> None:
+    edges = random_edges(seed)
+    text = 'stateDiagram-v2\n  [*] --> A\n' + ''.join(
+        f'  {one} --> {other}' + f' : {condition}'.rstrip(' :') + '\n'
+        for one, condition, other in edges)
+    expected = []
+    for state in reached(edges, 'A'):
+        out = [edge for edge in edges if edge[0] == state]
+        ends = next((number for number, edge in enumerate(out) if not edge[1]), len(out))
+        expected += [(state, {one[2], other[2]}, CONDITIONS[one[1]] & CONDITIONS[other[1]])
+                     for one, other in combinations(out[:ends], 2) if one[2] != other[2]]
+    [answer] = asked(tmp_path, text, Mode.CHECK)
+    told = [re.fullmatch(r'two edges out of (\w) hold at once, to (\w) and to (\w), as with '
+                         r'x = (\d): the first one is taken', note) for note in answer.notes]
+    assert len(told) == sum(bool(values) for *_, values in expected)
+    for note in told:
+        assert note is not None
+        assert any(note[1] == origin and {note[2], note[3]} == targets and int(note[4]) in values
+                   for origin, targets, values in expected)
