@@ -23,6 +23,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from operator import attrgetter
+from typing import NamedTuple
 
 from fret_monitor.bag.findings import Findings, MOST_KEPT, Slack
 from fret_monitor.model.manifest import Manifest
@@ -65,8 +66,7 @@ def lanes_of(ids: Iterable[str]) -> Iterator[WaitLanes]:
             yield WaitLanes(name, int(bound))
 
 
-@dataclass(frozen=True)
-class _Wait:
+class _Wait(NamedTuple):
     """How long a response was waited for, in steps or nanoseconds, and when (ns)."""
 
     length: int
@@ -105,8 +105,8 @@ class _OfLane:
         self.over += wait.length
         if wait.until is None:
             self.ended = _longer(self.ended, wait)
-        else:
-            self.longest = _longer(self.longest, wait)
+        elif self.longest is None or wait.length > self.longest.length:
+            self.longest = wait
         if len(self.kept) < MOST_KEPT:
             self.kept.append(wait)
 
@@ -144,7 +144,10 @@ class Waits:
                                 None if violation.is_end else violation.stamp))
 
     def _lane(self, name: str, key: bytes | None) -> _OfLane:
-        return self._lanes[name].setdefault(key, _OfLane())
+        lanes = self._lanes[name]
+        if key not in lanes:
+            lanes[key] = _OfLane()
+        return lanes[key]
 
     def _wait(self, since: tuple[int, int], step: int, time: int, until: int | None) -> _Wait:
         begin, trigger = since
