@@ -26,6 +26,7 @@ from differential.compiled import unoptimised
 from fret_monitor.bag.check import (
     check_recording, RecordingResult, run as run_bag, Selection,
 )
+from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.bag.trace import Trace
 from fret_monitor.build import build_specification
 from fret_monitor.cli.main import main
@@ -268,3 +269,39 @@ def test_a_key_with_a_carriage_return_is_in_quotes_in_each_file_of_rows(tmp_path
             heading, *rows = csv.reader(file)
         assert {row[1] for row in rows} - {''} == {'a\rb'}, path
         assert {len(row) for row in rows} == {len(heading)}
+
+
+FROM = """
+format: 1
+evaluation: {policy: POLICY}
+INSTANCES
+inputs:
+  x: {topic: /x, type: std_msgs/msg/Float64}
+  y: {topic: "/a/y", type: std_msgs/msg/Float64}
+requirements: [{id: X, ptltl: "x < 5"}, {id: Y, ptltl: "y < 5"}]
+"""
+S = 10**9
+
+
+@pytest.mark.parametrize('policy', ['timed', 'every_message'])
+@pytest.mark.parametrize('is_keyed', [False, True])
+def test_a_message_at_the_very_begin_or_end_of_what_is_judged_counts(
+        policy: str, is_keyed: bool, tmp_path: Path) -> None:
+    text = FROM.replace('POLICY', policy).replace(
+        'INSTANCES', 'for_each: {a: {most: 2}}' if is_keyed else '')
+    bundle = write_bundle(tmp_path, text.replace('/a/y', '/{a}/y') if is_keyed else text)
+    sent = [('/x', 0, 1.0), ('/a/y', S // 2, 9.0), ('/x', S, 9.0), ('/a/y', 2 * S, 1.0),
+            ('/x', 3 * S, 1.0), ('/a/y', 4 * S, 9.0), ('/x', 5 * S, 1.0)]
+    judged = Selection(begin=Moment(Anchor.START, 2 * S), end=Moment(Anchor.START, 4 * S))
+    lines, values = ['time,x,y,a'], dict[str, float]()
+    for topic, time, value in sent:
+        values = {topic: value} if is_keyed else {**values, topic: value}
+        lines.append(f'{(START + time) // S}.{(START + time) % S:09d},{values.get("/x", "")},'
+                     f'{values.get("/a/y", "" if is_keyed else 1.0)},{"a" * (topic != "/x")}')
+    (tmp_path / 'trace.csv').write_text('\n'.join([*lines, '']), encoding='utf-8')
+    for path in (write(tmp_path / 'run', sent), tmp_path / 'trace.csv'):
+        with unoptimised():
+            found = check_recording(bundle, path, judged).findings
+        # With the message at its begin, y is 1 there; with that at its end, it is 9.
+        assert [(item.occurrences, item.first) for item in found] == [
+            (1, START + 2 * S), (1, START + 4 * S)], path
