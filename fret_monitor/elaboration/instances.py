@@ -157,8 +157,8 @@ def _check_keys(signals: Iterable[Signal], problems: Problems) -> None:
         elif len(keys) < len(signal.variables):
             problems.error(
                 f"'{signal.name}' mentions two variables in one place", signal.place, keys[0],
-                'of the name of the topic, `where` and an element, each has one key: two are not '
-                'supported yet')
+                'the name of the topic, `where` and an element have one key each: '
+                + _one_key(signal))
         feed = (signal.topic, signal.where, signal.variables)
         other = first.setdefault(feed, signal)
         if keys != _keys(other):
@@ -166,6 +166,13 @@ def _check_keys(signals: Iterable[Signal], problems: Problems) -> None:
                 f"'{other.name}' and '{signal.name}' look up their keys in two ways",
                 signal.place, f'{_keys(other)[-1]} and {keys[-1]}', 'in one message each key is '
                 'looked up in one way: declare another instance variable for one of them')
+
+
+def _one_key(signal: Signal) -> str:
+    """Return what to write for two variables in one place."""
+    _, second = signal.variables
+    topic = (signal.topic or '').replace(f'{{{second}}}', 'NAME')
+    return f'write an input for each {second}, such as\n{signal.name}_NAME: {{topic: "{topic}"}}'
 
 
 def _keys(signal: Signal) -> list[str]:
