@@ -94,7 +94,7 @@ def _cost(load: Load, running: Running, count: int,
 
 
 def _violating(bench: Bench) -> Path:
-    """Return a bundle of which every second message begins a violation."""
+    """Return a bundle that each message violates."""
     return bench.bundle(
         'each', float_input('current', TOPICS[0]) + float_input('wind', TOPICS[1]),
         '  - {id: EACH, ptltl: "current > wind"}\n')
