@@ -37,15 +37,18 @@ from fret_monitor.traces.simulate import for_trace
 
 
 def slack_of_trace(reading: Reading, find: FindMessage, trace: Path,
-                   until: int | None = None) -> dict[str, Findings]:
+                   until: int | None = None) -> dict[str, Findings] | None:
     """
     Return by id the slack of the sentences with a deadline in a trace, as `simulate` takes it.
 
-    Triggers and responses are numbers of rows, under `timed` times (ns).
+    Triggers and responses are numbers of rows, under `timed` times (ns). Return None for a pipe,
+    which cannot be read again.
     """
     lanes_reading = with_lanes(reading, find)
     if not lanes_reading.specification.properties:
         return {}
+    if not trace.is_file():
+        return None
     run = _Run(for_trace(compile_monitor(generate_monitor(lanes_reading)).monitor))
     with open_trace(trace) as file:
         run.take(str(trace), file, until)

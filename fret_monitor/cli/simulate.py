@@ -120,6 +120,10 @@ def _slacks(options: Namespace) -> 'dict[str, Findings]':
     reading = read(existing_bundle(options.bundle), constants=dict(options.constants),
                    takes_instances=True)
     found = slack_of_trace(reading, find_message, options.trace, options.until)
+    if found is None:
+        print('slack is not looked for: that takes a second reading of the trace, and a pipe is '
+              'read once', file=sys.stderr)
+        return {}
     return {name: item for name, item in found.items()
             if item.slack is not None or item.waiting is not None}
 

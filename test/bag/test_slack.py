@@ -250,7 +250,7 @@ def test_simulate_finds_the_slack_that_bag_finds(unit: str, tmp_path: Path) -> N
     for _ in range(3):
         path.write_text('\n'.join(['time,m,p,r', *rows(rng, unit)]) + '\n')
         with unoptimised():
-            found = slack_of_trace(reading, find_message, path)
+            found = slack_of_trace(reading, find_message, path) or {}
             expected = with_slack(bundle, path).findings
         for item in expected:
             own = found[item.id]
@@ -305,7 +305,7 @@ def test_simulate_finds_the_slack_of_each_instance_that_bag_finds(
         instants = {time * SECOND: row for row, time in enumerate(times)} \
             if unit == 'ticks' else {time * SECOND: time * SECOND for time in times}
         with unoptimised():
-            found = slack_of_trace(reading, find_message, path)
+            found = slack_of_trace(reading, find_message, path) or {}
             expected = with_slack(bundle, path).findings
         for item in expected:
             own = found[item.id]
@@ -356,6 +356,16 @@ def test_simulate_says_the_slack_of_a_trace(tmp_path: Path) -> None:
     assert land['slack'] == {'left': 2, 'unit': 'steps', 'trigger': 1, 'until': 2}
     assert land['waiting'] == 6 and not {'slack', 'waiting'} & {*low}
     assert fast['slack']['left'] == -1 and 'waiting' not in fast
+
+
+def test_the_margins_of_a_pipe_come_without_slack(tmp_path: Path) -> None:
+    bundle, table = write_bundle(tmp_path, LANDING), tmp_path / 'margins.csv'
+    with unoptimised():
+        done = run('simulate', bundle, '--trace', '/dev/stdin', '--margins', table,
+                   stdin='\n'.join(ROWS) + '\n')
+    assert done.status == 0 and done.out.count('\n') == table.read_text().count('LAND') + 1 == 9
+    assert done.err == ('slack is not looked for: that takes a second reading of the trace, and a '
+                        'pipe is read once\n')
 
 
 def test_simulate_says_the_slack_of_instances_the_least_first(tmp_path: Path) -> None:
