@@ -481,18 +481,16 @@ static void apply_overrides(
 }
 
 static void refuse_publishers(
-  const struct fm_parameters * parameters, const char * topic, struct fm_text * problems)
+  struct fm_parameters * parameters, const char * topic, struct fm_text * problems)
 {
   struct fm_text prefix = {NULL, 0, 0};
-  struct fm_memory memory = {NULL, false};
-  const char * resolved = fm_resolve(parameters->node, &memory, topic, false);
+  const char * resolved = fm_resolve(parameters->node, &parameters->memory, topic, false);
   fm_text_add(&prefix, OVERRIDES "%s.publisher", resolved == NULL ? "" : resolved);
   for (size_t k = 0; resolved != NULL && k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
       fm_text_join(problems, "\n", FM_WORDS_OF_VIOLATIONS, parameters->given[k].name);
     }
   }
-  fm_memory_free(&memory);
   fm_text_free(&prefix);
 }
 
@@ -500,11 +498,11 @@ static void refuse_publishers(
 static struct fm_fixed_qos * read_overrides_of(
   struct fm_parameters * parameters, const struct fm_node_table * table, struct fm_text * problems)
 {
-  struct fm_memory memory = {NULL, false};
-  struct fm_fixed_qos * fixed = calloc(table->report.n_topics + 1u, sizeof(*fixed));
+  struct fm_fixed_qos * fixed =
+    fm_reserve(&parameters->memory, table->report.n_topics + 1u, sizeof(*fixed));
   for (uint32_t k = 0; fixed != NULL && k < table->report.n_topics; ++k) {
     const char * topic = table->report.topics[k].variable[0] != '\0' ? NULL :
-      fm_resolve(parameters->node, &memory, table->report.topics[k].name, false);
+      fm_resolve(parameters->node, &parameters->memory, table->report.topics[k].name, false);
     fixed[k] = table->topics[k].qos;
     if (topic != NULL) {
       apply_overrides(parameters, &fixed[k], topic);
@@ -512,7 +510,6 @@ static struct fm_fixed_qos * read_overrides_of(
       rcl_reset_error();  // refused when the node is configured
     }
   }
-  fm_memory_free(&memory);
   for (uint32_t k = 0; k < table->report.n_used; ++k) {
     if (table->report.topics[k].kind == FM_ANNOUNCED) {
       refuse_publishers(parameters, table->report.topics[k].name, problems);
@@ -524,7 +521,7 @@ static struct fm_fixed_qos * read_overrides_of(
 static void read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
 {
   const struct fm_node_tables * all = parameters->tables;
-  parameters->fixed = calloc(all->n, sizeof(*parameters->fixed));
+  parameters->fixed = fm_reserve(&parameters->memory, all->n, sizeof(*parameters->fixed));
   for (size_t k = 0; k < parameters->n_given; ++k) {
     if (begins_with(parameters->given[k].name, OVERRIDES)) {
       check_override(&parameters->given[k], problems);
@@ -730,10 +727,7 @@ void fm_parameters_end(struct fm_parameters * parameters)
   }
   free(parameters->declared);
   free(parameters->given);
-  for (uint32_t k = 0; parameters->fixed != NULL && k < parameters->tables->n; ++k) {
-    free(parameters->fixed[k]);
-  }
-  free(parameters->fixed);
+  fm_memory_free(&parameters->memory);
   memset(parameters, 0, sizeof(*parameters));
 }
 
