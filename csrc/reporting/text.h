@@ -12,7 +12,8 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// text.h: texts that grow, and numbers as the node in Python writes them.
+/// text.h: texts that grow, numbers as the node in Python writes them, and memory that is freed
+/// together.
 ///
 /// Not thread-safe. When memory is short a text is cut off; nothing fails. Amortised O(characters
 /// added).
