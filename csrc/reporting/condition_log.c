@@ -43,7 +43,7 @@ bool fm_is_withheld_from_start(
 static void add_reason(struct fm_text * why, const char * what, struct fm_text * names)
 {
   if (names->length > 0) {
-    fm_text_add(why, "%s%s%s", why->length > 0 ? "; " : "", what, fm_text_get(names));
+    fm_text_join(why, "; ", "%s%s", what, fm_text_get(names));
   }
   fm_text_clear(names);
 }
@@ -167,7 +167,6 @@ static void add_why_closed(
   bool * is_other)
 {
   const struct fm_report_table * table = reporter->table;
-  struct fm_text reason = {NULL, 0, 0};
   memset(is_other, 1, reporter->monitor->n_inputs);
   for (uint32_t k = 0; table->gate->topic < table->n_topics &&
     k < table->topic_inputs[table->gate->topic].n_inputs; ++k)
@@ -177,20 +176,18 @@ static void add_why_closed(
   const bool is_missing =
     add_missing(why, reporter, conditions, is_other, !table->gate->passes_silent);
   if (conditions[FM_GATE_IS_KNOWN] == 0 && !is_missing) {
-    fm_text_add(&reason, "this node stood still: whether an input is silent is not known yet");
-    add_reason(why, "", &reason);
+    fm_text_join(
+      why, "; ", "this node stood still: whether an input is silent is not known yet");
   }
   if (conditions[FM_GATE_IS_LATCHED] != 0 && table->gate->open_after > 0) {
-    fm_text_add(&reason, "latched by a violation, until %g s without a violation",
+    fm_text_join(why, "; ", "latched by a violation, until %g s without a violation",
       (double)table->gate->open_after / 1e9);
   } else if (conditions[FM_GATE_IS_LATCHED] != 0) {
-    fm_text_add(&reason, "latched by a violation, until ~/reset");
+    fm_text_join(why, "; ", "latched by a violation, until ~/reset");
   }
-  add_reason(why, "", &reason);
   add_requirements(why, reporter, conditions, FM_IS_FALSE, "violated: ");
   add_requirements(
     why, reporter, conditions, FM_WAS_ALWAYS_FALSE, "violated since the first message: ");
-  fm_text_free(&reason);
 }
 
 void fm_add_gate_state(
