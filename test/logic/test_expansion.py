@@ -15,6 +15,7 @@
 """Keys in place of instance variables: the plain bundle, and aggregates as formulas."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from random import Random
 
@@ -22,11 +23,14 @@ from fret_monitor.build import read
 from fret_monitor.logic.evaluate import evaluate
 from fret_monitor.logic.expansion import expanded, Expansion
 from fret_monitor.logic.formula import Variable, variables as variables_of
+from fret_monitor.logic.specification import Specification
 from fret_monitor.model.manifest import ManifestVariable
 from fret_monitor.model.policies import OverInstances
-from keyed import of_instances, random_bundle
+from keyed import (
+    of_instances, OTHER, OWN, random_aggregate, random_bundle, random_requirement,
+)
 import pytest
-from strategies import random_trace
+from strategies import INPUTS, random_trace
 
 KEYS = ('a', 'b', 'c')
 FLEET = """\
@@ -80,11 +84,23 @@ def test_with_one_key_of_each_variable_it_is_the_bundle_in_which_they_are_writte
         'handlerpropPAIR_alpha_t7', 'handlerpropON']
 
 
+def with_pairs(rng: Random, specification: Specification) -> Specification:
+    """Return a bundle with values over the pairs of its two variables, and what reads them."""
+    found = [random_aggregate(rng, number, ('robot', 'joint'), 20, inputs=[*OWN, *OTHER])
+             for number in range(3)]
+    values = [Variable(item.signal.name, item.signal.type) for item in found]
+    return replace(
+        specification, aggregates=(*specification.aggregates, *found),
+        signals=(*specification.signals, *(item.signal for item in found)),
+        properties=(*specification.properties, *(random_requirement(
+            rng, f'P-{number}', [*values, *INPUTS], values, 20, 1) for number in range(4))))
+
+
 @pytest.mark.parametrize('seed', range(6))
 def test_aggregates_are_those_of_all_instances_at_every_step(seed: int) -> None:
     rng = Random(f'expansion {seed}')
     variables = [ManifestVariable('robot', KEYS, 3), ManifestVariable('joint', KEYS[:2], 2)]
-    whole = random_bundle(rng, variables, levels=3)
+    whole = with_pairs(rng, random_bundle(rng, variables, levels=3))
     keys = {item.name: item.keys for item in variables}
     found = expanded(whole, keys)
     trace = random_trace(rng, [Variable(item.name, item.type) for item in found.signals], 60)
@@ -92,13 +108,13 @@ def test_aggregates_are_those_of_all_instances_at_every_step(seed: int) -> None:
     values = dict(trace)
     sums_of_floats = set[str]()
     for one in whole.aggregates:
-        each = [evaluate(own.formula(one.operand, ((one.variables[0], key),)), values)
-                for key in keys[one.variables[0]]]
+        each = [evaluate(own.formula(one.operand, tuple(zip(one.variables, written))), values)
+                for written in product(*(keys[name] for name in one.variables))]
         values[one.signal.name] = [of_instances(one, row) for row in zip(*each, strict=True)]
         if one.function is OverInstances.SUM and one.operand.type.is_float or \
                 sums_of_floats.intersection(item.name for item in variables_of(one.operand)):
             sums_of_floats.add(one.signal.name)  # rounded once there, at each addition here
-    compared = {'R': 0, 'L': 0, 'B': 0}
+    compared = {'R': 0, 'L': 0, 'B': 0, 'P': 0}
     by_id = {item.id: item for item in found.properties}
     for item in whole.properties:
         for new in own.properties(item) if not sums_of_floats.intersection(item.inputs) else ():
