@@ -109,9 +109,9 @@ def test_other_requirements_and_assumptions_count(tmp_path: Path) -> None:
     assert answer.holds and '2: only from 1, where x < 1 never holds' in answer.method
 
 
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', range(2))
 def test_edges_that_hold_at_once_are_told_with_values(seed: int, tmp_path: Path) -> None:
-    edges = random_edges(seed)
+    edges = [('A', 'x < 3', 'B'), *random_edges(seed)]  # two to one state are no overlap
     text = 'stateDiagram-v2\n  [*] --> A\n' + ''.join(
         f'  {one} --> {other}' + f' : {condition}'.rstrip(' :') + '\n'
         for one, condition, other in edges)
