@@ -481,7 +481,11 @@ class _PartAnalysis:
         reached = self._reached(blank, place, diagram.now, diagram.is_required)
         unreached = {state for state, item in enumerate(reached) if item.holds}
         asked = [state for state in diagram.asked if state in unreached]
-        blank = replace(blank, notes=tuple(self._overlaps(place, diagram)))
+        notes: list[str] = []
+        with suppress(MemoryError, NoRun, NotModelled, OutOfTime, TooLarge), MemoryErrors():
+            for note in self._overlaps(place, diagram):
+                notes.append(note)
+        blank = replace(blank, notes=tuple(notes))
         if not asked:
             unknown = next((item for item in reached if item.holds is None), None)
             return replace(blank, reason=unknown.reason) if unknown is not None else replace(
