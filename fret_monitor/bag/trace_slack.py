@@ -49,13 +49,13 @@ def slack_of_trace(reading: Reading, find: FindMessage, trace: Path,
         return {}
     if not trace.is_file():
         return None
-    run = _Run(for_trace(compile_monitor(generate_monitor(lanes_reading)).monitor))
+    run = _TakenTrace(for_trace(compile_monitor(generate_monitor(lanes_reading)).monitor))
     with open_trace(trace) as file:
         run.take(str(trace), file, until)
     return run.findings()
 
 
-class _Run:
+class _TakenTrace:
     """An engine that takes a trace, and what its requirements say of slack."""
 
     def __init__(self, monitor: Monitor) -> None:

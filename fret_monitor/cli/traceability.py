@@ -61,7 +61,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class _Judged:
+class _JudgedRecording:
     """What a file says of a recording; `digest` is the hash of its content, '' if unknown."""
 
     name: str
@@ -137,7 +137,7 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
     seen: dict[str, list[Seen]] = {}
     bags: dict[str, None] = {}
     verdicts: dict[tuple[str, str, str], bool | None] = {}
-    judged: list[tuple[Path, _Judged]] = []
+    judged: list[tuple[Path, _JudgedRecording]] = []
     has_tests = False
     for path in paths:
         source = read_source(path / _INDEX if path.is_dir() else path, _MAX_BYTES)
@@ -165,14 +165,14 @@ def evidence(paths: Iterable[Path], problems: Problems) -> Evidence:
     return Evidence(tests, seen, len(bags), has_tests)
 
 
-def _with_last_digests(found: Iterable[_Judged]) -> list[_Judged]:
+def _with_last_digests(found: Iterable[_JudgedRecording]) -> list[_JudgedRecording]:
     """Return the results of a file, where the last content of a name counts, as in `bag`."""
     items = [*found]
     last = {recording_key(item.name): item.digest for item in items}
     return [replace(item, digest=last[recording_key(item.name)]) for item in items]
 
 
-def _told_apart(found: Sequence[_Judged]) -> Iterator[_Judged]:
+def _told_apart(found: Sequence[_JudgedRecording]) -> Iterator[_JudgedRecording]:
     """Yield results whose names have a part of the hash, where files differ under one name."""
     digests: dict[str, set[str]] = {}
     for item in found:
@@ -180,7 +180,7 @@ def _told_apart(found: Sequence[_Judged]) -> Iterator[_Judged]:
     for item in found:
         if item.digest and len(digests[recording_key(item.name)]) > 1:
             name = f'{item.name} ({item.digest[:_SHOWN_DIGITS]})'
-            item = _Judged(name, item.digest, {
+            item = _JudgedRecording(name, item.digest, {
                 id_: replace(one, recording=name) for id_, one in item.found.items()})
         yield item
 
@@ -195,7 +195,7 @@ def _traces(source: Source) -> list[tuple[str, str]] | None:
 
 
 def _results(source: Source, path: Path,
-             problems: Problems) -> Iterator[_Judged]:
+             problems: Problems) -> Iterator[_JudgedRecording]:
     if source.text.lstrip().startswith('<'):
         yield from _junit(source, path)
         return
@@ -213,7 +213,7 @@ def _results(source: Source, path: Path,
                              Span(source, start, start + len(line)), 'left out')
             continue
         is_any = True
-        yield _Judged(str(content['bag']), str(content.get('sha256') or ''), found)
+        yield _JudgedRecording(str(content['bag']), str(content.get('sha256') or ''), found)
     if not is_any:
         _refuse_without_results(path)
 
@@ -231,7 +231,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
         start += len(line) + 1
 
 
-def _junit(source: Source, path: Path) -> Iterator[_Judged]:
+def _junit(source: Source, path: Path) -> Iterator[_JudgedRecording]:
     suites = [*parsed_xml(source.text, path).iter('testsuite')]
     if not any(item.get('name') == 'meaning' for suite in suites
                for item in suite.iter('property')):
@@ -247,7 +247,7 @@ def _junit(source: Source, path: Path) -> Iterator[_Judged]:
                 found[case.get('name', '')] = Seen(
                     bag, said.get('meaning', ''), verdict,
                     said['triggered'] == 'true' if 'triggered' in said else None)
-        yield _Judged(bag, '', found)
+        yield _JudgedRecording(bag, '', found)
 
 
 def table(links: Sequence[Link], found: Evidence) -> Iterator[tuple[str, ...]]:
