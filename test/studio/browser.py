@@ -99,7 +99,7 @@ class Page:
         end = time.monotonic() + WAIT_S
         while not (value := self._found(code)):
             assert time.monotonic() < end, what or code
-            time.sleep(0.02)
+            time.sleep(0.05)
         return value
 
     def _found(self, code: str) -> Any:
