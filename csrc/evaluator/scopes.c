@@ -352,12 +352,20 @@ void fm_scopes_unusable_keyed(struct fm_scopes * scopes, uint32_t input)
   }
 }
 
+static void step_one_waiting(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
+{
+  (void)fm_scopes_enter_slot(scopes, kind, slot);
+  step(scopes, kind, slot, arrive(scopes, kind));
+}
+
+// Those that have ended at the instant of the message have taken it.
 static void step_waiting(struct fm_scopes * scopes, uint32_t kind)
 {
   struct fm_scope_kind * cell = &scopes->kinds[kind];
   for (uint32_t n = 0; n < cell->n_waiting; ++n) {
-    (void)fm_scopes_enter_slot(scopes, kind, cell->waiting[n]);
-    step(scopes, kind, cell->waiting[n], arrive(scopes, kind));
+    if (fm_keys_has(cell->pool.keys, cell->waiting[n])) {
+      step_one_waiting(scopes, kind, cell->waiting[n]);
+    }
   }
   cell->n_waiting = 0;
 }
@@ -369,6 +377,37 @@ static void step_others(struct fm_scopes * scopes, uint32_t kind)
     if (fm_keys_has(pool->keys, slot) && pool->turns[slot] != pool->turn) {
       step(scopes, kind, slot, enter(scopes, kind, slot));
     }
+  }
+}
+
+// Before an instance ends at the instant of the message, it takes it in the kinds with its key
+// that have not, from `first` on.
+static void take_in_last(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, uint32_t first)
+{
+  for (uint32_t k = kind + 1u > first ? kind + 1u : first; k < scopes->n_kinds; ++k) {
+    const struct fm_pool * pool = &scopes->kinds[k].pool;
+    if (!fm_scopes_have_same_keys(scopes, k, kind)) {
+      continue;
+    } else if (pool->turns[slot] == pool->turn) {
+      step_one_waiting(scopes, k, slot);
+    } else if (is_for_all(scopes, k)) {
+      step(scopes, k, slot, enter(scopes, k, slot));
+    }
+  }
+}
+
+// Take what is due in the instances of a kind at an instant, before which nothing is due. The
+// kinds from `first` on take the message of this instant.
+static void take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t instant, uint32_t first)
+{
+  if (fm_scopes_has_news(scopes, kind)) {
+    fm_scopes_spread_news(scopes, kind, instant);
+  }
+  uint32_t slot;
+  while ((slot = fm_scopes_take_until_end(scopes, kind, instant)) != FM_NO_SLOT) {
+    take_in_last(scopes, kind, slot, first);
+    fm_scopes_end_instance(scopes, kind, slot, instant);
   }
 }
 
@@ -441,7 +480,7 @@ static void finish(struct fm_scopes * scopes, uint32_t first, bool takes_due)
       take_in_kind(scopes, kind);
     }
     if (takes_due) {
-      fm_scopes_take_kind(scopes, kind, scopes->message.now);
+      take_kind(scopes, kind, scopes->message.now, first);
     }
   }
   step_bundle(scopes);
@@ -571,7 +610,7 @@ void fm_scopes_reset(struct fm_scopes * scopes)
 static void take_instant(struct fm_scopes * scopes, int64_t instant)
 {
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
-    fm_scopes_take_kind(scopes, k, instant);
+    take_kind(scopes, k, instant, scopes->n_kinds);
   }
   fm_scopes_store_aggregates(scopes, fm_scopes_bundle_instant(scopes, instant));
   fm_scopes_take_bundle(scopes, instant);

@@ -106,11 +106,6 @@ int64_t fm_scopes_first_due(struct fm_scopes * scopes, int64_t last, bool misses
   return first <= last ? first : FM_NEVER;
 }
 
-static bool have_same_keys(const struct fm_scopes * scopes, uint32_t a, uint32_t b)
-{
-  return scopes->kinds[a].pool.keys == scopes->kinds[b].pool.keys;
-}
-
 static void take_due_in(
   struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
 {
@@ -137,18 +132,18 @@ static void log_closest(struct fm_scopes * scopes, uint32_t kind, uint32_t slot)
   }
 }
 
-// In all kinds with the key, of which `kind` has taken what is due.
-static void end_instance(struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
+void fm_scopes_end_instance(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant)
 {
   struct fm_pool * own = &scopes->kinds[kind].pool;
   bool is_open = false;
   for (uint32_t k = kind + 1u; k < scopes->n_kinds; ++k) {
-    if (have_same_keys(scopes, k, kind)) {
+    if (fm_scopes_have_same_keys(scopes, k, kind)) {
       take_due_in(scopes, k, slot, instant);
     }
   }
   for (uint32_t k = kind; k < scopes->n_kinds; ++k) {
-    if (have_same_keys(scopes, k, kind)) {
+    if (fm_scopes_have_same_keys(scopes, k, kind)) {
       fm_scopes_report(scopes, FM_SCOPE_ENDED, k, slot, instant, 0);
       if (scopes->closest != NULL) {
         log_closest(scopes, k, slot);
@@ -178,19 +173,17 @@ void fm_scopes_spread_news(struct fm_scopes * scopes, uint32_t kind, int64_t ins
   }
 }
 
-void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
+uint32_t fm_scopes_take_until_end(struct fm_scopes * scopes, uint32_t kind, int64_t instant)
 {
   struct fm_pool * pool = &scopes->kinds[kind].pool;
-  if (fm_scopes_has_news(scopes, kind)) {
-    fm_scopes_spread_news(scopes, kind, instant);
-  }
   while (fm_scopes_first_due_of(scopes, kind, instant, false) != FM_NEVER) {
     const uint32_t slot = fm_heap_first(&pool->due);
     take_due_in(scopes, kind, slot, instant);
     if (fm_pool_end_of(pool, slot) <= instant) {
-      end_instance(scopes, kind, slot, instant);
+      return slot;
     }
   }
+  return FM_NO_SLOT;
 }
 
 int64_t fm_scopes_deadline(struct fm_scopes * scopes)

@@ -84,6 +84,11 @@ struct fm_scopes
   uint32_t most_stepped;
 };
 
+FM_INLINE bool fm_scopes_have_same_keys(const struct fm_scopes * scopes, uint32_t a, uint32_t b)
+{
+  return scopes->kinds[a].pool.keys == scopes->kinds[b].pool.keys;
+}
+
 // ---- scopes_steps.c ----------------------------------------------------------------------------
 
 /// Report an event to the sink, and note it.
@@ -153,7 +158,13 @@ int64_t fm_scopes_first_due(struct fm_scopes * scopes, int64_t last, bool misses
 /// Let all instances of a kind know the values of the aggregates that they read. O(instances).
 void fm_scopes_spread_news(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
 
-/// Take what is due in the instances of a kind at an instant, before which nothing is due.
-void fm_scopes_take_kind(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
+/// Take what is due in the instances of a kind at an instant, before which nothing is due, until
+/// one of them has to end, whose slot is returned; FM_NO_SLOT: none has to.
+uint32_t fm_scopes_take_until_end(struct fm_scopes * scopes, uint32_t kind, int64_t instant);
+
+/// End an instance in all kinds with its key, the first of which has taken what is due. The others
+/// take it first.
+void fm_scopes_end_instance(
+  struct fm_scopes * scopes, uint32_t kind, uint32_t slot, int64_t instant);
 
 #endif  // SCOPES_PARTS_H_

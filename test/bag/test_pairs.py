@@ -22,16 +22,18 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from bag.recordings import TYPES
+from bag.recordings import START, TYPES
 from bag.test_instances import (
     BOOL, changes_in, FLOAT, JOINTS, judged, Message, outline, POINT, record, told, TRANSFORMS,
     written,
 )
 from bag.test_keyed_traces import both, reported
 from bag.test_report_by_key import lanes, page_of
+from differential.compiled import unoptimised
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.findings import Findings
 from fret_monitor.bag.results import json_line, table
+from fret_monitor.cli.main import main
 from fret_monitor.model.names import pair_key
 from fret_monitor.model.policies import Policy
 import numpy
@@ -288,3 +290,48 @@ requirements:
         (item.id, item.verdict, item.occurrences, item.longest) for item in whole.findings]
     assert (rows.kinds['robot'].ended, 'track' in rows.kinds) == (1, True)
     assert [item.occurrences for item in rows.findings] == [0, 1, 0]
+
+
+AT_THE_END = f"""format: 1
+evaluation: {{policy: timed}}
+for_each: {{robot: {{most: 2}}, track: {{most: 3, forget: 1}}}}
+inputs:
+  seen: {INPUTS['seen']}
+  speed: {{topic: "/{{robot}}/speed", type: {FLOAT}}}
+  limit: {{topic: /limit, type: {FLOAT}}}
+requirements:
+  - {{id: PAIR, ptltl: "seen + speed > max(robot, track: seen + limit)"}}
+  - {{id: NONE, ptltl: "count(robot, track: seen + speed > max(robot, track: seen + limit)) = 0"}}
+"""
+
+
+def test_a_message_at_the_very_end_of_a_pair_comes_before_it(tmp_path: Path) -> None:
+    # 1 ends with a message of its robot, 3 with a shared one.
+    def at(time: int) -> int:
+        return START + time * 10**8
+
+    sent = [(0, '', '', 5.0), (1, 'a', '', 1.0), (5, 'a', '1', 1.0), (10, 'a', '3', 1.0),
+            (15, 'a', '', 6.0), (17, 'a', '', 1.0), (20, '', '', 0.0), (30, 'a', '', 7.0)]
+    file, trace, out = (tmp_path / name for name in ('bundle.yaml', 'trace.csv', 'out.csv'))
+    file.write_text(AT_THE_END, encoding='utf-8')
+    trace.write_text('time,robot,track,seen,speed,limit\n' + ''.join(
+        f'{START // 10**9 + time // 10}.{time % 10},{robot},{track},'
+        + (f'{value},,' if track else f',{value},' if robot else f',,{value}') + '\n'
+        for time, robot, track, value in sent), encoding='utf-8')
+    types = TYPES.types
+    recording = record(tmp_path / 'bag', [
+        (time * 10**8, f'/{robot}/seen', POINT, types[POINT](
+            types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](0, 0), track),
+            types['geometry_msgs/msg/Point'](value, 0.0, 0.0)), frozenset[str]()) if track else
+        (time * 10**8, f'/{robot}/speed' if robot else '/limit', FLOAT, types[FLOAT](value),
+         frozenset[str]()) for time, robot, track, value in sent])
+    for source in (trace, recording):
+        with unoptimised():
+            pair, none = check_recording(file, source, Selection()).findings
+        assert {key[-1:]: item.spans for key, item in pair.instances.items()} == {
+            b'1': [(at(5), at(15))], b'3': [(at(10), at(15)), (at(17), at(20))]}
+        assert none.spans == [(at(15), at(17))]
+    with unoptimised():
+        assert main(['simulate', str(file), '--trace', str(trace), '--verdicts', str(out)]) == 0
+    assert [line[-1] for line in out.read_text(encoding='utf-8').splitlines()[1:]
+            if line[-1] != ','] == list('11110111')
