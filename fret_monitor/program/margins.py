@@ -209,9 +209,12 @@ class MarginBuilder:
 
     def _emit(self, operation: MarginOperation, formula: Formula | None = None) -> Operand:
         if operation not in self._found:
-            self._equations.append(MarginEquation(operation, self._owner, formula))
-            self._found[operation] = Operand(len(self._equations) - 1)
+            self._found[operation] = self._add(operation, formula)
         return self._found[operation]
+
+    def _add(self, operation: MarginOperation, formula: Formula | None) -> Operand:
+        self._equations.append(MarginEquation(operation, self._owner, formula))
+        return Operand(len(self._equations) - 1)
 
     def _leaf(self, formula: Formula) -> int:
         return self._leaves.setdefault(self._operand_of(formula), len(self._leaves))
@@ -226,13 +229,14 @@ class MarginBuilder:
         return ~found if operand.negated else found
 
     def _distance(self, node: Binary) -> Operand:
+        # Not shared by distance: `x < y` and `y >= x` are named, each where it is written.
         scales = [self._signals[item.name].scale for item in variables(node)]
         left, right, operator = self._leaf(node.left), self._leaf(node.right), node.operator
         if operator in (BinaryOperator.GT, BinaryOperator.GE):
             left, right, operator = right, left, BinaryOperator.LE
         if operator is BinaryOperator.LT:
             operator = BinaryOperator.LE
-        return self._emit(Distance(operator, left, right, max(scales, default=1.0)), node)
+        return self._add(Distance(operator, left, right, max(scales, default=1.0)), node)
 
     def _connective(self, operator: BinaryOperator, left: Operand, right: Operand) -> Operand:
         match operator:

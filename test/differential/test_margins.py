@@ -183,6 +183,20 @@ def test_margins_at_ticks_are_those_of_a_step_every_nanosecond(seed: int) -> Non
             check(found.margins[place], expected, found.verdicts[place], formulas, {}, each)
 
 
+@pytest.mark.parametrize('policy', [Policy.EVERY_MESSAGE, Policy.TIMED])
+def test_what_decides_is_named_as_its_own_requirement_has_it(policy: Policy) -> None:
+    pairs = ((BinaryOperator.LT, X, Y), (BinaryOperator.LE, X, Y),
+             (BinaryOperator.GT, Y, X), (BinaryOperator.GE, Y, X))  # of one distance
+    compared = [Binary(operator, left, right) for operator, left, right in pairs]
+    generated = build([property_of(f'R-{number}', Historically(Window(0, None), item))
+                       for number, item in enumerate(compared)], policy)
+    rest = random_trace(Random(8), INPUTS, 2)
+    found = run(evaluator_of(generated), {**rest, X.name: [1.0, 3.0], Y.name: [2.0, 2.0]}, (0, 1))
+    formulas = [item.formula for item in comparisons(generated.program)]
+    assert [(formulas[item.comparison], item.value, item.instant) for item in found.margins] == [
+        (formula, value, step) for step, value in enumerate((1.0, -1.0)) for formula in compared]
+
+
 def random_chain(rng: Random) -> Formula:
     """Return a formula with five windows over comparisons of inputs with constants."""
     limits: list[Formula] = [at_most(item, limit) for item in (X, Y) for limit in (0.0, 1.0, 3.0)]
