@@ -181,7 +181,7 @@ static inline struct fm_margin_now fm_margin_compared_at(
   int64_t comparison)
 {
   const int64_t rank = fm_margin_rank(distance / scale);
-  if (kept->rank != rank) {
+  if (kept->rank != rank || kept->comparison != comparison) {  // -1 before the first, of any rank
     *kept = (struct fm_margin_kept) {rank, instant, comparison};
   }
   return (struct fm_margin_now) {rank, kept};

@@ -197,6 +197,16 @@ def test_what_decides_is_named_as_its_own_requirement_has_it(policy: Policy) -> 
         (formula, value, step) for step, value in enumerate((1.0, -1.0)) for formula in compared]
 
 
+@pytest.mark.parametrize('policy', [Policy.EVERY_MESSAGE, Policy.TIMED])
+def test_an_infinite_distance_is_of_its_comparison_from_the_first_step_on(policy: Policy) -> None:
+    generated = build([property_of('R-0', at_most(Y, 3.0)), property_of('R-1', at_most(X, 3.0))],
+                      policy)
+    rest = random_trace(Random(9), INPUTS, 1)
+    found = run(evaluator_of(generated), {**rest, X.name: [math.nan], Y.name: [math.inf]}, (5,))
+    assert [(item.value, item.comparison, item.instant) for item in found.margins] == [
+        (-math.inf, number, 5) for number in (0, 1)]
+
+
 def random_chain(rng: Random) -> Formula:
     """Return a formula with five windows over comparisons of inputs with constants."""
     limits: list[Formula] = [at_most(item, limit) for item in (X, Y) for limit in (0.0, 1.0, 3.0)]
