@@ -37,6 +37,9 @@ SECTION = 'section'
 IDENTIFIER = 'spec-object identifier'
 """The head of the column with the identifier that every requirement has."""
 
+TOOLS = 'TOOL-EXTENSIONS'
+"""The element in which tools keep what they like, which is not read."""
+
 _TITLES = ('reqif.chaptername', 'reqif.name', 'title', 'name', 'object heading')
 _HEAD_CHARS = 10_000
 _ROOT = re.compile(r'<(?:[\w.-]+:)?REQ-IF[\s>]')
@@ -69,7 +72,7 @@ def _read(text: str, path: Path, most: int) -> tuple[Element, dict[str, dict[str
     """Return a file without its objects, and their values by the attributes' identifiers."""
     objects: dict[str, dict[str, str]] = {}
     counts: Counter[str] = Counter()
-    for item in ended_elements(text, path):
+    for item in ended_elements(text, path, without=TOOLS):
         if name_of(item) == 'SPEC-OBJECT':
             identifier = item.get('IDENTIFIER', '')
             counts[identifier] += 1

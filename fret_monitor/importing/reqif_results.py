@@ -27,6 +27,7 @@ from typing import NamedTuple
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
+from fret_monitor.importing.reqif_file import TOOLS
 from fret_monitor.importing.xml_text import refuse_hostile
 from fret_monitor.model.diagnostics import refuse
 from fret_monitor.model.names import shown
@@ -219,15 +220,20 @@ def _elements(data: bytes, names: frozenset[str], wanted: str) -> Iterator[_Elem
     open_: list[_Element | None] = []
     within: list[_Element] = []
     found: list[_Element] = []
+    tools = 0
 
     def begin(name: str, attributes: dict[str, str]) -> None:
+        nonlocal tools
+        tools += _local(name) == TOOLS
         item = None
-        if _local(name) in names:
+        if not tools and _local(name) in names:
             item = _Element(name, attributes, parser.CurrentByteIndex)
             within.append(item)
         open_.append(item)
 
     def end(name: str) -> None:
+        nonlocal tools
+        tools -= _local(name) == TOOLS
         item = open_.pop()
         if item is None:
             return

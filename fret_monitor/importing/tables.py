@@ -71,6 +71,8 @@ _OPERATOR = re.compile(r'[<>=!&|()\[\]]|->|\bshall\b')
 _QUOTED = re.compile('"[^"]*"')
 _BEGIN_BYTES = 1000
 _UTF_8, _WINDOWS = 'utf-8-sig', 'cp1252'
+_SURE_UTF_8 = re.compile(  # a byte order mark, or another character of several bytes
+    rb'[\xc2-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}|[\xf1-\xf3][\x80-\xbf]{3}')
 _PACKED = (b'PK\3\4', b'\xd0\xcf\x11\xe0')  # ZIP, of .ods and .xlsx; OLE, of .xls
 # Of the encodings that XML may declare, those of one byte a character; expat knows no others.
 _DECLARED = re.compile(
@@ -247,13 +249,13 @@ def decoded_bytes(data: bytes, name: str, path: Path | None = None) -> str:
     Return the text of a file; `name` is that of the file, in quotes.
 
     It is in UTF-16 with a byte order mark, in what the declaration of XML says, or in UTF-8; a
-    table that `path` names may be in Windows-1252.
+    table that `path` names may be in Windows-1252, if no character is one of UTF-8.
     """
     encoding = encoding_of(data[:_BEGIN_BYTES])
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:
-        if encoding == _UTF_8 and not data.startswith(BOM_UTF8) and path is not None \
+        if encoding == _UTF_8 and not _SURE_UTF_8.search(data) and path is not None \
                 and path.suffix.lower() in SUFFIXES:
             with suppress(UnicodeDecodeError):
                 return data.decode(_WINDOWS)

@@ -48,21 +48,33 @@ def parsed_xml(text: str, path: Path) -> Element:
         refuse(f'{shown(str(path))} cannot be read as XML: {_reason(error)}')
 
 
-def ended_elements(text: str, path: Path) -> Iterator[Element]:
+def ended_elements(text: str, path: Path, without: str) -> Iterator[Element]:
     """
-    Yield each element of a file's text where it ends, the root last.
+    Yield each element of a file's text where it ends, the root last; none in those of a name.
 
     An element that is cleared then takes no memory. Raises as `parsed_xml`.
     """
     refuse_hostile(text, path)
-    parser: ElementTree.XMLPullParser[Element] = ElementTree.XMLPullParser(['end'])
+    inside = 0
     try:
-        for start in range(0, len(text), _BLOCK_CHARS):
-            parser.feed(text[start:start + _BLOCK_CHARS])
-            yield from (element for _, element in parser.read_events())  # type: ignore[misc]
-        parser.close()
+        for event, element in _events(text):
+            if event == 'start':
+                inside += name_of(element) == without
+            elif not inside:
+                yield element
+            else:
+                inside -= name_of(element) == without
+                element.clear()
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         refuse(f'{shown(str(path))} cannot be read as XML: {_reason(error)}')
+
+
+def _events(text: str) -> Iterator[tuple[str, Element]]:
+    parser: ElementTree.XMLPullParser[Element] = ElementTree.XMLPullParser(['start', 'end'])
+    for start in range(0, len(text), _BLOCK_CHARS):
+        parser.feed(text[start:start + _BLOCK_CHARS])
+        yield from parser.read_events()  # type: ignore[misc]
+    parser.close()
 
 
 def _reason(error: Exception) -> str:

@@ -112,6 +112,18 @@ def test_what_is_deleted_raised_or_lowered_is_read_as_such(tmp_path: Path) -> No
     assert found['R-4'] == 'v_x > 10^1 & armed'
 
 
+def test_what_tools_keep_for_themselves_is_not_read_nor_filled(tmp_path: Path) -> None:
+    path = tmp_path / 'a.reqif'
+    kept = ROVER[ROVER.index('<DATATYPES>'):ROVER.index('</REQ-IF-CONTENT>')]
+    tools = f'<TOOL-EXTENSIONS><A><TOOL-EXTENSIONS/>{kept}</A></TOOL-EXTENSIONS>'
+    rows = {'a.reqif, o-3': ('held',)}
+    for head in ('<CORE-CONTENT>', '</REQ-IF>'):
+        text = ROVER.replace(head, tools + head)
+        assert [*reqif_rows(text, path, 100)] == [*reqif_rows(ROVER, path, 100)]
+        filled = filled_reqif(text, path, ('Verdict',), rows)
+        assert filled.replace(tools, '') == filled_reqif(ROVER, path, ('Verdict',), rows) != ROVER
+
+
 @pytest.mark.parametrize(('text', 'message'), [
     (ROVER.replace('<REQ-IF ', '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]><REQ-IF '),
      'declares a document type'),

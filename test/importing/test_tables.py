@@ -104,10 +104,11 @@ def test_topics_of_a_list_are_taken(tmp_path: Path) -> None:
     (b'id,text\nR,"x > 0\n', 'line 2'),
     (b'id,text\nR,x > \x81\n', 'is not UTF-8: line 2'),
     (b'\xef\xbb\xbfid,text\nR,x > \xe4\n', 'is not UTF-8: line 2'),
+    ('id,text\nÜ,x > 0\nR,x > \xe4\n'.encode() + b'\xff', 'is not UTF-8: line 4'),
     (b'a,b\n1,2\n', 'has no column of ids'),
     (b'id,text,id,text\nR,x > 0,S,x > 1\n', "has several columns 'id'"),
     (b'id,text\n' + b'R,x > 0\n' * (MAX_ROWS + 1), f'more than {MAX_ROWS:,} rows')],
-    ids=['empty', 'quote', 'undefined', 'marked', 'other heads', 'twice', 'long'])
+    ids=['empty', 'quote', 'undefined', 'marked', 'one byte', 'other heads', 'twice', 'long'])
 def test_what_is_no_table_is_refused(data: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / 'a.csv').write_bytes(data)
     with pytest.raises(CompileError, match=message):
