@@ -559,8 +559,7 @@ class _Run:
             elif not found:
                 near = _remedy(name, types) or did_you_mean(name, types)
                 self._miss(index, f'{name} was not recorded' + (f': {near}' if near else ''))
-            elif not self._recording.recorded[name] and any(
-                    self._manifest.inputs[item].initial is None for item in topic.inputs):
+            elif not self._recording.recorded[name] and self._needs_message(index):
                 self._miss(index, f'no message of {name} was recorded')
 
         if not any(self._recorded.values()) and not self._errors:
@@ -581,9 +580,23 @@ class _Run:
             else:
                 (self._warnings if self._selection.may_miss else self._errors).append(
                     f'{name} was not recorded as {topic.message_type}')
-        if not any(map(self._recording.recorded.__getitem__, fitting)):
+        if any(map(self._recording.recorded.__getitem__, fitting)):
+            return
+        if not any(topic.message_type in self._recording.types.get(name, ()) for name in fitting):
             self._miss(index, f'no topic {self._names[index]} of {topic.message_type} was '
                        'recorded')
+        elif self._needs_message(index) or variable is None or not variable.keys:
+            self._miss(index, f'no message of {self._names[index]} was recorded')
+
+    def _needs_message(self, index: int) -> bool:
+        """Whether an input of a topic, or one of listed keys, has no value before a message."""
+        manifest = self._manifest
+        found = [manifest.inputs[item] for item in manifest.topics[index].inputs]
+        for kind in manifest.kinds:
+            if all(manifest.variables[item].keys for item in kind.variables):
+                found += [kind.manifest.inputs[item] for item in kind.manifest.topics[index].inputs
+                          if kind.shared[item] is None]
+        return any(item.initial is None for item in found)
 
     def _topics_left_out(self) -> set[int]:
         """

@@ -652,6 +652,34 @@ def test_changes_that_find_no_room_are_counted_in_all_instances(tmp_path: Path) 
     assert overflows_in(judged(tmp_path, 'fleet', RATED, found)) == expected
 
 
+@pytest.mark.parametrize(('mapped', 'initial'), [
+    ('"/{robot}/speed"', ', initial: 3'), ('speed, where: "header.frame_id = {robot}"', '')])
+def test_topics_of_listed_keys_without_a_message_are_as_those_of_a_plain_bundle(
+        mapped: str, initial: str, tmp_path: Path) -> None:
+    whole = f"""format: 1
+for_each: {{robot: [a]}}
+inputs:
+  on: {{topic: enable, type: {BOOL}}}
+  x: {{topic: {mapped}, type: {POINT}, field: point.x{initial}}}
+requirements: [{{id: R, ptltl: "on & x < 2"}}]
+"""
+    path = tmp_path / 'bag'
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic in ('/a/speed', '/speed'):
+            writer.add_connection(topic, POINT, typestore=TYPES)
+        writer.write(writer.add_connection('/enable', BOOL, typestore=TYPES), START,
+                     TYPES.serialize_cdr(TYPES.types[BOOL](True), BOOL))
+    results = []
+    for text in (whole, whole.replace('{robot}', 'a').replace('for_each: {robot: [a]}\n', '')):
+        (tmp_path / 'bundle.yaml').write_text(text, encoding='utf-8')
+        with unoptimised():
+            results.append(check_recording(tmp_path / 'bundle.yaml', path, Selection()))
+    assert [(item.verdict, item.occurrences) for item in results[0].findings] == [
+        (item.verdict, item.occurrences) for item in results[1].findings]
+    assert [item.replace('{robot}', 'a') for item in results[0].errors] == [*results[1].errors]
+    assert bool(results[0].errors) == (not initial)
+
+
 def overflows_in(result: RecordingResult) -> int:
     counts = [int(error.split(' ')[0].replace(',', '')) for error in result.errors
               if 'came faster than max_rate says' in error]
