@@ -27,11 +27,15 @@ extern void * PyFloat_FromDouble(double value);
 extern double PyFloat_AsDouble(void * object);
 extern long long PyLong_AsLongLong(void * object);
 extern unsigned long long PyLong_AsUnsignedLongLong(void * object);
+extern void * PyNumber_Index(void * object);
+extern void Py_DecRef(void * object);
 extern void * PyErr_Occurred(void);
+extern void PyErr_Clear(void);
 extern void PyErr_SetString(void * type, const char * text);
 extern void * PyExc_TypeError;
 extern void * PyExc_ValueError;
 extern void * PyExc_OverflowError;
+extern void * PyExc_RuntimeError;
 
 /// What a step needs. The tuple keeps alive all that it points to.
 struct fm_python_step
@@ -49,6 +53,7 @@ struct fm_python_step
   int64_t start;                    // of ticks: the time of the first row
   int64_t last;                     // of ticks: the last tick; -1: none
   int64_t due;                      // of ticks: what step_at returned
+  uint64_t turn;                    // grows where a call begins or ends to store a row
 };
 
 FM_EXPORT void * fm_python_step(void * self, void * const * arguments, ptrdiff_t n);
@@ -70,11 +75,37 @@ static bool fits(bool is_inside)
   *(type *)cell = (type)value; \
   return true;
 
+// Booleans of other packages are no integers, but numbers.
+static bool store_truth(uint8_t * cell, void * object)
+{
+  double value = (double)PyLong_AsLongLong(object);
+  if (value == -1.0 && PyErr_Occurred() != NULL) {
+    PyErr_Clear();
+    value = PyFloat_AsDouble(object);
+  }
+  if (PyErr_Occurred() != NULL || !fits(value == 0.0 || value == 1.0)) {
+    return false;
+  }
+  *cell = value == 1.0;
+  return true;
+}
+
+static bool store_uint64(uint64_t * cell, void * object)
+{
+  void * const whole = PyNumber_Index(object);
+  if (whole == NULL) {
+    return false;
+  }
+  *cell = PyLong_AsUnsignedLongLong(whole);
+  Py_DecRef(whole);
+  return *cell != UINT64_MAX || PyErr_Occurred() == NULL;
+}
+
 // Store a value of Python as one of the input's type. Returns false with an error of Python.
 static bool store(void * cell, uint8_t type, void * object)
 {
   switch ((enum fm_type)type) {
-    case FM_BOOL: { STORE_INTEGER(uint8_t, 0, 1) }
+    case FM_BOOL: return store_truth(cell, object);
     case FM_INT8: { STORE_INTEGER(int8_t, INT8_MIN, INT8_MAX) }
     case FM_INT16: { STORE_INTEGER(int16_t, INT16_MIN, INT16_MAX) }
     case FM_INT32: { STORE_INTEGER(int32_t, INT32_MIN, INT32_MAX) }
@@ -82,9 +113,7 @@ static bool store(void * cell, uint8_t type, void * object)
     case FM_UINT8: { STORE_INTEGER(uint8_t, 0, UINT8_MAX) }
     case FM_UINT16: { STORE_INTEGER(uint16_t, 0, UINT16_MAX) }
     case FM_UINT32: { STORE_INTEGER(uint32_t, 0, (long long)UINT32_MAX) }
-    case FM_UINT64:
-      *(uint64_t *)cell = PyLong_AsUnsignedLongLong(object);
-      return *(uint64_t *)cell != UINT64_MAX || PyErr_Occurred() == NULL;
+    case FM_UINT64: return store_uint64(cell, object);
     case FM_FLOAT32:
     case FM_FLOAT64:
       break;
@@ -101,13 +130,33 @@ static bool store(void * cell, uint8_t type, void * object)
   return true;
 }
 
+// Store the values of a row. A value may be converted by code in Python; meanwhile another call
+// may store its row. Returns false with an error of Python.
+static bool store_row(struct fm_python_step * s, void * const * values)
+{
+  const uint64_t turn = ++s->turn;
+  bool is_stored = true;
+  for (uint64_t i = 0; is_stored && i < s->n_values; ++i) {
+    is_stored = store(s->cells[i], s->types[i], values[i]);
+  }
+  if (is_stored && s->turn != turn) {
+    PyErr_SetString(PyExc_RuntimeError, "while a value was converted, another call began: give "
+      "numbers, as in float(value)");
+    is_stored = false;
+  }
+  ++s->turn;
+  return is_stored;
+}
+
 // Take what is due before a tick, then the tick. Returns false with an error of Python.
 static bool step_at(struct fm_python_step * s, int64_t now)
 {
   s->start = s->last < 0 ? now : s->start;
   const int64_t tick = (int64_t)((uint64_t)now - (uint64_t)s->start);
   if (tick <= s->last || tick > FM_LAST_TICK) {
-    PyErr_SetString(PyExc_ValueError, "the time is not after that of the row before");
+    PyErr_SetString(PyExc_ValueError, now <= s->start || (tick >= 0 && tick <= s->last) ?
+      "the time is not after that of the row before" :
+      "the time is more than 146 years after that of the first row");
     return false;
   }
   while (s->due < tick) {
@@ -137,10 +186,8 @@ void * fm_python_step(void * self, void * const * arguments, ptrdiff_t n)
   if (is_timed && !store(&now, FM_INT64, arguments[0])) {
     return NULL;
   }
-  for (uint64_t i = 0; i < s->n_values; ++i) {
-    if (!store(s->cells[i], s->types[i], arguments[i + is_timed])) {
-      return NULL;
-    }
+  if (!store_row(s, arguments + is_timed)) {
+    return NULL;
   }
   if (!is_timed) {
     s->group->step(s->state, s->next, s->verdicts);

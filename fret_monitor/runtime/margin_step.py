@@ -52,7 +52,8 @@ class _PythonStep(ctypes.Structure):
     _fields_ = (*((name, ctypes.c_void_p) for name in (
         'group', 'state', 'verdicts', 'margin', 'inputs', 'next', 'cells', 'types')),
         ('inputs_bytes', ctypes.c_uint64), ('n_values', ctypes.c_uint64),
-        ('start', ctypes.c_int64), ('last', ctypes.c_int64), ('due', ctypes.c_int64))
+        ('start', ctypes.c_int64), ('last', ctypes.c_int64), ('due', ctypes.c_int64),
+        ('turn', ctypes.c_uint64))
 
 
 def margin_step(monitor: Monitor, requirement: str) -> MarginStep:
@@ -60,23 +61,25 @@ def margin_step(monitor: Monitor, requirement: str) -> MarginStep:
     Return a function that takes a row of a trace, and returns the margin of a requirement.
 
     Its arguments are a value of each input, in the order of the manifest; under `timed` after the
-    time in nanoseconds, later than that of the row before. Every row is a step; nothing is counted
+    time in nanoseconds, later than that of the row before. A text is its place in the `values` of
+    the input, from 0. Every row is a step; nothing is counted
     or reported, and no input is ever silent. It returns NaN where the margin is not known. It
-    holds Python's interpreter lock, and raises as `Evaluator.store`, and ValueError for a time
-    that is not later; then no row was taken.
+    holds Python's interpreter lock, and raises as `Evaluator.store`, ValueError for a time that is
+    not later, and RuntimeError where code that converts a value has let another call begin; then
+    no row was taken.
 
     Raises
     ------
     ValueError
-        if there is no such requirement, the monitor has no margins, or inputs are not fields of
-        messages.
+        if there is no such requirement, it is of instances, the monitor has no margins, or inputs
+        are not fields of messages.
     NativeError
         if the function cannot be built.
     """
     manifest, pointer = monitor.manifest, monitor.pointer
     ids = [item.id for item in manifest.requirements]
-    if requirement not in ids or monitor.margins == ffi.NULL:
-        raise ValueError(f"there are no margins of '{requirement}'")
+    if obstacle := _obstacle(monitor, requirement, ids):
+        raise ValueError(f"there are no margins of '{requirement}': {obstacle}")
     others = [item.name for item in manifest.inputs if item.source is not InputSource.FIELD]
     if others:
         raise ValueError(f"'{others[0]}' has its values from the times of messages")
@@ -95,6 +98,14 @@ def margin_step(monitor: Monitor, requirement: str) -> MarginStep:
     made = _PythonStep(*map(_address, blocks), pointer.inputs_bytes, len(items), 0, -1, NEVER)
     return _function(bytearray(made), (
         monitor, state, verdicts, inputs, row, cells, types))
+
+
+def _obstacle(monitor: Monitor, requirement: str, ids: list[str]) -> str:
+    """Return why a requirement has no margins here; '' if it has."""
+    if requirement not in ids:
+        is_keyed = any(item.id == requirement for item in monitor.manifest.numbered)
+        return 'each key has its own' if is_keyed else f'the requirements are {", ".join(ids)}'
+    return 'write start(BUNDLE, margins=True)' if monitor.margins == ffi.NULL else ''
 
 
 def _aligned(block: CData) -> CData:

@@ -15,6 +15,7 @@
 """A function of Python that takes a row and returns a margin, beside rows that C takes at once."""
 
 from array import array
+from collections.abc import Callable
 from contextlib import redirect_stdout
 import gc
 from io import StringIO
@@ -102,11 +103,56 @@ def test_a_row_that_is_refused_is_not_taken(tmp_path: Path) -> None:
 
 def test_a_requirement_without_margins_is_refused(tmp_path: Path) -> None:
     made = evaluator(tmp_path, 'every_message')
-    with pytest.raises(ValueError, match="no margins of 'OTHER'"):
+    with pytest.raises(ValueError, match="no margins of 'OTHER': the requirements are NEAR, SUM"):
         margin_step(made.monitor, 'OTHER')
     plain = start(tmp_path / 'bundle.yaml').monitor
-    with pytest.raises(ValueError, match="no margins of 'NEAR'"):
+    with pytest.raises(ValueError, match=r"of 'NEAR': write start\(BUNDLE, margins=True\)"):
         margin_step(plain, 'NEAR')
+
+
+def test_a_time_that_is_too_late_is_refused_as_that(tmp_path: Path) -> None:
+    step = margin_step(evaluator(tmp_path, 'timed').monitor, 'NEAR')
+    row = (1.5, 0.0, 0, 0, True)
+    assert step(-2**63, *row) == 0.5
+    for now in (-2**63, -2**63 + 2**62, 2**63 - 1):
+        message = 'not after that of the row' if now == -2**63 else 'more than 146 years after'
+        with pytest.raises(ValueError, match=message):
+            step(now, *row)
+
+
+class Number:
+    """A number that calls a function where it is converted."""
+
+    def __init__(self, value: int, call: Callable[[], object]) -> None:
+        """Remember both."""
+        self.value, self.call = value, call
+
+    def __index__(self) -> int:
+        """Return it."""
+        self.call()
+        return self.value
+
+    def __float__(self) -> float:
+        """Return it."""
+        return float(self.__index__())
+
+
+def test_a_row_is_never_mixed_with_that_of_a_call_within(tmp_path: Path) -> None:
+    step = margin_step(evaluator(tmp_path, 'every_message').monitor, 'NEAR')
+    assert step(1.5, 0.0, 0, Number(1, lambda: None), Number(1, lambda: None)) == 0.5
+    for row in ((1.0, Number(0, lambda: step(0.0, 0.0, 0, 0, True)), 0, 0, True),
+                (1.0, 0.0, 0, Number(0, lambda: step(0.0, 0.0, 0, 0, True)), True)):
+        with pytest.raises(RuntimeError, match='another call began'):
+            step(*row)
+
+
+@pytest.mark.parametrize('name', ['bool_', 'uint64', 'int8', 'float32'])
+def test_numbers_of_numpy_are_taken(tmp_path: Path, name: str) -> None:
+    number = getattr(pytest.importorskip('numpy'), name)
+    step = margin_step(evaluator(tmp_path, 'every_message').monitor, 'NEAR')
+    row = [1.5, 0.5, 1, 1, True]
+    row[['float32', 'int8', 'uint64', 'bool_'].index(name) + 1] = number(1)
+    assert step(*row) == 0.5
 
 
 def test_the_example_of_the_page_prints_what_it_shows(
