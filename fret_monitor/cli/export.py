@@ -151,7 +151,9 @@ def run(options: Namespace) -> int:
 
 
 def _write_requirements(options: Namespace) -> int:
-    if len(options.bundles) > 1 or options.name or options.prefix or options.templates:
+    others = (options.name, options.prefix, options.templates, options.gates, options.margins,
+              options.constants, options.handler_arguments != HandlerArguments.NONE.value)
+    if len(options.bundles) > 1 or any(others):
         options.refuse('the target requirements takes one bundle and no option but --output')
     path = existing_bundle(options.bundles[0])
     bundle = read(path, takes_instances=True).bundle

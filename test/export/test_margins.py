@@ -169,6 +169,8 @@ def test_margins_are_exported_where_they_are_asked_for_alone(
                 options)
     refused = [(('export', bundle, '--to', 'cfs', '--output', tmp_path / 'x', '--margins'),
                 'the target cfs has no margins, only c99 and ros2 have: leave --margins out'),
+               (('export', bundle, '--to', 'requirements', '--output', tmp_path / 'x',
+                 '--margins'), 'takes one bundle and no option but --output'),
                (('export', bundle, '--to', 'ros2', '--output', tmp_path / 'x', '--margins',
                  '--gate', 'safe'), 'a gate has no margins: leave --margins out'),
                (('compile', bundle, '--output', tmp_path / 'x', '--margins', '--gate', 'safe'),
