@@ -328,6 +328,17 @@ static void write_other(
   }
 }
 
+// What has changed at the very instant at which an instance ends is shown while it is there.
+static void show_last(
+  void * context, const struct fm_stepped * event, const struct fm_violation * found)
+{
+  struct fm_keyed_rows * rows = context;
+  (void)found;
+  if (event->event == FM_SCOPE_ENDED && scope_of(rows, event->kind)->base == event->kind) {
+    write_other(rows, event, event->instant);
+  }
+}
+
 // Of the events of an instance, which may have stepped in several kinds.
 static bool is_first(const struct fm_keyed_rows * rows, uint32_t k)
 {
@@ -495,6 +506,7 @@ static void step(struct fm_keyed_rows * rows, uint64_t k)
 void fm_keyed_rows_advance(struct fm_keyed_rows * rows, int64_t until)
 {
   int64_t instant;
+  fm_scopes_listen(rows->scopes, rows->is_timed ? show_last : NULL, rows);
   while ((instant = fm_scopes_advance(rows->scopes, until)) != FM_NEVER) {
     write_others(rows, instant);
   }
@@ -502,6 +514,7 @@ void fm_keyed_rows_advance(struct fm_keyed_rows * rows, int64_t until)
 
 void fm_keyed_rows_take(struct fm_keyed_rows * rows)
 {
+  fm_scopes_listen(rows->scopes, rows->is_timed ? show_last : NULL, rows);
   for (uint64_t k = 0; k < rows->n; ++k) {
     int64_t instant;
     while ((instant = fm_scopes_advance_to(rows->scopes, rows->times[k])) != FM_NEVER) {

@@ -333,5 +333,6 @@ def test_a_message_at_the_very_end_of_a_pair_comes_before_it(tmp_path: Path) -> 
         assert none.spans == [(at(15), at(17))]
     with unoptimised():
         assert main(['simulate', str(file), '--trace', str(trace), '--verdicts', str(out)]) == 0
-    assert [line[-1] for line in out.read_text(encoding='utf-8').splitlines()[1:]
-            if line[-1] != ','] == list('11110111')
+    rows = [line.split(',') for line in out.read_text(encoding='utf-8').splitlines()[1:]]
+    assert [row[4] for row in rows if row[4]] == list('11110111')
+    assert [row[2] + row[3] for row in rows if row[2]] == ['10', '30', '11', '31', '30', '31']
