@@ -98,7 +98,7 @@ def _linked(sources: Mapping[str, str], manifests: Sequence[Manifest], objects: 
     return build_library(
         sources, headers={**_headers(), **headers}, name='monitor', identity=identity(),
         linking=Linking('{}', tuple(searched()), tuple(map(str, objects)), (
-            *linked([*NODE_LIBRARIES, rmw_library()], packages), *LIBRARIES)))
+            *linked([*NODE_LIBRARIES, rmw_library()], packages), *LIBRARIES), is_kept=True))
 
 
 def _headers() -> dict[str, str]:
@@ -107,7 +107,7 @@ def _headers() -> dict[str, str]:
 
 
 def _object() -> Linking:
-    return replace(OBJECT, searched=tuple(searched()))
+    return replace(OBJECT, searched=tuple(searched()), is_kept=True)
 
 
 def _same_for_all() -> list[Path]:

@@ -87,8 +87,7 @@ def build_library(
     """
     Compile C files to one shared library, or return it from the cache.
 
-    With another `linking` than `SHARED` they become another file, which depends on `identity`,
-    too, and is made in the cache only; `OBJECT` also elsewhere.
+    With another `linking` than `SHARED` they become another file. It depends on `identity`, too.
 
     Parameters
     ----------
@@ -121,7 +120,7 @@ def build_library(
         if there is no compiler, or it fails.
     CacheError
         if other users can write to the cache, or it is a link; or it cannot be written, and
-        `linking` is neither `SHARED` nor `OBJECT`.
+        what is linked is kept.
     """
     compiler = compiler or find_compiler()
     texts = {**(runtime_headers() if headers is None else headers), **sources}
@@ -129,7 +128,7 @@ def build_library(
     build = _Build(files, tuple(sources), linking, name, compiler, timeout, objects)
     entry = _Entry(build.key(identity), build.library, build.fill, _warn_once)
     return entry.kept() or (
-        entry.make() if linking in (SHARED, OBJECT) else entry.make_to_keep())
+        entry.make_to_keep() if linking.is_kept else entry.make())
 
 
 def private_copy(library: Path) -> Path:

@@ -56,13 +56,15 @@ class Linking:
     What object files are linked to: `file` with the name in place of `{}`.
 
     `searched` are arguments with which the headers are found; `flags` come before the objects, and
-    `libraries` after them.
+    `libraries` after them. With `is_kept` the file outlives this process: it is made in the cache
+    only.
     """
 
     file: str
     searched: tuple[str, ...] = ()
     flags: tuple[str, ...] = LINK_FLAGS
     libraries: tuple[str, ...] = LIBRARIES
+    is_kept: bool = False
 
 
 SHARED = Linking('lib{}.so')

@@ -110,6 +110,12 @@ def test_a_requirement_without_margins_is_refused(tmp_path: Path) -> None:
         margin_step(plain, 'NEAR')
 
 
+def test_a_step_needs_no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = evaluator(tmp_path, 'every_message')
+    monkeypatch.setenv('ROS_HOME', '/dev/null/home')
+    assert margin_step(made.monitor, 'NEAR')(1.5, 0.0, 0, 0, True) == 0.5
+
+
 def test_a_time_that_is_too_late_is_refused_as_that(tmp_path: Path) -> None:
     step = margin_step(evaluator(tmp_path, 'timed').monitor, 'NEAR')
     row = (1.5, 0.0, 0, 0, True)
