@@ -260,6 +260,7 @@ static void note_restart_locked(struct fm_engine * engine, int64_t now)
   if (fm_goes_back(engine->options.evaluator, now) &&
     fm_evaluator_is_timed(engine->options.evaluator))
   {
+    fm_scopes_finish_early(engine->options.scopes);
     fm_engine_forget_violations_locked(engine);
   }
 }

@@ -177,16 +177,17 @@ void fm_schedules_wait(struct fm_instance_schedule * one, uint32_t action)
   }
 }
 
-struct fm_instance_schedule * fm_schedules_take_waiting(
-  struct fm_schedules * schedules, uint32_t action)
+void fm_schedules_end_wait(struct fm_instance_schedule * one, uint32_t action)
+{
+  fm_heap_remove(&one->schedules->waiting[action], one->slot);
+}
+
+struct fm_instance_schedule * fm_schedules_waiting(
+  const struct fm_schedules * schedules, uint32_t action)
 {
   const uint32_t slot =
     schedules->most == 0 ? FM_NO_SLOT : fm_heap_first(&schedules->waiting[action]);
-  if (slot == FM_NO_SLOT) {
-    return NULL;
-  }
-  fm_heap_remove(&schedules->waiting[action], slot);
-  return schedules->items[slot];
+  return slot == FM_NO_SLOT ? NULL : schedules->items[slot];
 }
 
 struct fm_instance_schedule * fm_schedules_next(

@@ -65,11 +65,13 @@ FM_INTERNAL struct fm_instance_schedule * fm_schedules_first(
 /// When that is; FM_NEVER. O(1).
 FM_INTERNAL int64_t fm_schedules_due(const struct fm_schedules * schedules);
 
-/// Let the call of an action wait, if it does not. Return that which waits longest, and no longer
-/// does; NULL: none. O(log schedules).
+/// Let the call of an action wait, if it does not; and no longer, if it does. O(log schedules).
 FM_INTERNAL void fm_schedules_wait(struct fm_instance_schedule * one, uint32_t action);
-FM_INTERNAL struct fm_instance_schedule * fm_schedules_take_waiting(
-  struct fm_schedules * schedules, uint32_t action);
+FM_INTERNAL void fm_schedules_end_wait(struct fm_instance_schedule * one, uint32_t action);
+
+/// That whose call of an action waits longest; NULL: none. O(1).
+FM_INTERNAL struct fm_instance_schedule * fm_schedules_waiting(
+  const struct fm_schedules * schedules, uint32_t action);
 
 /// The schedule of a slot from `slot` on; NULL: there is none. O(slots).
 FM_INTERNAL struct fm_instance_schedule * fm_schedules_next(

@@ -528,7 +528,7 @@ int64_t fm_scopes_end(struct fm_scopes * scopes)
 }
 
 // The message that was put off takes effect before another one, without what is due.
-static void finish_early(struct fm_scopes * scopes)
+void fm_scopes_finish_early(struct fm_scopes * scopes)
 {
   if (scopes->message.is_put_off) {
     finish(scopes, first_reader(scopes), false);
@@ -538,7 +538,7 @@ static void finish_early(struct fm_scopes * scopes)
 static void begin(struct fm_scopes * scopes, uint32_t topic, int64_t now)
 {
   struct fm_scopes_message * message = &scopes->message;
-  finish_early(scopes);
+  fm_scopes_finish_early(scopes);
   message->now = now;
   message->instant = fm_evaluator_arrival(scopes->bundle, now);
   message->reached = now;
@@ -570,7 +570,7 @@ void fm_scopes_begin_row(struct fm_scopes * scopes, bool is_for_all, int64_t now
 
 void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
 {
-  finish_early(scopes);
+  fm_scopes_finish_early(scopes);
   for (uint32_t k = 0; k < scopes->n_kinds && fm_evaluator_has_begun(scopes->bundle); ++k) {
     struct fm_pool * pool = &scopes->kinds[k].pool;
     for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
@@ -586,7 +586,7 @@ void fm_scopes_shift(struct fm_scopes * scopes, int64_t by)
 
 void fm_scopes_reset(struct fm_scopes * scopes)
 {
-  finish_early(scopes);
+  fm_scopes_finish_early(scopes);
   for (uint32_t k = 0; k < scopes->n_kinds; ++k) {
     struct fm_pool * pool = &scopes->kinds[k].pool;
     for (uint32_t slot = 0; slot < pool->keys->end; ++slot) {
@@ -620,7 +620,7 @@ static int64_t take_first(struct fm_scopes * scopes, int64_t now, int64_t last)
 {
   const struct fm_scopes_message * message = &scopes->message;
   if (fm_goes_back(scopes->bundle, now)) {
-    finish_early(scopes);
+    fm_scopes_finish_early(scopes);
   }
   fm_scopes_reach(scopes, now);
   const bool finishes = message->is_put_off && message->now <= last;

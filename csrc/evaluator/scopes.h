@@ -177,6 +177,11 @@ FM_EXPORT void fm_scopes_unusable_keyed(struct fm_scopes * scopes, uint32_t inpu
 /// instances, or all have to know of the value of an aggregate.
 FM_EXPORT int64_t fm_scopes_end(struct fm_scopes * scopes);
 
+/// A message of which something is left to take effect (fm_scopes_end) does so, without what is
+/// due. The engine calls it before it forgets the violations of a time that is over; otherwise
+/// this happens by itself. Cost as fm_scopes_end.
+FM_INTERNAL void fm_scopes_finish_early(struct fm_scopes * scopes);
+
 // ---- time --------------------------------------------------------------------------------------
 
 /// Move the time to `now`, and take what is due at the first instant by then at which something is

@@ -43,12 +43,24 @@ static const char * in_memory(struct fm_memory * memory, struct fm_text * text)
   return copy;
 }
 
+static bool is_part(const char * name, const char * found, size_t size)
+{
+  return (found == name || found[-1] == '/') && (found[size] == '\0' || found[size] == '/');
+}
+
 const char * fm_with_key(
   struct fm_memory * memory, const char * name, const char * variable, const char * key)
 {
   struct fm_text text = {NULL, 0, 0};
-  const char * const found = strstr(name, variable);
-  fm_text_add(&text, "%.*s%s%s", (int)(found - name), name, key, found + strlen(variable));
+  const size_t size = strlen(variable);
+  const char * found = strstr(name, variable);
+  while (found != NULL && !is_part(name, found, size)) {
+    found = strstr(found + 1, variable);
+  }
+  if (found == NULL) {
+    return fm_reserve_text(memory, name);
+  }
+  fm_text_add(&text, "%.*s%s%s", (int)(found - name), name, key, found + size);
   return in_memory(memory, &text);
 }
 

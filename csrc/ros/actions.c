@@ -99,17 +99,29 @@ static void publish(
   count_result(actions, number, is_good, is_logged, 1, FM_WORDS_NOT_PUBLISHED);
 }
 
-// Instances have one client of an action: their calls follow each other.
+// Instances have one client of an action: their calls follow each other, as they came to wait.
+static bool has_to_wait(
+  const struct fm_actions * actions, const struct caller * caller, uint32_t number)
+{
+  const struct fm_instance_schedule * first =
+    caller->one == NULL ? NULL : fm_schedules_waiting(caller->one->schedules, number);
+  return actions->callers[number].schedule != NULL || (first != NULL && first != caller->one);
+}
+
 static void begin_call(
   struct fm_actions * actions, const struct caller * caller, uint32_t number, int64_t now)
 {
   const struct fm_action * action = &actions->options.table->actions[number];
   struct fm_action_call * call = &actions->calls[number];
-  if (!fm_schedule_wants_call(caller->schedule, number)) {
+  const bool wants = fm_schedule_wants_call(caller->schedule, number);
+  if (wants && has_to_wait(actions, caller, number)) {
+    fm_schedules_wait(caller->one, number);
     return;
   }
-  if (actions->callers[number].schedule != NULL) {
-    fm_schedules_wait(caller->one, number);
+  if (caller->one != NULL) {
+    fm_schedules_end_wait(caller->one, number);
+  }
+  if (!wants) {
     return;
   }
   (void)fm_schedule_begins_call(caller->schedule, number);
@@ -235,7 +247,7 @@ static void go_on_with_waiting(struct fm_actions * actions, uint32_t number, int
   for (uint32_t kind = 0; kind < actions->options.table->n_kinds; ++kind) {
     struct fm_instance_schedule * one;
     while (actions->callers[number].schedule == NULL &&
-      (one = fm_schedules_take_waiting(&actions->schedules[kind], number)) != NULL)
+      (one = fm_schedules_waiting(&actions->schedules[kind], number)) != NULL)
     {
       act_for(actions, one, now);
     }

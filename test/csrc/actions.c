@@ -188,10 +188,11 @@ static void test_many_instances(void)
   }
   for (uint32_t n = 0; n < MANY; ++n) {
     key[0] = (uint8_t)snprintf((char *)key + 1, sizeof(key) - 1, "robot %u", n);
-    struct fm_instance_schedule * one = fm_schedules_take_waiting(&schedules, CALL);
+    struct fm_instance_schedule * one = fm_schedules_waiting(&schedules, CALL);
     CHECK(one == fm_schedules_of(&schedules, key) && memcmp(one->key, key, key[0] + 1u) == 0);
+    fm_schedules_end_wait(one, CALL);
   }
-  CHECK(fm_schedules_take_waiting(&schedules, CALL) == NULL && schedules.keys.n == MANY);
+  CHECK(fm_schedules_waiting(&schedules, CALL) == NULL && schedules.keys.n == MANY);
   for (int64_t k = 0; k < MANY; ++k) {
     const int64_t now = 11 * SECOND + k;
     struct fm_instance_schedule * one = fm_schedules_first(&schedules, now);
