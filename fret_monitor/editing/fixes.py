@@ -42,9 +42,10 @@ _ENTRY = re.compile(r"""[\w.]+[ \t]*:[ \t]+(?:"[^"\n]*"|'[^'\n]*'|[^\s,{}\[\]]+)
 _INDENTED = re.compile(r'[ ]*(?:-[ ]+)*')
 _COMMENT = re.compile(r'[ ]{2,}#.*')
 _OF_YAML = ('YAML', 'a comma ends a value')  # what is cut is read after the fix, with its errors
-_INPUTS = re.compile(r'^inputs:[ \t]*(?:#.*)?$(?=\n(?:[ \t]*(?:#.*)?\n)*(?P<indent>[ ]+)\S)',
-                     re.MULTILINE)
-_INPUTS_IN_BRACES = re.compile(r'^inputs:[ \t]*\{(?=[ \t]*\w)', re.MULTILINE)
+_INPUTS = re.compile(r'^inputs:[ \t]*(?:#[^\r\n]*)?'
+                     r'(?=\r?\n(?:[ \t\r]*(?:#.*)?\n)*(?P<indent>[ ]+)\S)', re.MULTILINE)
+_INPUTS_IN_BRACES = re.compile(r'^inputs:[ \t]*\{(?=\s*\w)', re.MULTILINE)
+_NO_INPUTS = re.compile(r'(?<=^inputs:)[ \t]*(?:\{[ \t]*\})?(?=[ \t]*(?:#.*)?\r?$)', re.MULTILINE)
 _REQUIREMENTS = re.compile(r'^requirements:', re.MULTILINE)
 _NAME = re.compile(r'[A-Za-z_]\w*')
 _MOST = 10  # ways that are tried for one diagnostic
@@ -69,11 +70,20 @@ def fixes(edited: EditedBundle, found: Diagnostic,
         return ()
     good: dict[str, QuickFix] = {}
     is_choice = found.help.startswith('did you mean')
-    for edit in list(dict.fromkeys(_ways(found, found.span)))[:_MOST]:
+    for edit in list(dict.fromkeys(map(_with_line_ends, _ways(found, found.span))))[:_MOST]:
         if (is_choice or not good) and _mends(edited, found, edit, memory):
             written = ' '.join(edit.text.split()).rstrip(',')
             good[written] = QuickFix(f'write {written}' if written else 'remove it', edit)
     return tuple(good.values())
+
+
+def _with_line_ends(edit: TextEdit) -> TextEdit:
+    """Return an edit with line ends as that of the line before it, or of the first line."""
+    text = edit.place.source.text
+    end = text.rfind('\n', 0, edit.place.start)
+    end = text.find('\n') if end < 0 else end
+    return TextEdit(edit.place, edit.text.replace('\n', '\r\n')) \
+        if text[:end].endswith('\r') and end > 0 else edit
 
 
 def _ways(found: Diagnostic, span: Span) -> Iterator[TextEdit]:
@@ -138,6 +148,7 @@ def _new_inputs(span: Span) -> Iterator[TextEdit]:
     name = source.text[span.start:span.end]
     block = _INPUTS.search(source.text)
     brace = _INPUTS_IN_BRACES.search(source.text)
+    empty = _NO_INPUTS.search(source.text)
     below = _REQUIREMENTS.search(source.text)
     for kind in ('Bool', 'Float64') if _NAME.fullmatch(name) else ():
         line = f'{name}: {{topic: {name}, type: std_msgs/msg/{kind}}}'
@@ -145,6 +156,8 @@ def _new_inputs(span: Span) -> Iterator[TextEdit]:
             yield TextEdit(Span(source, block.end(), block.end()), f'\n{block["indent"]}{line}')
         elif brace is not None:
             yield TextEdit(Span(source, brace.end(), brace.end()), f'{line}, ')
+        elif empty is not None:
+            yield TextEdit(Span(source, empty.start(), empty.end()), f'\n  {line}')
         elif below is not None:
             yield TextEdit(Span(source, below.start(), below.start()), f'inputs:\n  {line}\n')
 

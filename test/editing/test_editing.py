@@ -437,18 +437,20 @@ def test_a_line_to_write_is_a_quick_fix(old: str, new: str, titles: list[str]) -
 @pytest.mark.parametrize('inputs', [
     '\n  speed: {topic: speed, type: std_msgs/msg/Float64}',
     ' # these\n\n    # a comment\n    speed: {topic: speed, type: std_msgs/msg/Float64}',
-    ' {speed: {topic: speed, type: std_msgs/msg/Float64}}', None])
-@pytest.mark.parametrize(('condition', 'kind'), [('new', 'Bool'), ('new < 0.5', 'Float64')])
+    ' {speed: {topic: speed, type: std_msgs/msg/Float64}}',
+    ' {\n  speed: {topic: speed, type: std_msgs/msg/Float64},\n}', '', ' {}', None])
+@pytest.mark.parametrize(('condition', 'kind', 'end'), [
+    ('new', 'Bool', '\n'), ('new < 0.5', 'Float64', '\r\n')])
 def test_an_unknown_name_is_declared_as_an_input(
-    inputs: str | None, condition: str, kind: str,
+    inputs: str | None, condition: str, kind: str, end: str,
 ) -> None:
-    response = 'TRUE' if inputs is None else 'speed <= 1.0'
+    response = 'speed <= 1.0' if inputs and 'speed' in inputs else 'TRUE'
     text = f"""\
 format: 1
 {'' if inputs is None else f'inputs:{inputs}'}
 requirements:
   - {{id: A, fretish: when {condition} the robot shall satisfy {response}}}
-"""
+""".replace('\n', end)
     found = editing.read_edited(Path('b.yaml'), text)
     first = next(item for item in found.diagnostics if "'new'" in item.title)
     fix, = editing.fixes(found, first)
@@ -456,6 +458,7 @@ requirements:
     assert [item for item in after.diagnostics if item.level is Level.ERROR] == []
     assert f'new: {{topic: new, type: std_msgs/msg/{kind}}}' in after.source.text
     assert text.splitlines()[-1] in after.source.text
+    assert after.source.text.count('\n') == after.source.text.count(end)
 
 
 def test_a_name_in_braces_keeps_them_in_its_quick_fix() -> None:

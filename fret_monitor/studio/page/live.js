@@ -35,6 +35,7 @@ export class History {
   changes = [];
 
   add(time, value) {
+    if (this.changes.length && this.changes.at(-1)[1] === value) return;
     this.changes.push([time, value]);
     let drop = Math.max(0, this.changes.length - MOST_KEPT);
     while (drop + 1 < this.changes.length && this.changes[drop + 1][0] < time - KEPT_MS) drop += 1;
@@ -271,7 +272,7 @@ export class LiveView {
     if (this.#skew === null || skew > this.#skew) this.#skew = skew;
     const row = this.#rows.get(key) ?? this.#instance(key);
     if (row?.kind === 'verdict') this.#violated[value === false ? 'add' : 'delete'](row.name);
-    if (value !== null) row?.history.add(time, value);
+    if (value !== null || row?.kind === 'verdict') row?.history.add(time, value);
   }
 
   // Add the row of an instance below its requirement; it is known from its first violation on.
@@ -311,6 +312,9 @@ export class LiveView {
   }
 
   #showMonitors(names) {
+    const gone = Object.keys(this.#health).filter((name) => !names.includes(`/${name}`));
+    gone.forEach((name) => delete this.#health[name]);
+    if (gone.length) this.#showHealth();
     show(this.#parts.monitor, ...names.map((name) => h('option', { value: name }, name)));
     this.#tell(names.length ? words.watching(names) : words.noMonitor);
     if (!names.length) this.#help();
