@@ -335,7 +335,7 @@ class _Style:
 
 
 _AGGREGATE = re.compile(
-    rf'(?:{"|".join(item.value for item in OverInstances)})\([A-Za-z_]\w*: .*\)')
+    rf'(?:{"|".join(item.value for item in OverInstances)})\([A-Za-z_][\w, ]*: .*\)')
 _PLAIN = re.compile(r'[A-Za-z_$][\w$]*(?:[.%][\w$]+)*', re.ASCII)
 
 

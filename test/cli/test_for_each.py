@@ -49,6 +49,13 @@ def test_what_does_not_know_instances_refuses_them_with_the_place(here: Here) ->
     assert "fleet.yaml:3:3: error: 'for_each' and 'where' are not supported here yet" in done.err
 
 
+def test_a_value_over_pairs_is_shown_as_it_is_written(here: Here) -> None:
+    text = FLEET.replace('{most: 2, forget: 2}', '[a, b]').replace(
+        'max(joint: effort) < 9.0', 'count(robot, joint: speed > effort) <= 3')
+    assert 'count(robot, joint: speed > effort) <= 3' in here.run(
+        'check', here.file('pairs.yaml', text)).out
+
+
 def test_explain_analyze_and_bench_judge_one_instance(here: Here) -> None:
     path = here.file('fleet.yaml', FLEET)
     assert 'required     at the trigger and all later steps, speed <= 1.0 holds' in here.run(
