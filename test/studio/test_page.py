@@ -251,6 +251,11 @@ def test_a_new_requirement_is_written_from_a_form(folder: Path, url: str, page: 
     page.wait("document.activeElement.id === 'new-id' && !document.activeElement.value")
     page.click('#meaning form button[type=button]')
     page.wait("document.querySelector('#requirement')?.value === 'ANSWER-2'")
+    # An id that is written before the fields come stays.
+    at_once(page, "find('#new-requirement').click()", "put('#new-id', 'ANSWER-2')")
+    page.see('#new-response')
+    page.wait(f'{problems}.includes("already")')
+    assert page.get("document.querySelector('#new-id').value") == 'ANSWER-2'
     assert page.problems == []
 
 

@@ -189,11 +189,13 @@ export class NewForm {
   #close;
 
   async begin(component) {
+    this.#id.value = '';
+    this.#fields.show([]);
     const fields = await this.#ask('form', { id: null }).catch(() => []);
     this.#fields.show(fields);
     this.#fields.update([{ name: 'component', text: component }]);
-    this.#id.value = '';
     this.#take(null, []);
+    if (this.#name) this.#try(); // typed before the fields came
     this.#id.focus();
   }
 
