@@ -34,15 +34,17 @@ _SUFFIXES = ('.yaml', '.yml')
 _RECORDINGS = ('.mcap', '.db3', '.bag')
 _METADATA = 'metadata.yaml'
 _MOST_FILES = 500
+_BYTE_ORDER_MARK = '\ufeff'
 _LINE_END = re.compile(r'(\r\n|\r|\n)')
 
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A file of the folder; `stamp` changes with its content."""
+    """A file of the folder; `stamp` changes with its content, `mark` stands before the text."""
 
     text: str
     stamp: str
+    mark: str
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,8 @@ class Folder:
         """
         Replace a file, or make it if `stamp` is None, and return its new stamp.
 
-        Lines end as those of the file `like` do, which the text was before it was changed.
+        Lines end as those of the file `like` do, which the text was before it was changed, and
+        a byte order mark of that file stays at the begin.
 
         Raises
         ------
@@ -137,7 +140,8 @@ class Folder:
                              f"'{name}' has changed on disk since it was read")
         if like is not None:
             with suppress(ValueError):  # it is not there any more
-                text = ended_as(self.read(like).text, text)
+                old = self.read(like)
+                text = old.mark + ended_as(old.text, text)
         data = text.encode()
         if len(data) > MOST_BYTES:
             raise ValueError(f"'{name}' would have more than {MOST_BYTES:,} bytes")
@@ -224,9 +228,11 @@ def _bytes_of(path: Path) -> bytes:
 
 def _stored(data: bytes) -> StoredFile:
     try:
-        return StoredFile(data.decode(), _stamp(data))
+        whole = data.decode()
     except UnicodeDecodeError:
         raise ValueError('it is not UTF-8') from None
+    text = whole.removeprefix(_BYTE_ORDER_MARK)
+    return StoredFile(text, _stamp(data), whole[:len(whole) - len(text)])
 
 
 def _stamp(data: bytes) -> str:

@@ -239,12 +239,16 @@ def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
     # Another first line, one more in the middle, and one fewer.
     (b'a\r\nb\nc\r\nd\ne', 'A\nb\nc\nnew\nd\ne', b'A\r\nb\nc\r\nnew\r\nd\ne'),
     (b'a\r\nb\nc\rd\n', 'a\nc\nd\n', b'a\r\nc\rd\n'),
-    (b'a', 'a\nb\n', b'a\nb\n')])
+    (b'a', 'a\nb\n', b'a\nb\n'),
+    # A byte order mark, which is not of the text.
+    (b'\xef\xbb\xbfa\n', '# x\na\n', b'\xef\xbb\xbf# x\na\n'),
+    (b'\xef\xbb\xbfa\r\nb\nc\n', 'x\na\nc\n', b'\xef\xbb\xbfx\r\na\r\nc\n')])
 def test_a_write_keeps_the_end_of_each_line(
     tmp_path: Path, old: bytes, text: str, expected: bytes,
 ) -> None:
     (tmp_path / 'b.yaml').write_bytes(old)
     found = Folder(tmp_path)
+    assert found.read('b.yaml').text.startswith('a')
     found.write('b.yaml', text, found.stamp('b.yaml'), 'b.yaml')
     assert (tmp_path / 'b.yaml').read_bytes() == expected
 
