@@ -53,9 +53,9 @@ WORKBOOK = '.xlsx'
 _HEADS = {
     'id': ('id', 'reqid', 'req id', 'requirement id', 'identifier', 'uid', 'key', 'number',
            'reqif.foreignid', 'object identifier', 'object id'),
-    'text': ('requirement', 'requirement text', 'text', 'statement', 'sentence',
-             'formula', 'description', 'specification', 'reqif.text', 'object text',
-             'reqif.description'),
+    # Those of requirement tools first: beside them, `Requirement` says yes or no.
+    'text': ('object text', 'reqif.text', 'requirement', 'requirement text', 'text', 'statement',
+             'sentence', 'formula', 'description', 'specification', 'reqif.description'),
     'title': ('title', 'name', 'summary', 'heading', 'reqif.name', 'object short text'),
     'rationale': ('rationale', 'comment', 'comments', 'justification', 'note', 'notes'),
     'component': ('component', 'system', 'subsystem'),
@@ -429,8 +429,9 @@ def _wordings(cells: Mapping[str, str], label: str) -> Iterator[Wording]:
             yield Wording(languages, cells[role], label, fault=_too_long(cells[role], label))
     if text := cells.get('text'):
         # A lone word would be a formula of one input; it is a heading, or prose.
-        yield Wording(tuple(Language) if _OPERATOR.search(text) else (Language.FRETISH,), text,
-                      label, fault=_too_long(text, label))
+        is_formal = _OPERATOR.search(text) is not None
+        yield Wording(tuple(Language) if is_formal else (Language.FRETISH,), text, label,
+                      fault=_too_long(text, label) or (None if is_formal else _word(text, label)))
 
 
 def _too_long(text: str, label: str) -> Diagnostic | None:
@@ -439,6 +440,14 @@ def _too_long(text: str, label: str) -> Diagnostic | None:
         return None
     return Diagnostic(f'a text of more than {_LONGEST_TEXT:,} characters is no requirement',
                       help=label, level=Level.WARNING)
+
+
+def _word(text: str, label: str) -> Diagnostic | None:
+    """Return why a text of one word is not parsed."""
+    return None if ' ' in text else Diagnostic(
+        'one word is no requirement', level=Level.WARNING,
+        help=f'{label}: {shown(text)}; a formula of one input is ({text}), or in a column of its '
+        'language')
 
 
 def _component(item: ComponentRequirement) -> str:

@@ -381,3 +381,17 @@ def test_an_id_that_is_changed_for_its_characters_is_told_why(
     told = capsys.readouterr().err
     assert "'R\\x071' has the id 'R 1' in the bundle\n   = help: an id is one line" in told
     assert "'R_2' has the id 'R_2_2' in the bundle\n   = help: handler names must be" in told
+
+
+def test_the_column_of_a_requirement_tool_counts_before_one_that_says_yes(tmp_path: Path) -> None:
+    target = imported(tmp_path, b'Object ID,Requirement,Object Text\n'
+                      b'S-1,yes,the gripper shall always satisfy force < 20\n')
+    assert 'fretish: "the gripper shall always satisfy force < 20"' in target.read_text()
+
+
+def test_one_word_is_told_as_prose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = imported(tmp_path, b'ID,Text\nR-1,TBD\nR-2,(armed)\n')
+    said, text = capsys.readouterr().err, target.read_text()
+    assert 'warning: one word is no requirement\n   = help: rover.csv, row 2: ' in said
+    assert 'a formula of one input is (TBD), or in a column of its language\n' in said
+    assert 'left out: R-1 (one word is no requirement)' in text and 'ptltl: "(armed)"' in text
