@@ -141,11 +141,20 @@ def read_inputs(path: Path, problems: Problems) -> list[Connection]:
     """
     Return the connections of the inputs of a bundle, such as one that `new` has written.
 
-    Those are left out whose messages are chosen, or made by the monitor, with a warning.
+    Those are left out whose messages are chosen, or made by the monitor, with a warning; so are
+    the evaluation and the timeouts.
     """
     bundle = survey_bundle(path, Problems())
+    if bundle is None:
+        return []
+    left = {'evaluation': bundle.policy_place is not None,
+            'timeout': any(item.timeout is not None for item in bundle.inputs)}
+    if any(left.values()):
+        problems.warning(
+            f'{path.name}: of this bundle only topics, types and fields are taken over', None, '',
+            f'copy {" and ".join(key for key in left if left[key])} into the new bundle, too')
     found: list[Connection] = []
-    for item in bundle.inputs if bundle is not None else ():
+    for item in bundle.inputs:
         if item.where or item.made or item.variables or item.scale:
             problems.warning(f"{path.name}: the input '{item.name.value}' is not taken over",
                              item.name.span, 'it is more than a field of each message',

@@ -91,6 +91,9 @@ def test_inputs_of_a_bundle_give_topics_and_types(tmp_path: Path,
     said = capsys.readouterr().err
     assert "robot.yaml:6:3: warning: robot.yaml: the input 'some' is not taken over" in said
     assert 'unused' not in said and 'least one requirement' not in said
+    assert ('robot.yaml: of this bundle only topics, types and fields are taken over\n'
+            '   = help: copy evaluation and timeout into the new bundle, too\n') in said
+    assert 'timeout' not in text and 'evaluation' not in text
     (tmp_path / 'none.yaml').write_text('no bundle: and no list of names\n', encoding='utf-8')
     assert main(['import', str(tmp_path / 'a.csv'), str(tmp_path / 'none.yaml'), '-o',
                  str(tmp_path / 'b.yaml')]) == 1
