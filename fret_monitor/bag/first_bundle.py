@@ -20,7 +20,7 @@ The fields are mapped in a bundle that is not kept, and its extractors read the 
 what is offered is what a monitor reads.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 import math
@@ -111,12 +111,13 @@ class SeenTopic:
             if self.longest_gap else 0.0
 
 
-def recorded_topics(paths: Sequence[Path], problems: Problems) -> list[SeenTopic]:
+def recorded_topics(paths: Sequence[Path], problems: Problems,
+                    wanted: Collection[str] = ()) -> list[SeenTopic]:
     """
     Return the topics of recordings that have fields of numbers, by name.
 
     Left out with a warning are those without numbers, those of several types, and those of
-    messages without a definition that can be read.
+    messages without a definition that can be read. If some are `wanted`, others have no warning.
 
     Raises
     ------
@@ -131,16 +132,18 @@ def recorded_topics(paths: Sequence[Path], problems: Problems) -> list[SeenTopic
                 types.setdefault(name, set()).update(kinds)
                 if name not in found and len(kinds) == 1:
                     (kind,) = kinds
-                    found[name] = _recorded_topic(name, kind, recording, problems)
+                    own = problems if not wanted or name in wanted else Problems()
+                    found[name] = _recorded_topic(name, kind, recording, own)
     several = sorted(name for name, kinds in types.items() if len(kinds) > 1)
-    for name in several:
+    for name in several if not wanted else sorted({*several} & {*wanted}):
         problems.warning(f'{name} is left out: it was recorded as '
                          + ' and '.join(sorted(types[name])))
     single = [topic for name, topic in sorted(found.items()) if name not in several]
     topics = [topic for topic in single if topic.fields or topic.arrays]
     if not topics:
         refuse('no topic with numbers was recorded')
-    without = [topic.name for topic in single if topic not in topics]
+    without = [topic.name for topic in single if topic not in topics
+               and (not wanted or topic.name in wanted)]
     if without:
         problems.warning(f'left out, as they have no numbers: {", ".join(without)}')
     return topics

@@ -69,7 +69,8 @@ def run(options: Namespace) -> int:
     from fret_monitor.bag.first_bundle import recorded_topics, survey
     problems = Problems()
     try:
-        found = recorded_topics(options.bag, problems)
+        wanted = [] if options.all else [_full(name) for name in options.topics or ()]
+        found = recorded_topics(options.bag, problems, wanted)
     finally:
         print_diagnostics(problems.warnings)
     topics = _chosen(options, found, 'was recorded')

@@ -203,6 +203,11 @@ def test_topics_of_two_types_and_without_numbers_are_left_out_and_told(
     assert f'warning: /x is left out: it was recorded as {BOOL} and {FLOAT}\n' in said
     assert 'warning: left out, as they have no numbers: /note\n' in said
     assert '/x' not in target.read_text() and '/enable' not in target.read_text()
+    assert main(['new', '--bag', *bags, '--topics', 'base/cmd_vel']) == 0
+    assert capsys.readouterr().err == ''
+    assert main(['new', '--bag', *bags, '--topics', 'base/cmd_vel', 'x']) == 1
+    said = capsys.readouterr().err
+    assert 'warning: /x is left out' in said and '/note' not in said and '/enable is' not in said
 
 
 def test_messages_of_arrays_alone_are_counted(tmp_path: Path) -> None:
