@@ -74,7 +74,7 @@ def test_axe_finds_nothing_serious(folder: Path, url: str, page: Page) -> None:
     assert found_in_all(page) == []
     # With the form of a new requirement.
     page.click('#new-requirement')
-    page.wait("document.activeElement.id === 'new-id'")
+    page.see('#new-response')
     page.type('SLOW')
     page.see('#new-problems li')
     assert found_in_all(page) == []

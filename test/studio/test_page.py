@@ -225,8 +225,8 @@ def test_a_new_requirement_is_written_from_a_form(folder: Path, url: str, page: 
     page.see(f'{ANSWER} rect')
     page.wait("document.querySelector('#field-component')?.value === 'pump'")
     page.click('#new-requirement')
-    page.wait("document.activeElement.id === 'new-id'")
-    assert page.get("document.querySelector('#new-component').value") == 'pump'
+    page.wait("document.querySelector('#new-component')?.value === 'pump'")
+    assert page.get('document.activeElement.id') == 'new-id'
     page.type('ANSWER')
     problems = "document.querySelector('#new-problems').textContent"
     page.wait(f'{problems}.includes("already")')
@@ -291,10 +291,10 @@ def test_what_is_typed_is_written_into_the_text_as_it_is_then(
     page.open(url)
     page.wait("document.querySelector('#field-response')?.value === 'speed <= 1.0'")
     # A draft of a requirement, then another text, then Enter right after a letter.
-    page.click('#new-requirement')
-    page.wait("document.activeElement.id === 'new-id'")
-    at_once(page, "put('#new-id', ' NEW  ONE')", "put('#new-timing', 'always')",
-            "put('#new-response', 'speed < 5')")
+    at_once(page, "find('#new-requirement').click()", "put('#new-id', ' NEW  ONE')")
+    page.see('#new-response')  # by now
+    assert page.get('document.activeElement.id') == 'new-id'
+    at_once(page, "put('#new-timing', 'always')", "put('#new-response', 'speed < 5')")
     page.see('#meaning figure')
     at_once(page, "find('.cm-content').focus()", "write('# a comment, and a long one\\n')",
             "put('#new-response', 'speed < 5 & speed > -5')",
@@ -538,6 +538,11 @@ def test_nothing_typed_is_lost_when_the_server_is_killed(tmp_path: Path, page: P
         page.wait(f'{TEXT} === {BUNDLE!r}')
 
 
+FULL = """{ // the storage, and a damaged draft is in it
+    const draft = Object.keys(localStorage).find((key) => key.startsWith('draft '));
+    localStorage.setItem(draft.replace(/ [^ ]+/, ' none'), '{damaged');
+    for (let size = 2 ** 22; size >= 1; size /= 2) {
+        try { localStorage.setItem('full' + size, 'x'.repeat(size)); } catch { } } 0 }"""
 RESTORED = 'This is what was not saved'
 STATE = "document.querySelector('#state')?.textContent"
 NOTICE = "document.querySelector('#notice')?.textContent"
@@ -583,10 +588,12 @@ def test_what_two_tabs_write_stays_apart(
     # What a closed tab has not saved is shown by the next one, the newest first.
     with chromium.tab(page.context) as tab:
         written(tab, url, '# three\n')
+    page.get(FULL)
     with chromium.tab(page.context) as tab:
         tab.open(url)
         tab.wait(f"{NOTICE}?.startsWith('{RESTORED}')")
         assert tab.get(TEXT) == '# three\n# two\n' + BUNDLE
+        assert tab.problems == []
     # Another browser has none of them.
     with chromium.page() as other:
         other.open(url)

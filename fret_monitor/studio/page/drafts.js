@@ -51,17 +51,28 @@ export class Drafts {
     return navigator.locks.request(ALL, async () => {
       const { held } = await navigator.locks.query();
       const isOpen = (tab) => held.some(({ name }) => name === LOCK + tab);
+      const found = (tab) => parsed(localStorage.getItem(this.#key(file, tab)));
       const tabs = Object.keys(localStorage).map((key) => key.split(' ')[1])
-        .filter((tab) => tab !== this.#tab && localStorage.getItem(this.#key(file, tab)) !== null);
+        .filter((tab) => tab !== this.#tab && found(tab));
       const closed = tabs.filter((tab) => !isOpen(tab));
-      const found = (tab) => JSON.parse(localStorage.getItem(this.#key(file, tab)));
-      if (!found(this.#tab) && closed.length) {
+      let draft = found(this.#tab);
+      if (!draft && closed.length) {
         const [last] = closed.sort((one, other) => found(other).time - found(one).time).splice(0, 1);
-        localStorage.setItem(this.#key(file), localStorage.getItem(this.#key(file, last)));
-        localStorage.removeItem(this.#key(file, last));
+        draft = found(last);
+        localStorage.removeItem(this.#key(file, last)); // first: there may be no room for two
+        this.keep(file, draft.text, draft.stamp);
       }
-      return { draft: found(this.#tab), more: closed.length, isElsewhere: tabs.some(isOpen) };
+      return { draft, more: closed.length, isElsewhere: tabs.some(isOpen) };
     });
+  }
+}
+
+// The value of a text; null if it is none, or damaged.
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return null;
   }
 }
 
