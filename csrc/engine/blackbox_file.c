@@ -38,6 +38,7 @@
 #define MOST_KEY_BYTES 255u
 #define MOST_NAME_BYTES 1024u
 #define MOST_CHANNELS 60000u
+#define NO_CHANNEL UINT16_MAX
 
 // A topic with a key in its name, and its number in the file.
 struct keyed_channel
@@ -74,6 +75,7 @@ struct fm_blackbox_file
   bool is_full;
   uint8_t * data;            // of the message that is being read
   uint64_t capacity;
+  uint16_t * numbers;        // of the topics in the file; NO_CHANNEL: a key is in the name
   struct keyed_channel * keyed;
   uint32_t n_keyed;
 };
@@ -149,9 +151,22 @@ static uint64_t measure(const struct fm_blackbox_file * file)
 
 // ---- the file ----------------------------------------------------------------------------------
 
+// Add the topic `k`, and return its number. One that has several `where` is there once, and one
+// with a key in its name when a message says the key.
+static uint16_t add_topic(struct fm_blackbox_file * file, uint32_t k)
+{
+  const struct fm_blackbox_topic * topics = file->options->topics;
+  for (uint32_t first = 0; first < k; ++first) {
+    if (strcmp(topics[first].name, topics[k].name) == 0) {
+      return file->numbers[first];
+    }
+  }
+  return strchr(topics[k].name, '{') != NULL ? NO_CHANNEL :
+         fm_mcap_add_channel(file->mcap, topics[k].name, topics[k].type, topics[k].definition);
+}
+
 static void write_head(struct fm_blackbox_file * file)
 {
-  const struct fm_blackbox_options * options = file->options;
   if (file->mcap != NULL) {
     fm_mcap_destroy(file->mcap);
     file->mcap = NULL;
@@ -166,9 +181,8 @@ static void write_head(struct fm_blackbox_file * file)
     file->error = ENOMEM;
     return;
   }
-  for (uint32_t k = 0; k <= options->n_topics; ++k) {
-    const struct fm_blackbox_topic * topic = &options->topics[k];
-    (void)fm_mcap_add_channel(file->mcap, topic->name, topic->type, topic->definition);
+  for (uint32_t k = 0; k <= file->options->n_topics; ++k) {
+    file->numbers[k] = add_topic(file, k);
   }
 }
 
@@ -232,11 +246,15 @@ struct fm_blackbox_file * fm_blackbox_file_open(
   const struct fm_occurrences * found, const char * stamp, int * error)
 {
   struct fm_blackbox_file * file = calloc(1, sizeof(*file));
-  if (file == NULL) {
+  uint16_t * numbers = calloc(options->n_topics + (size_t)1, sizeof(*numbers));
+  if (file == NULL || numbers == NULL) {
+    free(file);
+    free(numbers);
     *error = ENOMEM;
     return NULL;
   }
   file->options = options;
+  file->numbers = numbers;
   file->box = box;
   file->requirement = found->requirement;
   file->first = found->first;
@@ -299,7 +317,7 @@ static uint16_t add_keyed(struct fm_blackbox_file * file, const struct fm_kept *
 static uint16_t channel_of(struct fm_blackbox_file * file, const struct fm_kept * kept)
 {
   if (kept->key_size == 0) {
-    return (uint16_t)kept->topic;
+    return file->numbers[kept->topic];
   }
   for (uint32_t k = 0; k < file->n_keyed; ++k) {
     const struct keyed_channel * item = &file->keyed[k];
@@ -421,7 +439,7 @@ static void add_end(struct fm_blackbox_file * file)
   put_number(file->data + 12, (uint32_t)length);
   memcpy(file->data + 16, id, length);
   fm_mcap_add_message(
-    file->mcap, (uint16_t)file->options->n_topics, file->end, 0, file->data, 16u + length);
+    file->mcap, file->numbers[file->options->n_topics], file->end, 0, file->data, 16u + length);
 }
 
 static void add_metadata(struct fm_blackbox_file * file)
@@ -463,5 +481,6 @@ void fm_blackbox_file_close(struct fm_blackbox_file * file)
   }
   free(file->data);
   free(file->keyed);
+  free(file->numbers);
   free(file);
 }

@@ -68,7 +68,7 @@ struct fm_blackbox_file;
 
 /// Begin a file at violations, with a part of its name, which says when. Other nodes may use the
 /// folder, so no file is opened that exists, or that is going to have a name that exists. NULL
-/// with `*error` as in errno. O(topics).
+/// with `*error` as in errno. O(topics * topics).
 FM_INTERNAL struct fm_blackbox_file * fm_blackbox_file_open(
   const struct fm_blackbox_options * options, struct fm_blackbox * box,
   const struct fm_occurrences * found, const char * stamp, int * error);

@@ -351,6 +351,7 @@ def test_messages_of_a_topic_with_several_where_are_in_the_file_once(
         node.wait_for('A violated at')
     [path] = folder.iterdir()  # written at the end of the node
     with Reader(path) as reader:
+        assert [item.topic for item in reader.connections].count('/t') == 1
         found: list[Any] = [TYPES.deserialize_cdr(data, item.msgtype)
                             for item, _, data in reader.messages() if item.topic == '/t']
     assert [(item.header.frame_id, item.temperature) for item in found] == sent

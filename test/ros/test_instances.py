@@ -39,7 +39,7 @@ from ros.exported import exported_bundle, running
 from ros.harness import (
     BEST_EFFORT, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from std_msgs.msg import Bool, Float32, String
 from strategies import thorough
 
@@ -290,6 +290,8 @@ def test_a_robot_that_joins_is_monitored_by_name_without_a_restart(
     for number, face in enumerate(faces):
         box, = (tmp_path / 'box').glob(f'blackbox_*_{face.name}_fret_monitor_SPEED.mcap')
         assert judged_by_bag(tmp_path / f'out_{number}.mcap', bundle, box) == face.details
+        with Reader(box) as reader:  # a player advertises them
+            assert [item.topic for item in reader.connections if '{' in item.topic] == []
 
 
 FAILING = r"""
