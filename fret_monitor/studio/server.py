@@ -18,8 +18,9 @@ The server of `fret-monitor studio`, on 127.0.0.1.
 All addresses begin with a token, which only the user's terminal shows; host and origin of a
 request are checked, too, so that no other page reaches this server. One WebSocket carries
 questions `{number, do, ...}` and answers `{number, answer}` or `{number, error}`;
-`{changed: name}` says that a file was changed by somebody else, `{recordings: names}` which
-recordings there are now, `{live: ...}` what is new in a monitor that is watched (`turn.py`).
+`{changed: name}` says that a file was changed by somebody else, `{gone: name}` that it cannot be
+read any more, `{recordings: names}` which recordings there are now, `{live: ...}` what is new in
+a monitor that is watched (`turn.py`).
 """
 
 import asyncio
@@ -271,7 +272,7 @@ class Talk:
             *(['-r', f'__ns:=/{namespace.strip("/")}'] if namespace.strip('/') else [])])
 
     async def _watch(self) -> None:
-        """Tell the page when its file was changed by somebody else, or a recording has come."""
+        """Tell the page when its file was changed or is gone, or a recording has come."""
         while True:
             await asyncio.sleep(_LOOK_S)
             with suppress(OSError):
@@ -282,7 +283,7 @@ class Talk:
                 present = self._folder.stamp(name)
                 if present != stamp and self._watched.get(name) == stamp:
                     self._watched[name] = present
-                    await self._send({'changed': name})
+                    await self._send({'changed' if present else 'gone': name})
 
     async def _send(self, answer: dict[str, Any]) -> None:
         async with self._sending:

@@ -376,6 +376,13 @@ def test_another_file_takes_nothing_of_the_one_before(folder: Path, url: str, pa
     page.wait("!document.querySelector('#notice').hidden")
     page.wait(f"{notice}.startsWith('b.yaml was changed on disk by somebody else')")
     assert (folder / 'b.yaml').read_text() == TWO + '# by hand\n'
+    # The file is gone: there is nothing to read again.
+    (folder / 'b.yaml').unlink()
+    page.wait(f"{notice}.startsWith('b.yaml is not there any more')")
+    assert 'Read it again' not in page.text('#notice')
+    page.click('#notice button')
+    page.wait("document.querySelector('#notice').hidden")
+    assert '# draft' in (folder / 'b.yaml').read_text()
     # A new file, of which seconds are time.
     at_once(page, "choose('#file', '')")
     page.wait(f"({TEXT}).includes('policy: timed') && {state} === 'no problems · not saved'")

@@ -154,15 +154,19 @@ async function write(name, stamp) {
     notice();
     await check();
   } catch (error) {
-    if (!isLost && name === file.name && await isChanged()) changedBy(name);
-    else notice(isLost ? words.lost : error.message, []);
+    if (!isLost && name === file.name && await toldChange()) return;
+    notice(isLost ? words.lost : error.message, []);
   }
 }
 
-// Whether the file on disk is not the one that the text was made of.
-async function isChanged() {
-  const found = await talk.ask('read', { name: file.name }).catch(() => null);
-  return found?.stamp !== file.stamp;
+// Say so if the file on disk is not the one that the text was made of; return whether it is not.
+async function toldChange() {
+  const { name, stamp } = file;
+  const found = await talk.ask('read', { name }).catch(() => null);
+  if (found?.stamp === stamp) return false;
+  if (found) changedBy(name);
+  else gone(name);
+  return true;
 }
 
 async function format() {
@@ -178,15 +182,20 @@ const again = (name) => [words.reload, async () => {
   await open(name);
 }];
 
+const over = (name, label) => [label, async () => {
+  const found = await talk.ask('read', { name }).catch(() => null);
+  await write(name, found?.stamp ?? null);
+}];
+
+const keep = [words.keep, () => notice()];
+
 const changedBy = (name, notes = '') => notice([words.changed(name), notes].join(' '), [
-  again(name),
-  [words.overwrite, async () => {
-    const found = await talk.ask('read', { name }).catch(() => null);
-    await write(name, found?.stamp ?? null);
-  }],
-  [words.keep, () => notice()]]);
+  again(name), over(name, words.overwrite), keep]);
+
+const gone = (name) => notice(words.gone(name), [over(name, words.anew), keep]);
 
 talk.addEventListener('changed', (event) => changedBy(event.detail));
+talk.addEventListener('gone', (event) => gone(event.detail));
 talk.addEventListener('recordings', (event) => recordings.list(event.detail));
 talk.addEventListener('close', () => {
   isLost = true;
@@ -196,7 +205,7 @@ talk.addEventListener('open', async () => {
   if (!isLost) return;
   isLost = false;
   notice(); // the connection alone was lost, such as that of a tunnel
-  if (file.name && await isChanged()) changedBy(file.name);
+  if (file.name) await toldChange();
   await check();
 });
 addEventListener('beforeunload', (event) => {

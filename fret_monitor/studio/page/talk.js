@@ -60,7 +60,7 @@ export class Talk extends EventTarget {
   }
 
   #hear(found) {
-    const pushed = ['changed', 'live', 'recordings'].find((kind) => kind in found);
+    const pushed = ['changed', 'gone', 'live', 'recordings'].find((kind) => kind in found);
     if (pushed) {
       this.dispatchEvent(new CustomEvent(pushed, { detail: found[pushed] }));
       return;

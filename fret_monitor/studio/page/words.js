@@ -59,9 +59,11 @@ export const words = {
     + 'open. If the server has ended, copy it, or start the server again with the same --port '
     + 'and open the new address.',
   changed: (name) => `${name} was changed on disk by somebody else.`,
+  gone: (name) => `${name} is not there any more, or cannot be read.`,
   reload: 'Read it again (what is not saved here is lost)',
   keep: 'Keep what is here',
   overwrite: 'Save what is here over it',
+  anew: 'Write it anew',
   askSave: (name) => `Write ${name}?`,
   askName: 'Name of the file, in this folder:',
   yes: 'Write',
