@@ -251,7 +251,7 @@ def traces() -> list[bytes]:
 
 def manifests() -> list[bytes]:
     """Return manifests of golden bundles."""
-    return [generate_monitor(read(path)).manifest.to_json().encode()
+    return [generate_monitor(read(path, takes_instances=True)).manifest.to_json().encode()
             for path in sorted(GOLDEN.glob('c*/*.yaml'))]
 
 
