@@ -54,10 +54,11 @@ requirements:
   - {id: XZ, ptltl: "x < 2.0 | z < 2.0"}
   - {id: Y, ptltl: "y < 2.0"}
 """
+# What a stopped reader has lost, Fast DDS sends again within 3 s, and later messages wait for it.
 STOPPED = """
 format: 1
 inputs:
-  x: {topic: x, type: std_msgs/msg/Float32, timeout: 2.0, stale: violate}
+  x: {topic: x, type: std_msgs/msg/Float32, timeout: 5.0, stale: violate}
   p: {topic: p, type: std_msgs/msg/Bool}
 evaluation: {policy: periodic, period: 0.125}
 requirements:
