@@ -25,7 +25,7 @@ from random import Random
 from typing import Any
 
 from bag.recordings import START, statuses_of, TYPES, verdicts_of
-from cli.command import run
+from cli.command import run_here as run
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import (
     check_recording, compiled, opened, read_bundle, RecordingResult, run as run_over, Selection,

@@ -24,7 +24,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from bundles import write_bundle
-from cli.command import run
+from cli.command import run_here as run
 from fret_monitor.bag.check import check_recording, Selection
 from fret_monitor.bag.moments import Anchor, Moment
 from fret_monitor.native.monitor import load

@@ -27,7 +27,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from bundles import write_bundle
-from cli.command import run
+from cli.command import run as run_apart, run_here as run
 from differential.compiled import unoptimised
 from fret_monitor.bag.check import (
     check_recording, compiled, read_bundle, RecordingResult, run as judge, Selection,
@@ -361,8 +361,8 @@ def test_simulate_says_the_slack_of_a_trace(tmp_path: Path) -> None:
 def test_the_margins_of_a_pipe_come_without_slack(tmp_path: Path) -> None:
     bundle, table = write_bundle(tmp_path, LANDING), tmp_path / 'margins.csv'
     with unoptimised():
-        done = run('simulate', bundle, '--trace', '/dev/stdin', '--margins', table,
-                   stdin='\n'.join(ROWS) + '\n')
+        done = run_apart('simulate', bundle, '--trace', '/dev/stdin', '--margins', table,
+                         stdin='\n'.join(ROWS) + '\n')
     assert done.status == 0 and done.out.count('\n') == table.read_text().count('LAND') + 1 == 9
     assert done.err == ('slack is not looked for: that takes a second reading of the trace, and a '
                         'pipe is read once\n')

@@ -15,7 +15,9 @@
 """The command line as users run it: in a process of its own or, for speed, in this process."""
 
 from collections.abc import Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+import io
 import os
 from pathlib import Path
 import subprocess
@@ -72,6 +74,22 @@ def run(*arguments: object, cwd: Path | None = None, env: Mapping[str, str] | No
                           capture_output=True, encoding='utf-8', check=False)
     assert 'Traceback' not in done.stderr, done.stderr
     return Done(done.returncode, done.stdout, done.stderr)
+
+
+def run_here(*arguments: object) -> Done:
+    """Run `fret-monitor` in this process, where no fixture captures; as `run` otherwise."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), 'utf-8', newline='') for _ in range(2))
+    with redirect_stdout(out), redirect_stderr(err):
+        try:
+            status = main([str(item) for item in arguments])
+        except SystemExit as end:  # raised by argparse
+            status = end.code if isinstance(end.code, int) else 1
+    said = []
+    for file in (out, err):
+        file.flush()
+        file.seek(0)
+        said.append(file.read())
+    return Done(status, said[0], said[1])
 
 
 class Here:

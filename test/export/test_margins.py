@@ -23,12 +23,12 @@ from random import Random
 import subprocess
 from typing import Any
 
+from cli.command import run_here as cli
 from differential.compiled import compile_c, gcc, SANITIZERS, WARNINGS
 from differential.test_clean_c import has_sanitizers
 from differential.test_margins import build, evaluator_of, INPUTS, N, P, random_chain, run, X, Y
 
 from fret_monitor.build import GeneratedMonitor
-from fret_monitor.cli.main import main
 from fret_monitor.export.c99 import c99
 from fret_monitor.export.content import export_name, Options
 from fret_monitor.export.flight import members
@@ -153,15 +153,8 @@ gates: {safe: {from: current, to: safe, type: std_msgs/msg/Float64, keep: [CURRE
 
 
 def test_margins_are_exported_where_they_are_asked_for_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
 ) -> None:
-    def cli(*arguments: str | Path) -> tuple[int, str]:
-        try:
-            status = main([str(argument) for argument in arguments])
-        except SystemExit as end:
-            status = int(end.code or 0)
-        return status, capsys.readouterr().err
-
     bundle = tmp_path / 'motor.yaml'
     bundle.write_text(MOTOR[:MOTOR.index('gates')])
     for target, row in (('c99', '| `src/motor_margins.h`, `src/fret_margins.h` |'),
@@ -169,7 +162,7 @@ def test_margins_are_exported_where_they_are_asked_for_alone(
         for options in ((), ('--margins',)):
             out = tmp_path / f'{target}{len(options)}'
             assert cli('export', bundle, '--to', target, '--output', out, '--no-proof',
-                       *options)[0] == 0
+                       *options).status == 0
             assert (row in (out / 'README.md').read_text()) == bool(options)
             assert ('motor_margins' in (out / 'src' / 'motor_monitor.c').read_text()) == bool(
                 options)
@@ -184,6 +177,6 @@ def test_margins_are_exported_where_they_are_asked_for_alone(
                (('compile', bundle, '--output', tmp_path / 'x', '--margins', '--worst-case'),
                 'the worst case of margins is not known')]
     for arguments, message in refused:
-        status, error = cli(*arguments)
-        assert status == 2 and message in error
+        done = cli(*arguments)
+        assert done.status == 2 and message in done.err
         assert not (tmp_path / 'x').exists()
