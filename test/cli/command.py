@@ -76,20 +76,25 @@ def run(*arguments: object, cwd: Path | None = None, env: Mapping[str, str] | No
     return Done(done.returncode, done.stdout, done.stderr)
 
 
+def _status(arguments: tuple[object, ...]) -> int:
+    """Run `fret-monitor` in this process; any exception other than SystemExit fails the test."""
+    try:
+        return main([str(item) for item in arguments])
+    except SystemExit as end:  # raised by argparse
+        return end.code if isinstance(end.code, int) else 1
+
+
 def run_here(*arguments: object) -> Done:
     """Run `fret-monitor` in this process, where no fixture captures; as `run` otherwise."""
     out, err = (io.TextIOWrapper(io.BytesIO(), 'utf-8', newline='') for _ in range(2))
     with redirect_stdout(out), redirect_stderr(err):
-        try:
-            status = main([str(item) for item in arguments])
-        except SystemExit as end:  # raised by argparse
-            status = end.code if isinstance(end.code, int) else 1
+        status = _status(arguments)
     said = []
     for file in (out, err):
         file.flush()
         file.seek(0)
         said.append(file.read())
-    return Done(status, said[0], said[1])
+    return Done(status, *said)
 
 
 class Here:
@@ -101,12 +106,9 @@ class Here:
         self.folder = folder
 
     def run(self, *arguments: object) -> Done:
-        """Run one command; any exception other than SystemExit fails the test."""
+        """Run one command."""
         self._capture.readouterr()
-        try:
-            status = main([str(item) for item in arguments])
-        except SystemExit as end:  # raised by argparse
-            status = end.code if isinstance(end.code, int) else 1
+        status = _status(arguments)
         said = self._capture.readouterr()
         return Done(status, said.out, said.err)
 
