@@ -151,15 +151,23 @@ static uint64_t measure(const struct fm_blackbox_file * file)
 
 // ---- the file ----------------------------------------------------------------------------------
 
+uint32_t fm_blackbox_first(const struct fm_blackbox_options * options, uint32_t k)
+{
+  uint32_t first = 0;
+  while (strcmp(options->topics[first].name, options->topics[k].name) != 0) {
+    first += 1;
+  }
+  return first;
+}
+
 // Add the topic `k`, and return its number. One that has several `where` is there once, and one
 // with a key in its name when a message says the key.
 static uint16_t add_topic(struct fm_blackbox_file * file, uint32_t k)
 {
   const struct fm_blackbox_topic * topics = file->options->topics;
-  for (uint32_t first = 0; first < k; ++first) {
-    if (strcmp(topics[first].name, topics[k].name) == 0) {
-      return file->numbers[first];
-    }
+  const uint32_t first = fm_blackbox_first(file->options, k);
+  if (first != k) {
+    return file->numbers[first];
   }
   return strchr(topics[k].name, '{') != NULL ? NO_CHANNEL :
          fm_mcap_add_channel(file->mcap, topics[k].name, topics[k].type, topics[k].definition);

@@ -66,6 +66,11 @@ struct fm_blackbox_options
 
 struct fm_blackbox_file;
 
+/// The first topic with the name of topic `k`, `k` itself or one before it: a topic that has
+/// several `where` is there several times. O(topics).
+FM_INTERNAL uint32_t fm_blackbox_first(
+  const struct fm_blackbox_options * options, uint32_t k);
+
 /// Begin a file at violations, with a part of its name, which says when. Other nodes may use the
 /// folder, so no file is opened that exists, or that is going to have a name that exists. NULL
 /// with `*error` as in errno. O(topics * topics).

@@ -372,12 +372,10 @@ static int make_parts(struct fm_blackbox_writer * writer)
 static void keep_once(const struct fm_blackbox_options * options, struct fm_engine * engine)
 {
   for (uint32_t k = 0; k < options->n_topics; ++k) {
-    for (uint32_t first = 0; first < k; ++first) {
-      if (strcmp(options->topics[k].name, options->topics[first].name) == 0) {
-        fm_engine_keep_of(engine, first, FM_KEEP_ALL);
-        fm_engine_keep_of(engine, k, FM_KEEP_NONE);
-        break;
-      }
+    const uint32_t first = fm_blackbox_first(options, k);
+    if (first != k) {
+      fm_engine_keep_of(engine, first, FM_KEEP_ALL);
+      fm_engine_keep_of(engine, k, FM_KEEP_NONE);
     }
   }
 }
