@@ -126,26 +126,6 @@ static void add_why_locked(
   fm_text_free(&unexplained);
 }
 
-static void add_state(
-  struct fm_text * text, const char * good, const char * bad, struct fm_text * why)
-{
-  fm_text_add(text, "%s%s", why->length > 0 ? bad : good, fm_text_get(why));
-  fm_text_free(why);
-}
-
-void fm_add_lock_state(
-  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_report_lock * lock,
-  const uint8_t * conditions)
-{
-  struct fm_text why = {NULL, 0, 0};
-  bool * is_read = calloc(reporter->monitor->n_inputs + (size_t)1, sizeof(*is_read));
-  if (is_read != NULL) {
-    add_why_locked(&why, reporter, lock, conditions, is_read);
-  }
-  free(is_read);
-  add_state(text, "free", "locked: ", &why);
-}
-
 // ---- the gate ----------------------------------------------------------------------------------
 
 static void add_requirements(
@@ -190,16 +170,28 @@ static void add_why_closed(
     why, reporter, conditions, FM_WAS_ALWAYS_FALSE, "violated since the first message: ");
 }
 
-void fm_add_gate_state(
-  struct fm_text * text, const struct fm_reporter * reporter, const uint8_t * conditions)
+bool fm_add_state(
+  struct fm_text * text, const struct fm_reporter * reporter, const struct fm_report_lock * lock,
+  const uint8_t * conditions)
 {
   struct fm_text why = {NULL, 0, 0};
-  bool * is_other = calloc(reporter->monitor->n_inputs + (size_t)1, sizeof(*is_other));
-  if (is_other != NULL) {
-    add_why_closed(&why, reporter, conditions, is_other);
+  bool * is_chosen = calloc(reporter->monitor->n_inputs + (size_t)1, sizeof(*is_chosen));
+  if (is_chosen != NULL) {
+    if (lock != NULL) {
+      add_why_locked(&why, reporter, lock, conditions, is_chosen);
+    } else {
+      add_why_closed(&why, reporter, conditions, is_chosen);
+    }
   }
-  free(is_other);
-  add_state(text, "open", "closed: ", &why);
+  free(is_chosen);
+  const bool is_good = why.length == 0;
+  if (is_good) {
+    fm_text_add(text, lock != NULL ? "free" : "open");
+  } else {
+    fm_text_add(text, lock != NULL ? "locked: %s" : "closed: %s", fm_text_get(&why));
+  }
+  fm_text_free(&why);
+  return is_good;
 }
 
 void fm_add_others(
@@ -216,17 +208,6 @@ void fm_add_others(
 
 #define MOST_LINES 10u      // of one lock or gate at a look; the others are counted
 #define LOGGED_S 10         // between two lines about one thing that is wrong
-
-static void describe(
-  struct fm_text * text, const struct fm_review * review, uint32_t k, const uint8_t * conditions)
-{
-  fm_text_clear(text);
-  if (k < review->table->n_locks) {
-    fm_add_lock_state(text, review->reporter, &review->table->locks[k], conditions);
-  } else {
-    fm_add_gate_state(text, review->reporter, conditions);
-  }
-}
 
 static bool is_same_kind(const struct fm_text * one, const struct fm_text * other)
 {
@@ -251,35 +232,25 @@ static void log_of(
   fm_text_free(&text);
 }
 
-static void set_logged(struct fm_review * review, uint32_t k, const struct fm_text * state)
-{
-  fm_text_clear(&review->conditions[k]);
-  fm_text_add(&review->conditions[k], "%s", fm_text_get(state));
-}
-
-static void review_change(
-  struct fm_review * review, const uint8_t * conditions, struct fm_text * state,
+// Log the states that differ from those that were logged: up to the colon, or also in the reason.
+static void review_states(
+  struct fm_review * review, const uint8_t * conditions, bool with_reason, struct fm_text * state,
   struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < review->n_conditions; ++k) {
-    describe(state, review, k, conditions);
-    if (!is_same_kind(state, &review->conditions[k])) {
-      review->changes[k] += 1u;
-      set_logged(review, k, state);
-      if (review->changes[k] <= MOST_LINES) {
-        log_of(review, k, lines, "is %s", fm_text_get(state));
-      }
+    struct fm_text * logged = &review->conditions[k];
+    fm_text_clear(state);
+    (void)fm_add_state(state, review->reporter,
+      k < review->table->n_locks ? &review->table->locks[k] : NULL, conditions);
+    if (with_reason ? strcmp(fm_text_get(state), fm_text_get(logged)) == 0 :
+      is_same_kind(state, logged))
+    {
+      continue;
     }
-  }
-}
-
-static void review_present(
-  struct fm_review * review, struct fm_text * state, struct fm_lines * lines)
-{
-  for (uint32_t k = 0; k < review->n_conditions; ++k) {
-    describe(state, review, k, review->now.conditions);
-    if (strcmp(fm_text_get(state), fm_text_get(&review->conditions[k])) != 0) {
-      set_logged(review, k, state);
+    fm_text_clear(logged);
+    fm_text_add(logged, "%s", fm_text_get(state));
+    review->changes[k] += 1u;
+    if (review->changes[k] <= MOST_LINES) {
       log_of(review, k, lines, "is %s", fm_text_get(state));
     }
   }
@@ -295,7 +266,7 @@ void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
   struct fm_text state = {NULL, 0, 0};
   memset(review->changes, 0, n * sizeof(*review->changes));
   for (uint32_t k = 0; n > 0 && k < review->now.n_changes; ++k) {
-    review_change(review, review->now.changes + k * bytes, &state, lines);
+    review_states(review, review->now.changes + k * bytes, false, &state, lines);
   }
   for (uint32_t k = 0; k < n; ++k) {
     if (review->changes[k] > MOST_LINES) {
@@ -309,7 +280,8 @@ void fm_review_conditions(struct fm_review * review, struct fm_lines * lines)
       "came too fast to be logged", review->now.missed,
       review->now.missed == 1u ? "" : "s");
   }
-  review_present(review, &state, lines);
+  memset(review->changes, 0, n * sizeof(*review->changes));
+  review_states(review, review->now.conditions, true, &state, lines);
   fm_text_free(&state);
 }
 

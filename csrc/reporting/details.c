@@ -37,37 +37,20 @@ void fm_add_variables(struct fm_text * text, const struct fm_report_kind * about
   fm_text_add(text, "%s%s%s", about->variable, is_of_pairs(about) ? " and " : "", about->second);
 }
 
-static void add_part(
-  struct fm_text * text, const struct fm_report_kind * about, const struct fm_key * key,
-  uint32_t which)
-{
-  const struct fm_key part = is_of_pairs(about) ? fm_pair_part(key, which) : *key;
-  fm_text_add_bytes(text, part.bytes, part.size);
-}
-
 void fm_add_key(
-  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size)
+  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size,
+  bool is_named)
 {
   const struct fm_key whole = {key, (uint32_t)size};
-  if (size == 0) {
-    return;
-  }
-  add_part(text, about, &whole, 0);
-  if (is_of_pairs(about)) {
-    fm_text_add(text, "/");
-    add_part(text, about, &whole, 1);
-  }
-}
-
-void fm_add_named_key(
-  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size)
-{
-  const struct fm_key whole = {key, (uint32_t)size};
-  fm_text_add(text, "%s=", about->variable);
-  add_part(text, about, &whole, 0);
-  if (is_of_pairs(about)) {
-    fm_text_add(text, ",%s=", about->second);
-    add_part(text, about, &whole, 1);
+  const uint32_t n = size == 0 ? 0 : is_of_pairs(about) ? 2 : 1;
+  for (uint32_t k = 0; k < n; ++k) {
+    const struct fm_key part = n == 2 ? fm_pair_part(&whole, k) : whole;
+    if (is_named) {
+      fm_text_add(text, "%s%s=", k == 0 ? "" : ",", k == 0 ? about->variable : about->second);
+    } else {
+      fm_text_add(text, "%s", k == 0 ? "" : "/");
+    }
+    fm_text_add_bytes(text, part.bytes, part.size);
   }
 }
 
@@ -130,9 +113,9 @@ static void add_name(struct fm_text * text, const struct described * item)
   fm_text_add(text, "%s", item->requirement->id);
   if (item->scope.kind != FM_BUNDLE) {
     fm_text_add(text, "[");
-    fm_add_named_key(
+    fm_add_key(
       text, &item->reporter->table->kinds[item->scope.kind], item->scope.key,
-      item->scope.key_size);
+      item->scope.key_size, true);
     fm_text_add(text, "]");
   }
 }

@@ -26,13 +26,11 @@
 /// Add the variable of a kind, or both: robot; robot and track.
 FM_INTERNAL void fm_add_variables(struct fm_text * text, const struct fm_report_kind * about);
 
-/// Add a key: alpha; of a pair, alpha/3. Nothing if its size is 0.
+/// Add a key: alpha; of a pair, alpha/3; with its variables if `is_named`: robot=alpha;
+/// robot=alpha,track=3. Nothing if its size is 0.
 FM_INTERNAL void fm_add_key(
-  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size);
-
-/// Add the variable and the key, or both of each: robot=alpha; robot=alpha,track=3.
-FM_INTERNAL void fm_add_named_key(
-  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size);
+  struct fm_text * text, const struct fm_report_kind * about, const uint8_t * key, size_t size,
+  bool is_named);
 
 /// A comparison of margins, as written, of the bundle's scope (FM_BUNDLE) or of a kind.
 static inline const char * fm_comparison_of(

@@ -58,33 +58,18 @@ static void add_count(struct fm_status * status, const char * key, uint64_t coun
 
 // ---- requirements ------------------------------------------------------------------------------
 
-// The names of a requirement's inputs of which one of three things is so.
-struct places
+// List the silent inputs of a requirement; with `stale: violate` alone, if so.
+static void list_silent(
+  struct fm_text * names, const struct fm_review * review,
+  const struct fm_report_requirement * requirement, bool that_violate)
 {
-  struct fm_text missing;
-  struct fm_text silent;
-  struct fm_text violating;  // silent, with `stale: violate`
-};
-
-static struct places places_of(
-  const struct fm_review * review, const struct fm_report_requirement * requirement)
-{
-  struct places places;
-  memset(&places, 0, sizeof(places));
   for (uint32_t k = 0; k < requirement->n_inputs; ++k) {
     const struct fm_report_input * input = &review->table->inputs[requirement->inputs[k]];
-    const struct fm_input_snapshot * now = &review->now.inputs[requirement->inputs[k]];
-    if (!now->has_value) {
-      fm_text_list(&places.missing, ", ", input->name);
-    }
-    if (input->is_timed_out && now->silence.is_silent) {
-      fm_text_list(&places.silent, ", ", input->name);
-      if (input->violates) {
-        fm_text_list(&places.violating, ", ", input->name);
-      }
+    const struct fm_silence * silence = &review->now.inputs[requirement->inputs[k]].silence;
+    if (input->is_timed_out && silence->is_silent && (input->violates || !that_violate)) {
+      fm_text_list(names, ", ", input->name);
     }
   }
-  return places;
 }
 
 static uint8_t describe_requirement(
@@ -92,21 +77,22 @@ static uint8_t describe_requirement(
 {
   const struct fm_report_requirement * about = &review->table->requirements[requirement];
   const struct fm_requirement_counts * counts = &review->now.requirements[requirement];
-  struct places places = places_of(review, about);
+  struct fm_text silent = {NULL, 0, 0};
   const uint8_t violated = about->is_warning ? WARN : ERROR;
   uint8_t level = WARN;
-  if (places.violating.length > 0 && counts->is_violated) {
+  list_silent(&silent, review, about, counts->is_violated);
+  if (silent.length > 0 && counts->is_violated) {
     level = violated;
-    fm_text_add(message, "violated: no message for %s", fm_text_get(&places.violating));
+    fm_text_add(message, "violated: no message for %s", fm_text_get(&silent));
   } else if (fm_is_withheld_from_start(review->reporter, review->now.conditions, requirement)) {
     level = violated;
     fm_text_add(message, "violated since the first message");
-  } else if (places.missing.length > 0) {
-    fm_text_add(message, "no value yet of %s", fm_text_get(&places.missing));
+  } else if (fm_add_missing(message, review, about)) {
+    level = WARN;
   } else if (counts->steps == 0) {
     fm_text_add(message, "not evaluated yet");
-  } else if (!counts->is_violated && places.silent.length > 0) {
-    fm_text_add(message, "satisfied, on old values of %s", fm_text_get(&places.silent));
+  } else if (silent.length > 0) {
+    fm_text_add(message, "satisfied, on old values of %s", fm_text_get(&silent));
   } else {
     level = counts->is_violated ? violated : OK;
     if (counts->test.test != NULL) {
@@ -115,9 +101,7 @@ static uint8_t describe_requirement(
       fm_text_add(message, "%s", counts->is_violated ? "violated" : "satisfied");
     }
   }
-  fm_text_free(&places.missing);
-  fm_text_free(&places.silent);
-  fm_text_free(&places.violating);
+  fm_text_free(&silent);
   return level;
 }
 
@@ -255,10 +239,10 @@ static void add_fields(
 }
 
 static void add_increase(
-  struct troubles * troubles, uint64_t before, uint64_t now, const char * what)
+  struct troubles * troubles, uint8_t level, uint64_t before, uint64_t now, const char * what)
 {
   if (now > before) {
-    add_trouble(troubles, WARN, "%" PRIu64 " %s since the last report", now - before, what);
+    add_trouble(troubles, level, "%" PRIu64 " %s since the last report", now - before, what);
   }
 }
 
@@ -299,10 +283,10 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
   }
   add_silence(review, fed, &found);
   add_fields(review, topic, &found);
-  add_increase(&found, before->lost, now->lost, "lost");
-  add_increase(&found, before->order.late, now->order.late, "late");
-  add_increase(&found, before->order.overflows, now->order.overflows, "too early");
-  add_increase(&found, before->order.ahead, now->order.ahead, "ahead of the clock");
+  add_increase(&found, WARN, before->lost, now->lost, "lost");
+  add_increase(&found, WARN, before->order.late, now->order.late, "late");
+  add_increase(&found, WARN, before->order.overflows, now->order.overflows, "too early");
+  add_increase(&found, WARN, before->order.ahead, now->order.ahead, "ahead of the clock");
   if (now->behind > MOST_BEHIND) {
     add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
   }
@@ -396,8 +380,8 @@ static void add_gate(const struct report * report)
   if (gate == NULL || facts == NULL) {
     return;
   }
-  fm_add_gate_state(&message, review->reporter, review->now.conditions);
-  uint8_t level = strcmp(fm_text_get(&message), "open") == 0 ? OK : WARN;
+  uint8_t level =
+    fm_add_state(&message, review->reporter, NULL, review->now.conditions) ? OK : WARN;
   if (facts->others[0] != '\0') {
     level = ERROR;
     fm_text_clear(&message);
@@ -423,10 +407,8 @@ static void add_action(const struct report * report, uint32_t action)
   const struct fm_review * review = report->review;
   const struct fm_action_facts * counts = &review->facts.actions[action];
   struct troubles troubles = {{NULL, 0, 0}, OK};
-  if (review->failed[action] > review->failed_before[action]) {
-    add_trouble(&troubles, ERROR, "%" PRIu64 " failed since the last report",
-      review->failed[action] - review->failed_before[action]);
-  }
+  add_increase(
+    &troubles, ERROR, review->failed_before[action], review->failed[action], "failed");
   struct fm_status * status = add_judged(
     report, &troubles, "action ", review->table->actions[action].name, "ready");
   add_count(status, "started", counts->started);
@@ -438,9 +420,9 @@ static void add_action(const struct report * report, uint32_t action)
 static void add_lock(const struct report * report, const struct fm_report_lock * lock)
 {
   struct fm_text state = {NULL, 0, 0};
-  fm_add_lock_state(&state, report->review->reporter, lock, report->review->now.conditions);
-  (void)add_status(report, strcmp(fm_text_get(&state), "free") == 0 ? OK : WARN, "lock ",
-    lock->name, fm_text_get(&state));
+  const bool is_free =
+    fm_add_state(&state, report->review->reporter, lock, report->review->now.conditions);
+  (void)add_status(report, is_free ? OK : WARN, "lock ", lock->name, fm_text_get(&state));
   fm_text_free(&state);
 }
 
@@ -498,9 +480,9 @@ static void add_links(const struct report * report)
   const struct fm_tree_counts * before = &report->review->before.links;
   const struct fm_tree_counts * now = &report->review->now.links;
   struct troubles troubles = {{NULL, 0, 0}, OK};
-  add_increase(&troubles, before->loops, now->loops, "would close a loop");
-  add_increase(&troubles, before->unusable, now->unusable, "cannot be used");
-  add_increase(&troubles, before->old, now->old, "too old");
+  add_increase(&troubles, WARN, before->loops, now->loops, "would close a loop");
+  add_increase(&troubles, WARN, before->unusable, now->unusable, "cannot be used");
+  add_increase(&troubles, WARN, before->old, now->old, "too old");
   struct fm_status * status = add_judged(
     report, &troubles, "links of ", report->review->table->bundle, "taken");
   add_count(status, "loops", now->loops);
@@ -513,32 +495,28 @@ static void add_periods(const struct report * report)
   const struct fm_time_counts * before = &report->review->before.time;
   const struct fm_time_counts * now = &report->review->now.time;
   const struct fm_report_table * table = report->review->table;
-  const bool is_bad = fm_are_worth_reading(before, now);
-  struct fm_text message = {NULL, 0, 0};
-  fm_text_add(&message, "%" PRIu64 " missed, %" PRIu64 " late since the last report",
-    now->missed - before->missed, now->late - before->late);
-  struct fm_status * status = add_status(
-    report, is_bad ? WARN : OK, "periods of ", table->bundle,
-    is_bad ? fm_text_get(&message) : "in time");
+  struct troubles troubles = {{NULL, 0, 0}, OK};
+  if (fm_are_worth_reading(before, now)) {
+    add_trouble(
+      &troubles, WARN, "%" PRIu64 " missed, %" PRIu64 " late since the last report",
+      now->missed - before->missed, now->late - before->late);
+  }
+  struct fm_status * status =
+    add_judged(report, &troubles, "periods of ", table->bundle, "in time");
   fm_status_value(status, "period", "%g", (double)table->period / 1e9);
   add_count(status, "taken", now->periods);
   add_count(status, "late", now->late);
   add_count(status, "missed", now->missed);
   add_count(status, "restarts", now->restarts);
-  fm_text_free(&message);
 }
 
 static void add_unpublished(const struct report * report)
 {
   const uint64_t now = report->review->now.unpublished;
-  const uint64_t more = now - report->review->before.unpublished;
-  struct fm_text message = {NULL, 0, 0};
-  fm_text_add(&message, "%" PRIu64 " not published since the last report", more);
-  struct fm_status * status = add_status(
-    report, more > 0 ? ERROR : WARN, "violations of ", report->review->table->bundle,
-    more > 0 ? fm_text_get(&message) : "some were not published");
-  add_count(status, "not published", now);
-  fm_text_free(&message);
+  struct troubles troubles = {{NULL, 0, 0}, WARN};
+  add_increase(&troubles, ERROR, report->review->before.unpublished, now, "not published");
+  add_count(add_judged(report, &troubles, "violations of ", report->review->table->bundle,
+    "some were not published"), "not published", now);
 }
 
 static void add_failures(const struct report * report)

@@ -179,26 +179,16 @@ static const char * outcome_for(const struct fm_review * review, uint32_t input)
   return review->now.inputs[input].has_value ? "keeps its value" : "has no value yet";
 }
 
-static void log_unusable(
-  struct fm_review * review, uint32_t topic, uint32_t input, const struct fm_text * reason,
-  struct fm_lines * lines)
+static void note_absent(struct fm_input_log * log, const struct fm_review * review, uint32_t input)
 {
-  if (fm_is_first(&review->inputs[input].is_unusable_logged)) {
-    fm_lines_add(lines, FM_WARN, "%s: %s; input '%s' %s", review->names[topic],
-      fm_text_get(reason), review->table->inputs[input].name, outcome_for(review, input));
+  if (log->absent_since == 0) {
+    log->absent_since = review->facts.now;
+    log->received_before = review->now.inputs[input].counts.received;
   }
 }
 
-static void note_absent(struct fm_review * review, uint32_t input)
-{
-  if (review->inputs[input].absent_since == 0) {
-    review->inputs[input].absent_since = review->facts.now;
-    review->inputs[input].received_before = review->now.inputs[input].counts.received;
-  }
-}
-
-// The review of a message with parts for instances, and where its lines go.
-struct parts_review
+// A message with fields that cannot be used, and where the lines about them go.
+struct evidence
 {
   struct fm_review * review;
   struct fm_lines * lines;
@@ -207,68 +197,63 @@ struct parts_review
   uint32_t topic;
 };
 
+static void log_unusable(
+  const struct evidence * found, const struct fm_report_input * about,
+  const struct fm_field * field, const char * of, const char * outcome)
+{
+  struct fm_text reason = {NULL, 0, 0};
+  add_reason(&reason, about, field, found->message, found->size);
+  fm_lines_add(found->lines, FM_WARN, "%s: %s; input '%s'%s %s",
+    found->review->names[found->topic], fm_text_get(&reason), about->name, of, outcome);
+  fm_text_free(&reason);
+}
+
 // Log why a field of an instance cannot be used, once of each kind.
 static void log_part(
   void * context, uint32_t kind, const uint8_t * key, size_t key_size,
   const struct fm_field * fields)
 {
-  const struct parts_review * part = context;
-  const struct fm_report_table * table = part->review->table;
-  const struct fm_topic * fed = &table->kinds[kind].keyed[part->topic];
-  struct fm_text reason = {NULL, 0, 0};
+  const struct evidence * found = context;
+  const struct fm_report_kind * about = &found->review->table->kinds[kind];
+  const struct fm_topic * fed = &about->keyed[found->topic];
   struct fm_text name = {NULL, 0, 0};
-  fm_add_variables(&name, &table->kinds[kind]);
+  fm_text_add(&name, " of ");
+  fm_add_variables(&name, about);
   fm_text_add(&name, " ");
-  fm_add_key(&name, &table->kinds[kind], key, key_size);
+  fm_add_key(&name, about, key, key_size, false);
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    const struct fm_report_input * about = &table->kinds[kind].inputs[fed->inputs[k]];
-    if (fields[k].outcome == FM_FIELD_READ ||
-      !fm_is_first(&part->review->kinds[kind].is_unusable_logged))
+    if (fields[k].outcome != FM_FIELD_READ &&
+      fm_is_first(&found->review->kinds[kind].is_unusable_logged))
     {
-      continue;
+      log_unusable(found, &about->inputs[fed->inputs[k]], &fields[k], fm_text_get(&name),
+        "keeps its value, if it has one");
     }
-    add_reason(&reason, about, &fields[k], part->message, part->size);
-    fm_lines_add(part->lines, FM_WARN,
-      "%s: %s; input '%s' of %s keeps its value, if it has one",
-      part->review->names[part->topic], fm_text_get(&reason), about->name,
-      fm_text_get(&name));
   }
-  fm_text_free(&reason);
   fm_text_free(&name);
 }
 
-static void read_parts(
-  struct fm_review * review, uint32_t topic, const uint8_t * message, size_t size,
-  struct fm_lines * lines)
+static void read_evidence(struct evidence * found)
 {
-  struct parts_review part = {review, lines, message, size, topic};
-  const struct fm_reader * reader = fm_engine_reader(review->reporter->engine, topic);
-  if (reader->parts != NULL) {
-    (void)reader->parts(message, size, NULL, 0, log_part, &part);
-  }
-}
-
-static void read_evidence(
-  struct fm_review * review, uint32_t topic, const uint8_t * message, size_t size,
-  struct fm_lines * lines)
-{
-  const struct fm_topic * fed = &review->table->topic_inputs[topic];
+  struct fm_review * review = found->review;
+  const struct fm_topic * fed = &review->table->topic_inputs[found->topic];
+  const struct fm_reader * reader = fm_engine_reader(review->reporter->engine, found->topic);
   struct fm_field * fields = calloc(fed->n_inputs + (size_t)1, sizeof(*fields));
-  struct fm_text reason = {NULL, 0, 0};
-  const bool is_read = fields != NULL &&
-    fm_engine_reader(review->reporter->engine, topic)->read(message, size, fields);
+  const bool is_read = fields != NULL && reader->read(found->message, found->size, fields);
   for (uint32_t k = 0; is_read && k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
     if (fields[k].outcome == FM_FIELD_ABSENT) {
-      note_absent(review, input);
-    } else if (fields[k].outcome != FM_FIELD_READ) {
-      fm_text_clear(&reason);
-      add_reason(&reason, &review->table->inputs[input], &fields[k], message, size);
-      log_unusable(review, topic, input, &reason, lines);
+      note_absent(&review->inputs[input], review, input);
+    } else if (fields[k].outcome != FM_FIELD_READ &&
+      fm_is_first(&review->inputs[input].is_unusable_logged))
+    {
+      log_unusable(
+        found, &review->table->inputs[input], &fields[k], "", outcome_for(review, input));
     }
   }
-  fm_text_free(&reason);
   free(fields);
+  if (reader->parts != NULL) {
+    (void)reader->parts(found->message, found->size, NULL, 0, log_part, found);
+  }
 }
 
 // A message with a field that cannot be used, if one has come since the last look.
@@ -281,8 +266,7 @@ static void review_evidence(struct fm_review * review, uint32_t topic, struct fm
   // The message may be another one by now, but it is no larger.
   const size_t taken = message == NULL ? 0 : fm_engine_evidence(engine, topic, message, size);
   if (taken > 0 && taken <= size) {
-    read_evidence(review, topic, message, taken, lines);
-    read_parts(review, topic, message, taken, lines);
+    read_evidence(&(struct evidence) {review, lines, message, taken, topic});
   }
   free(message);
 }
@@ -360,48 +344,40 @@ void fm_review_topics(struct fm_review * review, struct fm_lines * lines)
 
 // ---- what is missing ---------------------------------------------------------------------------
 
-// As the next function, of a requirement of instances: it waits while none was evaluated.
-static bool note_awaited_by_instances(
-  const struct fm_review * review, uint32_t requirement, bool * is_awaited)
+// Set the flags of a requirement's inputs of the bundle's scope that have no value, or of which no
+// message came. Returns whether there are any.
+static bool note_lacking(
+  const struct fm_review * review, const struct fm_report_requirement * about, bool of_messages,
+  bool * is_awaited)
 {
-  const struct fm_report_requirement * about = &review->table->requirements[requirement];
-  const bool waits = review->now.requirements[requirement].steps == 0;
-  for (uint32_t k = 0; waits && k < about->n_inputs; ++k) {
+  bool is_any = false;
+  for (uint32_t k = 0; k < about->n_inputs; ++k) {
     const uint32_t input = fm_bundle_input(review->table, about, k);
-    if (input != UINT32_MAX && !review->now.inputs[input].has_value) {
-      is_awaited[input] = true;
+    if (input != UINT32_MAX && (of_messages ? review->now.inputs[input].counts.received == 0 :
+      !review->now.inputs[input].has_value))
+    {
+      is_any = is_awaited[input] = true;
     }
   }
-  return waits;
+  return is_any;
 }
 
 // Set the flags of the inputs for which a requirement waits: those without a value, or if all have
-// an initial value and there was no step, those of which no message came. Returns whether there
-// are any.
+// an initial value and there was no step, those of which no message came. One of instances waits
+// while none was evaluated. Returns whether it waits.
 static bool note_awaited(const struct fm_review * review, uint32_t requirement, bool * is_awaited)
 {
   const struct fm_report_requirement * about = &review->table->requirements[requirement];
-  bool waits = false;
+  const bool is_evaluated = review->now.requirements[requirement].steps > 0;
   if (about->kind != FM_BUNDLE) {
-    return note_awaited_by_instances(review, requirement, is_awaited);
-  }
-  if (fm_is_withheld_from_start(review->reporter, review->now.conditions, requirement)) {
-    return false;
-  }
-  for (uint32_t k = 0; k < about->n_inputs; ++k) {
-    if (!review->now.inputs[about->inputs[k]].has_value) {
-      waits = is_awaited[about->inputs[k]] = true;
+    if (!is_evaluated) {
+      (void)note_lacking(review, about, false, is_awaited);
     }
+    return !is_evaluated;
   }
-  if (waits || review->now.requirements[requirement].steps > 0) {
-    return waits;
-  }
-  for (uint32_t k = 0; k < about->n_inputs; ++k) {
-    if (review->now.inputs[about->inputs[k]].counts.received == 0) {
-      waits = is_awaited[about->inputs[k]] = true;
-    }
-  }
-  return waits;
+  return !fm_is_withheld_from_start(review->reporter, review->now.conditions, requirement) &&
+         (note_lacking(review, about, false, is_awaited) ||
+         (!is_evaluated && note_lacking(review, about, true, is_awaited)));
 }
 
 static void add_awaited(

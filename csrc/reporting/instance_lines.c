@@ -71,31 +71,26 @@ static void add_keys(
 {
   for (uint32_t k = 0; k < named->n_keys; ++k) {
     fm_text_add(text, "%s", k == 0 ? "" : ", ");
-    fm_add_key(text, about, named->keys[k] + 1, named->keys[k][0]);
+    fm_add_key(text, about, named->keys[k] + 1, named->keys[k][0], false);
   }
   if (named->n > named->n_keys) {
     fm_text_add(text, ", and %" PRIu64 " more", named->n - named->n_keys);
   }
 }
 
-// Add the inputs of the bundle's scope without which no instance is evaluated.
-static bool add_missing(
+bool fm_add_missing(
   struct fm_text * text, const struct fm_review * review,
   const struct fm_report_requirement * about)
 {
-  struct fm_text missing = {NULL, 0, 0};
+  const size_t before = text->length;
   for (uint32_t k = 0; k < about->n_inputs; ++k) {
     const uint32_t input = fm_bundle_input(review->table, about, k);
     if (input != UINT32_MAX && !review->now.inputs[input].has_value) {
-      fm_text_list(&missing, ", ", review->table->inputs[input].name);
+      fm_text_add(text, "%s%s", text->length > before ? ", " : "no value yet of ",
+        review->table->inputs[input].name);
     }
   }
-  const bool is_any = missing.length > 0;
-  if (is_any) {
-    fm_text_add(text, "no value yet of %s", fm_text_get(&missing));
-  }
-  fm_text_free(&missing);
-  return is_any;
+  return text->length > before;
 }
 
 static enum fm_status_level describe(
@@ -111,7 +106,7 @@ static enum fm_status_level describe(
   } else if (kind->counts.alive == 0) {
     fm_text_add(message, "%s", kind->counts.begun > 0 ? "no instance" : "no instance yet");
     return kind->counts.begun > 0 ? FM_STATUS_OK : FM_STATUS_WARN;
-  } else if (add_missing(message, review, about)) {
+  } else if (fm_add_missing(message, review, about)) {
     return FM_STATUS_WARN;
   } else if (kind->unevaluated[place].n > 0) {
     fm_text_add(message, "not evaluated yet: ");
@@ -176,49 +171,42 @@ void fm_add_nearest(
   const uint32_t kind = review->table->requirements[requirement].kind;
   const struct fm_named_keys * named =
     &review->now.kinds[kind].nearest[place_of(review->table, requirement)];
-  fm_add_named_key(text, &review->table->kinds[kind], named->keys[0] + 1, named->keys[0][0]);
+  fm_add_key(text, &review->table->kinds[kind], named->keys[0] + 1, named->keys[0][0], true);
 }
 
 // ---- lines -------------------------------------------------------------------------------------
 
 static void log_beyond(
-  const struct fm_report_kind * about, const char * variable, uint32_t most,
+  const struct fm_report_kind * about, const char * variables, bool is_second,
   struct fm_lines * lines)
 {
-  struct fm_text variables = {NULL, 0, 0};
-  fm_add_variables(&variables, about);
+  const bool is_of_pairs = about->second[0] != '\0';
   fm_lines_add(lines, FM_ERROR,
     "there is no room for another %s%s%s (`most` is %" PRIu32 "): its messages are not evaluated; "
-    "/diagnostics counts them", variable, about->second[0] == '\0' ? "" : " in pairs of ",
-    about->second[0] == '\0' ? "" : fm_text_get(&variables), most);
-  fm_text_free(&variables);
+    "/diagnostics counts them", is_second ? about->second : about->variable,
+    is_of_pairs ? " in pairs of " : "", is_of_pairs ? variables : "",
+    is_second ? about->second_most : about->first_most);
 }
 
-static void log_all_beyond(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
+static void log_left_out(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
 {
   const struct fm_report_kind * about = &review->table->kinds[kind];
   const struct fm_pool_counts * counts = &review->now.kinds[kind].counts;
   struct fm_kind_log * log = &review->kinds[kind];
+  struct fm_text variables = {NULL, 0, 0};
+  fm_add_variables(&variables, about);
   if (counts->beyond > counts->unsized + counts->second && fm_is_first(&log->is_first_logged)) {
-    log_beyond(about, about->variable, about->first_most, lines);
+    log_beyond(about, fm_text_get(&variables), false, lines);
   }
   if (counts->second > 0 && fm_is_first(&log->is_second_logged)) {
-    log_beyond(about, about->second, about->second_most, lines);
+    log_beyond(about, fm_text_get(&variables), true, lines);
   }
-}
-
-static void log_unsized(struct fm_review * review, uint32_t kind, struct fm_lines * lines)
-{
-  if (review->now.kinds[kind].counts.unsized > 0 &&
-    fm_is_first(&review->kinds[kind].is_unsized_logged))
-  {
-    struct fm_text variables = {NULL, 0, 0};
-    fm_add_variables(&variables, &review->table->kinds[kind]);
+  if (counts->unsized > 0 && fm_is_first(&log->is_unsized_logged)) {
     fm_lines_add(lines, FM_ERROR,
       "messages with a key of %s are not evaluated: " FM_WORDS_KEY_SIZE "; /diagnostics counts "
       "them", fm_text_get(&variables));
-    fm_text_free(&variables);
   }
+  fm_text_free(&variables);
 }
 
 static void log_silences(
@@ -239,8 +227,7 @@ void fm_review_instances(struct fm_review * review, struct fm_lines * lines)
 {
   for (uint32_t k = 0; k < review->table->n_kinds; ++k) {
     if (!review->table->kinds[k].has_base) {
-      log_all_beyond(review, k, lines);
-      log_unsized(review, k, lines);
+      log_left_out(review, k, lines);
     }
   }
   for (uint32_t t = 0; t < review->table->n_topics; ++t) {

@@ -113,14 +113,11 @@ FM_INTERNAL void fm_review_missing(const struct fm_review * review, struct fm_li
 
 // ---- locks and gates ---------------------------------------------------------------------------
 
-/// Add the state of a lock: "free", or "locked: " with the reason.
-FM_INTERNAL void fm_add_lock_state(
+/// Add the state of a lock: "free", or "locked: " with the reason; or of the gate, if `lock` is
+/// NULL: "open", or "closed: " with the reason. Returns whether it is free or open.
+FM_INTERNAL bool fm_add_state(
   struct fm_text * text, const struct fm_reporter * reporter, const struct fm_report_lock * lock,
   const uint8_t * conditions);
-
-/// Add the state of the gate: "open", or "closed: " with the reason.
-FM_INTERNAL void fm_add_gate_state(
-  struct fm_text * text, const struct fm_reporter * reporter, const uint8_t * conditions);
 
 /// Add who is where only the gate should be.
 FM_INTERNAL void fm_add_others(
@@ -188,6 +185,12 @@ struct fm_fed
 /// Returns false if there are fewer. O(kinds).
 FM_INTERNAL bool fm_find_fed(
   const struct fm_review * review, uint32_t topic, uint32_t k, struct fm_fed * fed);
+
+/// Add the inputs of the bundle's scope that a requirement reads and that have no value yet.
+/// Returns whether there are any. O(inputs of the requirement).
+FM_INTERNAL bool fm_add_missing(
+  struct fm_text * text, const struct fm_review * review,
+  const struct fm_report_requirement * about);
 
 /// Whether a requirement of instances is violated, with the first keys that violate it. Returns
 /// the level of its status. O(keys that are named).

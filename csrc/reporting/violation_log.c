@@ -47,6 +47,7 @@ struct logged
 struct fm_violation_log
 {
   const struct fm_reporter * reporter;
+  struct fm_memory memory;  // of `logged`, what it points to, and `counts`
   struct logged * logged;
   struct fm_detail_counts * counts;
   uint32_t n;
@@ -58,16 +59,18 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
 {
   const uint32_t n = reporter->table->n_requirements;
   struct fm_violation_log * log = calloc(1, sizeof(*log));
-  struct logged * logged = calloc(n + 1u, sizeof(*logged));
-  struct fm_detail_counts * counts = calloc(n + 1u, sizeof(*counts));
-  if (log == NULL || logged == NULL || counts == NULL) {
-    free(log);
-    free(logged);
-    free(counts);
+  if (log == NULL) {
     return NULL;
   }
-  *log = (struct fm_violation_log) {
-    reporter, logged, counts, n, fm_engine_detail_bytes(reporter->engine), {NULL, 0, 0}};
+  log->reporter = reporter;
+  log->n = n;
+  log->detail_bytes = fm_engine_detail_bytes(reporter->engine);
+  log->logged = fm_reserve(&log->memory, n, sizeof(*log->logged));
+  log->counts = fm_reserve(&log->memory, n, sizeof(*log->counts));
+  if (log->memory.is_short) {
+    fm_violation_log_destroy(log);
+    return NULL;
+  }
   fm_engine_want_details(reporter->engine, true, FM_LOGGED_PER_S);
   return log;
 }
@@ -77,14 +80,8 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
   if (log == NULL) {
     return;
   }
-  for (uint32_t k = 0; k < log->n; ++k) {
-    free(log->logged[k].violation);
-    free(log->logged[k].recovery);
-    free(log->logged[k].recent);
-  }
   fm_statuses_free(&log->worded);
-  free(log->logged);
-  free(log->counts);
+  fm_memory_free(&log->memory);
   free(log);
 }
 
@@ -124,11 +121,13 @@ void fm_add_violated(
 static void add_unseen(
   struct fm_lines * lines, const struct fm_report_requirement * about, uint64_t violations)
 {
-  struct fm_text times = {NULL, 0, 0};
-  fm_text_add(&times, "%" PRIu64 " times", violations);
-  fm_lines_add(lines, level_of(about), "%s violated %s more, without details: %s", about->id,
-    violations == 1u ? "once" : fm_text_get(&times), about->sentence);
-  fm_text_free(&times);
+  if (violations == 1u) {
+    fm_lines_add(lines, level_of(about), "%s violated once more, without details: %s", about->id,
+      about->sentence);
+  } else {
+    fm_lines_add(lines, level_of(about), "%s violated %" PRIu64 " times more, without details: %s",
+      about->id, violations, about->sentence);
+  }
 }
 
 void fm_add_satisfied(
@@ -205,10 +204,10 @@ static void settle(
 }
 
 static void copy_detail(
-  const struct fm_violation_log * log, struct fm_detail ** copy, const struct fm_detail * detail)
+  struct fm_violation_log * log, struct fm_detail ** copy, const struct fm_detail * detail)
 {
   if (*copy == NULL) {
-    *copy = malloc(log->detail_bytes);
+    *copy = fm_reserve(&log->memory, 1, log->detail_bytes);
   }
   if (*copy != NULL) {
     memcpy(*copy, detail, log->detail_bytes);
@@ -217,11 +216,12 @@ static void copy_detail(
 
 // Whether this of the instance is in no line of the last second, and there is room for one more.
 static bool is_news(
-  struct logged * logged, const struct fm_detail_scope * scope, bool is_recovery, int64_t now)
+  struct fm_violation_log * log, struct logged * logged, const struct fm_detail_scope * scope,
+  bool is_recovery, int64_t now)
 {
   struct recent * room = NULL;
   if (logged->recent == NULL) {
-    logged->recent = calloc(FM_LOGGED_PER_S, sizeof(*logged->recent));
+    logged->recent = fm_reserve(&log->memory, FM_LOGGED_PER_S, sizeof(*logged->recent));
   }
   for (uint32_t k = 0; logged->recent != NULL && k < FM_LOGGED_PER_S; ++k) {
     struct recent * recent = &logged->recent[k];
@@ -250,7 +250,7 @@ void fm_violation_log_add(
   const struct fm_detail_scope scope = fm_engine_detail_scope(log->reporter->engine, detail);
   const bool is_of_instance = scope.key != NULL;
   const bool is_new = is_of_instance &&
-    is_news(logged, &scope, detail->violation.is_recovery, now);
+    is_news(log, logged, &scope, detail->violation.is_recovery, now);
   logged->is_violated = !detail->violation.is_recovery;
   logged->violations = detail->number;
   copy_detail(log, logged->is_violated ? &logged->violation : &logged->recovery, detail);
