@@ -358,7 +358,7 @@ def test_bundles_of_a_page_pass_check(
 
 # Functions of C that word a line or status, and their arguments that are its words.
 WORDED = {'fm_lines_add': (2,), 'log_of': (3,), 'add_trouble': (2,), 'add_increase': (4,),
-          'add_status': (4,), 'add_judged': (4,), 'add_reason': (1,),
+          'add_status': (4,), 'add_judged': (4,), 'add_reason': (1,), 'add_listed': (2,),
           'add_requirements': (4,),
           'fm_text_join': (2,), 'fm_log': (2,), 'fm_log_failure': (1,), 'count_result': (5,)}
 # Files in which `fm_text_add` words reasons that stand in lines or statuses.

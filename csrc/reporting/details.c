@@ -132,8 +132,7 @@ static bool is_unsigned(enum fm_type type)
 
 static bool are_equal(union fm_value one, union fm_value other, enum fm_type type)
 {
-  return is_float(type) ? one.f == other.f :
-         is_unsigned(type) ? one.u == other.u : one.i == other.i;
+  return is_float(type) ? one.f == other.f : one.u == other.u;
 }
 
 static void add_value(

@@ -186,6 +186,16 @@ static struct fm_status * add_judged(
   return status;
 }
 
+// Add a list of what is wrong after its `what`, unless it is empty; frees it.
+static void add_listed(
+  struct troubles * troubles, uint8_t level, const char * what, struct fm_text * list)
+{
+  if (list->length > 0) {
+    add_trouble(troubles, level, "%s%s", what, fm_text_get(list));
+  }
+  fm_text_free(list);
+}
+
 static void add_silence(
   const struct fm_review * review, const struct fm_topic * fed, struct troubles * troubles)
 {
@@ -208,10 +218,7 @@ static void add_silence(
       level = input->violates ? ERROR : level == OK ? WARN : level;
     }
   }
-  if (level != OK) {
-    add_trouble(troubles, level, "nothing %s", fm_text_get(&text));
-  }
-  fm_text_free(&text);
+  add_listed(troubles, level, "nothing ", &text);
 }
 
 static void add_fields(
@@ -228,14 +235,8 @@ static void add_fields(
       fm_text_list(&absent, ", ", fed.about->name);
     }
   }
-  if (unusable.length > 0) {
-    add_trouble(troubles, WARN, "fields cannot be used: %s", fm_text_get(&unusable));
-  }
-  if (absent.length > 0) {
-    add_trouble(troubles, WARN, "no message has had the names for 10 s: %s", fm_text_get(&absent));
-  }
-  fm_text_free(&unusable);
-  fm_text_free(&absent);
+  add_listed(troubles, WARN, "fields cannot be used: ", &unusable);
+  add_listed(troubles, WARN, "no message has had the names for 10 s: ", &absent);
 }
 
 static void add_increase(
@@ -246,25 +247,20 @@ static void add_increase(
   }
 }
 
-static void add_broken(
-  const struct fm_review * review, uint32_t topic, struct troubles * troubles)
-{
-  struct fm_text link = {NULL, 0, 0};
-  if (fm_add_missing_link(&link, review->reporter, topic)) {
-    add_trouble(troubles, WARN, "%s", fm_text_get(&link));
-  }
-  fm_text_free(&link);
-}
-
-static void add_seen(
+// Of a topic whose messages are made: what was seen in the graph, or where the chain is broken.
+static void add_made(
   const struct fm_review * review, uint32_t topic, struct troubles * troubles)
 {
   const struct fm_observed * observed = &review->now.topics[topic].observed;
-  struct fm_text seen = {NULL, 0, 0};
-  fm_add_seen(&seen, review->reporter, topic, observed);
-  add_trouble(troubles, observed->fault == FM_OTHER_TYPE ? ERROR :
-    fm_is_seen_wrong(observed) ? WARN : OK, "%s", fm_text_get(&seen));
-  fm_text_free(&seen);
+  struct fm_text text = {NULL, 0, 0};
+  uint8_t level = WARN;
+  if (fm_is_of_graph(review->reporter, topic)) {
+    fm_add_seen(&text, review->reporter, topic, observed);
+    level = observed->fault == FM_OTHER_TYPE ? ERROR : fm_is_seen_wrong(observed) ? WARN : OK;
+  } else {
+    (void)fm_add_missing_link(&text, review->reporter, topic);
+  }
+  add_listed(troubles, level, "", &text);
 }
 
 static struct troubles troubles_of(const struct fm_review * review, uint32_t topic)
@@ -290,10 +286,8 @@ static struct troubles troubles_of(const struct fm_review * review, uint32_t top
   if (now->behind > MOST_BEHIND) {
     add_trouble(&found, WARN, "evaluated up to %.1f s after reception", (double)now->behind / 1e9);
   }
-  if (review->table->topics[topic].kind == FM_TRANSFORM) {
-    add_broken(review, topic, &found);
-  } else if (fm_is_of_graph(review->reporter, topic)) {
-    add_seen(review, topic, &found);
+  if (review->table->topics[topic].kind != FM_TOPIC) {
+    add_made(review, topic, &found);
   } else if (facts->n == 0 && facts->other_types[0] == '\0') {
     // The other one of /tf and /tf_static may be enough; a transform says what it lacks.
     struct fm_fed unused;
@@ -466,15 +460,6 @@ static void add_time(const struct report * report)
   add_count(status, "overflows", now->overflows);
 }
 
-static bool has_transforms(const struct fm_report_table * table)
-{
-  bool is_found = false;
-  for (uint32_t t = 0; t < table->n_topics; ++t) {
-    is_found = is_found || table->topics[t].kind == FM_TRANSFORM;
-  }
-  return is_found;
-}
-
 static void add_links(const struct report * report)
 {
   const struct fm_tree_counts * before = &report->review->before.links;
@@ -538,13 +523,15 @@ void fm_review_report(const struct fm_review * review, struct fm_statuses * stat
 {
   const struct fm_report_table * table = review->table;
   const struct report report = {review, statuses};
+  bool has_transforms = false;
   for (uint32_t k = 0; k < table->n_requirements; ++k) {
     add_requirement(&report, k);
   }
   for (uint32_t k = 0; k < table->n_topics; ++k) {
     add_topic(&report, k);
+    has_transforms = has_transforms || table->topics[k].kind == FM_TRANSFORM;
   }
-  if (has_transforms(table)) {
+  if (has_transforms) {
     add_links(&report);
   }
   add_gate(&report);

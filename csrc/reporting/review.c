@@ -136,7 +136,6 @@ bool fm_are_worth_reading(const struct fm_time_counts * before, const struct fm_
 static void add_waits(const struct fm_review * review, struct fm_text * text,
   const char * separator, const char * ending, bool has_deadlines)
 {
-  struct fm_text word = {NULL, 0, 0};
   bool has_timeouts = false;
   for (uint32_t k = 0; k < review->table->n_inputs; ++k) {
     has_timeouts = has_timeouts || review->table->inputs[k].timeout > 0.0;
@@ -147,12 +146,9 @@ static void add_waits(const struct fm_review * review, struct fm_text * text,
     has_timeouts ? "timeout" : NULL};
   for (size_t k = 0; k < sizeof(waits) / sizeof(waits[0]); ++k) {
     if (waits[k] != NULL) {
-      fm_text_clear(&word);
-      fm_text_add(&word, "%s%s", waits[k], ending);
-      fm_text_list(text, separator, fm_text_get(&word));
+      fm_text_join(text, separator, "%s%s", waits[k], ending);
     }
   }
-  fm_text_free(&word);
 }
 
 static void review_clock(struct fm_review * review, struct fm_lines * lines)

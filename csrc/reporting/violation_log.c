@@ -134,15 +134,14 @@ void fm_add_satisfied(
   struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
   const struct fm_status * detail)
 {
-  struct fm_text at = {NULL, 0, 0};
   struct fm_text values = {NULL, 0, 0};
-  if (detail != NULL) {
-    fm_text_add(&at, " at %.3f", (double)stamp / 1e9);
-    fm_show_detail(&values, detail);
+  if (detail == NULL) {
+    fm_lines_add(lines, FM_INFO, "%s satisfied again: %s", about->id, about->sentence);
+    return;
   }
-  fm_lines_add(lines, FM_INFO, "%s satisfied again%s: %s%s", name_of(about, detail),
-    fm_text_get(&at), about->sentence, fm_text_get(&values));
-  fm_text_free(&at);
+  fm_show_detail(&values, detail);
+  fm_lines_add(lines, FM_INFO, "%s satisfied again at %.3f: %s%s", detail->name,
+    (double)stamp / 1e9, about->sentence, fm_text_get(&values));
   fm_text_free(&values);
 }
 
