@@ -43,6 +43,7 @@ from fret_monitor.elaboration.durations import MAX_BOUND
 from fret_monitor.export.targets import TARGETS
 from fret_monitor.logic.specification import Specification
 from fret_monitor.native import cache, compiler, words as node_words
+from fret_monitor.native.binding import ffi
 from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
@@ -530,8 +531,7 @@ LIMITS: list[tuple[str, str, float | str]] = [
     ('ros_interface.md', r'at most (\d+) a second get them',
      'fret_monitor/runtime/engine.py:MOST_DETAILS_PER_S'),
     ('ros_interface.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
-    ('operations.md', r'with a lease of (\d+) s',
-     'fret_monitor/ros/nodes/sign_of_life.py:_LEASE_S'),
+    ('operations.md', r'with a lease of (\d+) s', ffi.integer_const('FM_SIGN_LEASE_S')),
     ('bundle.md', r'default: (\d+), or the `timeout`',
      'fret_monitor/elaboration/signals.py:_USUAL_STARTUP_S'),
     ('actions.md', r'first one that failed \((\d+)\)',

@@ -24,7 +24,6 @@
 #include <string.h>
 
 #include "endpoints.h"
-#include "words.h"
 
 // The black box of the facts is `written`.
 static struct fm_facts facts_of(
@@ -113,9 +112,6 @@ void fm_health_review(struct fm_health * health)
 
 // ---- the sign of life --------------------------------------------------------------------------
 
-#define LEASE_S 3u      // without a sign, until the middleware reports the publisher as not alive
-#define LOGGED_NS (60 * FM_SECOND)
-
 static void publish(struct fm_sign_of_life * sign)
 {
   const struct fm_session * session = sign->sessions;
@@ -130,8 +126,6 @@ static void publish(struct fm_sign_of_life * sign)
     &header.frame_id, rcl_node_get_name(&session->node->node));
   fm_ignore(rcl_publish(&sign->publisher, &header, NULL));
   std_msgs__msg__Header__fini(&header);
-  sign->published = fm_steady_now();
-  sign->suspected = 0;
 }
 
 bool fm_sign_of_life_begin(
@@ -140,10 +134,11 @@ bool fm_sign_of_life_begin(
   rmw_qos_profile_t profile = rmw_qos_profile_default;
   profile.depth = 1;
   profile.liveliness = RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC;
-  profile.liveliness_lease_duration = (rmw_time_t) {LEASE_S, 0};
+  profile.liveliness_lease_duration = (rmw_time_t) {FM_SIGN_LEASE_S, 0};
   memset(sign, 0, sizeof(*sign));
   sign->sessions = sessions;
   sign->n = n;
+  sign->state.published = fm_steady_now();
   sign->turns = calloc(2u * (size_t)n * FM_SESSION_THREADS, sizeof(*sign->turns));
   if (sign->turns == NULL || !fm_publisher_open(
       sessions->node, &sign->publisher, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Header),
@@ -155,43 +150,18 @@ bool fm_sign_of_life_begin(
   return true;
 }
 
-// A thread may have had no time to turn, if this is called early after it was late. And if the
-// whole process was stopped, this may be called before the threads turn: they get a second then.
-static void suspect(struct fm_sign_of_life * sign)
-{
-  const int64_t now = fm_steady_now();
-  if (now - sign->published < FM_SECOND) {
-    return;
-  }
-  if (sign->suspected == 0) {
-    sign->suspected = now;
-  } else if (now - sign->suspected >= FM_SECOND &&
-    fm_passes(&sign->next_line, now, LOGGED_NS))
-  {
-    fm_log(sign->sessions->node, FM_ERROR, FM_WORDS_HANGS);
-  }
-}
-
-static bool have_turned(struct fm_sign_of_life * sign)
-{
-  const size_t n_turns = (size_t)sign->n * FM_SESSION_THREADS;
-  bool is_good = true;
-  for (uint32_t k = 0; k < sign->n; ++k) {
-    uint64_t * before = &sign->turns[k * FM_SESSION_THREADS];
-    is_good = fm_session_turns(&sign->sessions[k], before, before + n_turns) && is_good;
-  }
-  return is_good;
-}
-
 void fm_sign_of_life_beat(struct fm_sign_of_life * sign)
 {
-  if (have_turned(sign)) {
-    const size_t n_turns = (size_t)sign->n * FM_SESSION_THREADS;
-    memcpy(sign->turns, sign->turns + n_turns, n_turns * sizeof(*sign->turns));
-    publish(sign);
-  } else {
-    suspect(sign);
+  struct fm_lines lines = {NULL, 0, 0};
+  uint64_t * now = sign->turns + (size_t)sign->n * FM_SESSION_THREADS;
+  uint32_t n = 0;
+  for (uint32_t k = 0; k < sign->n; ++k) {
+    n += fm_session_turns(&sign->sessions[k], now + n);
   }
+  if (fm_sign_is_due(&sign->state, sign->turns, now, n, fm_steady_now(), &lines)) {
+    publish(sign);
+  }
+  fm_log_lines(sign->sessions->node, &lines);
 }
 
 void fm_sign_of_life_end(struct fm_sign_of_life * sign)

@@ -24,6 +24,7 @@
 
 #include "review.h"
 #include "session.h"
+#include "sign_of_life.h"
 
 /// Zeroed before fm_health_begin; fm_health_end frees all of it.
 struct fm_health
@@ -54,18 +55,15 @@ struct fm_sign_of_life
   const struct fm_session * sessions;
   uint32_t n;
   rcl_publisher_t publisher;
+  struct fm_sign state;
   uint64_t * turns;     // of the threads of each session: at the last sign, then now
-  int64_t published;    // steady
-  int64_t suspected;    // steady: when a thread was first found not to have turned; 0: none is
-  int64_t next_line;
 };
 
 /// Advertise the topic and publish the first sign. Returns false, with the error logged.
 bool fm_sign_of_life_begin(
   struct fm_sign_of_life * sign, const struct fm_session * sessions, uint32_t n);
 
-/// Publish the sign, if all threads of all sessions have looked for work since the last one; to be
-/// called once a second.
+/// Publish the sign, if it is due; to be called once a second.
 void fm_sign_of_life_beat(struct fm_sign_of_life * sign);
 
 void fm_sign_of_life_end(struct fm_sign_of_life * sign);

@@ -612,13 +612,16 @@ void fm_session_serve_requests(struct fm_session * session)
   }
 }
 
-bool fm_session_turns(
-  const struct fm_session * session, const uint64_t * before, uint64_t * now)
+uint32_t fm_session_turns(const struct fm_session * session, uint64_t * turns)
 {
-  const bool has_actions = session->actions.thread != NULL;
-  now[0] = fm_announcer_turns(session->announcer);
-  now[1] = fm_detail_thread_turns(session->detail_thread);
-  now[2] = has_actions ? fm_actions_turns(session->actions.thread) : before[2] + 1u;
-  now[3] = session->gate.relay != NULL ? fm_relay_turns(session->gate.relay) : before[3] + 1u;
-  return now[0] != before[0] && now[1] != before[1] && now[2] != before[2] && now[3] != before[3];
+  uint32_t n = 0;
+  turns[n++] = fm_announcer_turns(session->announcer);
+  turns[n++] = fm_detail_thread_turns(session->detail_thread);
+  if (session->actions.thread != NULL) {
+    turns[n++] = fm_actions_turns(session->actions.thread);
+  }
+  if (session->gate.relay != NULL) {
+    turns[n++] = fm_relay_turns(session->gate.relay);
+  }
+  return n;
 }

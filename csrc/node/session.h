@@ -492,12 +492,10 @@ int64_t fm_session_review(struct fm_session * session);
 /// Serve what a gate on a service has received.
 void fm_session_serve_requests(struct fm_session * session);
 
-/// Threads of a session that are counted by fm_session_turns.
+/// Threads of a session that are counted by fm_session_turns, at most.
 enum { FM_SESSION_THREADS = 4 };
 
-/// Write the counters of the threads to `now` (FM_SESSION_THREADS). Returns whether each thread
-/// has looked for work since those in `before`.
-bool fm_session_turns(
-  const struct fm_session * session, const uint64_t * before, uint64_t * now);
+/// Write a counter of each thread that the session has to `turns`, and return how many.
+uint32_t fm_session_turns(const struct fm_session * session, uint64_t * turns);
 
 #endif  // SESSION_H_

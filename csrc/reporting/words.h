@@ -24,7 +24,6 @@
 #define FM_WORDS_WAITING "waiting to be configured and activated: autostart is false"
 #define FM_WORDS_INACTIVE "nothing is monitored until the node is active again"
 #define FM_WORDS_NO_RESTART "nothing to restart: the node is not active"
-#define FM_WORDS_HANGS "a thread of the monitor hangs: no sign of life on ~/alive"
 #define FM_WORDS_NAMESAKE \
   "there is another node %s: both watch and announce; give one another name (-r __node:=NAME) " \
   "to tell them apart in /diagnostics, ~/reset and transitions"

@@ -37,7 +37,7 @@ HEADERS = (
     'transforms.h', 'schedule.h', 'payload.h', 'engine.h', 'scheduling.h', 'blackbox_writer.h',
     'snapshot.h', 'records.h', 'figures.h', 'lines.h', 'subscription.h', 'gate_target.h',
     'report_table.h', 'reporter.h', 'start_lines.h', 'shared_names.h', 'details.h',
-    'violation_log.h', 'review.h',
+    'violation_log.h', 'review.h', 'sign_of_life.h',
     'thinning.h', 'csv.h', 'keyed_rows.h', 'middleware.h',
     'serialized.h', 'in_place.h', 'in_place_versions.h', 'receiver.h', 'announcer.h',
     'verdict_thread.h', 'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',

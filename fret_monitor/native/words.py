@@ -21,7 +21,6 @@
 WAITING = 'waiting to be configured and activated: autostart is false'
 INACTIVE = 'nothing is monitored until the node is active again'
 NO_RESTART = 'nothing to restart: the node is not active'
-HANGS = 'a thread of the monitor hangs: no sign of life on ~/alive'
 NAMESAKE = 'there is another node %s: both watch and announce; give one another name (-r __node:=NAME) to tell them apart in /diagnostics, ~/reset and transitions'
 UNANSWERED = "gate '%s': no server of %s answers; the request is refused"
 NEGATIVE_TIME = 'a message on /clock is ignored: its time is negative, %.3f s'

@@ -435,7 +435,7 @@ static void a_thread_that_hangs_ends_the_signs_of_life(void)
       fm_sign_of_life_beat(&node.sign_of_life);
       EXPECT_LINES(k == 3 ? hangs : "");
     }
-    node.sign_of_life.next_line = 0;  // it follows the real clock
+    node.sign_of_life.state.next_line = 0;  // it follows the real clock
   }
 }
 

@@ -24,8 +24,8 @@ from typing import Any
 
 from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.ros.intake.feed import Feed
-from fret_monitor.ros.log_lines import Throttle
 from fret_monitor.ros.nodes.duplicate_nodes import DuplicateNodes
 from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
@@ -52,6 +52,7 @@ requirements:
 """
 WATCHING = QoSProfile(depth=10, liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
                       liveliness_lease_duration=Duration(seconds=3))
+LIBRARY = load_evaluator(evaluator_library())
 
 
 def test_a_monitor_that_is_stopped_is_not_alive(partner: Partner, tmp_path: Path) -> None:
@@ -84,14 +85,14 @@ def test_there_is_no_sign_of_life_while_a_thread_hangs(partner: Partner) -> None
     turns = {'announcer': 0, 'feed': 0, 'details': 0}
     heard: list[Header] = []
     partner.node.create_subscription(Header, '/guard/alive', heard.append, RELIABLE)
-    life = SignOfLife(node, [lambda: tuple(turns.values())], Watch(node))
+    life = SignOfLife(node, LIBRARY, [lambda: tuple(turns.values())], Watch(node))
     errors: list[str] = []
     node.get_logger = lambda: SimpleNamespace(error=errors.append)
     now = monotonic()
 
     def is_heard_after(number: int) -> bool:
         turns.update({name: turn + 1 for name, turn in turns.items()})
-        life.beat(now)
+        life.beat(int(now * 1e9))
         partner.expect({})
         return len(heard) > number
 
@@ -101,11 +102,11 @@ def test_there_is_no_sign_of_life_while_a_thread_hangs(partner: Partner) -> None
         for later in (0.1, 1.0, 1.9, 2.1):
             turns.update({other: turn + (other != name) for other, turn in turns.items()})
             assert not errors
-            life.beat(now + later)
+            life.beat(int((now + later) * 1e9))
         partner.expect({})
         assert len(heard) == known
         assert errors.pop() == 'a thread of the monitor hangs: no sign of life on ~/alive'
-        life._throttle = Throttle(60.0)
+        life._state.next_line = 0
         now += 2.1
         assert is_heard_after(known)
     life.close()
@@ -119,7 +120,7 @@ def test_a_stall_is_no_thread_that_hangs(partner: Partner) -> None:
     node.get_logger = lambda: SimpleNamespace(error=errors.append)
     now = start = monotonic()
     turned = [0]
-    life = SignOfLife(node, [lambda: tuple(turned)], Watch(node))
+    life = SignOfLife(node, LIBRARY, [lambda: tuple(turned)], Watch(node))
     life._publish = lambda: signs.append(round(now - start, 2))  # type: ignore[method-assign]
     for now, has_turned in ((start + 1.0, True), (start + 3.75, True),  # the executor was busy
                             (start + 4.0, False), (start + 5.0, True),
@@ -127,7 +128,7 @@ def test_a_stall_is_no_thread_that_hangs(partner: Partner) -> None:
                             (start + 9.0, True), (start + 11.9, False), (start + 12.0, False),
                             (start + 13.0, True)):
         turned[0] += has_turned
-        life.beat(now)
+        life.beat(int(now * 1e9))
     assert signs == [1.0, 3.75, 5.0, 8.0, 9.0, 13.0]
     assert errors == []
     life.close()
@@ -188,7 +189,7 @@ def test_a_transition_in_another_thread_during_a_report_is_no_failure(
 
     def turns() -> tuple[int, ...]:
         transit(monitor.trigger_deactivate)
-        return -1, -1
+        return 2**63, 2**63
 
     def interrupted(review: Review) -> list[StatusRecord]:
         transit(monitor.trigger_deactivate)

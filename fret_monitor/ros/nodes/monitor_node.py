@@ -198,7 +198,8 @@ class MonitorNode(ClockNode, LifecycleNode):
                 session.start()
             self._is_active = True
             self._sign_of_life = SignOfLife(
-                self, [session.turns for session in self._sessions], self._watch)
+                self, self._sessions[0].reporter.engine.library,
+                [session.turns for session in self._sessions], self._watch)
             self._reports = steady_timer(self, PERIOD, self._report)
             undo.pop_all()
         for session in self._sessions:
