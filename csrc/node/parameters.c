@@ -50,7 +50,7 @@ static void add_value(struct fm_text * text, const fm_parameter_value * value)
     case FM_UNSET: fm_text_add(text, "not set"); break;
     case FM_TRUTH: fm_text_add(text, "%s", value->bool_value ? "true" : "false"); break;
     case FM_WHOLE: fm_text_add(text, "%" PRId64, value->integer_value); break;
-    case FM_REAL: fm_text_add_float64(text, value->double_value); break;
+    case FM_REAL: fm_text_add_float(text, value->double_value, false); break;
     case FM_WORD: fm_text_add(text, "'%s'", value->string_value.data); break;
     default: fm_text_add(text, "a list"); break;
   }

@@ -147,10 +147,8 @@ static void add_value(
   }
   if (type == FM_BOOL) {
     fm_text_add(text, "%s", value.i != 0 ? "true" : "false");
-  } else if (type == FM_FLOAT32) {
-    fm_text_add_float32(text, (float)value.f);
-  } else if (type == FM_FLOAT64) {
-    fm_text_add_float64(text, value.f);
+  } else if (is_float(type)) {
+    fm_text_add_float(text, value.f, type == FM_FLOAT32);
   } else if (is_unsigned(type)) {
     fm_text_add(text, "%" PRIu64, value.u);
   } else {
@@ -280,9 +278,9 @@ static void add_margin(struct fm_status * status, const struct described * item)
   if (!item->detail->beyond.is_known || !isfinite(margin->value)) {
     return;
   }
-  fm_text_add_float64(&text, margin->value);
+  fm_text_add_float(&text, margin->value, false);
   fm_status_text(status, OF_MARGIN[MARGIN], &text);
-  fm_text_add_float64(&text, margin->distance);
+  fm_text_add_float(&text, margin->distance, false);
   fm_status_text(status, OF_MARGIN[DISTANCE], &text);
   fm_status_value(status, OF_MARGIN[COMPARISON], "%s", fm_comparison_of(
       item->reporter->table, item->scope.kind, margin->comparison));
@@ -328,16 +326,10 @@ static const char * past_digits(const char * text, size_t fewest, size_t most)
   return n >= fewest && n <= most ? text + n : NULL;
 }
 
-static bool is_count(const char * text)
+static bool is_number(const char * text, size_t most, bool may_have_decimals)
 {
-  const char * end = past_digits(text, 1, 20);
-  return end != NULL && *end == '\0';
-}
-
-static bool is_time(const char * text)
-{
-  const char * end = past_digits(text, 1, 12);
-  if (end != NULL && *end == '.') {
+  const char * end = past_digits(text, 1, most);
+  if (may_have_decimals && end != NULL && *end == '.') {
     end = past_digits(end + 1, 1, 9);
   }
   return end != NULL && *end == '\0';
@@ -368,8 +360,9 @@ bool fm_read_detail(const struct fm_status * status, struct fm_received_detail *
       return false;
     }
   }
-  if (!(is_of_times(status) ? is_time : is_count)(values[PLACE].value) ||
-    !read_stamp(values[STAMP].value, &found->stamp) || !is_count(values[SUPPRESSED].value))
+  if (!is_number(values[PLACE].value, is_of_times(status) ? 12 : 20, is_of_times(status)) ||
+    !read_stamp(values[STAMP].value, &found->stamp) ||
+    !is_number(values[SUPPRESSED].value, 20, false))
   {
     return false;
   }

@@ -114,10 +114,10 @@ static void add_margin(
   if (!isfinite(margin->value)) {
     return;
   }
-  fm_text_add_float64(&text, margin->value);
+  fm_text_add_float(&text, margin->value, false);
   fm_status_text(status, "margin", &text);
   fm_text_add(&text, "%s (", fm_comparison_of(review->table, kind, margin->comparison));
-  fm_text_add_float64(&text, margin->distance);
+  fm_text_add_float(&text, margin->distance, false);
   fm_text_add(&text, ")");
   fm_status_text(status, "margin by", &text);
   if (kind != FM_BUNDLE) {

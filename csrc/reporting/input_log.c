@@ -51,90 +51,72 @@ static void add_readers(
 }
 
 static void log_begun(
-  const struct fm_review * review, uint32_t topic, const bool * is_chosen, bool is_again,
-  struct fm_lines * lines)
+  const struct fm_review * review, uint32_t topic, const struct fm_report_input * first,
+  bool has_come, bool is_again, struct fm_names * inputs, struct fm_lines * lines)
 {
-  const struct fm_topic * fed = &review->table->topic_inputs[topic];
-  struct fm_names inputs = {{NULL, 0, 0}, 0};
   struct fm_names readers = {{NULL, 0, 0}, 0};
   struct fm_text link = {NULL, 0, 0};
-  const struct fm_report_input * first = NULL;
-  bool has_come = false;
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    if (is_chosen[fed->inputs[k]]) {
-      first = first == NULL ? &review->table->inputs[fed->inputs[k]] : first;
-      has_come = has_come || review->now.inputs[fed->inputs[k]].counts.received > 0;
-      fm_names_add_quoted(&inputs, review->table->inputs[fed->inputs[k]].name, "");
-    }
-  }
-  if (first != NULL) {
-    add_readers(review->table, is_chosen, &readers);
-    const bool is_error = first->violates && readers.n > 0;
-    const bool is_broken = fm_add_missing_link(&link, review->reporter, topic);
-    fm_lines_add(lines, is_error ? FM_ERROR : FM_WARN,
-      "%sno usable value on %s within the %s of %g s for %s%s%s%s%s%s%s", is_again ? "again " : "",
-      review->names[topic], has_come ? "timeout" : "startup",
-      has_come ? first->timeout : first->startup, fm_names_get(&inputs),
-      is_broken ? " (" : "", fm_text_get(&link), is_broken ? ")" : "",
-      is_error ? ": " : "", is_error ? fm_names_get(&readers) : "",
-      is_error ? " violated until one comes" : "");
-  }
+  add_readers(review->table, review->flags, &readers);
+  const bool is_error = first->violates && readers.n > 0;
+  const bool is_broken = fm_add_missing_link(&link, review->reporter, topic);
+  fm_lines_add(lines, is_error ? FM_ERROR : FM_WARN,
+    "%sno usable value on %s within the %s of %g s for %s%s%s%s%s%s%s", is_again ? "again " : "",
+    review->names[topic], has_come ? "timeout" : "startup",
+    has_come ? first->timeout : first->startup, fm_names_get(inputs),
+    is_broken ? " (" : "", fm_text_get(&link), is_broken ? ")" : "",
+    is_error ? ": " : "", is_error ? fm_names_get(&readers) : "",
+    is_error ? " violated until one comes" : "");
   fm_text_free(&link);
-  fm_text_free(&inputs.text);
   fm_text_free(&readers.text);
 }
 
-static void log_ended(
-  const struct fm_review * review, uint32_t topic, const bool * is_chosen, struct fm_lines * lines)
+// The silences of one topic's inputs. Sets the flags of those that have begun. A silence is again
+// one if the input had a value between two since the last look: no line has the end of the first.
+static void review_silences(struct fm_review * review, uint32_t topic, struct fm_lines * lines)
 {
   const struct fm_topic * fed = &review->table->topic_inputs[topic];
-  struct fm_names inputs = {{NULL, 0, 0}, 0};
+  const struct fm_report_input * first = NULL;  // that has begun
+  struct fm_names begun = {{NULL, 0, 0}, 0};
+  struct fm_names ended = {{NULL, 0, 0}, 0};
   int64_t lasted = 0;
-  for (uint32_t k = 0; k < fed->n_inputs; ++k) {
-    if (is_chosen[fed->inputs[k]]) {
-      const struct fm_silence * silence = &review->now.inputs[fed->inputs[k]].silence;
-      lasted = silence->lasted > lasted ? silence->lasted : lasted;
-      fm_names_add_quoted(&inputs, review->table->inputs[fed->inputs[k]].name, "");
-    }
-  }
-  if (inputs.n > 0) {
-    fm_lines_add(lines, FM_INFO, "values on %s again after %.1f s, for %s",
-      review->names[topic], (double)lasted / 1e9, fm_names_get(&inputs));
-  }
-  fm_text_free(&inputs.text);
-}
-
-// Note the silences of a topic's inputs, in flags of all inputs. Returns whether one of the inputs
-// had a value between two silences since the last look: no line has the end of the first.
-static bool note_silences(
-  const struct fm_review * review, uint32_t topic, bool * has_begun, bool * has_ended)
-{
-  const struct fm_topic * fed = &review->table->topic_inputs[topic];
+  bool has_come = false;
   bool is_again = false;
   for (uint32_t k = 0; k < fed->n_inputs; ++k) {
     const uint32_t input = fed->inputs[k];
-    if (review->table->inputs[input].is_timed_out) {
-      const struct fm_silence * before = &review->before.inputs[input].silence;
-      const struct fm_silence * now = &review->now.inputs[input].silence;
-      has_begun[input] = now->count > before->count;
-      has_ended[input] = !now->is_silent && (before->is_silent || has_begun[input]);
+    const struct fm_report_input * about = &review->table->inputs[input];
+    const struct fm_silence * before = &review->before.inputs[input].silence;
+    const struct fm_silence * now = &review->now.inputs[input].silence;
+    review->flags[input] = about->is_timed_out && now->count > before->count;
+    if (review->flags[input]) {
+      first = first == NULL ? about : first;
+      has_come = has_come || review->now.inputs[input].counts.received > 0;
       is_again = is_again || now->count > before->count + !before->is_silent;
+      fm_names_add_quoted(&begun, about->name, "");
+    }
+    if (about->is_timed_out && !now->is_silent && (before->is_silent || review->flags[input])) {
+      lasted = now->lasted > lasted ? now->lasted : lasted;
+      fm_names_add_quoted(&ended, about->name, "");
     }
   }
-  return is_again;
+  if (first != NULL) {
+    log_begun(review, topic, first, has_come, is_again, &begun, lines);
+  }
+  if (ended.n > 0) {
+    fm_lines_add(lines, FM_INFO, "values on %s again after %.1f s, for %s",
+      review->names[topic], (double)lasted / 1e9, fm_names_get(&ended));
+  }
+  fm_text_free(&begun.text);
+  fm_text_free(&ended.text);
 }
 
 void fm_review_silences(struct fm_review * review, struct fm_lines * lines)
 {
-  const uint32_t n = review->table->n_inputs;
-  memset(review->flags, 0, 2u * n * sizeof(*review->flags));
-  for (uint32_t k = 0; k < review->table->n_topics; ++k) {
-    const struct fm_topic * fed = &review->table->topic_inputs[k];
-    const bool is_again = note_silences(review, k, review->flags, review->flags + n);
-    log_begun(review, k, review->flags, is_again, lines);
-    log_ended(review, k, review->flags + n, lines);
-    for (uint32_t i = 0; i < fed->n_inputs; ++i) {
-      review->flags[fed->inputs[i]] = review->flags[n + fed->inputs[i]] = false;
+  memset(review->flags, 0, review->table->n_inputs * sizeof(*review->flags));
+  for (uint32_t t = 0; t < review->table->n_topics; ++t) {
+    const struct fm_topic * fed = &review->table->topic_inputs[t];
+    review_silences(review, t, lines);
+    for (uint32_t k = 0; k < fed->n_inputs; ++k) {
+      review->flags[fed->inputs[k]] = false;
     }
   }
 }

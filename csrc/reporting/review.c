@@ -71,7 +71,7 @@ static void make_logs(struct fm_review * review)
   review->inputs = fm_reserve(memory, table->n_inputs, sizeof(*review->inputs));
   review->topics = fm_reserve(memory, table->n_topics, sizeof(*review->topics));
   review->kinds = fm_reserve(memory, table->n_kinds, sizeof(*review->kinds));
-  review->flags = fm_reserve(memory, 2 * (size_t)table->n_inputs, sizeof(*review->flags));
+  review->flags = fm_reserve(memory, table->n_inputs, sizeof(*review->flags));
   review->conditions = fm_reserve(memory, review->n_conditions, sizeof(*review->conditions));
   review->changes = fm_reserve(memory, review->n_conditions, sizeof(*review->changes));
   review->failed = fm_reserve(memory, table->n_actions, sizeof(*review->failed));

@@ -90,7 +90,7 @@ struct fm_review
   struct fm_text * conditions;   // as they were logged: the locks, then the gate
   uint32_t n_conditions;
   uint32_t * changes;            // of each, in the review
-  bool * flags;                  // twice the inputs
+  bool * flags;                  // of the inputs
   struct fm_time_log time;
   struct fm_gate_log gate;
   struct fm_tree_counts links_logged;

@@ -249,7 +249,7 @@ static void add_spelled(struct fm_text * text, const char * decimal)
   }
 }
 
-static void add_float(struct fm_text * text, double value, bool is_single)
+void fm_text_add_float(struct fm_text * text, double value, bool is_single)
 {
   char decimal[LONGEST_NUMBER];
   if (isnan(value)) {
@@ -264,16 +264,6 @@ static void add_float(struct fm_text * text, double value, bool is_single)
   }
   write_shortest(decimal, value, is_single);
   add_spelled(text, decimal);
-}
-
-void fm_text_add_float64(struct fm_text * text, double value)
-{
-  add_float(text, value, false);
-}
-
-void fm_text_add_float32(struct fm_text * text, float value)
-{
-  add_float(text, (double)value, true);
 }
 
 void fm_text_add_seconds(struct fm_text * text, int64_t nanoseconds)

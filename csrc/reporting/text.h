@@ -79,9 +79,9 @@ void fm_names_add_quoted(struct fm_names * names, const char * name, const char 
 /// The names. To be called once.
 const char * fm_names_get(struct fm_names * names);
 
-/// Add the shortest decimal that rounds to the same float64 or float32, spelled as Python does.
-void fm_text_add_float64(struct fm_text * text, double value);
-void fm_text_add_float32(struct fm_text * text, float value);
+/// Add the shortest decimal that rounds to the same float64, or float32 if `is_single`, spelled as
+/// Python does.
+void fm_text_add_float(struct fm_text * text, double value, bool is_single);
 
 /// Add a time in seconds, exactly: with nine decimals, or without zeros at its end.
 void fm_text_add_seconds(struct fm_text * text, int64_t nanoseconds);

@@ -34,9 +34,9 @@ int main(void)
     memcpy(&value, &bits, sizeof(value));
     fm_text_clear(&text);
     if (kind == 'f') {
-      fm_text_add_float32(&text, single);
+      fm_text_add_float(&text, (double)single, true);
     } else if (kind == 'd') {
-      fm_text_add_float64(&text, value);
+      fm_text_add_float(&text, value, false);
     } else if (kind == 'b') {
       fm_text_add_bytes(&text, (const uint8_t *)&bits, sizeof(bits));
     } else {
