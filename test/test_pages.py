@@ -529,7 +529,7 @@ LIMITS: list[tuple[str, str, float | str]] = [
     ('design.md', r'of all topics, (\d+) of them', LOOKS_AT_ONCE),
     ('design.md', r'looks for all publishers every (\d+) seconds', LOOK_AGAIN_S),
     ('ros_interface.md', r'at most (\d+) a second get them',
-     'fret_monitor/runtime/engine.py:MOST_DETAILS_PER_S'),
+     ffi.integer_const('FM_MOST_DETAILS_PER_S')),
     ('ros_interface.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
     ('operations.md', r'with a lease of (\d+) s', ffi.integer_const('FM_SIGN_LEASE_S')),
     ('bundle.md', r'default: (\d+), or the `timeout`',

@@ -415,6 +415,9 @@ struct fm_detail_scope
 FM_EXPORT struct fm_detail_scope fm_engine_detail_scope(
   const struct fm_engine * engine, const struct fm_detail * detail);
 
+/// Details of a requirement in a second for subscribers; the others are counted.
+#define FM_MOST_DETAILS_PER_S 100u
+
 /// As fm_outbox_want_details.
 FM_EXPORT void fm_engine_want_details(
   struct fm_engine * engine, bool are_wanted, uint32_t most_per_s);

@@ -25,7 +25,6 @@
 #include "endpoints.h"
 #include "violation_log.h"
 
-#define MOST_PER_S 100u  // details of a requirement, while they are published
 #define WAIT_MS 200u     // longest wait for a detail; closing the engine ends it at once
 
 struct fm_detail_thread
@@ -67,7 +66,7 @@ static void * run(void * argument)
     __atomic_fetch_add(&thread->turns, 1u, __ATOMIC_RELAXED);
     fm_engine_want_details(
       thread->reporter->engine, is_heard || thread->log != NULL,
-      is_heard ? MOST_PER_S : FM_LOGGED_PER_S);
+      is_heard ? FM_MOST_DETAILS_PER_S : FM_LOGGED_PER_S);
     if (fm_engine_take_detail(thread->reporter->engine, thread->detail, WAIT_MS)) {
       pass_on(thread);
     }

@@ -28,6 +28,12 @@
 #include "start_lines.h"
 #include "words.h"
 
+static bool refuse_without_memory(const struct fm_node * node)
+{
+  fm_log(node, FM_ERROR, "the gate cannot be made: memory is short");
+  return false;
+}
+
 // ---- a gate on a service -----------------------------------------------------------------------
 
 #define REQUEST_RECEIVED 1u         // service_msgs/msg/ServiceEventInfo
@@ -97,16 +103,21 @@ static bool serialize_event(struct fm_service_gate * gate, rmw_serialized_messag
   return is_done;
 }
 
-// A request that cannot be serialized is withheld.
+// A request that cannot be serialized is withheld, with a line.
 static bool passes(struct fm_service_gate * gate)
 {
   rmw_serialized_message_t bytes = rmw_get_zero_initialized_serialized_message();
   const struct fm_origin origin = {.received = fm_system_now()};
   int64_t due;
-  bool is_passed = false;
-  if (rmw_serialized_message_init(&bytes, 0, &gate->node->allocator) == RMW_RET_OK) {
-    is_passed = serialize_event(gate, &bytes) && fm_engine_judge(
-      gate->engine, bytes.buffer, bytes.buffer_length, &origin, &due) == FM_PASSED;
+  const bool is_serialized =
+    rmw_serialized_message_init(&bytes, 0, &gate->node->allocator) == RMW_RET_OK &&
+    serialize_event(gate, &bytes);
+  const bool is_passed = is_serialized && fm_engine_judge(
+    gate->engine, bytes.buffer, bytes.buffer_length, &origin, &due) == FM_PASSED;
+  if (!is_serialized && fm_passes(&gate->next_line, fm_steady_now(), LOGGED_NS)) {
+    fm_log(
+      gate->node, FM_ERROR, "gate '%s': a request cannot be serialized; it is refused",
+      gate->table->report.gate->name);
   }
   if (bytes.buffer != NULL) {
     fm_ignore(rmw_serialized_message_fini(&bytes));
@@ -189,8 +200,7 @@ static bool open_service(
   *gate = (struct fm_service_gate) {
     .node = node, .table = table, .clock = clock, .engine = engine};
   if (!make_messages(gate)) {
-    fm_log(node, FM_ERROR, "the gate cannot be made: memory is short");
-    return false;
+    return refuse_without_memory(node);
   }
   struct fm_service_client unused;
   return fm_client_open(
@@ -255,7 +265,6 @@ static bool log_refusal(const struct fm_node * node, const struct fm_report_gate
   struct fm_lines lines = {NULL, 0, 0};
   fm_add_gate_refusal(&lines, gate, "of the bundle");
   fm_log_lines(node, &lines);
-  fm_lines_free(&lines);
   return false;
 }
 
@@ -274,8 +283,7 @@ bool fm_node_gate_guard(
   *gate = (struct fm_node_gate) {
     .node = node, .table = table, .source = source, .target = target, .engine = engine};
   if (room == NULL) {
-    fm_log(node, FM_ERROR, "the gate cannot be made: memory is short");
-    return false;
+    return refuse_without_memory(node);
   }
   struct fm_gate * made = fm_gate_init(room, &options);
   if (made == NULL) {
@@ -371,8 +379,10 @@ bool fm_node_gate_start(struct fm_node_gate * gate, const struct fm_node_clock *
   gate->state = fm_gate_target_create(node, gate->table->gate->from.qos.depth);
   gate->publisher = rcl_get_zero_initialized_publisher();
   gate->next = rcl_get_zero_initialized_publisher();
-  return gate->state != NULL &&
-         advertise(gate, &gate->publisher, fm_gate_target_first(gate->state)) &&
+  if (gate->state == NULL) {
+    return refuse_without_memory(gate->node);
+  }
+  return advertise(gate, &gate->publisher, fm_gate_target_first(gate->state)) &&
          start_relay(gate);
 }
 
@@ -454,6 +464,5 @@ void fm_node_gate_describe(const struct fm_node_gate * gate)
   if (gate->table != NULL) {
     fm_describe_gate(&lines, &gate->table->report, gate->source, gate->target);
     fm_log_lines(gate->node, &lines);
-    fm_lines_free(&lines);
   }
 }

@@ -38,7 +38,7 @@ from fret_monitor.runtime.gate import Judgement, MessageGate
 from fret_monitor.runtime.keyed_rows import KeyedBlock, KeyedRows
 from fret_monitor.runtime.scopes import Scopes
 
-MOST_DETAILS_PER_S = 100
+MOST_DETAILS_PER_S: int = ffi.integer_const('FM_MOST_DETAILS_PER_S')
 """Details of a requirement in a second for subscribers; the others are counted."""
 
 MOST_QUEUED = 1 << 14
