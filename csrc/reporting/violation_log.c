@@ -50,7 +50,6 @@ struct fm_violation_log
   struct fm_memory memory;  // of `logged`, what it points to, and `counts`
   struct logged * logged;
   struct fm_detail_counts * counts;
-  uint32_t n;
   size_t detail_bytes;
   struct fm_statuses worded;
 };
@@ -63,7 +62,6 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
     return NULL;
   }
   log->reporter = reporter;
-  log->n = n;
   log->detail_bytes = fm_engine_detail_bytes(reporter->engine);
   log->logged = fm_reserve(&log->memory, n, sizeof(*log->logged));
   log->counts = fm_reserve(&log->memory, n, sizeof(*log->counts));
@@ -87,13 +85,6 @@ void fm_violation_log_destroy(struct fm_violation_log * log)
 
 // ---- lines -------------------------------------------------------------------------------------
 
-// The name: of an instance, with its key.
-static const char * name_of(
-  const struct fm_report_requirement * about, const struct fm_status * detail)
-{
-  return detail != NULL ? detail->name : about->id;
-}
-
 static enum fm_level level_of(const struct fm_report_requirement * about)
 {
   return about->is_warning ? FM_WARN : FM_ERROR;
@@ -103,17 +94,18 @@ void fm_add_violated(
   struct fm_lines * lines, const struct fm_report_requirement * about, int64_t stamp,
   const struct fm_status * detail, uint64_t more)
 {
+  const char * name = detail != NULL ? detail->name : about->id;  // of an instance, with its key
   struct fm_text values = {NULL, 0, 0};
   if (detail != NULL) {
     fm_show_detail(&values, detail);
   }
   if (more > 0) {
     // Of an instance the line names the requirement, since others may have violated it.
-    const bool is_of_instance = strcmp(name_of(about, detail), about->id) != 0;
+    const bool is_of_instance = strcmp(name, about->id) != 0;
     fm_text_add(&values, " (%" PRIu64 " more violation%s%s%s since the last line)", more,
       more == 1u ? "" : "s", is_of_instance ? " of " : "", is_of_instance ? about->id : "");
   }
-  fm_lines_add(lines, level_of(about), "%s violated at %.3f: %s%s", name_of(about, detail),
+  fm_lines_add(lines, level_of(about), "%s violated at %.3f: %s%s", name,
     (double)stamp / 1e9, about->sentence, fm_text_get(&values));
   fm_text_free(&values);
 }
@@ -263,7 +255,7 @@ void fm_violation_log_review(
   struct fm_violation_log * log, int64_t now, struct fm_lines * lines)
 {
   fm_engine_detail_counts(log->reporter->engine, log->counts);
-  for (uint32_t k = 0; k < log->n; ++k) {
+  for (uint32_t k = 0; k < log->reporter->table->n_requirements; ++k) {
     if (log->counts[k].queued == 0) {  // else the details on their way say more
       log->logged[k].violations = log->counts[k].violations;
       log->logged[k].is_violated = log->counts[k].is_violated;
