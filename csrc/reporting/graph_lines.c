@@ -57,24 +57,6 @@ void fm_add_left_out(
   }
 }
 
-void fm_add_transforms_at_end(struct fm_lines * lines, const struct fm_reporter * reporter)
-{
-  const struct fm_tree_counts none = {0, 0, 0};
-  const struct fm_tree_counts counts = fm_engine_left_out(reporter->engine);
-  struct fm_text text = {NULL, 0, 0};
-  for (uint32_t t = 0; t < reporter->table->n_topics; ++t) {
-    fm_text_clear(&text);
-    if (fm_add_missing_link(&text, reporter, t)) {
-      fm_lines_add(lines, fm_engine_has_come(reporter->engine, t) ? FM_WARN : FM_ERROR,
-        "there is no transform %s at the end: %s", reporter->table->topics[t].name,
-        fm_text_get(&text));
-    }
-    fm_add_fault_at_end(lines, reporter, t);
-  }
-  fm_text_free(&text);
-  fm_add_left_out(lines, &none, &counts);
-}
-
 // ---- the graph ---------------------------------------------------------------------------------
 
 bool fm_is_of_graph(const struct fm_reporter * reporter, uint32_t topic)
@@ -164,11 +146,31 @@ void fm_review_graph(struct fm_review * review, uint32_t topic, struct fm_lines 
   log->fault = now->fault;
 }
 
-void fm_add_fault_at_end(
+static void add_fault_at_end(
   struct fm_lines * lines, const struct fm_reporter * reporter, uint32_t topic)
 {
   const struct fm_observed observed = fm_engine_observed(reporter->engine, topic);
   if (observed.fault != FM_NO_FAULT) {
     add_fault_line(lines, reporter->table->topics[topic].name, &observed);
   }
+}
+
+// ---- at the end of a recording -----------------------------------------------------------------
+
+void fm_add_transforms_at_end(struct fm_lines * lines, const struct fm_reporter * reporter)
+{
+  const struct fm_tree_counts none = {0, 0, 0};
+  const struct fm_tree_counts counts = fm_engine_left_out(reporter->engine);
+  struct fm_text text = {NULL, 0, 0};
+  for (uint32_t t = 0; t < reporter->table->n_topics; ++t) {
+    fm_text_clear(&text);
+    if (fm_add_missing_link(&text, reporter, t)) {
+      fm_lines_add(lines, fm_engine_has_come(reporter->engine, t) ? FM_WARN : FM_ERROR,
+        "there is no transform %s at the end: %s", reporter->table->topics[t].name,
+        fm_text_get(&text));
+    }
+    add_fault_at_end(lines, reporter, t);
+  }
+  fm_text_free(&text);
+  fm_add_left_out(lines, &none, &counts);
 }

@@ -145,10 +145,6 @@ FM_INTERNAL bool fm_is_seen_wrong(const struct fm_observed * observed);
 FM_INTERNAL void fm_review_graph(
   struct fm_review * review, uint32_t topic, struct fm_lines * lines);
 
-/// Add a line on a fault of a topic at the end of a recording. As fm_engine_observed.
-FM_INTERNAL void fm_add_fault_at_end(
-  struct fm_lines * lines, const struct fm_reporter * reporter, uint32_t topic);
-
 /// Add where the chain of a transform is broken to a text; nothing if it is whole, or the topic is
 /// none of a transform. Returns whether it is broken. As fm_engine_missing_link.
 FM_INTERNAL bool fm_add_missing_link(

@@ -235,18 +235,14 @@ class RelayReceiver:
             self.start()
             undo.pop_all()
 
-    def start(self) -> None:
+    def start(self, *, may_wait: bool = True) -> None:
         """Start taking, unless that has to wait."""
-        if not self._relay.is_changing:
-            self._add()
-
-    def _add(self) -> None:
-        if not self._is_added:
+        if not self._is_added and not (may_wait and self._relay.is_changing):
             self._relay.add(self._subscription)
             self._is_added = True
 
     def retire(self) -> None:
-        self._add()
+        self.start(may_wait=False)
         self._relay.retire(self._subscription)
 
     def stop(self) -> None:
