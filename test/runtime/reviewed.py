@@ -27,6 +27,7 @@ from fret_monitor.runtime import Engine, Evaluator, MessageGate
 from fret_monitor.runtime.reporting import (
     LogLevel, Reporter, ReportTable, Review, StatusRecord, TopicFacts,
 )
+from fret_monitor.runtime.scopes import Scopes
 from fret_monitor.start import start
 
 SECOND = 10 ** 9
@@ -41,13 +42,17 @@ class Reviewed:
     """
 
     def __init__(self, folder: Path, text: str, *, gate: str = '', name: str = '',
-                 policy: Policy | None = None, period: float | None = None) -> None:
+                 policy: Policy | None = None, period: float | None = None,
+                 takes_instances: bool = False) -> None:
         path = folder / 'bundle.yaml'
         path.write_text(text, encoding='utf-8')
-        monitor = start(path, part=NodePart(gate) if gate else UNGATED).monitor
+        monitor = start(path, part=NodePart(gate) if gate else UNGATED,
+                        takes_instances=takes_instances).monitor
         self.manifest = monitor.manifest
-        evaluator = Evaluator(monitor, policy=policy, period=period, reports_recoveries=True)
-        self.engine = Engine(evaluator)
+        scopes = Scopes(monitor, is_of_engine=True) if takes_instances else None
+        evaluator = scopes.evaluator() if scopes is not None else Evaluator(
+            monitor, policy=policy, period=period, reports_recoveries=True)
+        self.engine = Engine(evaluator, scopes=scopes)
         if self.manifest.gate is not None:
             self.engine.guard(MessageGate(evaluator, self.manifest.gate))
         if self.manifest.actions:

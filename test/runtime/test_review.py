@@ -173,6 +173,27 @@ def test_a_string_outside_the_values_is_logged_and_a_long_one_cut(tmp_path: Path
     assert f"data is '{'x' * 60}'..., which" in line
 
 
+def test_a_field_of_an_instance_that_cannot_be_used_is_logged_once_with_its_key(
+    tmp_path: Path,
+) -> None:
+    keyed = Reviewed(tmp_path, """
+format: 1
+for_each: {robot: {most: 4}}
+inputs:
+  x: {topic: joints, type: sensor_msgs/msg/JointState, where: "header.frame_id = {robot}",
+      field: "position[1]"}
+requirements:
+  - {id: R, ptltl: x < 5.0}
+""", takes_instances=True)
+    for name in ('alpha', 'beta'):
+        keyed.send(0, {'header': {'frame_id': name}, 'position': [1.0]}, 1.1)
+    assert keyed.lines() == [
+        'WARN /robot/joints: position[1] cannot be read (the array has 1 element); input '
+        "'x' of robot alpha keeps its value, if it has one"]
+    keyed.send(0, {'header': {'frame_id': 'beta'}, 'position': [1.0]}, 1.2)
+    assert keyed.lines() == []
+
+
 def test_what_a_reduction_cannot_be_made_of_is_logged(fields: Reviewed) -> None:
     fields.send(SCAN, {'ranges': [], 'angle_min': 0.5}, 1.1)
     assert fields.lines() == [
