@@ -30,7 +30,7 @@ import time
 
 from bundles import write_bundle
 import pytest
-from strategies import some
+from strategies import some, thorough
 
 rclpy = pytest.importorskip('rclpy')
 pytest.importorskip('colcon_ros', reason='needs colcon')
@@ -60,7 +60,9 @@ def colcon() -> list[str]:
     return [sys.executable, str(beside)] if beside.is_file() else [shutil.which('colcon') or '']
 
 
-@pytest.fixture(scope='module', params=[(), ('--symlink-install',)], ids=['copy', 'symlink'])
+@pytest.fixture(scope='module', params=[
+    pytest.param((), id='copy'),
+    pytest.param(('--symlink-install',), id='symlink', marks=thorough)])
 def workspace(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory,
     copy_repository: Callable[[Path], Path],

@@ -339,6 +339,7 @@ def test_answers_of_several_processes_come_in_the_order_of_the_command_line(
     assert_in_order(capsys.readouterr().out, paths)
 
 
+@thorough  # its workers take as long as a hundred tests; that of fit is always run
 def test_recordings_on_a_cluster(
         tmp_path: Path, capsys: pytest.CaptureFixture[str],
         caplog: pytest.LogCaptureFixture) -> None:

@@ -36,7 +36,7 @@
 #include "fakes.h"
 
 enum { N_TOPICS = 2, N_SENDERS = 4,
-  N_MESSAGES = 8000, N_RENEWALS = 12, MESSAGE = 5, MOST_WAITING = 200 };
+  N_MESSAGES = 4000, N_RENEWALS = 12, MESSAGE = 5, MOST_WAITING = 200 };
 
 // ---- the middleware ----------------------------------------------------------------------------
 

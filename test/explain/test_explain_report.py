@@ -178,9 +178,9 @@ def test_deep_and_wide_requirements_are_explained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(search, '_LARGE', 30_000)  # steps: no recovery is found in any number
-    deep = 'Y ' * 2000 + 'p'
-    wide = ' & '.join(f'(O[0,{bound}] p -> q)' for bound in range(1, 400))
-    nested = '(' * 1500 + 'p' + ' S q)' * 1500
+    deep = 'Y ' * 1500 + 'p'
+    wide = ' & '.join(f'(O[0,{bound}] p -> q)' for bound in range(1, 200))
+    nested = '(' * 1200 + 'p' + ' S q)' * 1200
     found, _ = explain(read(bundle(tmp_path, deep, f'H ({wide})', nested)))
     assert all(len('\n'.join(shown(item))) < 20_000 for item in found)
     assert [len(item.timelines) for item in found] == [3, 2, 3]
