@@ -17,7 +17,6 @@
 #include "parameters.h"
 
 #include <errno.h>
-#include <inttypes.h>
 #include <rcl/arguments.h>
 #include <rcl/error_handling.h>
 #include <rcl_yaml_param_parser/parser.h>
@@ -42,18 +41,14 @@
 #define REAL(number) {.type = FM_REAL, .double_value = (number), TEXT("", 0)}
 #define WORD(text) {.type = FM_WORD, TEXT(text, strlen(text))}
 #define NO_WORD {.type = FM_WORD, TEXT("", 0)}
-#define LIST {.type = FM_WORD + 1, TEXT("", 0)}
+#define LIST {.type = FM_LIST, TEXT("", 0)}
 
-static void add_value(struct fm_text * text, const fm_parameter_value * value)
+// The value as csrc/reporting reads it; it lives as long as the name and the value.
+static struct fm_given given_of(const char * name, const fm_parameter_value * value)
 {
-  switch (value->type) {
-    case FM_UNSET: fm_text_add(text, "not set"); break;
-    case FM_TRUTH: fm_text_add(text, "%s", value->bool_value ? "true" : "false"); break;
-    case FM_WHOLE: fm_text_add(text, "%" PRId64, value->integer_value); break;
-    case FM_REAL: fm_text_add_float(text, value->double_value, false); break;
-    case FM_WORD: fm_text_add(text, "'%s'", value->string_value.data); break;
-    default: fm_text_add(text, "a list"); break;
-  }
+  return (struct fm_given) {
+    name, value->type, value->bool_value, value->integer_value, value->double_value,
+    value->string_value.data};
 }
 
 // The value of a constant as a parameter: a truth value, a whole number, or a number; the text of
@@ -220,9 +215,8 @@ static void refuse_value(
   const char * name, const fm_parameter_value * value, const char * wanted,
   struct fm_text * reason)
 {
-  fm_text_join(reason, "\n", "parameter '%s' is ", name);
-  add_value(reason, value);
-  fm_text_add(reason, ", and has to be %s", wanted);
+  const struct fm_given given = given_of(name, value);
+  fm_text_refuse(reason, &given, wanted);
 }
 
 struct described

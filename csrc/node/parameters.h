@@ -22,21 +22,11 @@
 #ifndef PARAMETERS_H_
 #define PARAMETERS_H_
 
-#include <rcl_interfaces/msg/parameter_type.h>
 #include <rcl_interfaces/msg/parameter_value.h>
 
+#include "given.h"
 #include "log.h"
 #include "node_table.h"
-
-/// Types of rcl_interfaces/msg/ParameterType; no parameter of this node is a list, a larger one.
-enum fm_parameter_type
-{
-  FM_UNSET = rcl_interfaces__msg__ParameterType__PARAMETER_NOT_SET,
-  FM_TRUTH = rcl_interfaces__msg__ParameterType__PARAMETER_BOOL,
-  FM_WHOLE = rcl_interfaces__msg__ParameterType__PARAMETER_INTEGER,
-  FM_REAL = rcl_interfaces__msg__ParameterType__PARAMETER_DOUBLE,
-  FM_WORD = rcl_interfaces__msg__ParameterType__PARAMETER_STRING
-};
 
 #define FM_BLACKBOX_SECONDS 10.0  // if the parameter is 0
 
