@@ -663,6 +663,8 @@ def traffic_to_both(partner: Partner, stranger: Partner, folder: Path, name: str
         traffic = Traffic(partner, stranger, faces, Random(seed), is_simulated=is_simulated,
                           uses_stamps=name == 'stamps')
         traffic.begin()
+        traffic.send('state', sensor_msgs.CompressedImage(format='broken'))  # keeps its value
+        traffic.settle()
         yield traffic
         lines = compare_lines(faces)
         for words in (*LOGGED, *(OF_CLOCK if is_simulated else ['subscribed anew to /joints'])):
