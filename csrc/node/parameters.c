@@ -92,31 +92,21 @@ static bool begins_with(const char * text, const char * prefix)
   return strncmp(text, prefix, strlen(prefix)) == 0;
 }
 
-// Whether a node's full name fits a name with wildcards: * is one part, ** any number of parts.
-static bool fits(const char * pattern, const char * name)
-{
-  if (*pattern == '\0' || *name == '\0') {
-    return *name == '\0' && (*pattern == '\0' || strcmp(pattern, "/**") == 0);
-  }
-  const size_t part = 1u + strcspn(pattern + 1, "/");
-  const size_t named = 1u + strcspn(name + 1, "/");
-  if (part == 3u && strncmp(pattern, "/**", 3) == 0) {
-    return fits(pattern + part, name) || fits(pattern, name + named);
-  }
-  const bool is_same = part == named && strncmp(pattern, name, part) == 0;
-  const bool is_any = part == 2u && pattern[1] == '*';
-  return (is_same || is_any) && fits(pattern + part, name + named);
-}
-
-// Whether parameters are for a node: their name is its own, possibly with wildcards, with or
-// without the slash that it begins with.
+// Whether parameters are for a node, by its full name: their name is its own, with or without the
+// first slash, where * is any one part and ** any number of parts. As in rclpy.
 static bool is_addressed(const char * pattern, const char * node)
 {
-  struct fm_text full = {NULL, 0, 0};
-  fm_text_add(&full, "%s%s", *pattern == '/' ? "" : "/", pattern);
-  const bool found = fits(fm_text_get(&full), node);
-  fm_text_free(&full);
-  return found;
+  pattern += *pattern == '/';
+  node += *node == '/';
+  const size_t part = strcspn(pattern, "/");
+  const size_t named = strcspn(node, "/");
+  if (part == 2u && strncmp(pattern, "**", 2) == 0) {
+    return is_addressed(pattern + part, node) ||
+           (named > 0u && is_addressed(pattern, node + named));
+  }
+  const bool is_any = part == 1u && *pattern == '*' && named > 0u;
+  const bool is_same = part == named && strncmp(pattern, node, part) == 0;
+  return (is_any || is_same) && (part == 0u || is_addressed(pattern + part, node + named));
 }
 
 static fm_parameter_value value_of_variant(const rcl_variant_t * variant)

@@ -14,9 +14,10 @@
 
 """`monitor`, `gate` with `native:=true`: the process becomes the node in C, or says why not."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -33,12 +34,15 @@ from fret_monitor.ros.settings.arguments import given_parameters, NotUnderstood
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros.harness import (
     change_state, NodeProcess, Partner, PATIENCE, RELIABLE, START, started, wait_until,
 )
 from std_msgs.msg import Empty, Float32
-import yaml
 
 BUNDLE = """
 format: 1
@@ -292,29 +296,123 @@ def test_mistakes_of_the_user_are_left_to_the_node_in_python(
     assert become_native(['monitor', '--help', '--ros-args', *NATIVE]) == ''
 
 
-@pytest.mark.parametrize('text', [
-    'robot.yaml', '/a/b-c.yaml', './x', '../x', '~/x', 'package://p/x.yaml', 'true', 'false',
-    'True', 'on', 'No', 'null', '~', 'nan', 'inf', 'e5', '1', '0.5', '1e3', '[a, b]', '"1"'])
-def test_a_word_means_what_it_means_in_yaml(text: str) -> None:
-    assert given_parameters(['--ros-args', '-p', f'a:={text}'], 'n') == {'a': yaml.safe_load(text)}
+NUMBERS = ('handler_depth', 'blackbox_seconds', 'blackbox_bytes', 'blackbox_files',
+           'blackbox_disk_bytes')
+REFUSED = {'': 'refused'}
+OWN = 'fret_monitor'
 
 
-def test_parameters_are_read_from_arguments_as_rcl_does(tmp_path: Path) -> None:
-    file = tmp_path / 'p.yaml'
-    file.write_text("""\
-/**: {ros__parameters: {a: 1, b: 1, constants: {c: 2.5}}}
-/robot/*: {ros__parameters: {b: 2}}
-robot:
-  other: {ros__parameters: {b: 3}}
-  fret_monitor: {ros__parameters: {d: [x, y]}}
-/elsewhere/fret_monitor: {ros__parameters: {b: 4}}
-""", encoding='utf-8')
-    given = ['--ros-args', '-r', '__ns:=/robot', '--params-file', str(file), '--log-level', 'info',
-             '-p', 'a:=on', '--param', 'fret_monitor:e:="1"', '-p', 'other:b:=7', '--']
-    assert given_parameters(given, 'fret_monitor') == {
-        'a': True, 'b': 2, 'constants.c': 2.5, 'd': ['x', 'y'], 'e': '1'}
-    assert given_parameters(['--ros-args', '-r', '__node:=n', '-p', 'n:x:=1'], 'm') == {'x': 1}
-    for wrong in (['-p', 'a:=1'], ['--ros-args', '-p', 'a'], ['--ros-args', '--', 'x'],
-                  ['--ros-args', '--params-file', '/nowhere']):
+def of_rclpy(arguments: Sequence[str]) -> Mapping[str, object]:
+    """Return the values that are given to a node of rclpy."""
+    context = Context()
+    try:
+        rclpy.init(args=['monitor', *arguments], context=context)
+        node = Node(OWN, context=context, enable_rosout=False, start_parameter_services=False)
+    except (_rclpy.RCLError, _rclpy.UnknownROSArgsError):
+        return REFUSED
+    found = {name: item.value for name, item in node._parameter_overrides.items()}
+    node.destroy_node()
+    context.shutdown()
+    return found
+
+
+def as_arguments(arguments: Sequence[str]) -> Mapping[str, object]:
+    """Return the same, as it is read to decide whether a process becomes the node in C."""
+    try:
+        return given_parameters(arguments, OWN)
+    except NotUnderstood:
+        return REFUSED
+
+
+def in_c(program: str, arguments: Sequence[str]) -> Mapping[str, str]:
+    """Return the same from what the node in C prints, which refuses all values given here."""
+    done = subprocess.run([program, *arguments, '-p', 'priority:=-1'], capture_output=True,
+                          text=True, timeout=PATIENCE, check=False)
+    assert done.returncode == 1
+    found = dict(re.findall("parameter '(.*)' is (.*), and has to be", done.stderr))
+    return found if found.pop('priority', None) == '-1' else REFUSED
+
+
+def shown(values: Mapping[str, object]) -> Mapping[str, str]:
+    """Return values as the node in C prints them."""
+    def text(value: object) -> str:
+        return str(value).lower() if isinstance(value, bool) else \
+            repr(value) if isinstance(value, int | float | str) else 'a list'
+
+    return {name: text(value) for name, value in values.items()} if values != REFUSED else REFUSED
+
+
+def to(name: str, *values: object) -> str:
+    """Return a line of a file that gives a node, by a name with wildcards, values of `NUMBERS`."""
+    pairs = ', '.join(f'{number}: {value}' for number, value in zip(NUMBERS, values))
+    return f'{name}: {{ros__parameters: {{{pairs}}}}}\n'
+
+
+def to_each(*names: str) -> str:
+    """Return lines of a file that give each name another parameter."""
+    return ''.join(f'{name}: {{ros__parameters: {{{number}: -1}}}}\n'
+                   for name, number in zip(names, NUMBERS, strict=True))
+
+
+IN_A_B = '-r __ns:=/a/b'
+# Arguments, and files of parameters.
+ENTRIES: Sequence[Sequence[str]] = [
+    # The values of a name in several files and arguments have the place where it is first.
+    [to('/**', -1, -1) + to(OWN, -2)], [to(OWN, -2) + to('/**', -1)],
+    [to('/**', -1), to(OWN, -2)], [to(OWN, -2), to('/**', -1)],
+    [to('/**', -1), to(OWN, -2), to('/**', -3, -3)], [to(OWN, -2), '-p handler_depth:=-1'],
+    ['-p handler_depth:=-1', to(OWN, -2)], [to('/**', -1) + to(OWN, -2), '-p handler_depth:=-3'],
+    ['-p fret_monitor:handler_depth:=-1', to('/**', -2, -2), '--param other:blackbox_bytes:=-1'],
+    # If they have several types, the last one need not count.
+    [to(OWN, -2, 'text', '[a]'), to(OWN, 'text', -2, 'b')],
+    # Names after remapping: the first rule counts, and a rule may be for another node.
+    ['-r __node:=n -p n:handler_depth:=-1 -p fret_monitor:handler_depth:=-2'],
+    ['-r __node:=n --remap __name:=m', to('n', -1) + to('m', -2)],
+    ['-r other:__node:=n', to('n', -1) + to(OWN, -2)],
+    ['-r fret_monitor:__ns:=/a', to('/a/*', -1)],
+    ['-r __node:=n -r fret_monitor:__ns:=/a', to('/a/n', -1) + to('/n', -2)],
+    ['-r __ns:=/a -p fret_monitor:handler_depth:=-1'],
+    ['-r __ns:=/a -r __ns:=/b', to('/a/*', -1) + to('/b/*', -2)],
+    # Wildcards are whole parts of names.
+    [IN_A_B, to_each('/a/b/fret_monitor', 'a/b/fret_monitor', OWN, '/fret_monitor', '*')],
+    [IN_A_B, to_each('/*', '**', '/**', '/*/*/*', '/*/fret_monitor')],
+    [IN_A_B, to_each('/**/fret_monitor', '/a/**', '/a/b/fret_monitor/**', '/**/b/**', '/**/c/**')],
+    [IN_A_B, to_each('/a/b/fret_monitor/**/**', '/a/*/fret_monitor', '/a/b/fret_monitor/*',
+                     '/a/**/**/*', '/a/b')],
+    [IN_A_B, f'a: {{b: {{{to(OWN, -1)}}}}}'], [IN_A_B, f'/a: {{/b: {{/{to(OWN, -1)}}}}}'],
+    [IN_A_B, f'/a/*: {{{to("*", -1)}}}'],
+    *([IN_A_B, to(name, -1)] for name in (
+        '/a/b/fret_*', '/a/b*/fret_monitor', '/a//fret_monitor', '/a/b/')),
+    # What a value means.
+    [to(OWN, '-0x10', '-010', '-1_0', '-1e3', '-.5')], [to(OWN, '-.inf', '-inf', 'y', 'No', 'on')],
+    [to(OWN, 'null', '"~"', '~', '2024-01-01', '"-1"')],
+    [to(OWN, "'on'", '!!str -1', '!!int "1"', '0b11', '-1:30')],
+    [to(OWN, '[a, b]', '[1, 2]', '[true]', '[[1]]', '""')],
+    ['-p handler_depth:=[0.5] -p blackbox_bytes:=1e400 -p blackbox_files:=a:=b'],
+    *([f'-p handler_depth:={value}'] for value in ('{', '')),
+    *([to(OWN, value)] for value in ('[1, a]', '')),
+    # What is refused, and what is not for nodes.
+    ['-p handler_depth'], ['-p'], ['-r x'], ['--params-file /nowhere'], ['--unknown'],
+    ['--log-level warn --disable-rosout-logs -e /e -p handler_depth:=-1'], ['handler_depth: 1']]
+
+
+@pytest.mark.parametrize('given', ENTRIES, ids=str)
+def test_both_nodes_and_what_chooses_one_take_the_values_that_rclpy_gives_a_node(
+    bundle: Path, tmp_path: Path, domain: int, given: Sequence[str],
+) -> None:
+    arguments = ['--ros-args']
+    for k, item in enumerate(given):
+        file = tmp_path / f'{k}.yaml'
+        file.write_text(item, encoding='utf-8')
+        arguments += item.split(' ') if item.startswith('-') else ['--params-file', str(file)]
+    wanted = shown(of_rclpy(arguments))
+    assert shown(as_arguments(arguments)) == wanted
+    assert in_c(program_of(bundle), arguments) == wanted
+
+
+def test_lists_are_given_and_other_arguments_are_left_to_the_node_in_python() -> None:
+    assert given_parameters(['--ros-args', '-p', 'a:=[u, v]', '-p', 'b:=[1]', '--'], MONITOR) == {
+        'a': ['u', 'v'], 'b': [None]}
+    for wrong in (['-p', 'a:=1'], ['--ros-args', '--', 'x']):
         with pytest.raises(NotUnderstood):
-            given_parameters(wrong, 'fret_monitor')
+            given_parameters(wrong, MONITOR)
