@@ -23,14 +23,12 @@
 #include <rcutils/logging.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
+#include "overrides.h"
 #include "session.h"
 #include "words.h"
 
-#define OVERRIDES "qos_overrides."
 #define CONSTANTS "constants."
-#define SUBSCRIPTION ".subscription."
 
 // ---- values ------------------------------------------------------------------------------------
 
@@ -319,201 +317,117 @@ void fm_parameter_refuse(
 
 // ---- quality of service ------------------------------------------------------------------------
 
-// A policy with two choices; `follows`: the word of a third, which the publishers choose.
-struct policy
+// The name, as written, of a bundle's `k`-th topic; after those of the table comes that of a gate
+// which no input reads. NULL: the node does not subscribe to it, or it is many topics.
+static const char * subscribed_topic(const struct fm_node_table * table, uint32_t k)
 {
-  const char * name;
-  const char * weaker;
-  const char * stronger;
-  const char * follows;
-  const char * words;
-  size_t place;  // in struct fm_fixed_qos
-};
-
-#define BEST_AVAILABLE "best_available"
-static const struct policy policies[] = {
-  {"reliability", "best_effort", "reliable", BEST_AVAILABLE,
-    "reliable, best_effort, " BEST_AVAILABLE, offsetof(struct fm_fixed_qos, reliability)},
-  {"durability", "volatile", "transient_local", BEST_AVAILABLE,
-    "transient_local, volatile, " BEST_AVAILABLE, offsetof(struct fm_fixed_qos, durability)},
-  {"history", "keep_last", "keep_all", NULL, "keep_last, keep_all",
-    offsetof(struct fm_fixed_qos, history)}};
-enum { N_POLICIES = sizeof(policies) / sizeof(policies[0]) };
-
-static enum fm_choice * choice_of(const struct policy * policy, struct fm_fixed_qos * fixed)
-{
-  return (enum fm_choice *)(void *)((char *)fixed + policy->place);
-}
-
-static const char * word_of(const struct policy * policy, enum fm_choice choice)
-{
-  return choice == FM_STRONGER ? policy->stronger :
-         choice == FM_FOLLOW && policy->follows != NULL ? policy->follows : policy->weaker;
-}
-
-// Apply a word to a policy. Returns false if it is none of its words.
-static bool choose(const struct policy * policy, const char * word, struct fm_fixed_qos * fixed)
-{
-  const enum fm_choice choices[] = {FM_WEAKER, FM_STRONGER, FM_FOLLOW};
-  for (uint32_t k = 0; k < sizeof(choices) / sizeof(choices[0]); ++k) {
-    if (strcasecmp(word, word_of(policy, choices[k])) == 0) {
-      *choice_of(policy, fixed) = choices[k];
-      return true;
-    }
+  const struct fm_report_table * report = &table->report;
+  if (k < report->n_topics) {
+    return report->topics[k].kind == FM_TOPIC && report->topics[k].variable[0] == '\0' ?
+           report->topics[k].name : NULL;
   }
-  return false;
+  return table->gate != NULL && !report->gate->is_service && report->gate->topic == k ?
+         table->gate->name : NULL;
 }
 
-// Apply an override of a policy.
-static void apply(
-  const struct fm_parameter * given, const char * name, struct fm_fixed_qos * fixed,
-  struct fm_text * problems)
-{
-  const fm_parameter_value * value = &given->value;
-  struct fm_text words = {NULL, 0, 0};
-  for (uint32_t k = 0; k < N_POLICIES; ++k) {
-    if (strcmp(name, policies[k].name) == 0) {
-      if (!choose(&policies[k], value->type == FM_WORD ? value->string_value.data : "", fixed)) {
-        fm_text_add(&words, "one of %s", policies[k].words);
-        refuse_value(given->name, value, fm_text_get(&words), problems);
-        fm_text_free(&words);
-      }
-      return;
-    }
-  }
-  if (strcmp(name, "depth") != 0) {
-    fm_text_join(problems, "\n", FM_WORDS_NO_POLICY, given->name);
-  } else if (check(description_of("handler_depth"), given->name, value, problems)) {
-    fixed->depth = (uint32_t)value->integer_value;
-  }
-}
-
-// Whether a part of a name, up to the next dot, is this endpoint, possibly with an id.
-static bool is_endpoint(const char * part, const char * endpoint)
-{
-  const size_t length = strlen(endpoint);
-  return begins_with(part, endpoint) && (part[length] == '.' || part[length] == '_');
-}
-
-static bool is_of_rcl(const char * topic)
-{
-  return begins_with(topic, "/clock.") || begins_with(topic, "/parameter_events.") ||
-         begins_with(topic, "/rosout.");
-}
-
-// Refuse an override that cannot be one, of whatever topic.
-static void check_override(const struct fm_parameter * given, struct fm_text * problems)
-{
-  static const char * const timed[] = {
-    "deadline", "lifespan", "liveliness", "liveliness_lease_duration", NULL};
-  const char * topic = given->name + strlen(OVERRIDES);
-  const char * endpoint = strchr(topic, '.');
-  const char * policy = endpoint == NULL ? NULL : strchr(endpoint + 1, '.');
-  struct fm_fixed_qos unused;
-  if (is_of_rcl(topic)) {
-    return;
-  }
-  if (policy == NULL || strchr(policy + 1, '.') != NULL || *topic != '/' ||
-    !(is_endpoint(endpoint + 1, "subscription") || is_endpoint(endpoint + 1, "publisher")))
-  {
-    fm_text_join(problems, "\n", FM_WORDS_NO_OVERRIDE, given->name);
-  } else if (begins_with(endpoint, ".subscription_")) {
-    fm_text_join(problems, "\n", FM_WORDS_NO_ENDPOINT, given->name);
-  } else if (begins_with(endpoint, SUBSCRIPTION)) {
-    if (is_among(policy + 1, timed)) {
-      fm_text_join(problems, "\n", FM_WORDS_OF_TIME, given->name);
-    } else {
-      apply(given, policy + 1, &unused, problems);
-    }
-  }
-}
-
-static void show_policy(
-  struct fm_parameters * parameters, const char * prefix, const char * policy,
-  fm_parameter_value value)
+static void show_policies(
+  struct fm_parameters * parameters, const struct fm_fixed_qos * fixed, const char * topic)
 {
   struct fm_text name = {NULL, 0, 0};
-  fm_text_add(&name, "%s%s", prefix, policy);
-  put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
-    "a policy of the subscription to the topic; read at the start of the process", FM_AT_START,
-    &value);
+  struct fm_text description = {NULL, 0, 0};
+  for (uint32_t k = 0; k < FM_POLICIES; ++k) {
+    const struct fm_shown_policy shown = fm_show_policy(fixed, k);
+    const fm_parameter_value depth = WHOLE(shown.depth);
+    const fm_parameter_value word = WORD(shown.word);
+    fm_text_clear(&name);
+    fm_text_clear(&description);
+    fm_text_add(&name, FM_WORDS_OVERRIDE, topic, shown.name);
+    fm_text_add(&description, FM_WORDS_POLICY, shown.name, topic, shown.note);
+    put(&parameters->declared, &parameters->n_declared, fm_text_get(&name),
+      fm_text_get(&description), FM_AT_START, shown.word[0] == '\0' ? &depth : &word);
+  }
   fm_text_free(&name);
+  fm_text_free(&description);
 }
 
-// Apply what was given for a topic, and show its policies as parameters.
-static void apply_overrides(
-  struct fm_parameters * parameters, struct fm_fixed_qos * fixed, const char * topic)
+// Add a full name to a list. Returns NULL if there is none: refused when the node is configured.
+static const char * add_resolved(
+  struct fm_parameters * parameters, const char * name, const char ** names, uint32_t * n)
 {
-  struct fm_text prefix = {NULL, 0, 0};
-  struct fm_text checked = {NULL, 0, 0};  // what is wrong is known already
-  fm_text_add(&prefix, OVERRIDES "%s" SUBSCRIPTION, topic);
-  for (size_t k = 0; k < parameters->n_given; ++k) {
-    if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
-      apply(
-        &parameters->given[k], parameters->given[k].name + prefix.length, fixed, &checked);
-    }
+  const char * full = name == NULL ? NULL :
+    fm_resolve(parameters->node, &parameters->memory, name, false);
+  if (full != NULL) {
+    names[(*n)++] = full;
+  } else {
+    rcl_reset_error();
   }
-  for (uint32_t k = 0; k < N_POLICIES; ++k) {
-    const char * word = word_of(&policies[k], *choice_of(&policies[k], fixed));
-    show_policy(
-      parameters, fm_text_get(&prefix), policies[k].name, (fm_parameter_value) WORD(word));
-  }
-  show_policy(parameters, fm_text_get(&prefix), "depth", (fm_parameter_value) WHOLE(
-      fixed->depth == 0 ? FM_USUAL_DEPTH : fixed->depth));
-  fm_text_free(&prefix);
-  fm_text_free(&checked);
-}
-
-static void refuse_publishers(
-  struct fm_parameters * parameters, const char * topic, struct fm_text * problems)
-{
-  struct fm_text prefix = {NULL, 0, 0};
-  const char * resolved = fm_resolve(parameters->node, &parameters->memory, topic, false);
-  fm_text_add(&prefix, OVERRIDES "%s.publisher", resolved == NULL ? "" : resolved);
-  for (size_t k = 0; resolved != NULL && k < parameters->n_given; ++k) {
-    if (begins_with(parameters->given[k].name, fm_text_get(&prefix))) {
-      fm_text_join(problems, "\n", FM_WORDS_OF_VIOLATIONS, parameters->given[k].name);
-    }
-  }
-  fm_text_free(&prefix);
+  return full;
 }
 
 // Returns the policies of each topic of a bundle; NULL if memory is short.
-static struct fm_fixed_qos * read_overrides_of(
-  struct fm_parameters * parameters, const struct fm_node_table * table, struct fm_text * problems)
+static struct fm_fixed_qos * apply_overrides(
+  struct fm_parameters * parameters, const struct fm_node_table * table)
 {
-  struct fm_fixed_qos * fixed =
-    fm_reserve(&parameters->memory, table->report.n_topics + 1u, sizeof(*fixed));
-  for (uint32_t k = 0; fixed != NULL && k < table->report.n_topics; ++k) {
-    const char * topic = table->report.topics[k].variable[0] != '\0' ? NULL :
-      fm_resolve(parameters->node, &parameters->memory, table->report.topics[k].name, false);
-    fixed[k] = table->topics[k].qos;
-    if (topic != NULL) {
-      apply_overrides(parameters, &fixed[k], topic);
-    } else {
-      rcl_reset_error();  // refused when the node is configured
+  const uint32_t n = table->report.n_topics;
+  struct fm_fixed_qos * fixed = fm_reserve(&parameters->memory, n + 1u, sizeof(*fixed));
+  for (uint32_t k = 0; fixed != NULL && k <= n; ++k) {
+    const char * topic = add_resolved(parameters, subscribed_topic(table, k),
+      parameters->subscribed, &parameters->n_subscribed);
+    if (k < n) {
+      fixed[k] = table->topics[k].qos;
     }
-  }
-  for (uint32_t k = 0; k < table->report.n_used; ++k) {
-    if (table->report.topics[k].kind == FM_ANNOUNCED) {
-      refuse_publishers(parameters, table->report.topics[k].name, problems);
+    if (topic != NULL) {
+      fm_apply_overrides(&fixed[k], parameters->facts, (uint32_t)parameters->n_given, topic);
+      show_policies(parameters, &fixed[k], topic);
     }
   }
   return fixed;
 }
 
+// Add what is wrong with overrides. `names`: room for all topics that are announced.
+static void check_overrides(
+  struct fm_parameters * parameters, const char ** names, struct fm_text * problems)
+{
+  struct fm_lines lines = {NULL, 0, 0};
+  uint32_t n = 0;
+  for (uint32_t t = 0; t < parameters->tables->n; ++t) {
+    const struct fm_report_table * table = &parameters->tables->tables[t]->report;
+    for (uint32_t k = 0; k < table->n_used; ++k) {
+      (void)add_resolved(parameters,
+        table->topics[k].kind == FM_ANNOUNCED ? table->topics[k].name : NULL, names, &n);
+    }
+  }
+  fm_check_overrides(&lines, parameters->facts, (uint32_t)parameters->n_given, names, n);
+  for (uint32_t k = 0; k < lines.n; ++k) {
+    fm_text_join(problems, "\n", "%s", lines.lines[k].text);
+  }
+  fm_lines_free(&lines);
+}
+
 static void read_overrides(struct fm_parameters * parameters, struct fm_text * problems)
 {
   const struct fm_node_tables * all = parameters->tables;
-  parameters->fixed = fm_reserve(&parameters->memory, all->n, sizeof(*parameters->fixed));
+  struct fm_memory * memory = &parameters->memory;
+  size_t most = 0;
+  for (uint32_t t = 0; t < all->n; ++t) {
+    most += all->tables[t]->report.n_used + 1u;
+  }
+  struct fm_given * facts = fm_reserve(memory, parameters->n_given, sizeof(*facts));
+  const char ** names = fm_reserve(memory, most, sizeof(*names));
+  parameters->subscribed = fm_reserve(memory, most, sizeof(*names));
+  parameters->fixed = fm_reserve(memory, all->n, sizeof(*parameters->fixed));
+  if (memory->is_short) {
+    fm_text_join(problems, "\n", "memory is short");
+    return;
+  }
   for (size_t k = 0; k < parameters->n_given; ++k) {
-    if (begins_with(parameters->given[k].name, OVERRIDES)) {
-      check_override(&parameters->given[k], problems);
-    }
+    facts[k] = given_of(parameters->given[k].name, &parameters->given[k].value);
   }
-  for (uint32_t k = 0; parameters->fixed != NULL && k < all->n; ++k) {
-    parameters->fixed[k] = read_overrides_of(parameters, all->tables[k], problems);
+  parameters->facts = facts;
+  for (uint32_t t = 0; t < all->n; ++t) {
+    parameters->fixed[t] = apply_overrides(parameters, all->tables[t]);
   }
+  check_overrides(parameters, names, problems);
 }
 
 // ---- declarations ------------------------------------------------------------------------------
@@ -646,19 +560,6 @@ void fm_parameters_begin(
   set_level(parameters);
 }
 
-static void warn_of_override(const struct fm_parameters * parameters, const char * name)
-{
-  char * topic = fm_copy_of(name + strlen(OVERRIDES));
-  char * endpoint = topic == NULL ? NULL : strchr(topic, '.');
-  if (endpoint != NULL && begins_with(endpoint, SUBSCRIPTION)) {
-    *endpoint = '\0';
-    fm_log(parameters->node, FM_WARN, FM_WORDS_NOT_SUBSCRIBED, name, topic);
-  } else {
-    fm_log(parameters->node, FM_WARN, FM_WORDS_ONLY_SUBSCRIPTIONS, name);
-  }
-  free(topic);
-}
-
 static void warn_of_unknown(const struct fm_parameters * parameters, const char * name)
 {
   struct fm_text names = {NULL, 0, 0};
@@ -674,13 +575,12 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
 {
   static const char * const compiled[] = {
     "spec", "library", "policy", "period", "rate", "native", "gates", NULL};
+  struct fm_lines lines = {NULL, 0, 0};
   for (size_t k = 0; k < parameters->n_given; ++k) {
     const char * name = parameters->given[k].name;
     const char * dot = strrchr(name, '.');
     const char * last = dot == NULL ? name : dot + 1;
-    if (fm_parameter_find(parameters, name) != NULL ||
-      (begins_with(name, OVERRIDES) && is_of_rcl(name + strlen(OVERRIDES))))
-    {
+    if (fm_parameter_find(parameters, name) != NULL || begins_with(name, FM_OVERRIDES)) {
       continue;
     }
     const bool is_compiled = is_among(name, compiled);
@@ -690,8 +590,6 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
     if (is_compiled) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': the bundle is compiled into this node", name);
-    } else if (begins_with(name, OVERRIDES)) {
-      warn_of_override(parameters, name);
     } else if (is_constant(parameters, last)) {
       fm_log(parameters->node, FM_WARN,
         "ignored parameter '%s': did you mean '" CONSTANTS "%s'?", name, last);
@@ -699,6 +597,9 @@ void fm_parameters_warn(const struct fm_parameters * parameters)
       warn_of_unknown(parameters, name);
     }
   }
+  fm_add_unused_overrides(&lines, parameters->facts, (uint32_t)parameters->n_given,
+    parameters->subscribed, parameters->n_subscribed);
+  fm_log_lines(parameters->node, &lines);
 }
 
 void fm_parameters_end(struct fm_parameters * parameters)

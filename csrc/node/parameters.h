@@ -57,7 +57,10 @@ struct fm_parameters
   size_t n_declared;
   struct fm_parameter * given;  // on the command line, or in files
   size_t n_given;
-  struct fm_memory memory;       // of the next, and of resolved names
+  struct fm_memory memory;       // of the next four, and of resolved names
+  const struct fm_given * facts;  // what is given
+  const char ** subscribed;       // full names of topics
+  uint32_t n_subscribed;
   struct fm_fixed_qos ** fixed;  // a bundle and a topic: the bundle's, or that of `qos_overrides`
   bool is_configured;           // set by the owner: `configure` has read them
 };

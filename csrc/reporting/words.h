@@ -109,20 +109,7 @@
 
 // ---- what is given of the quality of service ---------------------------------------------------
 
-#define FM_WORDS_NO_OVERRIDE \
-  "parameter '%s' is none; write 'qos_overrides./TOPIC.subscription.POLICY', with the topic's " \
-  "full name"
-#define FM_WORDS_NO_ENDPOINT \
-  "parameter '%s' is none: subscriptions here have no id, write '.subscription.'"
-#define FM_WORDS_NO_POLICY \
-  "parameter '%s' is none: there are reliability, durability, history, depth"
-#define FM_WORDS_OF_TIME \
-  "parameter '%s' cannot be given: it would keep out publishers that do not offer it; use the " \
-  "`timeout` of the input in the bundle"
-#define FM_WORDS_OF_VIOLATIONS \
-  "parameter '%s' cannot be given: violations are announced reliable and volatile; their depth " \
-  "is -p handler_depth:=NUMBER"
-#define FM_WORDS_NOT_SUBSCRIBED "ignored parameter '%s': the topic %s is not subscribed to"
-#define FM_WORDS_ONLY_SUBSCRIPTIONS "ignored parameter '%s': only subscriptions can be changed"
+#define FM_WORDS_OVERRIDE "qos_overrides.%s.subscription.%s"
+#define FM_WORDS_POLICY "%s of the subscription to %s; read at the start of the process%s"
 
 #endif  // WORDS_H_

@@ -60,7 +60,7 @@ EVALUATOR_SOURCES = (
     'engine_message.c', 'engine_scopes.c', 'engine_due.c', 'engine_backlog.c', 'engine_delivery.c',
     'transforms.c', 'seen.c', 'engine_graph.c', 'engine_transforms.c', 'engine_gate.c', 'engine.c',
     'snapshot.c', 'records.c', 'text.c', 'figures.c', 'lines.c', 'given.c', 'subscription.c',
-    'gate_target.c', 'details.c', 'violation_log.c', 'condition_log.c',
+    'overrides.c', 'gate_target.c', 'details.c', 'violation_log.c', 'condition_log.c',
     'graph_lines.c', 'instance_lines.c', 'input_log.c', 'start_lines.c', 'shared_names.c',
     'health.c', 'review.c', 'verdicts.c', 'sign_of_life.c', 'thinning.c', 'csv.c',
     'keyed_rows.c', 'serialized.c', 'receiver.c', 'in_place.c', 'in_place_versions.c',

@@ -35,7 +35,7 @@ HEADERS = (
     'fret_monitor.h', 'fret_fields.h', 'evaluator.h', 'gate.h', 'handover.h',
     'kinds.h', 'scopes.h', 'outbox.h', 'blackbox.h', 'mcap.h', 'blackbox_file.h', 'states.h',
     'transforms.h', 'schedule.h', 'payload.h', 'engine.h', 'scheduling.h', 'blackbox_writer.h',
-    'snapshot.h', 'records.h', 'figures.h', 'lines.h', 'given.h', 'subscription.h',
+    'snapshot.h', 'records.h', 'figures.h', 'lines.h', 'given.h', 'subscription.h', 'overrides.h',
     'gate_target.h', 'report_table.h', 'reporter.h', 'start_lines.h', 'shared_names.h',
     'details.h', 'violation_log.h', 'review.h', 'sign_of_life.h',
     'thinning.h', 'csv.h', 'keyed_rows.h', 'middleware.h',

@@ -66,10 +66,5 @@ READ_ONCE = '%s: read when the node is configured, since a step has to mean the 
 NO_PRIORITY = 'the priority %d is not possible: %s'
 NO_PROCESSORS = 'to run on the processors %s is not possible: %s'
 NO_LOCKED_MEMORY = 'to lock the memory is not possible: %s'
-NO_OVERRIDE = "parameter '%s' is none; write 'qos_overrides./TOPIC.subscription.POLICY', with the topic's full name"
-NO_ENDPOINT = "parameter '%s' is none: subscriptions here have no id, write '.subscription.'"
-NO_POLICY = "parameter '%s' is none: there are reliability, durability, history, depth"
-OF_TIME = "parameter '%s' cannot be given: it would keep out publishers that do not offer it; use the `timeout` of the input in the bundle"
-OF_VIOLATIONS = "parameter '%s' cannot be given: violations are announced reliable and volatile; their depth is -p handler_depth:=NUMBER"
-NOT_SUBSCRIBED = "ignored parameter '%s': the topic %s is not subscribed to"
-ONLY_SUBSCRIPTIONS = "ignored parameter '%s': only subscriptions can be changed"
+OVERRIDE = 'qos_overrides.%s.subscription.%s'
+POLICY = '%s of the subscription to %s; read at the start of the process%s'

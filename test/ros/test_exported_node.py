@@ -113,15 +113,9 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
 ) -> None:
     with running(exported_bundle(faults), '-r', '__node:=exported', '-p', 'handler_depth:=10',
                  '-p', 'spec:=other.yaml', '-p', 'constants.limit:=0.7', '-p', 'odd:=1',
-                 '-p', 'constant.most:=1', '-p', 'frame_id:=map',
-                 '-p', 'qos_overrides./n.subscription.depth:=7',
-                 '-p', 'qos_overrides./n.subscription.reliability:=RELIABLE',
-                 '-p', 'qos_overrides./clock.subscription.depth:=1',
-                 '-p', 'qos_overrides./none.subscription.depth:=1') as node:
+                 '-p', 'constant.most:=1', '-p', 'frame_id:=map') as node:
         assert ("not monitored here: the gate 'numbers' judges KEPT. Run it: ros2 run fret_monitor"
                 ' gate --ros-args -p library:=FOLDER, of each gate') in node.output
-        assert "depth': the topic /none is not subscribed to" in node.output
-        assert '/clock.' not in node.output
         assert "ignored parameter 'spec': the bundle is compiled into this node" in node.output
         assert "ignored parameter 'odd': did you mean 'constants.odd'?" in node.output
         assert "ignored parameter 'constant.most': did you mean 'constants.most'?" in node.output
@@ -140,13 +134,13 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
         node.process.send_signal(signal.SIGPIPE)  # nobody reads its log any more
         listed = call(partner, ListParameters, 'list_parameters').result.names
         assert {'use_sim_time', 'log_level', 'handler_depth', 'log_violations', 'autostart',
-                'constants.limit', 'qos_overrides./topic/x.subscription.reliability'} <= {*listed}
+                'constants.limit'} <= {*listed}
         values = call(partner, GetParameters, 'get_parameters', names=[
-            'handler_depth', 'log_violations', 'constants.limit',
-            'qos_overrides./n.subscription.depth', 'constants.odd', 'constants.most']).values
+            'handler_depth', 'log_violations', 'constants.limit', 'constants.odd',
+            'constants.most']).values
         assert (values[0].integer_value, values[1].bool_value, values[2].double_value,
-                values[3].integer_value, values[4].integer_value, values[5].string_value) == (
-                    10, True, 0.7, 7, 9007199254740993, '18446744073709551615')
+                values[3].integer_value, values[4].string_value) == (
+                    10, True, 0.7, 9007199254740993, '18446744073709551615')
         described = call(partner, DescribeParameters, 'describe_parameters',
                          names=['handler_depth']).descriptors[0]
         assert described.description.startswith('violations that a slow listener')
@@ -198,19 +192,6 @@ def test_parameters_and_the_life_cycle_are_served_and_signals_end_the_node(
     (['-p', 'metrics:=127.0.0.1:9400'], 'this node is in C, and serves no figures for Prom'),
     (['-p', 'log_violations:=7'], "'log_violations' is 7, and has to be true or false"),
     (['-p', 'constants.limit:=0.5'], 'compiled into this node, as 0.7'),
-    (['-p', 'qos_overrides./n.subscription.reliability:=high'],
-     "is 'high', and has to be one of reliable, best_effort, best_available"),
-    (['-p', 'qos_overrides./other.subscription.relability:=reliable'],
-     "relability' is none: there are reliability, durability, history, depth"),
-    (['-p', 'qos_overrides./other.subscription.reliability:=high'],
-     "is 'high', and has to be one of reliable, best_effort, best_available"),
-    (['-p', 'qos_overrides./n.subscription.deadline:=1.0'],
-     'it would keep out publishers that do not offer it; use the `timeout`'),
-    (['-p', 'qos_overrides./n.subscription_a.depth:=7'], 'subscriptions here have no id, write'),
-    (['-p', 'qos_overrides.n.subscription.depth:=7'],
-     "is none; write 'qos_overrides./TOPIC.subscription.POLICY', with the topic's full name"),
-    (['-p', 'qos_overrides./copilot/handlerpropNEXT.publisher.depth:=1'],
-     'violations are announced reliable and volatile'),
     (['-p', 'constants.odd:=9007199254740992'], 'compiled into this node, as 9007199254740993'),
     (['-p', 'constants.most:=9223372036854775807'],
      'compiled into this node, as 18446744073709551615'),

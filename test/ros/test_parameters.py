@@ -22,9 +22,9 @@ from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
 from fret_monitor.ros.settings.opened import open_manifests
 from fret_monitor.ros.settings.parameters import read_settings
 import pytest
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
-from ros.harness import answer_of, Partner, started, wait_until
+from ros.harness import answer_of, Partner, started
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
 
 BUNDLE = """
@@ -67,35 +67,6 @@ def test_every_parameter_has_a_description(partner: Partner, bundle: Path) -> No
     assert list(described) == NAMES
     assert all(len(item.description) > 20 for item in answer.descriptors)
     assert [name for name in NAMES if described[name].read_only] == ['native', 'autostart']
-
-
-@pytest.mark.parametrize('name', ['monitor', 'logger'])
-def test_overrides_of_the_quality_of_service_are_listed_and_described(
-    partner: Partner, bundle: Path, name: str,
-) -> None:
-    node = f'/fret_{name}'
-    topic = {'monitor': '/x', 'logger': '/copilot/handlerpropR_1'}[name]
-    names = [f'qos_overrides.{topic}.subscription.{policy}'
-             for policy in ('depth', 'durability', 'history', 'reliability')]
-    with started(name, '-p', f'spec:={bundle}', '-p', f'{names[0]}:=7'):
-        def listed() -> list[str]:
-            answer = call(partner, ListParameters, f'{node}/list_parameters',
-                          ListParameters.Request())
-            return sorted(item for item in answer.result.names if topic in item)
-
-        wait_until(lambda: listed() == names, 'the overrides')
-        answer = call(partner, DescribeParameters, f'{node}/describe_parameters',
-                      DescribeParameters.Request(names=names))
-        assert all(f'of the subscription to {topic}' in item.description
-                   for item in answer.descriptors)
-        answer = call(partner, GetParameters, f'{node}/get_parameters',
-                      GetParameters.Request(names=names))
-        assert answer.values[0].integer_value == 7
-        request = SetParameters.Request(
-            parameters=[Parameter(names[0], value=8).to_parameter_msg()])
-        result, = call(partner, SetParameters, f'{node}/set_parameters', request).results
-        assert (result.successful, result.reason) == (
-            False, f'{names[0]}: read at the start of the process only')
 
 
 def test_parameters_read_by_configure_change_only_before_it_and_then_take_effect(

@@ -43,7 +43,7 @@ from fret_monitor.ros.reports.details import DetailPublisher, Details
 from fret_monitor.ros.reports.health import Counts, Health
 from fret_monitor.ros.settings.names import full_name, one_type, refuse_merged_topics
 from fret_monitor.ros.settings.opened import Opened
-from fret_monitor.ros.settings.overrides import Overrides
+from fret_monitor.ros.settings.overrides import overrides_of
 from fret_monitor.ros.settings.parameters import Refusal, Settings
 from fret_monitor.ros.settings.qos import LAST, violation_profile
 from fret_monitor.ros.watch import Watch
@@ -103,7 +103,9 @@ class BundleSession:
             undo.callback(self.close)
             try:
                 refuse_merged_topics(self._node, self.manifest, self._table, self.library)
-                self._read_overrides()
+                self.overrides = overrides_of(self._node, self.library, (
+                    DETAILS_TOPIC, *self.manifest.margin_topics,
+                    *(item.topic for item in self.manifest.numbered)))
                 self._advertise()
             except InvalidTopicNameException as error:  # from the namespace or a remapping
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
@@ -357,7 +359,7 @@ class BundleSession:
         feed.subscribe(
             self._engine.library, name, mapped.message_type, kind, topic,
             dict(mapped.qos) if name != mapped.name else
-            self._overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
+            self.overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
             is_found=is_found)
 
     # Reports.
@@ -393,13 +395,6 @@ class BundleSession:
 
     def _part(self, name: str) -> str:
         return f'{name} of {self._name}' if self._name else name
-
-    def _read_overrides(self) -> None:
-        self._overrides = Overrides.of(self._node)
-        self._overrides.refuse_publishers([
-            self._node.resolve_topic_name(name) for name in (
-                DETAILS_TOPIC, *self.manifest.margin_topics,
-                *(item.topic for item in self.manifest.numbered))])
 
 
 def handlers_of(node: Node, manifest: Manifest, depth: int) -> Iterator[RclPublisher]:

@@ -43,7 +43,7 @@ from fret_monitor.ros.reports.messages import status_record
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
 from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.opened import load_reporting, open_manifests
-from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
+from fret_monitor.ros.settings.overrides import DeclaredOverrides, overrides_of
 from fret_monitor.ros.settings.parameters import LOGGER_PARAMETERS, read_settings, Refusal
 from fret_monitor.ros.settings.qos import violation_request
 from fret_monitor.ros.signals import uninterrupted
@@ -139,7 +139,7 @@ class LoggerNode(ClockNode):
             self._library = load_reporting(self._settings)
             self._intake.prepare(self._library)
             parameters.show_constants(manifests)  # they are read-only, so they stay as they are
-        self._overrides = Overrides.of(self)
+        self._overrides = overrides_of(self, self._library)
         self._fixed = violation_request(self._settings.handler_depth)
         self._feed.subscribe(
             self._library, DETAILS_TOPIC, 'diagnostic_msgs/msg/DiagnosticArray', DiagnosticArray,
@@ -151,7 +151,7 @@ class LoggerNode(ClockNode):
             native_lifetimes.keep(self)
             self._thread.start()
         topics = [self.resolve_topic_name(DETAILS_TOPIC), *self._followed]
-        DeclaredOverrides(self, self._watch, dict.fromkeys(topics, self._fixed))
+        DeclaredOverrides(self, self._watch, self._overrides, dict.fromkeys(topics, self._fixed))
         steady_timer(self, _CHECK, self._check)
         self.get_logger().info(self._contents())
 

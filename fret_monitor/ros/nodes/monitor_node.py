@@ -31,7 +31,7 @@ from fret_monitor.ros.reports.health import PERIOD
 from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.names import full_name, refuse_shared_names
 from fret_monitor.ros.settings.opened import open_monitors, Opened
-from fret_monitor.ros.settings.overrides import DeclaredOverrides, Overrides
+from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.settings.parameters import (
     Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
 )
@@ -168,9 +168,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             undo.pop_all()
         self._warn(_ask_system(settings, library))
         self._warn([warning for item in opened for warning in item.warnings])
-        self._warn(Overrides.of(self).unused([
-            full_name(self, session.manifest, topic)
-            for session in self._sessions for topic in session.manifest.subscribed]))
+        log_lines(self.get_logger(), self._sessions[0].overrides.unused(self._subscribed()))
 
     def _serve_metrics(self, address: MetricsAddress) -> 'MetricsServer':
         from fret_monitor.ros.reports.metrics import MetricsServer
@@ -209,11 +207,14 @@ class MonitorNode(ClockNode, LifecycleNode):
             [session.opened.origin for session in self._sessions]))
         for session in self._sessions:
             log_lines(self.get_logger(), session.describe_gate())
-        topics = {full_name(self, session.manifest, topic): dict(topic.qos)
-                  for session in self._sessions for topic in session.manifest.subscribed
-                  if session.manifest.key_of(topic) is None}
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(
-            self, self._watch, topics)
+            self, self._watch, self._sessions[0].overrides, self._subscribed())
+
+    def _subscribed(self) -> dict[str, dict[str, str | int]]:
+        """Return the full names of subscribed topics, each with what its bundle fixes."""
+        return {full_name(self, session.manifest, topic): dict(topic.qos)
+                for session in self._sessions for topic in session.manifest.subscribed
+                if session.manifest.key_of(topic) is None}
 
     def _report(self) -> None:
         """Report of all bundles, and show that the node lives: in one timer, since each costs."""
