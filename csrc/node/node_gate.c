@@ -349,7 +349,7 @@ static bool start_relay(struct fm_node_gate * gate)
   const struct fm_node_gate_table * about = gate->table->gate;
   const uint32_t otherwise = gate->table->report.gate->otherwise;
   const struct fm_relay_options options = {
-    .engine = gate->engine, .middleware = &fm_rmw_functions,
+    .engine = gate->engine, .middleware = fm_node_middleware(),
     .publish = fm_rmw_publish_serialized,
     .publisher = rcl_publisher_get_rmw_handle(&gate->publisher),
     .substitute = otherwise == FM_SUBSTITUTE ? about->substitute : NULL,
@@ -431,7 +431,7 @@ void fm_node_gate_review(
   bool is_any = false;
   bool is_durable = false;
   use_next_if_due(gate);
-  fm_ignore(fm_look_for_publishers(gate->node, gate->target, look, gate));
+  (void)fm_look_for_publishers(gate->node, gate->target, look, gate);
   for (uint32_t k = 0; k < n; ++k) {
     const bool is_ours = strcmp(offers[k].type, type) == 0;
     is_any = is_any || is_ours;

@@ -143,9 +143,6 @@ static int publish(const void * publisher, const void * message, void * allocati
   return rmw_publish(publisher, message, allocation);
 }
 
-const struct fm_middleware fm_rmw_functions = {
-  take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}};
-
 // ---- reading in place --------------------------------------------------------------------------
 
 enum { WHY_BYTES = 256 };
@@ -162,13 +159,14 @@ static struct
   struct type * types;
   char why[WHY_BYTES];
   bool has_begun;
-} process;
+} process = {
+  .middleware = {
+    take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}}};
 
 static void begin(void)
 {
   if (!process.has_begun) {
     process.has_begun = true;
-    process.middleware = fm_rmw_functions;
     (void)fm_in_place_prepare(
       rmw_get_implementation_identifier(), &process.middleware.in_place, process.why, WHY_BYTES);
   }

@@ -26,8 +26,7 @@
 #include "graph.h"
 #include "service_call.h"
 
-/// The functions of rmw. A receiver that cannot be stopped may use them as long as the process.
-extern const struct fm_middleware fm_rmw_functions;
+/// The functions of rmw.
 extern const struct fm_service_functions fm_rmw_services;
 extern const struct fm_graph_functions fm_rmw_graph;
 
@@ -35,7 +34,8 @@ extern const struct fm_graph_functions fm_rmw_graph;
 int fm_rmw_publish_serialized(
   const void * publisher, const struct fm_serialized * message, void * allocation);
 
-/// The functions of rmw, with what reading in place needs if that is possible.
+/// The same, with what reading in place needs if that is possible. A receiver that cannot be
+/// stopped may use them as long as the process.
 const struct fm_middleware * fm_node_middleware(void);
 
 /// Why messages are copied before they are read; "": they are read in place.

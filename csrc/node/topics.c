@@ -144,7 +144,7 @@ bool fm_topic_open(
   if (topic->state == NULL) {
     fm_text_add(&problem, "memory is short");
   } else if (topic->is_found) {
-    fm_ignore(fm_look_for_publishers(node, name, begin, topic->state));
+    (void)fm_look_for_publishers(node, name, begin, topic->state);
   }
   const bool is_done = topic->state != NULL &&
     subscribe(topic, fm_subscription_request(topic->state), &topic->current, &problem);
