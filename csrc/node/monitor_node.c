@@ -104,10 +104,10 @@ static bool configure(void * context)
     release(context);
     return false;
   }
+  schedule(&monitor->node, &monitor->parameters);
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
     warn(monitor, monitor->tables->tables[k]);
   }
-  schedule(&monitor->node, &monitor->parameters);
   return true;
 }
 
@@ -523,7 +523,9 @@ static void serve_all(struct fm_monitor_node * monitor)
     }
   }
   for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
-    fm_session_serve_requests(&monitor->sessions[k]);
+    if (monitor->sessions[k].gate.service.engine != NULL) {
+      fm_service_gate_serve(&monitor->sessions[k].gate.service);
+    }
   }
 }
 

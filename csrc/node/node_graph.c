@@ -97,8 +97,9 @@ bool fm_node_graph_begin(
 }
 
 int64_t fm_node_graph_review(
-  struct fm_node_graph * graph, uint32_t (* count_own)(const void * context, const char * topic),
-  const void * context)
+  struct fm_node_graph * graph,
+  uint32_t (* count_own)(const struct fm_session * session, const char * topic),
+  const struct fm_session * session)
 {
   if (graph->watch == NULL) {
     return INT64_MAX;
@@ -107,7 +108,7 @@ int64_t fm_node_graph_review(
   graph->has_changed = false;
   for (uint32_t k = 0; k < graph->n; ++k) {
     graph->own[k] = graph->sources[k].kind == FM_GRAPH_SUBSCRIBERS ?
-      count_own(context, graph->sources[k].name) : 0;
+      count_own(session, graph->sources[k].name) : 0;
   }
   return fm_graph_review(graph->watch, fm_steady_now(), has_changed, graph->own);
 }

@@ -63,20 +63,6 @@ void fm_health_end(struct fm_health * health)
   memset(health, 0, sizeof(*health));
 }
 
-// The requests of a gate on a service come from this node.
-static struct fm_publishers publishers_of(const struct fm_session * session, uint32_t topic)
-{
-  const struct fm_report_gate * gate = session->table->report.gate;
-  const struct fm_subscription * state = session->topics[topic].state;
-  const uint32_t n = gate != NULL && gate->is_service && gate->topic == topic ? 1u : 0u;
-  if (topic < session->table->report.n_topics &&
-    session->table->report.topics[topic].variable[0] != '\0')
-  {
-    return fm_bound_publishers(&session->bound, topic);
-  }
-  return state != NULL ? fm_subscription_publishers(state) : (struct fm_publishers) {n, "", ""};
-}
-
 static void look(struct fm_health * health)
 {
   const struct fm_session * session = health->session;
@@ -88,9 +74,7 @@ static void look(struct fm_health * health)
     health->gate = fm_node_gate_facts(&session->gate);
     facts.gate = &health->gate;
   }
-  for (uint32_t k = 0; k < session->n_topics; ++k) {
-    health->topics[k] = publishers_of(session, k);
-  }
+  fm_session_publishers(session, health->topics);
   (void)fm_review_look(health->review, &facts);
 }
 

@@ -145,17 +145,15 @@ static void write_transitions(
 
 FM_SERVER(serve_change, lifecycle_msgs, ChangeState, struct fm_lifecycle, lifecycle)
 {
-  uint8_t id = request->transition.id;
-  if (request->transition.label.size > 0) {
-    const rcl_lifecycle_transition_t * found = rcl_lifecycle_get_transition_by_label(
-      lifecycle->machine.current_state, request->transition.label.data);
-    if (found == NULL) {
-      rcl_reset_error();
-      return;
-    }
-    id = (uint8_t)found->id;
+  const bool is_named = request->transition.label.size > 0;
+  const rcl_lifecycle_transition_t * found = !is_named ? NULL :
+    rcl_lifecycle_get_transition_by_label(
+    lifecycle->machine.current_state, request->transition.label.data);
+  if (is_named && found == NULL) {
+    rcl_reset_error();
   }
-  response->success = fm_lifecycle_change(lifecycle, id);
+  response->success = (!is_named || found != NULL) && fm_lifecycle_change(
+    lifecycle, is_named ? (uint8_t)found->id : request->transition.id);
 }
 
 FM_SERVER(serve_state, lifecycle_msgs, GetState, struct fm_lifecycle, lifecycle)

@@ -52,24 +52,6 @@ static bool resolve_used(struct fm_session * session)
   return is_good;
 }
 
-// The names of the topics of inputs, as reports show them.
-static bool name_shown(struct fm_session * session)
-{
-  const struct fm_report_table * table = &session->table->report;
-  const char ** names = fm_reserve(&session->configured, table->n_topics, sizeof(*names));
-  struct fm_text text = {NULL, 0, 0};
-  for (uint32_t k = 0; names != NULL && k < table->n_topics; ++k) {
-    const bool is_some = table->topics[k].where[0] != '\0';
-    fm_text_clear(&text);
-    fm_text_add(&text, "%s%s%s", session->topic_names[k], is_some ? " where " : "",
-      table->topics[k].where);
-    names[k] = fm_reserve_text(&session->configured, fm_text_get(&text));
-  }
-  fm_text_free(&text);
-  session->shown_names = names;
-  return !session->configured.is_short;
-}
-
 static bool refuse_merged(const struct fm_session * session)
 {
   struct fm_lines lines = {NULL, 0, 0};
@@ -89,50 +71,34 @@ static uint32_t handler_depth(const struct fm_session * session)
   return (uint32_t)fm_parameter_whole(session->parameters, "handler_depth");
 }
 
-// Advertise a topic for each requirement, which the function names. Returns the publishers; NULL,
-// with the error logged, if one cannot be made. Late subscriptions to one that is latched get the
-// last message.
-static rcl_publisher_t * advertise_each(
-  struct fm_session * session, const rosidl_message_type_support_t * type,
-  const char * (* topic_of)(const struct fm_report_table *, uint32_t), bool is_latched)
+static const char * topic_of(const struct fm_report_table * table, uint32_t requirement, int what)
+{
+  const struct fm_report_requirement * about = &table->requirements[requirement];
+  return what == FM_HANDLERS ? table->topics[table->n_topics + requirement].name :
+         what == FM_VERDICTS ? about->verdict_topic : about->margin_topic;
+}
+
+// Advertise a topic for each requirement; late subscriptions get the last verdict or margin.
+// Returns false, with the error logged, if one cannot be made.
+static bool advertise_each(
+  struct fm_session * session, int what, const rosidl_message_type_support_t * type)
 {
   const struct fm_report_table * table = &session->table->report;
   rcl_publisher_t * publishers =
     fm_reserve(&session->configured, table->n_requirements, sizeof(*publishers));
   rmw_qos_profile_t profile = rmw_qos_profile_default;  // reliable, volatile
-  profile.depth = is_latched ? 1u : handler_depth(session);
-  profile.durability = is_latched ? RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL : profile.durability;
+  profile.depth = handler_depth(session);
+  if (what != FM_HANDLERS) {
+    profile.depth = 1;
+    profile.durability = RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL;
+  }
+  session->publishers[what] = publishers;
   bool is_good = publishers != NULL;
   for (uint32_t k = 0; is_good && k < table->n_requirements; ++k) {
     is_good = fm_publisher_open(
-      session->node, &publishers[k], type, topic_of(table, k), &profile);
+      session->node, &publishers[k], type, topic_of(table, k, what), &profile);
   }
-  for (uint32_t k = 0; !is_good && publishers != NULL && k < table->n_requirements; ++k) {
-    fm_publisher_close(session->node, &publishers[k]);
-  }
-  return is_good ? publishers : NULL;
-}
-
-static const char * handler_topic(const struct fm_report_table * table, uint32_t requirement)
-{
-  return table->topics[table->n_topics + requirement].name;
-}
-
-static const char * verdict_topic(const struct fm_report_table * table, uint32_t requirement)
-{
-  return table->requirements[requirement].verdict_topic;
-}
-
-static const char * margin_topic(const struct fm_report_table * table, uint32_t requirement)
-{
-  return table->requirements[requirement].margin_topic;
-}
-
-static bool advertise_verdicts(struct fm_session * session)
-{
-  session->verdicts = advertise_each(
-    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool), verdict_topic, true);
-  return session->verdicts != NULL;
+  return is_good;
 }
 
 // False, with the error logged, where there are no margins.
@@ -141,27 +107,25 @@ static bool advertise_margins(struct fm_session * session)
   const struct fm_report_table * table = &session->table->report;
   bool has_all = true;
   for (uint32_t k = 0; k < table->n_requirements; ++k) {
-    has_all = has_all && margin_topic(table, k)[0] != '\0';
+    has_all = has_all && table->requirements[k].margin_topic[0] != '\0';
   }
   if (table->gate != NULL || !has_all) {
     fm_log(session->node, FM_ERROR, "%s",
       table->gate != NULL ? FM_WORDS_NO_MARGINS_OF_GATES : FM_WORDS_NO_MARGINS);
     return false;
   }
-  session->margins = advertise_each(
-    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64), margin_topic, true);
-  return session->margins != NULL;
+  return advertise_each(
+    session, FM_MARGINS, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Float64));
 }
 
 static bool advertise_all(struct fm_session * session)
 {
-  session->handlers = advertise_each(
-    session, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty), handler_topic, false);
-  return session->handlers != NULL && fm_advertise(
+  return advertise_each(
+    session, FM_HANDLERS, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Empty)) && fm_advertise(
     session->node, &session->details,
     ROSIDL_GET_MSG_TYPE_SUPPORT(diagnostic_msgs, msg, DiagnosticArray), FM_DETAILS_TOPIC,
-    handler_depth(session)) &&
-         (!is_wanted(session, "verdicts") || advertise_verdicts(session)) &&
+    handler_depth(session)) && (!is_wanted(session, "verdicts") || advertise_each(
+    session, FM_VERDICTS, ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool))) &&
          fm_node_actions_begin(&session->actions, session->node, session->table) &&
          (!is_wanted(session, "margins") || advertise_margins(session));
 }
@@ -198,7 +162,7 @@ bool fm_session_configure(
   *session = (struct fm_session) {
     .table = tables->tables[place], .node = node, .clock = clock, .parameters = parameters,
     .fixed = parameters->fixed[place], .taking = fm_taking_of(parameters), .is_configured = true};
-  if (!resolve_used(session) || !name_shown(session) || !fm_node_blackbox_begin(
+  if (!resolve_used(session) || !fm_node_blackbox_begin(
       &session->blackbox, node, session->table, session->topic_names, parameters) ||
     !name_gate(session) || !refuse_merged(session) || !advertise_all(session))
   {
@@ -210,12 +174,11 @@ bool fm_session_configure(
 
 void fm_session_release(struct fm_session * session)
 {
-  rcl_publisher_t * const publishers[] =
-  {session->handlers, session->verdicts, session->margins};
   fm_session_deactivate(session);
-  for (size_t k = 0; k < sizeof(publishers) / sizeof(publishers[0]); ++k) {
-    for (uint32_t r = 0; publishers[k] != NULL && r < session->table->report.n_requirements; ++r) {
-      fm_publisher_close(session->node, &publishers[k][r]);
+  for (int k = 0; k < FM_OF_EACH; ++k) {
+    rcl_publisher_t * of_each = session->publishers[k];
+    for (uint32_t r = 0; of_each != NULL && r < session->table->report.n_requirements; ++r) {
+      fm_publisher_close(session->node, &of_each[r]);
     }
   }
   fm_publisher_close(session->node, &session->details);
@@ -335,8 +298,9 @@ static bool make_engine(struct fm_session * session)
 
 // The middleware's handles of publishers, as long as the session is active; NULL if there are
 // none, or memory is short.
-static void ** handles_of(struct fm_session * session, const rcl_publisher_t * publishers)
+static void ** handles_of(struct fm_session * session, int what)
 {
+  const rcl_publisher_t * publishers = session->publishers[what];
   const uint32_t n = session->table->report.n_requirements;
   void ** handles = publishers == NULL ? NULL : fm_reserve(&session->active, n, sizeof(*handles));
   for (uint32_t k = 0; handles != NULL && k < n; ++k) {
@@ -348,8 +312,8 @@ static void ** handles_of(struct fm_session * session, const rcl_publisher_t * p
 static bool start_announcer(struct fm_session * session)
 {
   const struct fm_report_table * table = &session->table->report;
-  void ** publishers = handles_of(session, session->handlers);
-  void ** margins = handles_of(session, session->margins);
+  void ** publishers = handles_of(session, FM_HANDLERS);
+  void ** margins = handles_of(session, FM_MARGINS);
   struct fm_lock * locks = fm_reserve(&session->active, table->n_locks, sizeof(*locks));
   if (session->active.is_short) {
     return false;
@@ -362,8 +326,9 @@ static bool start_announcer(struct fm_session * session)
 
 static bool start_verdicts(struct fm_session * session)
 {
-  void ** publishers = handles_of(session, session->verdicts);
-  return session->verdicts == NULL || (publishers != NULL && fm_verdict_thread_start(
+  void ** publishers = handles_of(session, FM_VERDICTS);
+  return session->publishers[FM_VERDICTS] == NULL || (publishers != NULL &&
+         fm_verdict_thread_start(
            &session->verdict_thread, session->engine, fm_node_middleware(), publishers,
            session->table->report.n_requirements));
 }
@@ -400,10 +365,8 @@ static bool open_topic(struct fm_session * session, uint32_t k)
     return true;  // its messages are made, or it is many topics
   }
   session->topics[k].gate = is_judged ? &session->gate : NULL;
-  session->topics[k].taking = session->taking;
-  return fm_topic_open(
-    &session->topics[k], session->node, table,
-    is_last ? session->gate_source : session->topic_names[k], &session->fixed[k], k);
+  return fm_topic_open(&session->topics[k], session,
+           is_last ? session->gate_source : session->topic_names[k], k);
 }
 
 static bool subscribe_all(struct fm_session * session)
@@ -423,23 +386,11 @@ static bool subscribe_all(struct fm_session * session)
     }
   }
   for (uint32_t k = 0; k < n; ++k) {
-    if (session->topics[k].state != NULL &&
-      !fm_topic_start(&session->topics[k], session->engine, fm_node_middleware()))
-    {
+    if (session->topics[k].state != NULL && !fm_topic_start(&session->topics[k])) {
       return false;
     }
   }
   return true;
-}
-
-static bool subscribe_bound(struct fm_session * session)
-{
-  const struct fm_bound_options options = {
-    session->node, session->table, session->topic_names,
-    session->fixed, session->taking};
-  return session->table->report.n_kinds == 0 || (
-    fm_bound_begin(&session->bound, &options) &&
-    fm_bound_start(&session->bound, session->engine));
 }
 
 bool fm_session_activate(struct fm_session * session)
@@ -451,13 +402,13 @@ bool fm_session_activate(struct fm_session * session)
   session->reporter = (struct fm_reporter) {
     &session->table->report, session->table->monitor(), session->engine,
     rcl_node_get_fully_qualified_name(&session->node->node) + 1,  // without its slash
-    session->shown_names};
+    session->topic_names};
   fm_engine_follow_steady(session->engine);
   if (session->clock->is_simulated) {
     fm_engine_follow_clock(session->engine, fm_clock_read, session->clock, false);
   }
-  if (!start_threads(session) || !subscribe_all(session) || !subscribe_bound(session) ||
-    !fm_node_graph_begin(
+  if (!start_threads(session) || !subscribe_all(session) ||
+    !fm_bound_begin(&session->bound, session) || !fm_node_graph_begin(
       &session->graph, session->node, session->table, session->engine))
   {
     fm_session_deactivate(session);
@@ -574,9 +525,8 @@ static bool look_at_due(struct fm_session * session)
 }
 
 // How many subscriptions this node has on a topic.
-static uint32_t count_subscriptions(const void * context, const char * name)
+static uint32_t count_subscriptions(const struct fm_session * session, const char * name)
 {
-  const struct fm_session * session = context;
   uint32_t n = 0;
   for (uint32_t k = 0; k < count_topics(session); ++k) {
     const struct fm_mapped_topic * topic = topic_at(session, k);
@@ -585,6 +535,26 @@ static uint32_t count_subscriptions(const void * context, const char * name)
     }
   }
   return n;
+}
+
+// The requests of a gate on a service come from this node.
+void fm_session_publishers(const struct fm_session * session, struct fm_publishers * topics)
+{
+  const struct fm_report_gate * gate = session->table->report.gate;
+  for (uint32_t k = 0; k < session->n_topics; ++k) {
+    const bool is_asked = gate != NULL && gate->is_service && gate->topic == k;
+    topics[k] = (struct fm_publishers) {is_asked ? 1u : 0u, "", ""};
+  }
+  for (uint32_t k = 0; k < count_topics(session); ++k) {
+    const struct fm_mapped_topic * mapped = topic_at(session, k);
+    if (is_subscribed(mapped)) {
+      const struct fm_publishers one = fm_subscription_publishers(mapped->state);
+      struct fm_publishers * all = &topics[mapped->index];
+      all->n += one.n;
+      all->unmatched = all->unmatched[0] == '\0' ? one.unmatched : all->unmatched;
+      all->other_types = all->other_types[0] == '\0' ? one.other_types : all->other_types;
+    }
+  }
 }
 
 int64_t fm_session_review(struct fm_session * session)
@@ -603,13 +573,6 @@ int64_t fm_session_review(struct fm_session * session)
   const int64_t next = session->has_due ? session->next_look : session->next_question;
   const int64_t looks = graph < found ? graph : found;
   return looks < next ? looks : next;
-}
-
-void fm_session_serve_requests(struct fm_session * session)
-{
-  if (session->gate.service.engine != NULL) {
-    fm_service_gate_serve(&session->gate.service);
-  }
 }
 
 uint32_t fm_session_turns(const struct fm_session * session, uint64_t * turns)

@@ -44,6 +44,8 @@
 #include "start_lines.h"
 #include "subscription.h"
 
+struct fm_session;
+
 // ---- the clock ---------------------------------------------------------------------------------
 
 /// Owned by main.c. `simulated` is read and written atomically; the rest belongs to the main
@@ -204,17 +206,14 @@ struct fm_intake
   bool is_relayed;                // the gate's relay takes them
 };
 
-/// A topic. Zeroed before fm_topic_open but for the first five; fm_topic_close frees all of it.
+/// A topic. Zeroed before fm_topic_open but for the first four; fm_topic_close frees all of it.
 struct fm_mapped_topic
 {
   struct fm_node_gate * gate;        // that takes its messages; NULL: the engine does
-  enum fm_taking taking;             // what callbacks do otherwise: FM_LISTEN, FM_WAKE
   struct fm_key key;                 // of one of many that are one topic of the bundle; size 0: no
   uint32_t * n_handovers;            // of all of these that go on; NULL: it is alone
   bool is_found;                     // in the graph, with its publishers
-  struct fm_node * node;
-  struct fm_engine * engine;
-  const struct fm_middleware * middleware;
+  struct fm_session * session;
   const rosidl_message_type_support_t * (* support)(void);
   const char * written;              // its name in the bundle
   const char * type;
@@ -232,15 +231,12 @@ struct fm_mapped_topic
 };
 
 /// Subscribe; no message is taken before fm_topic_start. `name`: the resolved one; it outlives the
-/// topic. Returns false, with the error logged.
+/// topic, as the session does. Returns false, with the error logged.
 bool fm_topic_open(
-  struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_table * table,
-  const char * name, const struct fm_fixed_qos * fixed, uint32_t index);
+  struct fm_mapped_topic * topic, struct fm_session * session, const char * name, uint32_t index);
 
-/// Begin to take the messages, for an engine. The engine and the middleware outlive the topic.
-bool fm_topic_start(
-  struct fm_mapped_topic * topic, struct fm_engine * engine,
-  const struct fm_middleware * middleware);
+/// Begin to take the messages, for the engine of the session. As fm_topic_open.
+bool fm_topic_start(struct fm_mapped_topic * topic);
 
 /// Look for the publishers, and do what is decided. O(publishers^2).
 void fm_topic_review(struct fm_mapped_topic * topic);
@@ -260,21 +256,10 @@ struct fm_bound_topic
   char * name;     // the full one, with the key
 };
 
-/// What it needs of a session, which outlives it.
-struct fm_bound_options
-{
-  struct fm_node * node;
-  const struct fm_node_table * table;
-  const char * const * names;          // of the table's topics, as resolved
-  const struct fm_fixed_qos * fixed;   // of each
-  enum fm_taking taking;
-};
-
 /// Zeroed: none.
 struct fm_bound_topics
 {
-  struct fm_bound_options options;
-  struct fm_engine * engine;           // NULL before fm_bound_start
+  struct fm_session * session;         // outlives them
   struct fm_bound_topic ** items;
   uint32_t n;
   uint32_t capacity;
@@ -284,21 +269,13 @@ struct fm_bound_topics
   bool is_leaked;                      // the middleware may still call back for one
 };
 
-/// Subscribe to the topics of listed keys. Returns false, with the reason logged; fm_bound_end is
-/// to be called even then. O(listed keys).
-bool fm_bound_begin(struct fm_bound_topics * bound, const struct fm_bound_options * options);
-
-/// Begin to take their messages, and to look for others. The engine outlives them. As
-/// fm_bound_begin.
-bool fm_bound_start(struct fm_bound_topics * bound, struct fm_engine * engine);
+/// Take the messages of the topics of listed keys, and begin to look for others. Returns false,
+/// with the reason logged; fm_bound_end is to be called even then. O(listed keys).
+bool fm_bound_begin(struct fm_bound_topics * bound, struct fm_session * session);
 
 /// Look at the graph if it is time: subscribe to what is found, end what is abandoned. Returns
 /// when to call it again, on the steady clock. As fm_keyed_topics_review.
 int64_t fm_bound_review(struct fm_bound_topics * bound);
-
-/// The publishers of all that are one topic of the table: their number, and what is wrong with the
-/// first of which something is. O(topics).
-struct fm_publishers fm_bound_publishers(const struct fm_bound_topics * bound, uint32_t topic);
 
 /// Unsubscribe from all. Returns false if the middleware may still call back: the engine must then
 /// live as long as the process.
@@ -329,8 +306,9 @@ bool fm_node_graph_begin(
 /// not counted. Returns when to call it next: CLOCK_MONOTONIC, INT64_MAX if there is nothing to
 /// look for. As fm_graph_review.
 int64_t fm_node_graph_review(
-  struct fm_node_graph * graph, uint32_t (* count_own)(const void * context, const char * topic),
-  const void * context);
+  struct fm_node_graph * graph,
+  uint32_t (* count_own)(const struct fm_session * session, const char * topic),
+  const struct fm_session * session);
 
 void fm_node_graph_end(struct fm_node_graph * graph);
 
@@ -422,6 +400,9 @@ void fm_detail_thread_join(struct fm_detail_thread * thread);
 
 // ---- the session -------------------------------------------------------------------------------
 
+/// What is advertised for each requirement.
+enum { FM_HANDLERS, FM_VERDICTS, FM_MARGINS, FM_OF_EACH };
+
 /// Zeroed: no session. The functions below make and end what it holds.
 struct fm_session
 {
@@ -433,9 +414,7 @@ struct fm_session
   enum fm_taking taking;              // what callbacks do: FM_LISTEN, FM_WAKE
   struct fm_memory configured;        // freed by fm_session_release
   struct fm_memory active;            // freed by fm_session_deactivate
-  rcl_publisher_t * handlers;         // a requirement
-  rcl_publisher_t * verdicts;         // a requirement; NULL: they are not published
-  rcl_publisher_t * margins;          // a requirement; NULL: they are not published
+  rcl_publisher_t * publishers[FM_OF_EACH];  // each a requirement; NULL: they are not published
   rcl_publisher_t details;
   struct fm_node_actions actions;
   struct fm_node_blackbox blackbox;
@@ -445,7 +424,6 @@ struct fm_session
   struct fm_engine * engine;
   struct fm_reporter reporter;
   const char ** topic_names;          // as resolved
-  const char ** shown_names;          // as reports name them, of the topics of inputs
   struct fm_announcer * announcer;
   struct fm_verdict_thread * verdict_thread;
   struct fm_detail_thread * detail_thread;
@@ -489,8 +467,9 @@ int64_t fm_session_note_change(struct fm_session * session);
 /// Returns when to call it again, on the steady clock. O(topics).
 int64_t fm_session_review(struct fm_session * session);
 
-/// Serve what a gate on a service has received.
-void fm_session_serve_requests(struct fm_session * session);
+/// Write the publishers of each topic: of all that are one topic of the table, and what is wrong
+/// with the first of which something is. O(topics).
+void fm_session_publishers(const struct fm_session * session, struct fm_publishers * topics);
 
 /// Threads of a session that are counted by fm_session_turns, at most.
 enum { FM_SESSION_THREADS = 4 };

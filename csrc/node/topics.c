@@ -51,7 +51,7 @@ static bool subscribe(
   intake->is_relayed = false;
   intake->subscription = rcl_get_zero_initialized_subscription();
   if (rcl_subscription_init(
-      &intake->subscription, &topic->node->node,
+      &intake->subscription, &topic->session->node->node,
       topic->in_place != NULL ? topic->in_place : topic->support(), topic->written,
       &options) == RCL_RET_OK)
   {
@@ -70,10 +70,10 @@ static bool receive(
   if (topic->gate != NULL ?
     fm_node_gate_take(
       topic->gate, &intake->subscription, request.is_durable, &intake->is_relayed) :
-    fm_receiver_start_keyed(
-      &intake->receiver, topic->engine, topic->middleware,
+    fm_receiver_start(
+      &intake->receiver, topic->session->engine, fm_node_middleware(),
       rcl_subscription_get_rmw_handle(&intake->subscription), topic->index,
-      topic->in_place != NULL ? FM_LISTEN_IN_PLACE : topic->taking,
+      topic->in_place != NULL ? FM_LISTEN_IN_PLACE : topic->session->taking,
       topic->key.size > 0 ? &topic->key : NULL))
   {
     return true;
@@ -102,7 +102,7 @@ static void retire(struct fm_mapped_topic * topic)
 static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake)
 {
   if (intake->receiver != NULL) {
-    fm_engine_drain(topic->engine);
+    fm_engine_drain(topic->session->engine);
   }
   if (!fm_receiver_stop(&intake->receiver) || (intake->is_relayed && !fm_relay_remove(
       topic->gate->relay, rcl_subscription_get_rmw_handle(&intake->subscription))))
@@ -111,7 +111,7 @@ static bool end_intake(struct fm_mapped_topic * topic, struct fm_intake * intake
   }
   intake->is_relayed = false;
   if (intake->subscription.impl != NULL) {
-    fm_ignore(rcl_subscription_fini(&intake->subscription, &topic->node->node));
+    fm_ignore(rcl_subscription_fini(&intake->subscription, &topic->session->node->node));
   }
   return true;
 }
@@ -122,10 +122,10 @@ static void begin(void * state, const struct fm_offer * offers, uint32_t n_offer
 }
 
 bool fm_topic_open(
-  struct fm_mapped_topic * topic, struct fm_node * node, const struct fm_node_table * table,
-  const char * name, const struct fm_fixed_qos * fixed, uint32_t index)
+  struct fm_mapped_topic * topic, struct fm_session * session, const char * name, uint32_t index)
 {
-  topic->node = node;
+  const struct fm_node_table * table = session->table;
+  topic->session = session;
   const bool is_more = index == table->report.n_topics;  // a gate's, which feeds no input
   const char * type = is_more ? table->gate->type : table->report.topics[index].type;
   topic->type = type;
@@ -134,40 +134,35 @@ bool fm_topic_open(
     topic->key.size > 0 ? name : table->report.topics[index].name;
   topic->index = index;
   topic->name = name;
-  const bool is_for_callbacks = topic->gate == NULL && topic->taking == FM_LISTEN;
+  const bool is_for_callbacks = topic->gate == NULL && session->taking == FM_LISTEN;
   topic->in_place = is_for_callbacks ? fm_in_place_type_of(topic->support()) : NULL;
   if (is_for_callbacks && topic->in_place == NULL && fm_why_copied()[0] == '\0') {
-    fm_log(node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, type);
+    fm_log(session->node, FM_INFO, FM_WORDS_COPIED FM_WORDS_NO_SUPPORT, name, type);
   }
   struct fm_text problem = {NULL, 0, 0};
-  topic->state = fm_subscription_create(topic->name, type, fixed);
+  topic->state = fm_subscription_create(topic->name, type, &session->fixed[index]);
   if (topic->state == NULL) {
     fm_text_add(&problem, "memory is short");
   } else if (topic->is_found) {
-    (void)fm_look_for_publishers(node, name, begin, topic->state);
+    (void)fm_look_for_publishers(session->node, name, begin, topic->state);
   }
   const bool is_done = topic->state != NULL &&
     subscribe(topic, fm_subscription_request(topic->state), &topic->current, &problem);
   if (!is_done) {
-    fm_log(node, FM_ERROR, "cannot subscribe to %s as %s: %s", topic->name, type,
+    fm_log(session->node, FM_ERROR, "cannot subscribe to %s as %s: %s", topic->name, type,
       fm_text_get(&problem));
   }
   fm_text_free(&problem);
   return is_done;
 }
 
-bool fm_topic_start(
-  struct fm_mapped_topic * topic, struct fm_engine * engine,
-  const struct fm_middleware * middleware)
+bool fm_topic_start(struct fm_mapped_topic * topic)
 {
-  topic->engine = engine;
-  topic->middleware = middleware;
   struct fm_text problem = {NULL, 0, 0};
   const bool is_done =
     receive(topic, &topic->current, fm_subscription_request(topic->state), &problem);
   if (!is_done) {
-    fm_log(
-      topic->node, FM_ERROR, "cannot take the messages on %s: %s", topic->name,
+    fm_log(topic->session->node, FM_ERROR, "cannot take the messages on %s: %s", topic->name,
       fm_text_get(&problem));
   }
   fm_text_free(&problem);
@@ -181,7 +176,7 @@ static void begin_handover(struct fm_mapped_topic * topic, bool has_history)
     *topic->n_handovers += 1u;
   }
   topic->hands_over = true;
-  fm_engine_begin_handover(topic->engine, topic->index, has_history);
+  fm_engine_begin_handover(topic->session->engine, topic->index, has_history);
 }
 
 static void end_handover(struct fm_mapped_topic * topic)
@@ -191,7 +186,7 @@ static void end_handover(struct fm_mapped_topic * topic)
   }
   topic->hands_over = false;
   if (topic->n_handovers == NULL || *topic->n_handovers == 0) {
-    fm_engine_end_handover(topic->engine, topic->index);
+    fm_engine_end_handover(topic->session->engine, topic->index);
   }
 }
 
@@ -271,25 +266,25 @@ static void follow(void * context, const struct fm_offer * offers, uint32_t n_of
   }
   fm_subscription_conclude(
     topic->state, is_good ? NULL : fm_text_get(&problem),
-    fm_engine_lost(topic->engine, topic->index), fm_steady_now(), &lines);
-  fm_log_lines(topic->node, &lines);
+    fm_engine_lost(topic->session->engine, topic->index), fm_steady_now(), &lines);
+  fm_log_lines(topic->session->node, &lines);
   fm_text_free(&problem);
 }
 
 void fm_topic_review(struct fm_mapped_topic * topic)
 {
-  topic->is_unread = !fm_look_for_publishers(topic->node, topic->name, follow, topic);
+  topic->is_unread = !fm_look_for_publishers(topic->session->node, topic->name, follow, topic);
 }
 
 bool fm_topic_is_settled(const struct fm_mapped_topic * topic)
 {
-  return !topic->is_unread && (topic->gate == NULL || fm_node_gate_is_settled(topic->gate)) &&
-         fm_subscription_is_settled(topic->state, fm_engine_lost(topic->engine, topic->index));
+  return !topic->is_unread &&
+         (topic->gate == NULL || fm_gate_target_is_settled(topic->gate->state)) &&
+         fm_subscription_is_settled(
+    topic->state, fm_engine_lost(topic->session->engine, topic->index));
 }
 
 // ---- topics with a variable in their names -----------------------------------------------------
-
-// ---- topics ------------------------------------------------------------------------------------
 
 static struct fm_bound_topic * add(struct fm_bound_topics * bound, const char * name)
 {
@@ -310,19 +305,17 @@ static bool open_topic(
   struct fm_bound_topics * bound, const char * name, uint32_t topic, struct fm_key key,
   bool is_found)
 {
-  const struct fm_bound_options * options = &bound->options;
+  struct fm_session * session = bound->session;
   struct fm_bound_topic * item = name == NULL ? NULL : add(bound, name);
   if (item == NULL) {
-    fm_log(options->node, FM_ERROR, "cannot subscribe to %s as %s: memory is short",
-      options->names[topic], options->table->report.topics[topic].type);
+    fm_log(session->node, FM_ERROR, "cannot subscribe to %s as %s: memory is short",
+      session->topic_names[topic], session->table->report.topics[topic].type);
     return false;
   }
-  item->mapped.taking = options->taking;
   item->mapped.key = key;
   item->mapped.is_found = is_found;
   item->mapped.n_handovers = &bound->n_handovers[topic];
-  return fm_topic_open(
-    &item->mapped, options->node, options->table, item->name, &options->fixed[topic], topic);
+  return fm_topic_open(&item->mapped, session, item->name, topic);
 }
 
 static void remove_at(struct fm_bound_topics * bound, uint32_t k)
@@ -341,70 +334,64 @@ static void remove_at(struct fm_bound_topics * bound, uint32_t k)
 
 static bool open_listed(struct fm_bound_topics * bound, uint32_t topic)
 {
-  const struct fm_report_topic * about = &bound->options.table->report.topics[topic];
-  const struct fm_node_topic * with = &bound->options.table->topics[topic];
+  const struct fm_report_topic * about = &bound->session->table->report.topics[topic];
+  const struct fm_node_topic * with = &bound->session->table->topics[topic];
   struct fm_memory memory = {NULL, false};
   bool is_good = true;
   for (uint32_t k = 0; is_good && k < with->n_listed; ++k) {
     const char * const key = (const char *)with->listed[k].bytes;
     const char * const name = fm_with_key(&memory, about->name, about->variable, key);
     is_good = open_topic(
-      bound, name == NULL ? NULL : fm_resolve(bound->options.node, &memory, name, false), topic,
+      bound, name == NULL ? NULL : fm_resolve(bound->session->node, &memory, name, false), topic,
       with->listed[k], false);
   }
   fm_memory_free(&memory);
   return is_good;
 }
 
-bool fm_bound_begin(struct fm_bound_topics * bound, const struct fm_bound_options * options)
-{
-  const struct fm_node_table * table = options->table;
-  bool is_good = true;
-  memset(bound, 0, sizeof(*bound));
-  bound->options = *options;
-  bound->n_handovers = calloc(table->report.n_topics + (size_t)1, sizeof(*bound->n_handovers));
-  for (uint32_t k = 0; is_good && bound->n_handovers != NULL && k < table->report.n_topics; ++k) {
-    is_good = open_listed(bound, k);
-  }
-  return is_good && bound->n_handovers != NULL;
-}
-
 // ---- found keys --------------------------------------------------------------------------------
 
 static bool make_watch(struct fm_bound_topics * bound)
 {
-  const struct fm_node_table * table = bound->options.table;
+  const struct fm_session * session = bound->session;
+  const struct fm_node_table * table = session->table;
   struct fm_keyed_pattern * patterns =
     calloc(table->report.n_topics + (size_t)1, sizeof(*patterns));
   uint32_t n = 0;
   for (uint32_t k = 0; patterns != NULL && k < table->report.n_topics; ++k) {
     const struct fm_report_topic * topic = &table->report.topics[k];
     if (topic->variable[0] != '\0' && table->topics[k].n_listed == 0) {
-      patterns[n++] = (struct fm_keyed_pattern) {k, bound->options.names[k], topic->type};
+      patterns[n++] = (struct fm_keyed_pattern) {k, session->topic_names[k], topic->type};
     }
   }
   if (n > 0) {
     bound->watch = fm_keyed_topics_create(
-      &fm_rmw_graph, rcl_node_get_rmw_handle(&bound->options.node->node), patterns, n);
+      &fm_rmw_graph, rcl_node_get_rmw_handle(&session->node->node), patterns, n);
   }
   const bool is_good = patterns != NULL && (n == 0 || bound->watch != NULL);
   free(patterns);
   if (!is_good) {
-    fm_log(bound->options.node, FM_ERROR, "cannot look at the graph of ROS: memory is short");
+    fm_log(session->node, FM_ERROR, "cannot look at the graph of ROS: memory is short");
   }
   return is_good;
 }
 
-bool fm_bound_start(struct fm_bound_topics * bound, struct fm_engine * engine)
+bool fm_bound_begin(struct fm_bound_topics * bound, struct fm_session * session)
 {
-  bound->engine = engine;
-  bound->has_changed = true;
-  for (uint32_t k = 0; k < bound->n; ++k) {
-    if (!fm_topic_start(&bound->items[k]->mapped, engine, fm_node_middleware())) {
-      return false;
-    }
+  const struct fm_report_table * table = &session->table->report;
+  if (table->n_kinds == 0) {
+    return true;
   }
-  return make_watch(bound);
+  *bound = (struct fm_bound_topics) {.session = session, .has_changed = true};
+  bound->n_handovers = calloc(table->n_topics + (size_t)1, sizeof(*bound->n_handovers));
+  bool is_good = bound->n_handovers != NULL;
+  for (uint32_t k = 0; is_good && k < table->n_topics; ++k) {
+    is_good = open_listed(bound, k);
+  }
+  for (uint32_t k = 0; is_good && k < bound->n; ++k) {
+    is_good = fm_topic_start(&bound->items[k]->mapped);
+  }
+  return is_good && make_watch(bound);
 }
 
 static void end_abandoned(struct fm_bound_topics * bound)
@@ -431,8 +418,8 @@ static void subscribe_found(struct fm_bound_topics * bound, int64_t now)
   while (fm_keyed_topics_take(bound->watch, now, &found)) {
     const uint32_t n = bound->n;
     const bool is_open =
-      open_topic(bound, found.name, found.topic, found.key, true) && fm_topic_start(
-      &bound->items[n]->mapped, bound->engine, fm_node_middleware());
+      open_topic(bound, found.name, found.topic, found.key, true) &&
+      fm_topic_start(&bound->items[n]->mapped);
     if (!is_open) {
       fm_keyed_topics_fail(bound->watch, &found, now);
     }
@@ -453,24 +440,9 @@ int64_t fm_bound_review(struct fm_bound_topics * bound)
   end_abandoned(bound);
   const int64_t now = fm_steady_now();
   fm_keyed_topics_review(bound->watch, now, has_changed, &lines);
-  fm_log_lines(bound->options.node, &lines);
+  fm_log_lines(bound->session->node, &lines);
   subscribe_found(bound, now);
   return fm_keyed_topics_next(bound->watch);
-}
-
-struct fm_publishers fm_bound_publishers(const struct fm_bound_topics * bound, uint32_t topic)
-{
-  struct fm_publishers all = {0, "", ""};
-  for (uint32_t k = 0; k < bound->n; ++k) {
-    const struct fm_mapped_topic * mapped = &bound->items[k]->mapped;
-    if (mapped->index == topic && mapped->state != NULL) {
-      const struct fm_publishers one = fm_subscription_publishers(mapped->state);
-      all.n += one.n;
-      all.unmatched = all.unmatched[0] == '\0' ? one.unmatched : all.unmatched;
-      all.other_types = all.other_types[0] == '\0' ? one.other_types : all.other_types;
-    }
-  }
-  return all;
 }
 
 bool fm_bound_end(struct fm_bound_topics * bound)

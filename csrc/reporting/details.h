@@ -36,7 +36,7 @@ FM_INTERNAL void fm_add_key(
 static inline const char * fm_comparison_of(
   const struct fm_report_table * table, uint32_t kind, int64_t number)
 {
-  return (kind == FM_BUNDLE ? table->comparisons : table->kinds[kind].comparisons)[number].text;
+  return (kind == FM_BUNDLE ? table->comparisons : table->kinds[kind].comparisons)[number];
 }
 
 // ---- details -----------------------------------------------------------------------------------

@@ -43,17 +43,15 @@ void fm_add_left_out(
   struct fm_lines * lines, const struct fm_tree_counts * before,
   const struct fm_tree_counts * now)
 {
-  if (before->loops == 0 && now->loops > 0) {
-    fm_lines_add(lines, FM_WARN, "links of /tf left out: %" PRIu64 " would close a loop",
-      now->loops);
-  }
-  if (before->unusable == 0 && now->unusable > 0) {
-    fm_lines_add(lines, FM_WARN, "links of /tf left out: %" PRIu64 " cannot be used as transforms",
-      now->unusable);
-  }
-  if (before->old == 0 && now->old > 0) {
-    fm_lines_add(lines, FM_WARN, "links of /tf left out: %" PRIu64 " came more than 10 s after a "
-      "newer one", now->old);
+  const struct {uint64_t before, now; const char * why;} kinds[] = {
+    {before->loops, now->loops, "would close a loop"},
+    {before->unusable, now->unusable, "cannot be used as transforms"},
+    {before->old, now->old, "came more than 10 s after a newer one"}};
+  for (size_t k = 0; k < sizeof(kinds) / sizeof(kinds[0]); ++k) {
+    if (kinds[k].before == 0 && kinds[k].now > 0) {
+      fm_lines_add(lines, FM_WARN, "links of /tf left out: %" PRIu64 " %s", kinds[k].now,
+        kinds[k].why);
+    }
   }
 }
 

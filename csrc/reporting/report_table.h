@@ -86,12 +86,6 @@ struct fm_report_requirement
   bool shows_verdict;     // in /diagnostics: it reports occurrences
 };
 
-/// A comparison that decides margins, as written; a struct fm_margin has its index.
-struct fm_report_comparison
-{
-  const char * text;
-};
-
 /// A set of requirements of which there is one for each key of an instance variable, or for each
 /// pair of keys of two (kinds.h).
 struct fm_report_kind
@@ -107,7 +101,7 @@ struct fm_report_kind
   uint32_t first_most;            // keys of `variable` at one time
   uint32_t second_most;
   bool has_base;                  // its instances are those of a kind before it
-  const struct fm_report_comparison * comparisons;
+  const char * const * comparisons;  // as of a table
 };
 
 /// A constant of the bundle, with the value that was compiled in, as written.
@@ -155,14 +149,13 @@ struct fm_report_table
   const struct fm_report_requirement * requirements;  // as an engine numbers them
   const struct fm_report_kind * kinds;
   const struct fm_constant * constants;
-  const struct fm_report_comparison * comparisons;
+  const char * const * comparisons;  // that decide margins (fm_margin.comparison), as written
   uint32_t n_inputs;
   uint32_t n_topics;         // of inputs
   uint32_t n_used;           // all of `topics`
   uint32_t n_requirements;
   uint32_t n_kinds;
   uint32_t n_constants;
-  uint32_t n_comparisons;
   uint32_t n_locks;
   uint32_t n_actions;
   bool is_one_of_several;    // the node has other bundles: names of topics need the bundle's

@@ -64,6 +64,23 @@ static void make_snapshot(struct fm_review * review, struct fm_snapshot * snapsh
   }
 }
 
+// The names of topics, as lines and statuses show them.
+static void make_names(struct fm_review * review)
+{
+  struct fm_memory * memory = &review->memory;
+  const char ** names = fm_reserve(memory, review->table->n_topics, sizeof(*names));
+  struct fm_text text = {NULL, 0, 0};
+  for (uint32_t k = 0; names != NULL && k < review->table->n_topics; ++k) {
+    const char * where = review->table->topics[k].where;
+    fm_text_clear(&text);
+    fm_text_add(
+      &text, "%s%s%s", review->reporter->topics[k], where[0] == '\0' ? "" : " where ", where);
+    names[k] = fm_reserve_text(memory, fm_text_get(&text));
+  }
+  fm_text_free(&text);
+  review->names = names;
+}
+
 static void make_logs(struct fm_review * review)
 {
   const struct fm_report_table * table = review->table;
@@ -96,12 +113,12 @@ struct fm_review * fm_review_create(
   }
   review->reporter = reporter;
   review->table = reporter->table;
-  review->names = reporter->topics;
   review->n_conditions = review->table->n_locks + (review->table->gate != NULL ? 1u : 0u);
   review->facts.now = review->created = review->time.began = facts->now;
   make_snapshot(review, &review->now);
   make_snapshot(review, &review->before);
   make_logs(review);
+  make_names(review);
   if (review->memory.is_short) {
     fm_review_destroy(review);
     return NULL;

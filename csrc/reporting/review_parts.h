@@ -73,8 +73,8 @@ struct fm_review
 {
   const struct fm_reporter * reporter;
   const struct fm_report_table * table;  // these two are the reporter's
-  const char * const * names;    // of topics
   struct fm_memory memory;       // of all that follows
+  const char * const * names;    // of topics, as they are shown
   struct fm_snapshot now;
   struct fm_snapshot before;     // that of the look before
   struct fm_facts facts;

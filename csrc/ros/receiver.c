@@ -222,13 +222,6 @@ static void free_receiver(struct fm_receiver * receiver)
   free(receiver);
 }
 
-bool fm_receiver_start(
-  struct fm_receiver ** started, struct fm_engine * engine,
-  const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking)
-{
-  return fm_receiver_start_keyed(started, engine, middleware, subscription, topic, taking, NULL);
-}
-
 static void copy_key(struct fm_receiver * receiver, const struct fm_key * key)
 {
   receiver->key.bytes = receiver->key_bytes;
@@ -236,7 +229,7 @@ static void copy_key(struct fm_receiver * receiver, const struct fm_key * key)
   memcpy(receiver->key_bytes, key->bytes, receiver->key.size);
 }
 
-bool fm_receiver_start_keyed(
+bool fm_receiver_start(
   struct fm_receiver ** started, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking,
   const struct fm_key * key)

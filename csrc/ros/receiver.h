@@ -46,18 +46,14 @@ FM_EXPORT uint32_t fm_receiver_taking(const char * middleware);
 /// takes) as those of a topic. Messages that are already queued are delivered first, at most 1000
 /// before this returns. The engine, the middleware and the
 /// subscription outlive the receiver. `taking`: enum fm_taking. False if the middleware has no
-/// new-message callback, or memory is short. `*receiver` as of fm_announcer_start.
+/// new-message callback, or memory is short. `*receiver` as of fm_announcer_start. `key`: of a
+/// topic with an instance variable in its name, all of whose messages are those of a key, which is
+/// copied; it has up to FM_MOST_KEY_BYTES bytes. NULL: no variable.
 ///
 /// The functions of this header may be called from any thread, but not from within the
 /// middleware's callback. For one receiver, only fm_receiver_retire may run at the same time as
 /// another of them. Each message that is delivered costs what fm_engine_message does.
 FM_EXPORT bool fm_receiver_start(
-  struct fm_receiver ** receiver, struct fm_engine * engine,
-  const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking);
-
-/// The same, of a topic with an instance variable in its name: all messages are those of a key,
-/// which is copied; it has up to FM_MOST_KEY_BYTES bytes.
-FM_EXPORT bool fm_receiver_start_keyed(
   struct fm_receiver ** receiver, struct fm_engine * engine,
   const struct fm_middleware * middleware, void * subscription, uint32_t topic, uint32_t taking,
   const struct fm_key * key);

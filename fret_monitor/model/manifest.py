@@ -181,11 +181,6 @@ class ManifestTopic:
     made: Made | None = None
     where: str = ''
 
-    @property
-    def selects(self) -> str:
-        """What is shown behind its name, of a topic of which some messages are selected."""
-        return f' where {self.where}' if self.where else ''
-
 
 @dataclass(frozen=True)
 class ManifestGroup:

@@ -112,7 +112,6 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
             _kind(manifest, place) for place, _ in enumerate(manifest.kinds))),
         'constants': _structs('fm_constant', (
             {'name': name, 'value': value} for name, value in manifest.constants)),
-        'comparisons': _comparisons(manifest),
     }
     return Members({
         'bundle': bundle or manifest.name, 'component': manifest.component,
@@ -125,7 +124,7 @@ def report_table(manifest: Manifest, bundle: str = '', *, policy: Policy | None 
                 ((_variable(manifest, item), item.where) for item in manifest.topics),
                 repeat(('', '')))))),
         'n_topics': len(manifest.topics), 'n_used': len([*used_topics(manifest)]),
-        'topic_inputs': fed_inputs(manifest),
+        'topic_inputs': fed_inputs(manifest), 'comparisons': _comparisons(manifest),
         'follows': _structs('fm_follows', (
             _listed('on_violation', violation) | _listed('on_end', end)
             for violation, end in followed(manifest))),
@@ -156,7 +155,7 @@ def _kind(manifest: Manifest, place: int) -> dict[str, Value]:
 
 
 def _comparisons(manifest: Manifest) -> Elements:
-    return _structs('fm_report_comparison', ({'text': item.text} for item in manifest.comparisons))
+    return Elements('char * const', tuple(item.text for item in manifest.comparisons))
 
 
 def _variable(manifest: Manifest, topic: ManifestTopic) -> str:

@@ -270,7 +270,7 @@ static struct fm_engine * make(uint32_t policy, int64_t timeout)
   fm_engine_follow_steady(engine);
   for (uint32_t topic = 0; topic < N_TOPICS; ++topic) {
     CHECK(fm_receiver_start(
-        &receivers[topic], engine, &middleware, &subscriptions[topic], topic, taking));
+        &receivers[topic], engine, &middleware, &subscriptions[topic], topic, taking, NULL));
   }
   woken = taking == FM_WAKE ? engine : NULL;
   if (begins) {

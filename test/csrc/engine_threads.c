@@ -300,7 +300,7 @@ static struct fm_receiver * renew(
   fm_receiver_retire(before);
   put(topic, place, fresh);
   struct fm_receiver * receiver = NULL;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, fresh, t, FM_LISTEN));
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, fresh, t, FM_LISTEN, NULL));
   for (int k = 0; k < 20; ++k) {
     pause_a_little();
     fm_engine_drain(engine);
@@ -408,7 +408,7 @@ int main(void)
     topics[t].subscriptions[0] = make_subscription();
     CHECK(
       fm_receiver_start(
-        &receivers[t], engine, &middleware, topics[t].subscriptions[0], t, FM_LISTEN));
+        &receivers[t], engine, &middleware, topics[t].subscriptions[0], t, FM_LISTEN, NULL));
   }
   pthread_t senders[N_SENDERS];
   pthread_t details;

@@ -128,7 +128,7 @@ static void a_callback_takes_a_bounded_number_and_nothing_is_left(void)
   struct subscription subscription = {{NULL, NULL, false}, 0, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN, NULL));
   send(&subscription, 2500);
   const uint64_t most = received(engine);
   CHECK(most == 1000);
@@ -153,7 +153,7 @@ static void a_drain_delivers_all_that_waits(void)
   struct subscription subscription = {{NULL, NULL, false}, 2500, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN, NULL));
   CHECK(received(engine) == 1000);
   fm_engine_drain(engine);
   CHECK(received(engine) == 2500);
@@ -168,7 +168,7 @@ static void a_message_that_comes_during_a_drain_is_taken_by_it(void)
   struct subscription subscription = {{NULL, NULL, false}, 1, 0, 2, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN, NULL));
   CHECK(received(engine) == 3);
   subscription.late = 1;
   fm_engine_drain(engine);
@@ -185,7 +185,7 @@ static void a_callback_that_is_not_forgotten_does_no_harm(void)
   struct subscription subscription = {{NULL, NULL, true}, 0, 0, 0, 0};
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN));
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_LISTEN, NULL));
   send(&subscription, 1);
   CHECK(!fm_receiver_stop(&receiver));
   send(&subscription, 1);
@@ -203,7 +203,7 @@ static void a_callback_that_only_wakes_leaves_its_messages_to_the_thread_that_ca
   struct fm_engine * engine = make_engine();
   struct fm_receiver * receiver = NULL;
   struct fm_violation none;
-  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_WAKE));
+  CHECK(fm_receiver_start(&receiver, engine, &middleware, &subscription, 0, FM_WAKE, NULL));
   CHECK(received(engine) == 2);
   for (uint64_t k = 0; k < 3; ++k) {
     send(&subscription, 1);
@@ -229,7 +229,7 @@ static void what_the_middleware_drops_is_undecodable_and_not_lost(uint32_t takin
   struct fm_violation none;
   drops.has_error = has_error_of_drop;
   drops.forget_error = forget_error_of_drop;
-  CHECK(fm_receiver_start(&receiver, engine, &drops, &subscription, 0, taking));
+  CHECK(fm_receiver_start(&receiver, engine, &drops, &subscription, 0, taking, NULL));
   for (uint64_t k = 1; k < 4; ++k) {
     subscription.garbled = 2;
     send(&subscription, 2);
@@ -256,8 +256,8 @@ static void a_middleware_without_a_callback_is_refused(void)
   struct fm_middleware without = middleware;
   struct fm_receiver * receiver = NULL;
   without.listen = refuse;
-  CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_WAKE));
-  CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_LISTEN));
+  CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_WAKE, NULL));
+  CHECK(!fm_receiver_start(&receiver, engine, &without, &subscription, 0, FM_LISTEN, NULL));
   CHECK(receiver == NULL);
   fm_engine_destroy(engine);
   free(memory);

@@ -565,7 +565,7 @@ static void a_message_is_judged_after_what_was_received_before_it(void)
   static struct subscription level;
   make_subscription(&flag, 126);  // 127 is true, 128 is false
   make_subscription(&level, 0);
-  CHECK(fm_receiver_start(&receiver, bench.engine, &middleware, &flag, FLAG, FM_LISTEN));
+  CHECK(fm_receiver_start(&receiver, bench.engine, &middleware, &flag, FLAG, FM_LISTEN, NULL));
   CHECK(fm_relay_add(bench.relay, &level));
   send(&flag, 1);
   send(&level, 1);

@@ -53,8 +53,9 @@ LENGTHS = {'topics': 'n_used', 'topic_inputs': 'n_topics', 'follows': 'n_require
 
 
 def plain(found: Any) -> Any:
-    """Return a struct of C as a dictionary, without addresses."""
-    return {name: member(found, name, kind.type) for name, kind in ffi.typeof(found).fields}
+    """Return a struct of C as a dictionary, without addresses, and without what has no length."""
+    return {name: member(found, name, kind.type) for name, kind in ffi.typeof(found).fields
+            if name != 'comparisons'}
 
 
 def member(owner: Any, name: str, kind: Any) -> Any:

@@ -188,8 +188,8 @@ requirements:
     for name in ('alpha', 'beta'):
         keyed.send(0, {'header': {'frame_id': name}, 'position': [1.0]}, 1.1)
     assert keyed.lines() == [
-        'WARN /robot/joints: position[1] cannot be read (the array has 1 element); input '
-        "'x' of robot alpha keeps its value, if it has one"]
+        'WARN /robot/joints where header.frame_id = {robot}: position[1] cannot be read (the '
+        "array has 1 element); input 'x' of robot alpha keeps its value, if it has one"]
     keyed.send(0, {'header': {'frame_id': 'beta'}, 'position': [1.0]}, 1.2)
     assert keyed.lines() == []
 

@@ -27,18 +27,18 @@ from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.model.policies import Otherwise
 from fret_monitor.native.binding import ffi
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.intake.feed import offer_of, publishers_on
+from fret_monitor.ros.intake.feed import offers_on
 from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
 from fret_monitor.runtime.gate_target import GateTarget, TargetDecision
 from fret_monitor.runtime.reporting import GateFacts
+from fret_monitor.runtime.subscription import Offer
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 class Relay(native_lifetimes.NativeThread):
@@ -158,9 +158,9 @@ class Relay(native_lifetimes.NativeThread):
             self._next = None
 
     def look_for_others(self) -> None:
-        found = publishers_on(self._node, self._gate.target)
+        found = offers_on(self._node, self._gate.target)
         if found is not None:
-            self._target.look([*map(offer_of, found)])
+            self._target.look(found)
             self._others = self._target.others
 
     def add(self, subscription: RclSubscription) -> None:
@@ -205,14 +205,14 @@ class RelayedTopic(EngineTopic):
         self._receiver = RelayReceiver(self._relay, subscription)
         return self._receiver
 
-    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
+    def review(self, publishers: Sequence[Offer]) -> None:
         """Offer what the publishers of the source offer; look for others on the target."""
         self._relay.review()
         if self._receiver is not None:
             self._receiver.start()
         self._relay.look_for_others()
         if publishers:
-            self._relay.follow(is_durable=any(offer_of(item).is_durable for item in publishers))
+            self._relay.follow(is_durable=any(item.is_durable for item in publishers))
 
     @property
     def is_settled(self) -> bool:

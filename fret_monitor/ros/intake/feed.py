@@ -62,7 +62,7 @@ class Topic(Protocol):
     def open(self, subscription: RclSubscription) -> Receiver:
         """Start taking the messages of a subscription; raises `Unavailable`."""
 
-    def review(self, publishers: Sequence[TopicEndpointInfo]) -> None:
+    def review(self, publishers: Sequence[Offer]) -> None:
         """Follow its publishers, which are of its type; does nothing unless it is overridden."""
         return
 
@@ -157,7 +157,7 @@ class Feed:
     def abandoned(self) -> list[Topic]:
         """Return the topics that have had no publisher for long; for the feed's thread."""
         now = monotonic_ns()
-        return [item.topic for item in self._topics if item.is_abandoned(now)]
+        return [item.topic for item in self._topics if item.state.is_abandoned(now)]
 
     def watch(self, graph: GraphWatch) -> None:
         """Look at the graph, too; to be called before `start`."""
@@ -282,24 +282,16 @@ class _Subscribed:
         self._message_class = message_class
         self._node = node
         self.name = name
+        self.full_name: str = node.resolve_topic_name(name)
         self._message_type = message_type
         self.publishers = TopicFacts()
         self._is_unread = False  # the middleware did not tell the publishers
-        self._state = SubscriptionState(
-            library, node.resolve_topic_name(name), message_type, fixed)
+        self.state = SubscriptionState(library, self.full_name, message_type, fixed)
         self._retired: deque[tuple[RclSubscription, Receiver | None]] = deque()
         if is_found:
-            self._state.begin([*map(offer_of, publishers_on(node, name) or ())], monotonic_ns())
-        self._current = self._subscribe(self._state.request)
+            self.state.begin(offers_on(node, name) or (), monotonic_ns())
+        self._current = self._subscribe(self.state.request)
         self._receiver: Receiver | None = None
-
-    def is_abandoned(self, now: int) -> bool:
-        return self._state.is_abandoned(now)
-
-    @property
-    def full_name(self) -> str:
-        """The name of the topic as the node resolves it."""
-        return self._node.resolve_topic_name(self.name)
 
     @property
     def subscriptions(self) -> int:
@@ -322,27 +314,27 @@ class _Subscribed:
                 receiver.stop()
 
     def review(self) -> None:
-        found = publishers_on(self._node, self.name)
+        found = offers_on(self._node, self.name)
         self._is_unread = found is None
         if found is None:
             return
-        decision = self._state.decide([offer_of(item) for item in found],
-                                      self._current.handle.get_publisher_count(), monotonic_ns())
+        decision = self.state.decide(
+            found, self._current.handle.get_publisher_count(), monotonic_ns())
         for _ in range(decision.n_ended):
             self._destroy(*self._retired.popleft())
         if decision.ends_handover:
             self.topic.end_handover()
         problem = None if decision.request is None else self._try_to_replace(decision.request)
-        self.topic.review([item for item in found if item.topic_type == self._message_type])
+        self.topic.review([item for item in found if item.message_type == self._message_type])
         log_lines(self._node.get_logger(),
-                  self._state.conclude(problem, self.topic.lost, monotonic_ns()))
-        self.publishers = self._state.publishers
+                  self.state.conclude(problem, self.topic.lost, monotonic_ns()))
+        self.publishers = self.state.publishers
 
     @property
     def is_settled(self) -> bool:
         """Whether the next review can wait until the graph changes."""
         return not self._is_unread and self.topic.is_settled \
-            and self._state.is_settled(self.topic.lost)
+            and self.state.is_settled(self.topic.lost)
 
     def _try_to_replace(self, request: Request) -> str | None:
         """Replace the subscription; return the problem if that fails: the one before stays."""
@@ -368,10 +360,10 @@ class _Subscribed:
         return RclSubscription(self._node, self._message_class, self.name, profile_of(request))
 
 
-def publishers_on(node: Node, name: str) -> list[TopicEndpointInfo] | None:
+def offers_on(node: Node, name: str) -> list[Offer] | None:
     """Return the publishers on a topic; None if the middleware does not tell them this time."""
     try:
-        return list(node.get_publishers_info_by_topic(name))
+        return [*map(offer_of, node.get_publishers_info_by_topic(name))]
     except _rclpy.RCLError:
         return None
 

@@ -45,7 +45,10 @@ class GraphSources:
         self._engine = engine  # outlives the watch
         self._functions = middleware.graph_functions()
         self._services = middleware.service_functions()
-        self._names = [_full_name(node, made.kind, made.names[0]) for made in watched.values()]
+        self._names = [
+            node.resolve_topic_name(made.names[0])
+            if made.kind in (MadeKind.PUBLISHERS, MadeKind.SUBSCRIBERS)
+            else node_name(node, made.names[0]) for made in watched.values()]
         self._counted = [made.kind is MadeKind.SUBSCRIBERS for made in watched.values()]
         self._texts = [(ffi.new('char[]', name.encode()), ffi.new('char[]', (
             made.names[1] if made.kind is MadeKind.PARAMETER else '').encode()))
@@ -97,12 +100,6 @@ class GraphSources:
                 self._pointer, now, has_changed, ffi.new('uint32_t[]', [*own, 0]))
         self.knows_change = self._library.fm_graph_knows_change(self._pointer)
         return max(0.0, (self._next - now) / 1e9)
-
-
-def _full_name(node: Node, kind: MadeKind, name: str) -> str:
-    if kind in (MadeKind.PUBLISHERS, MadeKind.SUBSCRIBERS):
-        return node.resolve_topic_name(name)
-    return node_name(node, name)
 
 
 def node_name(node: Node, name: str) -> str:

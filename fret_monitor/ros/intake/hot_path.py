@@ -183,27 +183,18 @@ class EngineReceiver:
             undo.callback(self.stop)  # also if a signal interrupts what follows
             self._held.enter_context(subscription.handle)
             native_lifetimes.keep(self)
-            if not self._start(key, self._place, engine.pointer, middleware.functions,
-                               middleware.handle(subscription), topic,
-                               middleware.taking(subscription)):
+            text = ffi.new('uint8_t[]', key or b'')
+            if not self._library.fm_receiver_start(
+                    self._place, engine.pointer, middleware.functions,
+                    middleware.handle(subscription), topic, middleware.taking(subscription),
+                    ffi.NULL if key is None else ffi.new('struct fm_key *', (text, len(key)))):
                 raise Unavailable('the middleware has no callback for new messages')
             undo.pop_all()
 
-    def _start(self, key: bytes | None, *arguments: Any) -> bool:
-        if key is None:
-            return bool(self._library.fm_receiver_start(*arguments))
-        text = ffi.new('uint8_t[]', key)
-        return bool(self._library.fm_receiver_start_keyed(
-            *arguments, ffi.new('struct fm_key *', (text, len(key)))))
-
-    @property
-    def _pointer(self) -> Any:
-        return ffi.NULL if self._is_leaked else self._place[0]
-
     def retire(self) -> None:
         with self._lock:
-            if self._pointer != ffi.NULL:
-                self._library.fm_receiver_retire(self._pointer)
+            if not self._is_leaked and self._place[0] != ffi.NULL:
+                self._library.fm_receiver_retire(self._place[0])
 
     def end(self) -> None:
         with self._lock:

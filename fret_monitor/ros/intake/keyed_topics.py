@@ -97,7 +97,7 @@ class KeyedTopics:
         try:
             self._subscribe(self._topics[found.topic], topic, name.decode())
         except Refusal as error:  # another attempt follows
-            self._node.get_logger().error(str(error).removeprefix('error: '))
+            self._node.get_logger().error('\n'.join(error.problems))
             self._library.fm_keyed_topics_fail(self._pointer, found, now)
         else:
             self._bound[topic] = name.decode()

@@ -283,8 +283,7 @@ class BundleSession:
         self._actions.start(engine, middleware)
         self.reporter = Reporter(
             engine, self._table, self._node.get_fully_qualified_name(),
-            [full_name(self._node, self.manifest, item) + item.selects
-             for item in self.manifest.topics])
+            [full_name(self._node, self.manifest, item) for item in self.manifest.topics])
         details = DetailPublisher(
             self.reporter, self._details,
             self._node.get_logger() if self._settings.log_violations else None)

@@ -143,12 +143,13 @@ class MonitorNode(ClockNode, LifecycleNode):
         self._failure = attempt.error
         if attempt.error is None:
             return None
-        is_refusal = isinstance(attempt.error, Refusal)
-        if not self._is_starting:
-            reason = (str(attempt.error) if is_refusal
-                      else ''.join(traceback.format_exception(attempt.error)))
-            self.get_logger().error(f'{reason.rstrip()}\n{words.INACTIVE}')
-        return TransitionCallbackReturn.FAILURE if is_refusal else TransitionCallbackReturn.ERROR
+        reasons, answer = (
+            (attempt.error.problems, TransitionCallbackReturn.FAILURE)
+            if isinstance(attempt.error, Refusal) else
+            ([''.join(traceback.format_exception(attempt.error))], TransitionCallbackReturn.ERROR))
+        for line in () if self._is_starting else (*reasons, words.INACTIVE):
+            self.get_logger().error(line.rstrip())
+        return answer
 
     def _configure(self) -> None:
         with self._declared.warning_of_ignored():

@@ -23,11 +23,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fret_monitor.model.names import DETAILS_TOPIC, HANDLER_PREFIX, HANDLER_TOPIC
-from fret_monitor.ros.intake.feed import publishers_on
+from fret_monitor.ros.intake.feed import offers_on
 from fret_monitor.ros.intake.rcl_endpoint import UNNAMED
+from fret_monitor.runtime.subscription import Offer
 
 from rclpy.node import Node, NodeNameNonExistentError
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 @dataclass(frozen=True)
@@ -55,17 +55,17 @@ class Announced:
 
         A monitor that is seen for the first time counts as configured.
         """
-        publishers = publishers_on(self._node, DETAILS_TOPIC) or ()
-        gids = {bytes(item.endpoint_gid) for item in publishers}
-        if gids <= self._known or any(item.node_name == UNNAMED for item in publishers):
+        publishers = offers_on(self._node, DETAILS_TOPIC) or ()
+        gids = {item.gid for item in publishers}
+        if gids <= self._known or any(item.node == UNNAMED for item in publishers):
             return None
         try:
-            handlers = {_full_name(item): self._handlers(item.node_name, item.node_namespace)
+            handlers = {_full_name(item): self._handlers(item.node, item.namespace)
                         for item in publishers}
         except NodeNameNonExistentError:  # it has ended
             return None
         configured = frozenset(_full_name(item) for item in publishers
-                               if bytes(item.endpoint_gid) not in self._known)
+                               if item.gid not in self._known)
         self._known = gids
         return News(configured, handlers)
 
@@ -76,5 +76,5 @@ class Announced:
                          if topic.startswith(prefix) and 'std_msgs/msg/Empty' in types)
 
 
-def _full_name(publisher: TopicEndpointInfo) -> str:
-    return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+def _full_name(publisher: Offer) -> str:
+    return f'{publisher.namespace.rstrip("/")}/{publisher.node}'

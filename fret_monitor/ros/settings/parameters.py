@@ -119,7 +119,8 @@ class Refusal(Exception):
     """Reasons not to start, in words for the user."""
 
     def __init__(self, *problems: str, heading: str = 'error: ') -> None:
-        """Take one problem or more; the heading precedes each of them."""
+        """Take one problem or more; the heading precedes each of them in the text."""
+        self.problems = problems
         super().__init__('\n'.join(heading + problem for problem in problems))
 
 
