@@ -351,7 +351,11 @@ static int begin_parameters(struct fm_monitor_node * monitor)
   struct fm_text problems = {NULL, 0, 0};
   fm_parameters_begin(&monitor->parameters, &monitor->node, monitor->tables, &problems);
   if (problems.length > 0) {
-    fprintf(stderr, "error: %s\n", fm_text_get(&problems));
+    const char * line = strtok(problems.bytes, "\n");
+    while (line != NULL) {
+      fprintf(stderr, "error: %s\n", line);
+      line = strtok(NULL, "\n");
+    }
     fm_text_free(&problems);
     return 1;
   }

@@ -74,6 +74,17 @@ def test_an_override_beats_the_bundle_and_leaves_other_topics_alone() -> None:
     assert overrides.apply('/z', {}) == {'reliability': 'best_available', 'depth': 100, **others}
 
 
+@pytest.mark.parametrize(('topic', 'nearest'), [
+    ('/wind/sped', '/wind/speed'), ('/wind/speedss', '/wind/speeds'), ('/wind', ''),
+    ('/wnid/speed', '/wind/speed'), ('/wind/direct', '/wind/direction'), ('/xy', '/xx'),
+    ('/yz', '')])
+def test_the_topic_whose_spelling_is_nearest_is_suggested(topic: str, nearest: str) -> None:
+    line, = Overrides(load_evaluator(evaluator_library()), {
+        f'qos_overrides.{topic}.subscription.depth': 1}).unused(
+            ['/wind/direction', '/wind/speed', '/wind/speeds', '/xx'])
+    assert line.text.partition('; ')[2] == (nearest and f"did you mean '{nearest}'?")
+
+
 BUNDLE = """
 format: 1
 inputs:
@@ -140,7 +151,7 @@ SHOWN = {
 }
 POLICIES = {'reliability': '; best_available: as its publishers offer',
             'durability': '; best_available: as its publishers offer', 'history': '', 'depth': ''}
-_LINE = re.compile(r"(?:error: |\[WARN\] \[[0-9.]+\] \[\w+\]: |^)"
+_LINE = re.compile(r"(?:^error: |\[WARN\] \[[0-9.]+\] \[\w+\]: )"
                    r"((?:ignored )?parameter 'qos_overrides\..*)", re.MULTILINE)
 
 
