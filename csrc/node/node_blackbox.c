@@ -34,16 +34,21 @@ static const char * whole_path(struct fm_memory * memory, const char * folder)
   char here[PATH_MAX] = "";
   struct fm_text path = {NULL, 0, 0};
   if (is_at_home && home != NULL) {
-    fm_text_add(&path, "%s%s", home, folder + 1);
+    fm_text_add(&path, "%s", home);
+    folder += 1;
   } else if (folder[0] != '/' && getcwd(here, sizeof(here)) == NULL) {
     return NULL;
   } else {
-    fm_text_add(&path, "%s%s%s", here, here[0] == '\0' ? "" : "/", folder);
+    fm_text_add(&path, "%s", here);
   }
-  while (path.length > 1 && path.bytes[path.length - 1] == '/') {
-    path.bytes[--path.length] = '\0';
+  while (*folder != '\0') {  // without parts that are empty or '.'
+    const size_t size = strcspn(folder, "/");
+    if (size > 0 && (size != 1 || folder[0] != '.')) {
+      fm_text_add(&path, "/%.*s", (int)size, folder);
+    }
+    folder += size + (folder[size] == '/' ? 1u : 0u);
   }
-  const char * const whole = fm_reserve_text(memory, fm_text_get(&path));
+  const char * const whole = fm_reserve_text(memory, path.length == 0 ? "/" : fm_text_get(&path));
   fm_text_free(&path);
   return whole;
 }

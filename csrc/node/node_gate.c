@@ -85,6 +85,14 @@ static bool has_server(const struct fm_service_gate * gate)
 
 // ---- requests ----------------------------------------------------------------------------------
 
+static void log_refused(struct fm_service_gate * gate, const char * what)
+{
+  if (fm_passes(&gate->next_line, fm_steady_now(), LOGGED_NS)) {
+    fm_log(gate->node, FM_ERROR, "gate '%s': a request cannot be %s; it is refused",
+      gate->table->report.gate->name, what);
+  }
+}
+
 // The event of a request, serialized; the caller ends `bytes`.
 static bool serialize_event(struct fm_service_gate * gate, rmw_serialized_message_t * bytes)
 {
@@ -114,10 +122,8 @@ static bool passes(struct fm_service_gate * gate)
     serialize_event(gate, &bytes);
   const bool is_passed = is_serialized && fm_engine_judge(
     gate->engine, bytes.buffer, bytes.buffer_length, &origin, &due) == FM_PASSED;
-  if (!is_serialized && fm_passes(&gate->next_line, fm_steady_now(), LOGGED_NS)) {
-    fm_log(
-      gate->node, FM_ERROR, "gate '%s': a request cannot be serialized; it is refused",
-      gate->table->report.gate->name);
+  if (!is_serialized) {
+    log_refused(gate, "serialized");
   }
   if (bytes.buffer != NULL) {
     fm_ignore(rmw_serialized_message_fini(&bytes));
@@ -131,6 +137,7 @@ static bool forward(struct fm_service_gate * gate, const rmw_request_id_t * id)
   struct fm_pending * pending =
     realloc(gate->pending, (gate->n_pending + 1u) * sizeof(*pending));
   if (pending == NULL) {
+    log_refused(gate, "kept");
     return false;
   }
   gate->pending = pending;
@@ -451,7 +458,7 @@ struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate)
 {
   if (is_on_service(gate)) {
     return (struct fm_gate_facts) {
-      has_other_service(&gate->service) ? "another server" : "", gate->source,
+      has_other_service(&gate->service) ? FM_WORDS_OTHER_SERVER : "", gate->source,
       gate->service.unanswered};
   }
   return (struct fm_gate_facts) {

@@ -19,7 +19,6 @@ C decides with which durability, when the publisher is replaced, and who else pu
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import monotonic_ns
 from typing import Any
 
@@ -28,22 +27,12 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.subscription import c_offers, Offer
 
 
-@dataclass(frozen=True)
-class TargetDecision:
-    """
-    What is to be done with the next publisher, the one that is not used yet.
-
-    `drops_next`: close it. `advertises`: then make one, with a durability and a depth.
-    """
-
-    drops_next: bool
-    advertises: bool
-    is_durable: bool
-    depth: int
-
-
 class GateTarget:
-    """The state of a gate's publisher. Not thread-safe; times are in nanoseconds."""
+    """
+    The state of a gate's publisher. Not thread-safe; times are in nanoseconds.
+
+    Decisions are those of C: a `struct fm_target_decision`.
+    """
 
     def __init__(self, library: Any, node: str, depth: int) -> None:
         """
@@ -58,18 +47,18 @@ class GateTarget:
             raise LibraryError('memory is short')
 
     @property
-    def first(self) -> TargetDecision:
+    def first(self) -> Any:
         """What the first publisher offers."""
-        return _decision(self._library.fm_gate_target_first(self._pointer))
+        return self._library.fm_gate_target_first(self._pointer)
 
     def note(self, gid: bytes) -> None:
         """Note the identity of a publisher that the node has made."""
         self._library.fm_gate_target_note(self._pointer, gid)
 
-    def follow(self, *, is_durable: bool, now: int | None = None) -> TargetDecision:
+    def follow(self, *, is_durable: bool, now: int | None = None) -> Any:
         """Decide how to publish with a durability from now on."""
-        return _decision(self._library.fm_gate_target_follow(
-            self._pointer, is_durable, monotonic_ns() if now is None else now))
+        return self._library.fm_gate_target_follow(
+            self._pointer, is_durable, monotonic_ns() if now is None else now)
 
     def fail(self) -> None:
         """Note that the next publisher could not be made."""
@@ -100,7 +89,3 @@ class GateTarget:
     def is_settled(self) -> bool:
         """Whether the next look can wait until the graph changes."""
         return bool(self._library.fm_gate_target_is_settled(self._pointer))
-
-
-def _decision(found: Any) -> TargetDecision:
-    return TargetDecision(found.drops_next, found.advertises, found.is_durable, found.depth)

@@ -32,7 +32,7 @@ from fret_monitor.ros.intake.hot_path import EngineTopic, Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher, RclSubscription
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.runtime.engine import Engine
-from fret_monitor.runtime.gate_target import GateTarget, TargetDecision
+from fret_monitor.runtime.gate_target import GateTarget
 from fret_monitor.runtime.reporting import GateFacts
 from fret_monitor.runtime.subscription import Offer
 
@@ -85,7 +85,7 @@ class Relay(native_lifetimes.NativeThread):
             'stamp_at': -1 if gate.stamp_at is None else gate.stamp_at,
         })
 
-    def _advertise(self, wanted: TargetDecision) -> RclPublisher:
+    def _advertise(self, wanted: Any) -> RclPublisher:
         publisher = RclPublisher(self._node, self._message_class, self._gate.target, QoSProfile(
             depth=wanted.depth, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if wanted.is_durable
