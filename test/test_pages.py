@@ -47,7 +47,6 @@ from fret_monitor.native.binding import ffi
 from fret_monitor.program.cost import step_cost
 from fret_monitor.program.layout import lay_out
 from fret_monitor.program.lower import lower
-from fret_monitor.runtime.reporting import LOGGED_PER_S
 from fret_monitor.runtime.subscription import LOOK_AGAIN_S, LOOKS_AT_ONCE
 import pytest
 from tools.pictures.__main__ import PICTURES
@@ -530,7 +529,8 @@ LIMITS: list[tuple[str, str, float | str]] = [
     ('design.md', r'looks for all publishers every (\d+) seconds', LOOK_AGAIN_S),
     ('ros_interface.md', r'at most (\d+) a second get them',
      ffi.integer_const('FM_MOST_DETAILS_PER_S')),
-    ('ros_interface.md', r'\((\d+) without a subscriber\)', LOGGED_PER_S),
+    ('ros_interface.md', r'\((\d+) without a subscriber\)',
+     ffi.integer_const('FM_LOGGED_PER_S')),
     ('operations.md', r'with a lease of (\d+) s', ffi.integer_const('FM_SIGN_LEASE_S')),
     ('bundle.md', r'default: (\d+), or the `timeout`',
      'fret_monitor/elaboration/signals.py:_USUAL_STARTUP_S'),

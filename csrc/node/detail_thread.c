@@ -18,77 +18,36 @@
 
 #include "session.h"
 
-#include <pthread.h>
 #include <stdlib.h>
 
-#include "details.h"
-#include "endpoints.h"
-#include "violation_log.h"
-
-#define WAIT_MS 200u     // longest wait for a detail; closing the engine ends it at once
+#include "reports.h"
+#include "rmw_functions.h"
+#include "thread.h"
 
 struct fm_detail_thread
 {
   const struct fm_node * node;
-  const struct fm_reporter * reporter;
-  const rcl_publisher_t * publisher;
-  struct fm_violation_log * log;  // NULL: violations are not logged
-  struct fm_detail * detail;
-  struct fm_lines lines;
+  struct fm_detail_publisher * details;
   pthread_t thread;
   uint64_t turns;  // atomic
 };
 
-static void publish(const struct fm_detail_thread * thread)
-{
-  struct fm_statuses list = {NULL, 0, 0};
-  fm_add_detail(&list, thread->reporter, thread->detail);
-  fm_publish_statuses(thread->publisher, &list, thread->detail->violation.stamp);
-  fm_statuses_free(&list);
-}
-
-static void pass_on(struct fm_detail_thread * thread)
-{
-  if (fm_listeners(thread->publisher) > 0) {
-    publish(thread);
-  }
-  if (thread->log != NULL) {
-    fm_violation_log_add(thread->log, thread->detail, fm_steady_now(), &thread->lines);
-    fm_log_lines(thread->node, &thread->lines);
-  }
-}
-
 static void * run(void * argument)
 {
   struct fm_detail_thread * thread = argument;
-  while (!fm_engine_is_closed(thread->reporter->engine)) {
-    const bool is_heard = fm_listeners(thread->publisher) > 0;
+  struct fm_lines lines = {NULL, 0, 0};
+  bool goes_on = true;
+  while (goes_on) {
     __atomic_fetch_add(&thread->turns, 1u, __ATOMIC_RELAXED);
-    fm_engine_want_details(
-      thread->reporter->engine, is_heard || thread->log != NULL,
-      is_heard ? FM_MOST_DETAILS_PER_S : FM_LOGGED_PER_S);
-    if (fm_engine_take_detail(thread->reporter->engine, thread->detail, WAIT_MS)) {
-      pass_on(thread);
-    }
-    if (thread->log != NULL) {
-      fm_violation_log_review(thread->log, fm_steady_now(), &thread->lines);
-      fm_log_lines(thread->node, &thread->lines);
-    }
-  }
-  while (fm_engine_take_detail(thread->reporter->engine, thread->detail, 0)) {
-    pass_on(thread);
-  }
-  if (thread->log != NULL) {
-    fm_violation_log_end(thread->log, &thread->lines);
-    fm_log_lines(thread->node, &thread->lines);
+    goes_on = fm_detail_publisher_turn(thread->details, &lines);
+    fm_log_lines(thread->node, &lines);
   }
   return NULL;
 }
 
 static void free_thread(struct fm_detail_thread * thread)
 {
-  fm_violation_log_destroy(thread->log);
-  free(thread->detail);
+  fm_detail_publisher_destroy(thread->details);
   free(thread);
 }
 
@@ -101,13 +60,9 @@ struct fm_detail_thread * fm_detail_thread_start(
     return NULL;
   }
   thread->node = node;
-  thread->reporter = reporter;
-  thread->publisher = publisher;
-  thread->detail = malloc(fm_engine_detail_bytes(reporter->engine));
-  thread->log = logs_violations ? fm_violation_log_create(reporter) : NULL;
-  if (thread->detail == NULL || (logs_violations && thread->log == NULL) ||
-    pthread_create(&thread->thread, NULL, run, thread) != 0)
-  {
+  thread->details = fm_detail_publisher_create(
+    reporter, fm_node_middleware(), rcl_publisher_get_rmw_handle(publisher), logs_violations);
+  if (thread->details == NULL || !fm_start_thread(&thread->thread, run, thread)) {
     free_thread(thread);
     return NULL;
   }

@@ -16,18 +16,12 @@
 
 #include "endpoints.h"
 
-#include <diagnostic_msgs/msg/diagnostic_array.h>
-#include <diagnostic_msgs/msg/diagnostic_status.h>
-#include <diagnostic_msgs/msg/key_value.h>
 #include <rcl/error_handling.h>
 #include <rcl/graph.h>
 #include <rcl/service.h>
 #include <rmw/qos_profiles.h>
-#include <rosidl_runtime_c/string_functions.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "reporter.h"
 
 bool fm_service_open(
   struct fm_node * node, rcl_service_t * service, const rosidl_service_type_support_t * type,
@@ -160,42 +154,4 @@ bool fm_look_for_publishers(
   free(offers);
   fm_ignore(rmw_topic_endpoint_info_array_fini(&found, &allocator));
   return is_read;
-}
-
-// ---- statuses ----------------------------------------------------------------------------------
-
-static void fill_status(
-  diagnostic_msgs__msg__DiagnosticStatus * message, const struct fm_status * status)
-{
-  message->level = status->level;
-  (void)rosidl_runtime_c__String__assign(&message->name, status->name);
-  (void)rosidl_runtime_c__String__assign(&message->message, status->message);
-  (void)rosidl_runtime_c__String__assign(&message->hardware_id, status->hardware_id);
-  if (!diagnostic_msgs__msg__KeyValue__Sequence__init(&message->values, status->n_values)) {
-    return;
-  }
-  for (uint32_t k = 0; k < status->n_values; ++k) {
-    diagnostic_msgs__msg__KeyValue * value = &message->values.data[k];
-    (void)rosidl_runtime_c__String__assign(&value->key, status->values[k].key);
-    (void)rosidl_runtime_c__String__assign(&value->value, status->values[k].value);
-  }
-}
-
-void fm_publish_statuses(
-  const rcl_publisher_t * publisher, const struct fm_statuses * list, int64_t stamp)
-{
-  diagnostic_msgs__msg__DiagnosticArray array;
-  if (!diagnostic_msgs__msg__DiagnosticArray__init(&array)) {
-    return;
-  }
-  const int64_t rest = stamp % FM_SECOND < 0 ? stamp % FM_SECOND + FM_SECOND : stamp % FM_SECOND;
-  array.header.stamp.sec = (int32_t)((stamp - rest) / FM_SECOND);
-  array.header.stamp.nanosec = (uint32_t)rest;
-  if (diagnostic_msgs__msg__DiagnosticStatus__Sequence__init(&array.status, list->n)) {
-    for (uint32_t k = 0; k < list->n; ++k) {
-      fill_status(&array.status.data[k], &list->statuses[k]);
-    }
-    fm_ignore(rcl_publish(publisher, &array, NULL));
-  }
-  diagnostic_msgs__msg__DiagnosticArray__fini(&array);
 }

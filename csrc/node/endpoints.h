@@ -12,8 +12,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-/// endpoints.h: services, clients and publishers of the node; answers the requests of a service,
-/// and publishes statuses.
+/// endpoints.h: services, clients and publishers of the node; answers the requests of a service.
 ///
 /// The main thread only.
 
@@ -108,10 +107,5 @@ size_t fm_listeners(const rcl_publisher_t * publisher);
 bool fm_look_for_publishers(
   const struct fm_node * node, const char * topic,
   void (* use)(void * context, const struct fm_offer * offers, uint32_t n), void * context);
-
-/// Publish a list of statuses with a time stamp in nanoseconds. Any thread; what does not fit in
-/// memory is left out. O(characters).
-void fm_publish_statuses(
-  const rcl_publisher_t * publisher, const struct fm_statuses * list, int64_t stamp);
 
 #endif  // ENDPOINTS_H_

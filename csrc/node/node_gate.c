@@ -458,7 +458,7 @@ struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate)
 {
   if (is_on_service(gate)) {
     return (struct fm_gate_facts) {
-      has_other_service(&gate->service) ? FM_WORDS_OTHER_SERVER : "", gate->source,
+      has_other_service(&gate->service) ? gate->source : "", gate->source,
       gate->service.unanswered};
   }
   return (struct fm_gate_facts) {

@@ -24,6 +24,8 @@
 #include <string.h>
 
 #include "endpoints.h"
+#include "reports.h"
+#include "rmw_functions.h"
 
 // The black box of the facts is `written`.
 static struct fm_facts facts_of(
@@ -89,7 +91,8 @@ void fm_health_review(struct fm_health * health)
   if (fm_listeners(&health->publisher) > 0) {
     fm_review_report(health->review, &health->statuses);
     fm_publish_statuses(
-      &health->publisher, &health->statuses, fm_clock_now(health->session->clock));
+      fm_node_middleware(), rcl_publisher_get_rmw_handle(&health->publisher), &health->statuses,
+      fm_clock_now(health->session->clock));
     fm_statuses_clear(&health->statuses);
   }
 }

@@ -143,6 +143,11 @@ static int publish(const void * publisher, const void * message, void * allocati
   return rmw_publish(publisher, message, allocation);
 }
 
+static int count_matched(const void * publisher, size_t * count)
+{
+  return rmw_publisher_count_matched_subscriptions(publisher, count);
+}
+
 // ---- reading in place --------------------------------------------------------------------------
 
 enum { WHY_BYTES = 256 };
@@ -161,7 +166,8 @@ static struct
   bool has_begun;
 } process = {
   .middleware = {
-    take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0}}};
+    take, listen, publish, rcutils_reset_error, rcutils_error_is_set, take_message, {0, 0, 0},
+    count_matched}};
 
 static void begin(void)
 {

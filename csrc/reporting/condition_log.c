@@ -198,7 +198,7 @@ void fm_add_others(
   struct fm_text * text, const struct fm_report_gate * gate, const struct fm_gate_facts * facts)
 {
   if (gate->is_service) {
-    fm_text_add(text, "%s has %s", facts->place, facts->others);
+    fm_text_add(text, "%s has another server", facts->place);
   } else {
     fm_text_add(text, "%s publishes on %s too", facts->others, facts->place);
   }

@@ -40,7 +40,8 @@ struct fm_reporter
 /// What is around a gate.
 struct fm_gate_facts
 {
-  const char * others;  // who is where only the gate should be; "": nobody
+  const char * others;  // who is where only the gate should be; "": nobody; of a service, not
+                        // shown
   const char * place;   // the full name of the topic or service that is meant
   uint64_t unsent;      // messages that could not be published, requests that were not answered
 };

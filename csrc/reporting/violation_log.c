@@ -69,7 +69,6 @@ struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * rep
     fm_violation_log_destroy(log);
     return NULL;
   }
-  fm_engine_want_details(reporter->engine, true, FM_LOGGED_PER_S);
   return log;
 }
 
@@ -194,11 +193,18 @@ static void settle(
   logged->is_violated_by_lines = logged->is_violated;
 }
 
+// Reserve, even if memory was short before.
+static void * try_to_reserve(struct fm_violation_log * log, size_t n, size_t bytes)
+{
+  log->memory.is_short = false;
+  return fm_reserve(&log->memory, n, bytes);
+}
+
 static void copy_detail(
   struct fm_violation_log * log, struct fm_detail ** copy, const struct fm_detail * detail)
 {
   if (*copy == NULL) {
-    *copy = fm_reserve(&log->memory, 1, log->detail_bytes);
+    *copy = try_to_reserve(log, 1, log->detail_bytes);
   }
   if (*copy != NULL) {
     memcpy(*copy, detail, log->detail_bytes);
@@ -212,7 +218,7 @@ static bool is_news(
 {
   struct recent * room = NULL;
   if (logged->recent == NULL) {
-    logged->recent = fm_reserve(&log->memory, FM_LOGGED_PER_S, sizeof(*logged->recent));
+    logged->recent = try_to_reserve(log, FM_LOGGED_PER_S, sizeof(*logged->recent));
   }
   for (uint32_t k = 0; logged->recent != NULL && k < FM_LOGGED_PER_S; ++k) {
     struct recent * recent = &logged->recent[k];

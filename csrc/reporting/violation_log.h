@@ -29,7 +29,7 @@
 
 #include "details.h"
 
-/// Details of a requirement in a second while only the log reads them.
+/// Details of a requirement in a second while nobody subscribes to them.
 #define FM_LOGGED_PER_S 10u
 
 /// Add the line of a violation, at its severity. `about`: id, sentence and severity are read.
@@ -47,9 +47,8 @@ FM_EXPORT void fm_add_satisfied(
 
 struct fm_violation_log;
 
-/// Make a log of an engine's violations; NULL if memory is short. The reporter outlives it. From
-/// now on the engine queues FM_LOGGED_PER_S details, until other details are wanted: a violation
-/// before the thread that takes them has begun is logged, too. O(requirements).
+/// Make a log of an engine's violations; NULL if memory is short. The reporter outlives it.
+/// O(requirements).
 FM_EXPORT struct fm_violation_log * fm_violation_log_create(const struct fm_reporter * reporter);
 
 /// Free it. NULL is allowed.

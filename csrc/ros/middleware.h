@@ -111,6 +111,8 @@ struct fm_middleware
     const void * subscription, void * message, bool * taken, struct fm_message_info * info,
     void * allocation);
   struct fm_in_place in_place;
+  /// rmw_publisher_count_matched_subscriptions
+  int (* count_matched)(const void * publisher, size_t * count);
 };
 
 #endif  // MIDDLEWARE_H_

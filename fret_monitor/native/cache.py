@@ -64,8 +64,8 @@ EVALUATOR_SOURCES = (
     'graph_lines.c', 'instance_lines.c', 'input_log.c', 'start_lines.c', 'shared_names.c',
     'health.c', 'review.c', 'verdicts.c', 'sign_of_life.c', 'thinning.c', 'csv.c',
     'keyed_rows.c', 'serialized.c', 'receiver.c', 'in_place.c', 'in_place_versions.c',
-    'announcer.c', 'verdict_thread.c', 'service_call.c', 'action_call.c', 'actions.c', 'relay.c',
-    'question.c', 'graph.c', 'keyed_topics.c',
+    'announcer.c', 'verdict_thread.c', 'reports.c', 'service_call.c', 'action_call.c',
+    'actions.c', 'relay.c', 'question.c', 'graph.c', 'keyed_topics.c',
 )
 
 #: The folders of csrc whose files may call those of the folders before them, and no others.

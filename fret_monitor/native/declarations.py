@@ -40,8 +40,8 @@ HEADERS = (
     'details.h', 'violation_log.h', 'review.h', 'sign_of_life.h',
     'thinning.h', 'csv.h', 'keyed_rows.h', 'middleware.h',
     'serialized.h', 'in_place.h', 'in_place_versions.h', 'receiver.h', 'announcer.h',
-    'verdict_thread.h', 'service_call.h', 'action_call.h', 'actions.h', 'relay.h', 'graph.h',
-    'keyed_topics.h',
+    'verdict_thread.h', 'reports.h', 'service_call.h', 'action_call.h', 'actions.h', 'relay.h',
+    'graph.h', 'keyed_topics.h',
 )
 
 _C_LIBRARY = """

@@ -38,9 +38,6 @@ from fret_monitor.runtime.engine import Engine
 OF_ALL_DETAILS: int = ffi.integer_const('FM_OF_ALL_DETAILS')
 """Values that all details begin with; the last of them names the silent inputs."""
 
-LOGGED_PER_S: int = ffi.integer_const('FM_LOGGED_PER_S')
-"""Details of a requirement in a second while only the log reads them."""
-
 
 class LogLevel(IntEnum):
     """The severity of a line (`enum fm_level`)."""
@@ -188,49 +185,18 @@ def together(facts: Sequence[TopicFacts]) -> TopicFacts:
 
 
 @frozen
-class ActionCounts:
-    """
-    What became of an action.
-
-    `started` is how often it was started, `sent` are its messages, or its calls that succeeded,
-    `failed` those that failed after all retries. `skipped` are starts that came within the
-    cooldown, or while a call was under way.
-    """
-
-    started: int = 0
-    sent: int = 0
-    failed: int = 0
-    skipped: int = 0
-
-
-@frozen
 class GateFacts:
     """
     What is around a gate.
 
-    `others` are those who are where only the gate should be, on `place`: the full name of a topic
-    or service. `unsent` are messages that were not published, or requests that were not answered.
+    `others` are those who are where only the gate should be (of a service they are not shown), on
+    `place`: the full name of a topic or service. `unsent` are messages that were not published, or
+    requests that were not answered.
     """
 
     others: str
     place: str
     unsent: int
-
-
-@frozen
-class BlackBoxCounts:
-    """
-    Files written, and those that could not be; what became of the messages.
-
-    Messages are kept, left out since they are larger than the memory, or overwritten before they
-    were old enough.
-    """
-
-    written: int = 0
-    failed: int = 0
-    kept: int = 0
-    left_out: int = 0
-    early: int = 0
 
 
 class Review:
@@ -240,13 +206,13 @@ class Review:
     Call `look`, then `lines`, then `statuses` if somebody subscribes; one thread at a time.
     """
 
-    def __init__(self, reporter: Reporter, now: int | None = None, *,
-                 actions: Sequence[ActionCounts] = (),
-                 blackbox: BlackBoxCounts | None = None) -> None:
+    def __init__(self, reporter: Reporter, now: int | None = None, *, actions: Any = ffi.NULL,
+                 blackbox: Any = ffi.NULL) -> None:
         """
         Begin, at a time of the steady clock in nanoseconds; now, if it is None.
 
-        `actions` and `blackbox` are the counts of before, which are not new at the first look.
+        `actions`, a `struct fm_action_facts[]`, and `blackbox`, a `struct fm_blackbox_facts *`,
+        are the counts of before, which are not new at the first look.
         """
         self._reporter = reporter
         self._library = reporter.library
@@ -255,18 +221,17 @@ class Review:
         self._kept: list[Any] = []  # what the facts of the last look point to
         self._has_looked = False
         self._topics: tuple[tuple[TopicFacts, ...], Any, list[Any]] = ((), ffi.NULL, [])
-        counts, written = action_facts(actions), _blackbox_facts(blackbox)
         pointer = self._library.fm_review_create(
             reporter.pointer, ffi.new('struct fm_facts *', {
-                'now': monotonic_ns() if now is None else now,
-                'actions': counts if actions else ffi.NULL, 'blackbox': written}))
+                'now': monotonic_ns() if now is None else now, 'actions': actions,
+                'blackbox': blackbox}))
         if pointer == ffi.NULL:
             raise MemoryError('too little memory for a review')
         self._pointer: Any = ffi.gc(pointer, self._library.fm_review_destroy)
 
     def look(self, topics: Sequence[TopicFacts], *, now: int | None = None,
-             waits_for_clock: bool = False, actions: Sequence[ActionCounts] | None = None,
-             gate: GateFacts | None = None, blackbox: BlackBoxCounts | None = None,
+             waits_for_clock: bool = False, actions: Any = ffi.NULL,
+             gate: GateFacts | None = None, blackbox: Any = ffi.NULL,
              failures: Mapping[str, str] | None = None) -> Any:
         """
         Look at the engine and the facts; return what was seen, a `const struct fm_snapshot *`.
@@ -277,7 +242,7 @@ class Review:
         """
         table = self._reporter.pointer.table
         if len(topics) != table.n_topics or \
-                actions is not None and len(actions) != table.n_actions:
+                actions != ffi.NULL and len(actions) != table.n_actions:
             raise ValueError('facts of each topic and action are needed')
         kept: list[Any] = []
 
@@ -297,10 +262,10 @@ class Review:
             'now': monotonic_ns() if now is None else now,
             'waits_for_clock': waits_for_clock,
             'topics': self._topics[1],
-            'actions': ffi.NULL if actions is None else keep(action_facts(actions)),
+            'actions': keep(actions),
             'gate': ffi.NULL if gate is None else keep(ffi.new('struct fm_gate_facts *', (
                 text(gate.others), text(gate.place), gate.unsent))),
-            'blackbox': keep(_blackbox_facts(blackbox)),
+            'blackbox': keep(blackbox),
             'failures': keep(ffi.new('struct fm_failure[]', [
                 (text(name), text(error)) for name, error in (failures or {}).items()])),
             'n_failures': len(failures or {})})
@@ -320,6 +285,14 @@ class Review:
         self._library.fm_review_report(self._pointer, self._statuses.pointer)
         return self._statuses.take()
 
+    def publish(self, middleware: Any, publisher: Any, stamp: int) -> None:
+        """Publish the statuses at the last look, with a time (ns); the first two are of C."""
+        if self._has_looked:
+            self._library.fm_review_report(self._pointer, self._statuses.pointer)
+            self._library.fm_publish_statuses(
+                middleware, publisher, self._statuses.pointer, stamp)
+            self._library.fm_statuses_clear(self._statuses.pointer)
+
 
 class Statuses:
     """A list of statuses that C fills; `pointer` is a `struct fm_statuses *`."""
@@ -334,41 +307,6 @@ class Statuses:
         found = [_status(self.pointer.statuses[k]) for k in range(self.pointer.n)]
         self._library.fm_statuses_clear(self.pointer)
         return found
-
-
-class ViolationLog:
-    """
-    The log of violations: at most a line a second of each requirement. Not thread-safe.
-
-    Each method returns the lines that are due. `now` is on the monotonic clock (ns).
-    """
-
-    def __init__(self, reporter: Reporter) -> None:
-        """Log the violations of an engine."""
-        self._reporter = reporter
-        self._library = reporter.library
-        self._lines = Lines(reporter.library)
-        self._pointer: Any = ffi.gc(self._library.fm_violation_log_create(reporter.pointer),
-                                    self._library.fm_violation_log_destroy)
-        if self._pointer == ffi.NULL:
-            raise MemoryError
-
-    def add(self, detail: Any, now: int | None = None) -> list[LogLine]:
-        """Log a violation or its end, or leave it to `review` if there was a line just now."""
-        self._library.fm_violation_log_add(
-            self._pointer, detail, monotonic_ns() if now is None else now, self._lines.pointer)
-        return self._lines.take()
-
-    def review(self, now: int | None = None) -> list[LogLine]:
-        """Log what was left out, where a second has passed since the last line; call it often."""
-        self._library.fm_violation_log_review(
-            self._pointer, monotonic_ns() if now is None else now, self._lines.pointer)
-        return self._lines.take()
-
-    def end(self) -> list[LogLine]:
-        """Log all that was left out."""
-        self._library.fm_violation_log_end(self._pointer, self._lines.pointer)
-        return self._lines.take()
 
 
 @dataclass(frozen=True)
@@ -428,23 +366,6 @@ def read_detail(library: Any, record: StatusRecord) -> ReceivedDetail | None:
     if not library.fm_read_detail(text.pointer, found):
         return None
     return ReceivedDetail(found.stamp, found.suppressed, found.is_recovery, text)
-
-
-def action_facts(counts: Sequence[ActionCounts]) -> Any:
-    """Return counts as C reads them: a `struct fm_action_facts[]`."""
-    return ffi.new('struct fm_action_facts[]', [
-        (item.started, item.sent, item.failed, item.skipped) for item in counts])
-
-
-def action_counts(facts: Any) -> list[ActionCounts]:
-    """Return the counts in a `struct fm_action_facts[]`."""
-    return [ActionCounts(int(item.started), int(item.sent), int(item.failed), int(item.skipped))
-            for item in facts]
-
-
-def _blackbox_facts(counts: BlackBoxCounts | None) -> Any:
-    return ffi.NULL if counts is None else ffi.new('struct fm_blackbox_facts *', (
-        counts.written, counts.failed, counts.kept, counts.left_out, counts.early))
 
 
 def _text_of(detail: ReceivedDetail | None) -> Any:

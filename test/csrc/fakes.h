@@ -68,6 +68,6 @@ static inline void forget_error(void) {}
 static inline bool has_error(void) {return false;}
 
 #define FAKE_MIDDLEWARE(take, listen, publish) \
-  {take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}}
+  {take, listen, publish, forget_error, has_error, NULL, {0, 0, 0}, NULL}
 
 #endif  // FAKES_H_

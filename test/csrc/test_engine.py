@@ -64,6 +64,16 @@ STRUCTS = {
     'fm_message_members': ('rosidl_typesupport_introspection_c__MessageMembers', {
         'member_count': 'member_count_', 'size': 'size_of_', 'members': 'members_',
         'init': 'init_function', 'fini': 'fini_function'}),
+    'fm_ros_string': ('rosidl_runtime_c__String', {
+        name: name for name in ('data', 'size', 'capacity')}),
+    'fm_ros_pair': ('diagnostic_msgs__msg__KeyValue', {'key': 'key', 'value': 'value'}),
+    'fm_ros_status': ('diagnostic_msgs__msg__DiagnosticStatus', {
+        **{name: name for name in ('level', 'name', 'message', 'hardware_id')},
+        'values': 'values.data', 'n_values': 'values.size', 'capacity': 'values.capacity'}),
+    'fm_ros_statuses': ('diagnostic_msgs__msg__DiagnosticArray', {
+        'sec': 'header.stamp.sec', 'nanosec': 'header.stamp.nanosec',
+        'frame_id': 'header.frame_id', 'statuses': 'status.data', 'n': 'status.size',
+        'capacity': 'status.capacity'}),
     'fm_gid': ('rmw_gid_t', {'implementation': 'implementation_identifier', 'data': 'data'}),
     'fm_message_info': ('rmw_message_info_t', {
         'source_timestamp': 'source_timestamp', 'received_timestamp': 'received_timestamp',
@@ -78,6 +88,7 @@ FUNCTIONS = {
     'publish': 'rmw_publish',
     'forget_error': 'rcutils_reset_error',
     'has_error': 'rcutils_error_is_set',
+    'count_matched': 'rmw_publisher_count_matched_subscriptions',
     'take_message': 'rmw_take_with_info',
     'is_available': 'rmw_service_server_is_available',
     'send': 'rmw_send_request',
@@ -155,6 +166,11 @@ def test_threads(sanitized: Sanitized, name: str) -> None:
 
 def test_questions_to_nodes_that_were_killed(sanitized: Sanitized) -> None:
     done = run(sanitized.program('questions', '-Wl,--wrap=clock_gettime'))
+    assert (done.returncode, done.stdout) == (0, '')
+
+
+def test_the_log_of_violations_after_memory_was_short(addresses: Sanitized) -> None:
+    done = run(addresses.program('violation_memory', '-Wl,--wrap=calloc'))
     assert (done.returncode, done.stdout) == (0, '')
 
 
@@ -282,7 +298,8 @@ def include_flags() -> list[str]:
 
 def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> None:
     lines = ['#include <rmw/rmw.h>', '#include <rcutils/error_handling.h>',
-             '#include "in_place.h"', '#include "service_call.h"',
+             '#include "in_place.h"', '#include "service_call.h"', '#include "reports.h"',
+             '#include <diagnostic_msgs/msg/diagnostic_array.h>',
              '#include <rosidl_typesupport_introspection_c/message_introspection.h>',
              '#include <rosidl_typesupport_introspection_c/field_types.h>']
     lines += [f'_Static_assert((int){ours} == '
@@ -300,9 +317,9 @@ def test_structs_and_functions_are_those_of_the_middleware(tmp_path: Path) -> No
     lines.append('_Static_assert(sizeof(rmw_ret_t) == sizeof(int), "result");')
     # All arguments are pointers, so a call through our type is correct if both take as many. An
     # assignment with a cast to the middleware's type would hide a missing argument.
-    counts = {'take': 5, 'listen': 3, 'publish': 3, 'has_error': 0, 'take_message': 5,
-              'is_available': 3, 'send': 3, 'take_response': 4, 'deserialize': 3,
-              'publish_serialized': 3}
+    counts = {'take': 5, 'listen': 3, 'publish': 3, 'has_error': 0, 'count_matched': 2,
+              'take_message': 5, 'is_available': 3, 'send': 3, 'take_response': 4,
+              'deserialize': 3, 'publish_serialized': 3}
     for field, count in counts.items():
         arguments = ', '.join(['(void *)0'] * count)
         lines.append(f'int call_{field}(void) {{return (int){FUNCTIONS[field]}({arguments});}}')

@@ -98,7 +98,7 @@ class Workbench:
     def wait(self, *, written: int = 0, failed: int = 0) -> None:
         def is_there() -> bool:
             counts = self.box.counts()
-            return counts.written >= written and counts.failed >= failed
+            return bool(counts.written >= written and counts.failed >= failed)
 
         wait_until(is_there, f'{written} files and {failed} failures', 10.0)
 
@@ -366,7 +366,7 @@ def test_messages_of_a_topic_with_several_where_are_in_the_file_once(
 def test_a_folder_that_cannot_be_written_is_an_error_of_configure(
         tmp_path: Path, domain: int, is_native: bool) -> None:
     spec = write_bundle(tmp_path, BUNDLE)
-    box = ('-p', f'blackbox:={spec}/box')
+    box = ('-p', f'blackbox:={tmp_path}//./{spec.name}/box/')
     node = ExportedNode(exported_bundle(spec), *box) if is_native \
         else NodeProcess('monitor', '-p', f'spec:={spec}', *box)
     assert node.status() == 1

@@ -23,8 +23,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fret_monitor import build
 from fret_monitor.model.names import DETAILS_TOPIC
 from fret_monitor.ros.intake import native_lifetimes
-from fret_monitor.ros.reports.details import DetailPublisher, Details
-from fret_monitor.ros.reports.messages import status_record
+from fret_monitor.ros.intake.hot_path import Middleware
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
+from fret_monitor.ros.reports.details import DetailThread
+from fret_monitor.ros.settings.qos import violation_profile
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import Reporter, ReportTable
 import pytest
@@ -43,26 +45,30 @@ requirements:
 """
 
 
+def started(engine: Engine, node: Node) -> tuple[DetailThread, RclPublisher]:
+    publisher = RclPublisher(node, DiagnosticArray, DETAILS_TOPIC, violation_profile(10))
+    return DetailThread(
+        Reporter(engine, ReportTable(engine.monitor.manifest)), Middleware(), publisher,
+        node.get_logger(), logs_violations=False), publisher
+
+
 def test_details_are_published_as_they_are_worded_with_the_time_of_the_violation(
     partner: Partner, tmp_path: Path,
 ) -> None:
     engine = engine_of(tmp_path, BUNDLE)
     node = Node('fret_monitor', context=partner.context)
-    details = Details(node)
+    thread, publisher = started(engine, node)
     heard: list[Any] = []
     partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, heard.append, 10)
-    wait_until(details.has_listeners, 'who listens')
-    engine.want_details(True)
+    wait_until(lambda: publisher.subscriptions > 0, 'who listens')
     engine.message(0, b'\0\1\0\0\x2a\0\0\0', received=3_000_000_007)
-    record = Reporter(engine, ReportTable(engine.monitor.manifest)).detail(
-        engine.take_detail(1000))
-    details.publish(record, 3_000_000_007)
     wait_until(lambda: bool(heard), 'the details')
     status, = heard[0].status
     assert (heard[0].header.stamp.sec, heard[0].header.stamp.nanosec) == (3, 7)
     assert (status.level, status.name) == (DiagnosticStatus.ERROR, 'R')
-    assert status_record(status) == record
-    assert ('input step', '42') in record.values
+    assert {item.key: item.value for item in status.values}['input step'] == '42'
+    thread.close()
+    publisher.close()
     node.destroy_node()
 
 
@@ -71,10 +77,8 @@ def test_the_thread_of_details_ends_at_exit_although_nobody_ends_it(
 ) -> None:
     bundle = write_bundle(tmp_path, BUNDLE)
     monkeypatch.setattr(native_lifetimes, '_KEPT', {})
-    engine = Engine(Evaluator(build.build(bundle).monitor))
     node = Node('fret_monitor', context=partner.context)
-    DetailPublisher(
-        Reporter(engine, ReportTable(engine.monitor.manifest)), Details(node), None)
+    started(Engine(Evaluator(build.build(bundle).monitor)), node)
     thread, = (item for item in threading.enumerate() if item.name == 'details')
     native_lifetimes._end_all()
     assert not thread.is_alive()

@@ -33,9 +33,7 @@ from fret_monitor.ros.intake import native_lifetimes
 from fret_monitor.ros.intake.hot_path import EngineReceiver, Middleware, why_callbacks_wake
 from fret_monitor.ros.intake.rcl_endpoint import RclSubscription
 from fret_monitor.ros.intake.symbols import find_symbol, Unavailable
-from fret_monitor.ros.reports.details import Details
 from fret_monitor.ros.settings.parameters import Refusal
-from fret_monitor.runtime.reporting import StatusRecord
 import pytest
 import rclpy
 from rclpy.node import Node
@@ -143,23 +141,26 @@ def test_a_detail_that_is_not_published_yet_holds_no_message_and_no_violation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bundle = write_bundle(tmp_path, BUNDLE)
-    may_publish = Event()
+    is_known, may_publish = Event(), Event()
     details: list[Any] = []
-    original = Details.publish
+    turns: list[Any] = []  # since the subscriber is known; its details are wanted from the second
 
-    def publish(self: Details, detail: StatusRecord, stamp: int) -> None:
-        may_publish.wait()
-        original(self, detail, stamp)
+    def log(*arguments: Any) -> None:
+        turns.extend(arguments if is_known.is_set() else ())
+        if len(turns) > len(arguments):
+            may_publish.wait()
 
-    monkeypatch.setattr(Details, 'publish', publish)
+    monkeypatch.setattr('fret_monitor.ros.reports.details.log_lines', log)
     node = MonitorNode(context=stranger.context, parameter_overrides=[
         Parameter('spec', value=str(bundle)), Parameter('hot_path', value=hot_path)])
     try:
         partner.node.create_subscription(DiagnosticArray, DETAILS_TOPIC, details.append, 1000)
-        wait_until(lambda: node.count_subscribers(DETAILS_TOPIC) > 0, 'the discovery')
+        wait_until(lambda: node._sessions[0]._details.subscriptions > 0, 'the discovery')
+        is_known.set()
         x = partner.publisher(Float32, 'x')
         partner.listen('R')
         partner.wait_for_listener(x)
+        wait_until(lambda: len(turns) > 2, 'two turns')
         for number in range(50):
             x.publish(Float32(data=2.0))
             wait_until(lambda: partner.heard['R'] > number, 'its violation')  # noqa: B023

@@ -31,7 +31,7 @@ from fret_monitor.ros.nodes.monitor_node import MonitorNode
 from fret_monitor.ros.nodes.sign_of_life import SignOfLife
 from fret_monitor.ros.settings.overrides import DeclaredOverrides
 from fret_monitor.ros.watch import Watch
-from fret_monitor.runtime.reporting import Review, StatusRecord, ViolationLog
+from fret_monitor.runtime.reporting import LogLine, Review
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import pytest
@@ -141,12 +141,13 @@ def test_a_monitor_without_the_thread_that_logs_is_not_alive(
     bundle = write_bundle(tmp_path, BUNDLE)
     hangs, goes_on = Event(), Event()
 
-    def add(*_: Any) -> None:
-        hangs.set()
-        goes_on.wait()
-        raise ValueError('oh')
+    def log(_logger: Any, lines: list[LogLine]) -> None:
+        if lines:
+            hangs.set()
+            goes_on.wait()
+            raise ValueError('oh')
 
-    monkeypatch.setattr(ViolationLog, 'add', add)
+    monkeypatch.setattr('fret_monitor.ros.reports.details.log_lines', log)
     monitor = MonitorNode(context=partner.context,
                           parameter_overrides=[Parameter('spec', value=str(bundle))])
     session, = monitor._sessions
@@ -162,7 +163,7 @@ def test_a_monitor_without_the_thread_that_logs_is_not_alive(
     assert [old < new for old, new in zip(before, session.turns())].count(False) == 1
     session.report()
     goes_on.set()
-    details: Any = session._detail_publisher
+    details: Any = session._detail_thread
     wait_until(lambda: details.failure is not None, 'the error')
     assert monitor._watch.failures == {}
     session.report()
@@ -179,8 +180,8 @@ def test_a_transition_in_another_thread_during_a_report_is_no_failure(
     session, = monitor._sessions
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', lambda _: None, RELIABLE)
     health: Any = session._health
-    wait_until(lambda: health._publisher.get_subscription_count() == 1, 'a subscriber')
-    statuses = Review.statuses
+    wait_until(lambda: health._publisher.subscriptions == 1, 'a subscriber')
+    publish = Review.publish
 
     def transit(trigger: Callable[[], Any]) -> None:
         thread = Thread(target=trigger)
@@ -191,11 +192,11 @@ def test_a_transition_in_another_thread_during_a_report_is_no_failure(
         transit(monitor.trigger_deactivate)
         return 2**63, 2**63
 
-    def interrupted(review: Review) -> list[StatusRecord]:
+    def interrupted(review: Review, *arguments: Any) -> None:
         transit(monitor.trigger_deactivate)
-        return statuses(review)
+        publish(review, *arguments)
 
-    monkeypatch.setattr(Review, 'statuses', interrupted)
+    monkeypatch.setattr(Review, 'publish', interrupted)
     session.report()
     assert monitor._watch.failures == {}
     monitor.trigger_activate()
@@ -217,7 +218,7 @@ def test_one_of_several_bundles_reports_what_has_failed(partner: Partner, tmp_pa
     partner.node.create_subscription(DiagnosticArray, '/diagnostics', reports.append, RELIABLE)
     for session in monitor._sessions:
         health: Any = session._health
-        wait_until(lambda: health._publisher.get_subscription_count() == 1,  # noqa: B023
+        wait_until(lambda: health._publisher.subscriptions == 1,  # noqa: B023
                    'a subscriber')
     monitor._watch.note('details', ValueError('oh'))
     for session in monitor._sessions:
@@ -271,7 +272,8 @@ def test_parts_that_fail_are_shown_in_diagnostics_and_the_monitor_is_not_alive(
     wait_until(lambda: bool(signs), 'a sign of life')
     assert failed() == {}
     with monkeypatch.context() as patch:
-        for kind, name in ((ViolationLog, 'review'), (Feed, '_review'), (Review, 'lines'),
+        patch.setattr('fret_monitor.ros.reports.details.log_lines', fail)
+        for kind, name in ((Feed, '_review'), (Review, 'lines'),
                            (DuplicateNodes, '_check'), (SignOfLife, 'beat')):
             patch.setattr(kind, name, fail)
         names = ('details', 'feed', 'log', 'node names', 'sign of life')

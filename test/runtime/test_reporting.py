@@ -23,13 +23,15 @@ from itertools import pairwise
 from pathlib import Path
 import re
 import struct
+from typing import Any
 
 from fret_monitor import build
 from fret_monitor.model.policies import Severity
 from fret_monitor.native import evaluator_library, load_evaluator, Monitor
+from fret_monitor.native.binding import ffi
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import (
-    LogLine, read_detail, Reporter, ReportTable, StatusRecord, ViolationLines, ViolationLog,
+    Lines, LogLine, read_detail, Reporter, ReportTable, StatusRecord, ViolationLines,
 )
 from fret_monitor.runtime.scopes import Scopes
 from hypothesis import given
@@ -72,6 +74,30 @@ def a_float(value: float) -> bytes:
 
 def an_int(value: int) -> bytes:
     return b'\0\1\0\0' + struct.pack('<i', value)
+
+
+class ViolationLog:
+    """Lines of violations of an engine, at times (ns) that the test decides."""
+
+    def __init__(self, reporter: Reporter) -> None:
+        self._kept = reporter
+        self._lines = Lines(reporter.library)
+        self._pointer = ffi.gc(reporter.library.fm_violation_log_create(reporter.pointer),
+                               reporter.library.fm_violation_log_destroy)
+
+    def _call(self, name: str, *arguments: Any) -> list[LogLine]:
+        getattr(self._lines.library, f'fm_violation_log_{name}')(
+            self._pointer, *arguments, self._lines.pointer)
+        return self._lines.take()
+
+    def add(self, detail: Any, now: int = 0) -> list[LogLine]:
+        return self._call('add', detail, now)
+
+    def review(self, now: int) -> list[LogLine]:
+        return self._call('review', now)
+
+    def end(self) -> list[LogLine]:
+        return self._call('end')
 
 
 class Log:
@@ -370,15 +396,6 @@ requirements: [{{id: R, mltl: "F[0,2{unit}] (x > 1)"}}]
     assert (found.values[0], found.values[-1]) == (place, about)
     line, = ViolationLog(reporter).add(detail)
     assert line.text.endswith(f' [{shown}: x = 0.0]')
-
-
-def test_a_violation_before_the_thread_of_details_has_begun_is_logged(tmp_path: Path) -> None:
-    engine = engine_of(tmp_path, TWO)
-    log = ViolationLog(Reporter(engine, ReportTable(engine.monitor.manifest)))
-    engine.message(0, a_float(2.0), 1_000_000_000)
-    detail = engine.take_detail(0)
-    assert detail is not None
-    assert [line.text.partition(':')[0] for line in log.add(detail)] == ['R violated at 1.000']
 
 
 RIGHT = (('step', '3'), ('stamp', '12.345678901'), ('suppressed', '2'), ('silent', 'y'))

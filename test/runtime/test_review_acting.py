@@ -21,7 +21,7 @@ from typing import Any
 
 from bundles import ARMED
 from fret_monitor.native.binding import ffi
-from fret_monitor.runtime.reporting import ActionCounts, BlackBoxCounts, GateFacts, TopicFacts
+from fret_monitor.runtime.reporting import GateFacts, TopicFacts
 import pytest
 from runtime.reviewed import ERROR, OK, Reviewed, SECOND, WARN
 
@@ -208,9 +208,19 @@ def test_what_is_wrong_around_a_gate_is_logged_at_most_every_ten_seconds(acting:
         assert lines('', 12, 12) == []
 
 
+def acted(*counts: int) -> Any:
+    """Return the counts of one action: started, sent, failed, skipped."""
+    return ffi.new('struct fm_action_facts[]', [counts])
+
+
+def written(*counts: int) -> Any:
+    """Return counts of a black box: written, failed, kept, left out, early."""
+    return ffi.new('struct fm_blackbox_facts *', counts)
+
+
 def test_the_status_of_an_action_counts_what_it_did(acting: Acting) -> None:
     def status(*counts: int) -> Any:
-        found = acting.statuses(actions=[ActionCounts(*counts)])['action call']
+        found = acting.statuses(actions=acted(*counts))['action call']
         return found.level, found.message, found.values
 
     assert status(1, 1, 0, 0)[:2] == (OK, 'ready')
@@ -221,31 +231,30 @@ def test_the_status_of_an_action_counts_what_it_did(acting: Acting) -> None:
 
 def test_the_status_of_a_black_box_has_what_went_wrong_since_the_last_report(
         acting: Acting) -> None:
-    def status(counts: BlackBoxCounts) -> Any:
-        found = acting.statuses(blackbox=counts)[name]
+    def status(*counts: int) -> Any:
+        found = acting.statuses(blackbox=written(*counts))[name]
         return found.level, found.message, found.values
 
     name = f'black box of {acting.manifest.name}'
     assert name not in acting.statuses()
-    assert status(BlackBoxCounts(1))[:2] == (OK, 'keeps the last messages')
-    found = BlackBoxCounts(1, 2, 30, 4, 5)
-    assert status(found) == (WARN, (
+    assert status(1)[:2] == (OK, 'keeps the last messages')
+    assert status(1, 2, 30, 4, 5) == (WARN, (
         'cannot write; messages are larger than `blackbox_bytes`; `blackbox_bytes` is too little '
         'for `blackbox_seconds`'), (
         ('written', '1'), ('not written', '2'), ('kept', '30'), ('left out', '4'),
         ('overwritten early', '5')))
-    assert status(found)[:2] == (OK, 'keeps the last messages')
+    assert status(1, 2, 30, 4, 5)[:2] == (OK, 'keeps the last messages')
 
 
 def test_what_failed_before_the_node_was_deactivated_is_not_reported_again(acting: Acting) -> None:
     def found(*counts: int) -> list[tuple[int, str]]:
-        shown = acting.summaries(actions=[ActionCounts(failed=counts[0])],
-                                 blackbox=BlackBoxCounts(failed=counts[1]))
+        shown = acting.summaries(actions=acted(0, 0, counts[0]),
+                                 blackbox=written(0, counts[1]))
         return [shown['action call'], shown[f'black box of {acting.manifest.name}']]
 
-    acting.activate_again(actions=[ActionCounts(failed=3)], blackbox=BlackBoxCounts(failed=2))
+    acting.activate_again(actions=acted(0, 0, 3), blackbox=written(0, 2))
     assert found(3, 2) == [(OK, 'ready'), (OK, 'keeps the last messages')]
-    acting.activate_again(actions=[ActionCounts(failed=3)], blackbox=BlackBoxCounts(failed=2))
+    acting.activate_again(actions=acted(0, 0, 3), blackbox=written(0, 2))
     assert found(4, 3) == [(ERROR, '1 failed since the last report'), (WARN, 'cannot write')]
 
 
@@ -275,7 +284,7 @@ def test_a_gate_of_a_service_names_another_server_and_counts_what_was_not_answer
     status = gate.statuses(gate=GateFacts('', 'enable', 4))['gate drive']
     assert (status.level, status.message) == (WARN, 'closed: no value yet of safe')
     assert status.values[-1] == ('not answered', '4')
-    facts = GateFacts('another server', 'enable', 4)
+    facts = GateFacts('enable', 'enable', 4)
     assert gate.summaries(gate=facts)['gate drive'] == (ERROR, 'enable has another server')
     gate.now += 11.0
     assert [line for line in gate.lines(gate=facts) if line.startswith('ERROR')] == [

@@ -17,8 +17,9 @@
 from pathlib import Path
 
 from fret_monitor.runtime.probability import PooledTest
-from fret_monitor.runtime.reporting import read_detail, Reporter, ReportTable, ViolationLog
+from fret_monitor.runtime.reporting import read_detail, Reporter, ReportTable
 from runtime.reviewed import ERROR, OK, Reviewed, WARN
+from runtime.test_reporting import ViolationLog
 
 BUNDLE = """
 format: 1

@@ -34,9 +34,7 @@ from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
 from fret_monitor.ros.settings.names import done_by, one_type
 from fret_monitor.runtime import Engine
-from fret_monitor.runtime.reporting import (
-    action_counts, action_facts, ActionCounts, Lines, lines_of, LogLine, ReportTable,
-)
+from fret_monitor.runtime.reporting import Lines, lines_of, LogLine, ReportTable
 
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
@@ -69,7 +67,7 @@ class Actions:
         self._thread: _ActionThread | None = None
         self._ends: list[_Ends] = []
         self.locks: list[RclPublisher] = []
-        self._counts = [ActionCounts() for _ in range(table.pointer.n_actions)]
+        self._counts = ffi.new('struct fm_action_facts[]', table.pointer.n_actions)
         with ExitStack() as undo:
             undo.callback(self.close)
             for action in manifest.actions:
@@ -133,8 +131,12 @@ class Actions:
         self._counts, lines = self._thread.look()
         return lines
 
-    def counts(self) -> list[ActionCounts]:
-        """Return the counts at the last look of all actions but locks, in the manifest's order."""
+    def counts(self) -> Any:
+        """
+        Return the counts at the last look of all actions but locks, in the manifest's order.
+
+        They are a `struct fm_action_facts[]`.
+        """
         return self._counts
 
     def describe(self) -> list[LogLine]:
@@ -165,29 +167,28 @@ class _ActionThread(native_lifetimes.NativeThread):
     """The thread in C, and what it uses."""
 
     def __init__(self, node: Node, engine: Engine, middleware: Middleware, table: ReportTable,
-                 ends: Sequence[_Ends], before: Sequence[ActionCounts]) -> None:
+                 ends: Sequence[_Ends], before: Any) -> None:
         super().__init__('actions', engine)
         self._n = len(ends)
         with self._starting((node, *(part for end in ends for part in (
                 end if isinstance(end, tuple) else (end,))))):
-            counts = action_facts(before)
             self._kept = (middleware, table, ends, ffi.new('struct fm_action_ends[]', [
                 self._end(node, middleware, end) for end in ends]))
             self._start(ffi.new('struct fm_actions_options *', {
                 'engine': engine.pointer, 'table': table.pointer, 'ends': self._kept[-1],
                 'services': middleware.service_functions()[0],
-                'publish': middleware.publish_serialized(), 'before': counts}))
+                'publish': middleware.publish_serialized(), 'before': before}))
 
     def _end(self, node: Node, middleware: Middleware, end: _Ends) -> dict[str, Any]:
         if not isinstance(end, tuple):
             return {'publisher': middleware.handle(end)}
         return {'services': [middleware.service_client(node, item) for item in end]}
 
-    def look(self) -> tuple[list[ActionCounts], list[LogLine]]:
+    def look(self) -> tuple[Any, list[LogLine]]:
         """Return the counts, and the lines since the last look; before `close`."""
         counts, lines = ffi.new('struct fm_action_facts[]', self._n), Lines(self._library)
         self._library.fm_actions_look(self._place[0], counts, lines.pointer)
-        return action_counts(counts), lines.take()
+        return counts, lines.take()
 
     def end(self) -> None:
         """Close the engine, and wait for the thread; idempotent."""

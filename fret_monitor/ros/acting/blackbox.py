@@ -28,7 +28,7 @@ from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.settings.names import full_name
 from fret_monitor.ros.settings.parameters import BlackBoxSettings, Refusal
 from fret_monitor.runtime import Engine
-from fret_monitor.runtime.reporting import BlackBoxCounts, lines_of, LogLine
+from fret_monitor.runtime.reporting import lines_of, LogLine
 
 from rclpy.node import Node
 
@@ -105,8 +105,7 @@ class BlackBox:
         """Return the lines about what was written since the last call."""
         return lines_of(self._library, self._library.fm_add_blackbox_lines, self._pointer)
 
-    def counts(self) -> BlackBoxCounts:
-        """Return what was written so far."""
-        found = self._library.fm_blackbox_writer_facts(self._pointer)
-        return BlackBoxCounts(
-            found.written, found.failed, found.kept, found.left_out, found.early)
+    def counts(self) -> Any:
+        """Return what was written so far: a `struct fm_blackbox_facts *`."""
+        return ffi.new('struct fm_blackbox_facts *',
+                       self._library.fm_blackbox_writer_facts(self._pointer))

@@ -118,7 +118,7 @@ class ServiceGate:
         """
         if self._pending:
             self._refuse_pending(monotonic() if self._client.service_is_ready() else inf)
-        others = words.OTHER_SERVER if self._node.count_services(self.source) > 1 else ''
+        others = self.source if self._node.count_services(self.source) > 1 else ''
         return GateFacts(others, self.source, self.unanswered)
 
     def _refuse_pending(self, now: float = inf) -> None:

@@ -61,7 +61,8 @@ class Middleware:
             'struct fm_middleware *', take=(rmw, 'rmw_take_serialized_message_with_info'),
             listen=(rmw, 'rmw_subscription_set_on_new_message_callback'),
             publish=(rmw, 'rmw_publish'), forget_error=(rcutils, 'rcutils_reset_error'),
-            has_error=(rcutils, 'rcutils_error_is_set'))
+            has_error=(rcutils, 'rcutils_error_is_set'),
+            count_matched=(rmw, 'rmw_publisher_count_matched_subscriptions'))
         self._gid_of = find_symbol(rmw, 'rmw_get_gid_for_publisher', 'int (*)(void *, void *)')
         self.clock_now = find_symbol(rcl, 'rcl_clock_get_now', 'int (*)(void *, int64_t *)')
 

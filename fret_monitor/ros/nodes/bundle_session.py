@@ -25,6 +25,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
+from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.manifest import Manifest, ManifestInput, ManifestTopic
 from fret_monitor.model.names import DETAILS_TOPIC, verdict_topic
 from fret_monitor.native import LibraryError, words
@@ -39,8 +40,8 @@ from fret_monitor.ros.intake.node_time import NodeTime, PATIENCE_S
 from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
-from fret_monitor.ros.reports.details import DetailPublisher, Details
-from fret_monitor.ros.reports.health import Counts, Health
+from fret_monitor.ros.reports.details import DetailThread
+from fret_monitor.ros.reports.health import Health
 from fret_monitor.ros.settings.names import full_name, one_type, refuse_merged_topics
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.overrides import overrides_of
@@ -91,7 +92,7 @@ class BundleSession:
         self._feed: Feed | None = None
         self._announcer: Announcer | None = None
         self._gate: Gate | None = None
-        self._detail_publisher: DetailPublisher | None = None
+        self._detail_thread: DetailThread | None = None
         self._health: Health | None = None
         refuse_inputs_off_ros(self.manifest)
         self._classes = _message_classes(self.manifest)
@@ -164,8 +165,8 @@ class BundleSession:
         self._margins = self._owned(
             RclPublisher(self._node, Float64, topic, LAST)
             for topic in (manifest.margin_topics if settings.margins else ()))
-        self._details = Details(self._node, depth)
-        self._advertised.callback(self._details.close)
+        self._details, = self._owned([RclPublisher(
+            self._node, DiagnosticArray, DETAILS_TOPIC, violation_profile(depth))])
         self._actions = Actions(self._node, manifest, self._table, self.library)
         self._advertised.callback(self._actions.close)
         self._verdicts: list[RclPublisher] = []
@@ -186,23 +187,18 @@ class BundleSession:
 
         Raises `Refusal` if the node cannot subscribe. Nothing is left running then.
         """
-        before = (
-            self._actions.counts(), None if self._blackbox is None else self._blackbox.counts())
         with ExitStack() as undo:
             undo.callback(self.stop)
             try:
-                self._connect()
+                middleware = self._connect()
             except InvalidTopicNameException as error:
                 raise Refusal(f'cannot subscribe: {error}') from None
-            self._start_reports(before)
+            self._health = Health(
+                self._node, middleware, self.reporter, self._actions, self._gate, self._blackbox,
+                self._watch if self._reports_failures else None)
+            self._running.callback(self._health.close)
+            self._running.callback(setattr, self, '_health', None)
             undo.pop_all()
-
-    def _start_reports(self, before: Counts) -> None:
-        self._health = Health(
-            self._node, self.reporter, self._actions, self._gate, self._blackbox,
-            self._watch if self._reports_failures else None, before)
-        self._running.callback(self._health.close)
-        self._running.callback(setattr, self, '_health', None)
 
     def stop(self) -> None:
         """
@@ -220,7 +216,7 @@ class BundleSession:
 
     def turns(self) -> tuple[int, ...]:
         """Return a counter of each thread; each grows within a second unless its thread hangs."""
-        threads = (self._announcer, self._feed, self._detail_publisher, self._gate, self._actions)
+        threads = (self._announcer, self._feed, self._detail_thread, self._gate, self._actions)
         turns = [None if thread is None else thread.turns for thread in threads]
         return tuple(item for item in turns if item is not None)
 
@@ -245,11 +241,13 @@ class BundleSession:
     # publish outlive the subscriptions. Ending such a thread closes the engine before it waits
     # for the thread, so that an interrupted `stop` leaves no thread waiting.
 
-    def _connect(self) -> None:
+    def _connect(self) -> Middleware:
         try:
-            self._connect_through(self._middleware())
+            middleware = self._middleware()
+            self._connect_through(middleware)
         except Unavailable as found:
             raise Refusal(f'cannot use the middleware: {found}') from None
+        return middleware
 
     def _middleware(self) -> Middleware:
         """Return the middleware; on the hot path it reads in place if possible."""
@@ -284,10 +282,9 @@ class BundleSession:
         self.reporter = Reporter(
             engine, self._table, self._node.get_fully_qualified_name(),
             [full_name(self._node, self.manifest, item) for item in self.manifest.topics])
-        details = DetailPublisher(
-            self.reporter, self._details,
-            self._node.get_logger() if self._settings.log_violations else None)
-        self._running.callback(details.end)
+        details = DetailThread(self.reporter, middleware, self._details, self._node.get_logger(),
+                               logs_violations=self._settings.log_violations)
+        self._running.callback(details.close)
         gate = self._open_gate(engine, middleware)
         graph = None
         if self.manifest.watched:
@@ -313,7 +310,7 @@ class BundleSession:
         engine.begin()  # after the subscriptions, so that no timeout runs while they are made
         # Logged after the start, since rclpy needs 0.1 s for its first log line.
         self._node.get_logger().info(self._way, once=True)
-        self._announcer, self._detail_publisher = announcer, details
+        self._announcer, self._detail_thread = announcer, details
 
     def _follow_keys(self, feed: Feed, engine: Engine, middleware: Middleware) -> None:
         """Subscribe to the topics with listed keys in their names, and look for the others."""
@@ -380,7 +377,7 @@ class BundleSession:
         health = self._health
         if health is None:  # stopped meanwhile
             return
-        threads = {'feed': self._feed, 'details': self._detail_publisher}
+        threads = {'feed': self._feed, 'details': self._detail_thread}
         for name, thread in threads.items():
             self._watch.note(self._part(name), None if thread is None else thread.failure)
         for name, act in (('log', lambda: health.review(self._publishers())),

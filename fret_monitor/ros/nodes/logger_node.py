@@ -39,7 +39,6 @@ from fret_monitor.ros.intake.node_time import ClockNode
 from fret_monitor.ros.intake.raw_topic import Deliver, RawIntake, RawTopic
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.discovery import Announced, News
-from fret_monitor.ros.reports.messages import status_record
 from fret_monitor.ros.reports.pairing import Pairing, ReceivedViolation, ViolationEnd
 from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.opened import load_reporting, open_manifests
@@ -48,7 +47,9 @@ from fret_monitor.ros.settings.parameters import LOGGER_PARAMETERS, read_setting
 from fret_monitor.ros.settings.qos import violation_request
 from fret_monitor.ros.signals import uninterrupted
 from fret_monitor.ros.watch import steady_timer, Watch, WatchedThread
-from fret_monitor.runtime.reporting import read_detail, ReceivedDetail, ViolationLines
+from fret_monitor.runtime.reporting import (
+    read_detail, ReceivedDetail, StatusRecord, ViolationLines,
+)
 
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Empty
@@ -235,7 +236,9 @@ class LoggerNode(ClockNode):
         except UNDECODABLE:
             return  # any node may publish here; the violation is logged without details
         for status in array.status:
-            detail = read_detail(self._library, status_record(status))
+            detail = read_detail(self._library, StatusRecord(
+                status.level[0], status.name, status.message, status.hardware_id,
+                tuple((item.key, item.value) for item in status.values)))
             if detail is None:
                 continue
             with self._changed:

@@ -26,8 +26,8 @@ from time import monotonic_ns
 from typing import Any
 
 from fret_monitor.native.binding import ffi
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.log_lines import log_lines
-from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime.reporting import Lines
 
@@ -56,10 +56,10 @@ class SignOfLife:
         self._before = self._now()
         self._state: Any = ffi.new('struct fm_sign *', {'published': monotonic_ns()})
         self._lines = Lines(library)
-        self._publisher = node.create_publisher(Header, '~/alive', QoSProfile(
+        self._publisher = RclPublisher(node, Header, '~/alive', QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE,
             liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-            liveliness_lease_duration=Duration(seconds=_LEASE_S)), event_callbacks=NO_EVENTS)
+            liveliness_lease_duration=Duration(seconds=_LEASE_S)))
         self._publish()
 
     def _now(self) -> Any:
@@ -77,8 +77,9 @@ class SignOfLife:
         log_lines(self._node.get_logger(), self._lines.take())
 
     def _publish(self) -> None:
-        self._publisher.publish(Header(
-            stamp=self._node.get_clock().now().to_msg(), frame_id=self._node.get_name()))
+        with self._publisher.handle:
+            self._publisher.handle.publish(Header(
+                stamp=self._node.get_clock().now().to_msg(), frame_id=self._node.get_name()))
 
     def close(self) -> None:
-        self._node.destroy_publisher(self._publisher)
+        self._publisher.close()

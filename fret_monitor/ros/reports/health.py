@@ -23,44 +23,45 @@ from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
+from fret_monitor.model.names import DIAGNOSTICS_TOPIC
+from fret_monitor.native.binding import ffi
 from fret_monitor.ros.acting.actions import Actions
+from fret_monitor.ros.intake.hot_path import Middleware
+from fret_monitor.ros.intake.rcl_endpoint import RclPublisher
 from fret_monitor.ros.log_lines import log_lines
-from fret_monitor.ros.reports.messages import status_message
-from fret_monitor.ros.settings.qos import NO_EVENTS
 from fret_monitor.ros.watch import Watch
-from fret_monitor.runtime.reporting import (
-    ActionCounts, BlackBoxCounts, Reporter, Review, StatusRecord, TopicFacts,
-)
+from fret_monitor.runtime.reporting import Reporter, Review, StatusRecord, TopicFacts
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 if TYPE_CHECKING:
     from fret_monitor.ros.acting.blackbox import BlackBox
     from fret_monitor.ros.acting.gate import Gate
 
 PERIOD = 1.0  # s between two reports
-Counts = tuple[Sequence[ActionCounts], BlackBoxCounts | None]
 
 
 class Health:
     """Logs what is new, and publishes diagnostics while `/diagnostics` has a subscriber."""
 
-    def __init__(self, node: Node, reporter: Reporter, actions: Actions, gate: 'Gate | None',
-                 blackbox: 'BlackBox | None', watch: Watch | None, before: Counts) -> None:
-        """
-        Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`.
-
-        `before` are the counts when monitoring began.
-        """
+    def __init__(self, node: Node, middleware: Middleware, reporter: Reporter, actions: Actions,
+                 gate: 'Gate | None', blackbox: 'BlackBox | None', watch: Watch | None) -> None:
+        """Advertise the topic; the caller then calls `review` and `publish` every `PERIOD`."""
         self._node = node
         self._clock: Any = node.get_clock()  # a ROSClock; Jazzy annotates it as a Clock
-        self._publisher = node.create_publisher(
-            DiagnosticArray, '/diagnostics', 10, event_callbacks=NO_EVENTS)
-        self._review = Review(reporter, actions=before[0], blackbox=before[1])
+        self._middleware = middleware
+        self._publisher = RclPublisher(
+            node, DiagnosticArray, DIAGNOSTICS_TOPIC, QoSProfile(depth=10))
         self._blackbox = blackbox
         self._gate = gate
         self._actions = actions
         self._watch = watch
+        self._review = Review(reporter, **self._counts())
+
+    def _counts(self) -> dict[str, Any]:
+        return {'actions': self._actions.counts(),
+                'blackbox': ffi.NULL if self._blackbox is None else self._blackbox.counts()}
 
     def review(self, topics: Sequence[TopicFacts]) -> None:
         """Log what is new; `topics` are the publishers of each topic, in order."""
@@ -70,10 +71,8 @@ class Health:
             topics,
             waits_for_clock=self._clock.ros_time_is_active
             and self._clock.now().nanoseconds <= 0,
-            actions=self._actions.counts(),
             gate=None if self._gate is None else self._gate.look(),
-            blackbox=None if self._blackbox is None else self._blackbox.counts(),
-            failures=None if self._watch is None else self._watch.failures)
+            failures=None if self._watch is None else self._watch.failures, **self._counts())
         log_lines(self._node.get_logger(), [*lines, *self._review.lines()])
 
     def statuses(self) -> list[StatusRecord]:
@@ -81,11 +80,10 @@ class Health:
         return self._review.statuses()
 
     def publish(self) -> None:
-        if self._publisher.get_subscription_count():
-            array = DiagnosticArray()
-            array.header.stamp = self._clock.now().to_msg()
-            array.status = [status_message(item) for item in self.statuses()]
-            self._publisher.publish(array)
+        if self._publisher.subscriptions:
+            with self._publisher.handle:
+                self._review.publish(self._middleware.functions, self._middleware.handle(
+                    self._publisher), self._clock.now().nanoseconds)
 
     def close(self) -> None:
-        self._node.destroy_publisher(self._publisher)
+        self._publisher.close()

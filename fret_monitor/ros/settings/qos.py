@@ -16,11 +16,7 @@
 
 from fret_monitor.runtime.subscription import Request
 
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
-"""Of a publisher: rclpy's executor visits each event handler whenever it wakes."""
 
 
 def violation_profile(depth: int) -> QoSProfile:
