@@ -34,7 +34,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from ros.exported import exported_bundle, ExportedNode
+from ros.exported import exported_bundle, exported_bundles, ExportedNode
 from ros.harness import (
     answer_of, BEST_EFFORT, NodeProcess, Partner, PATIENCE, RELIABLE, started, wait_until,
 )
@@ -127,7 +127,7 @@ WRONG = {
          '/z.subscription.depth.x:=1', '/z:=1'),
         "is none; write 'qos_overrides./TOPIC.subscription.POLICY', with the topic's full name"),
     **dict.fromkeys(
-        ('/copilot/handlerpropR.publisher.depth:=1', '/copilot/handlerpropR.publisher_a.depth:=1',
+        ('/copilot/handlerpropR.publisher.depth:=1', '/copilot/handlerpropS.publisher_a.depth:=1',
          '/copilot/violations.publisher.depth:=1'),
         'cannot be given: violations are announced reliable and volatile; their depth is '
         '-p handler_depth:=NUMBER'),
@@ -163,11 +163,10 @@ def spec(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def both(kind: str, spec: Path, *overrides: str) -> Iterator[list[NodeProcess]]:
+def both(program: Path, kind: str, spec: str, *overrides: str) -> Iterator[list[NodeProcess]]:
     """Run the monitor or the gate of a bundle on rcl and on rclpy, with overrides."""
     arguments = [word for item in overrides for word in ('-p', f'qos_overrides.{item}')]
-    nodes = [ExportedNode(exported_bundle(spec, part=PARTS[kind]),
-                          *arguments, '-r', '__node:=exported'),
+    nodes = [ExportedNode(program, *arguments, '-r', '__node:=exported'),
              NodeProcess(kind, '-p', f'spec:={spec}', *arguments, '-r', '__node:=python')]
     try:
         yield nodes
@@ -179,7 +178,10 @@ def both(kind: str, spec: Path, *overrides: str) -> Iterator[list[NodeProcess]]:
 def test_wrong_overrides_are_refused_all_together_by_both_nodes(domain: int, spec: Path) -> None:
     expected = [f"parameter 'qos_overrides.{item.partition(':=')[0]}' {text}"
                 for item, text in WRONG.items()]
-    with both('monitor', spec, *WRONG) as nodes:
+    other = spec.with_name('other.yaml')
+    other.write_text(BUNDLE.replace('id: R', 'id: S'), encoding='utf-8')
+    with both(exported_bundles(spec, other), 'monitor', f'["{spec}", "{other}"]',
+              *WRONG) as nodes:
         for node in nodes:
             assert node.status(4 * PATIENCE) == 1  # the first one has to compile
             assert _LINE.findall(node.output) == expected
@@ -211,7 +213,8 @@ def test_both_nodes_show_overrides_apply_them_and_name_those_that_nothing_reads(
     topics = [topic for topic in SHOWN if topic != '/cmd' or kind == 'gate']
     if kind == 'gate':
         spec.write_text(BUNDLE + GATE, encoding='utf-8')
-    with both(kind, spec, *RIGHT) as nodes:
+    program = exported_bundle(spec, part=PARTS[kind])
+    with both(program, kind, str(spec), *RIGHT) as nodes:
         for node in nodes:
             node.wait_for('watching', 4 * PATIENCE)
         unread = [] if kind == 'gate' else [

@@ -44,11 +44,11 @@ from fret_monitor.ros.reports.details import DetailThread
 from fret_monitor.ros.reports.health import Health
 from fret_monitor.ros.settings.names import full_name, one_type, refuse_merged_topics
 from fret_monitor.ros.settings.opened import Opened
-from fret_monitor.ros.settings.overrides import overrides_of
 from fret_monitor.ros.settings.parameters import Refusal, Settings
 from fret_monitor.ros.settings.qos import LAST, violation_profile
 from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
+from fret_monitor.runtime.overrides import Overrides
 from fret_monitor.runtime.reporting import (
     LogLine, Reporter, ReportTable, StatusRecord, together, TopicFacts,
 )
@@ -73,7 +73,7 @@ class BundleSession:
     """
 
     def __init__(self, node: Node, opened: Opened, watch: Watch, settings: Settings,
-                 name: str = '', *, reports_failures: bool = True) -> None:
+                 overrides: Overrides, name: str = '', *, reports_failures: bool = True) -> None:
         """
         Prepare to monitor; `watch` is told of threads and timers that fail.
 
@@ -85,6 +85,7 @@ class BundleSession:
         self._node = node
         self._watch = watch
         self._settings = settings
+        self._overrides = overrides
         self._name = name
         self._reports_failures = reports_failures
         self._advertised = ExitStack()
@@ -104,9 +105,6 @@ class BundleSession:
             undo.callback(self.close)
             try:
                 refuse_merged_topics(self._node, self.manifest, self._table, self.library)
-                self.overrides = overrides_of(self._node, self.library, (
-                    DETAILS_TOPIC, *self.manifest.margin_topics,
-                    *(item.topic for item in self.manifest.numbered)))
                 self._advertise()
             except InvalidTopicNameException as error:  # from the namespace or a remapping
                 raise Refusal(f'cannot subscribe or advertise: {error}') from None
@@ -355,7 +353,7 @@ class BundleSession:
         feed.subscribe(
             self._engine.library, name, mapped.message_type, kind, topic,
             dict(mapped.qos) if name != mapped.name else
-            self.overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
+            self._overrides.apply(self._node.resolve_topic_name(name), dict(mapped.qos)),
             is_found=is_found)
 
     # Reports.

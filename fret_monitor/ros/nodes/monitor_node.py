@@ -31,7 +31,7 @@ from fret_monitor.ros.reports.health import PERIOD
 from fret_monitor.ros.settings.declared import Parameters
 from fret_monitor.ros.settings.names import full_name, refuse_shared_names
 from fret_monitor.ros.settings.opened import open_monitors, Opened
-from fret_monitor.ros.settings.overrides import DeclaredOverrides
+from fret_monitor.ros.settings.overrides import DeclaredOverrides, overrides_of
 from fret_monitor.ros.settings.parameters import (
     Described, MetricsAddress, MONITOR_PARAMETERS, read_settings, Refusal, Settings,
 )
@@ -157,6 +157,7 @@ class MonitorNode(ClockNode, LifecycleNode):
             opened = self._open(settings)
             manifests = [item.monitor.manifest for item in opened]
             library = load_evaluator(opened[0].evaluator)
+            self._overrides = overrides_of(self, library, manifests)
             refuse_shared_names(self, manifests, self._names(opened), library)
             self._declared.show_constants(manifests)
         with ExitStack() as undo:
@@ -165,11 +166,12 @@ class MonitorNode(ClockNode, LifecycleNode):
                 self._metrics = self._serve_metrics(settings.metrics)
             for item, name in zip(opened, self._names(opened)):
                 self._sessions.append(BundleSession(
-                    self, item, self._watch, settings, name, reports_failures=not self._sessions))
+                    self, item, self._watch, settings, self._overrides, name,
+                    reports_failures=not self._sessions))
             undo.pop_all()
         self._warn(_ask_system(settings, library))
         self._warn([warning for item in opened for warning in item.warnings])
-        log_lines(self.get_logger(), self._sessions[0].overrides.unused(self._subscribed()))
+        log_lines(self.get_logger(), self._overrides.unused(self._subscribed()))
 
     def _serve_metrics(self, address: MetricsAddress) -> 'MetricsServer':
         from fret_monitor.ros.reports.metrics import MetricsServer
@@ -209,7 +211,7 @@ class MonitorNode(ClockNode, LifecycleNode):
         for session in self._sessions:
             log_lines(self.get_logger(), session.describe_gate())
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(
-            self, self._watch, self._sessions[0].overrides, self._subscribed())
+            self, self._watch, self._overrides, self._subscribed())
 
     def _subscribed(self) -> dict[str, dict[str, str | int]]:
         """Return the full names of subscribed topics, each with what its bundle fixes."""

@@ -22,6 +22,8 @@ Their names are those of rclcpp and rclpy, with the topic's name after remapping
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from fret_monitor.model.manifest import Manifest
+from fret_monitor.model.report_table import used_topics
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.ros.watch import steady_timer, Watch
 from fret_monitor.runtime.overrides import Overrides
@@ -32,15 +34,17 @@ from rclpy.node import Node
 _DECLARE_S = 0.01  # between two topics
 
 
-def overrides_of(node: Node, library: Any, announced: Iterable[str] = ()) -> Overrides:
+def overrides_of(node: Node, library: Any, manifests: Iterable[Manifest] = ()) -> Overrides:
     """
-    Return the overrides given to a node; `library` has the functions of csrc.
+    Return the overrides given to a node that runs these bundles; `library` has the functions of C.
 
-    `announced` are the names of topics of violations. Raises `Refusal` with all problems.
+    Raises `Refusal` with all problems.
     """
     given: dict[str, Any] = node._parameter_overrides
     found = Overrides(library, {name: item.value for name, item in given.items()})
-    if lines := found.problems([node.resolve_topic_name(name) for name in announced]):
+    if lines := found.problems([
+            node.resolve_topic_name(name) for manifest in manifests
+            for name, _, kind in used_topics(manifest) if kind == 'FM_ANNOUNCED']):
         raise Refusal(*(line.text for line in lines))
     return found
 
