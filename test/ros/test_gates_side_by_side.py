@@ -41,11 +41,15 @@ from builtin_interfaces.msg import Time
 from bundles import write_bundle
 from diagnostic_msgs.msg import DiagnosticArray
 from fret_monitor.model.parts import NodePart
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import pytest
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from ros.exported import exported_bundle, ExportedNode
-from ros.harness import LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, settle, wait_until
+from ros.harness import (
+    change_state, LATCHED, NodeProcess, Partner, PATIENCE, RELIABLE, settle, wait_until,
+)
 from ros.test_side_by_side import compare_files, equal, Face, MISSING
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, Empty, Float32
@@ -415,6 +419,21 @@ class ServiceGate(Gate):
         return answer
 
 
+def refuse_when_deactivated(gate: ServiceGate, partner: Partner, stranger: Partner) -> None:
+    """Deactivate a gate while a request waits for the server; it answers, and can go on."""
+    server = gate.serve(stranger)
+    before = len(gate.asked)
+    while len(gate.asked) == before:  # one that finds no server yet is refused
+        answer = gate.ask(False)
+        wait_until(lambda: answer.done() or len(gate.asked) > before, 'a request')  # noqa: B023
+    change = partner.node.create_client(ChangeState, f'/{gate.name}/fret_gate/change_state')
+    assert change_state(change, Transition.TRANSITION_DEACTIVATE)
+    wait_until(answer.done, 'the answer')
+    assert answer.result().message == 'withheld'
+    assert change_state(change, Transition.TRANSITION_ACTIVATE)
+    stranger.node.destroy_service(server)
+
+
 def test_both_gates_on_a_service_answer_the_same(
     partner: Partner, stranger: Partner, tmp_path: Path,
 ) -> None:
@@ -471,6 +490,8 @@ def test_both_gates_on_a_service_answer_the_same(
               gates, 'lines')
         equal(lambda gate: gate.verdicts()[1], gates, 'violations in lines')
         assert gates[1].counts('gate arm')['passed'] == '4'
+        for gate in gates:
+            refuse_when_deactivated(gate, partner, stranger)
     # The stamps of the events differ, and so does what still came after a violation.
     kept = [{str(item[0]).replace(f'/{gate.name}/', '/NODE/') for item in gate.kept()}
             for gate in gates]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A request that its server never answers."""
+"""Requests that are not answered by their server, and responses that cannot be sent."""
 
 from unittest.mock import MagicMock
 
@@ -23,6 +23,7 @@ from fret_monitor.ros.acting import service_gate
 from fret_monitor.runtime import Judgement
 import pytest
 
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from std_srvs.srv import SetBool
@@ -47,29 +48,65 @@ def no_event(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service_gate.ServiceGate, '_event', lambda *_: b'')
 
 
+def sent(gate: service_gate.ServiceGate, respond: MagicMock) -> list[str]:
+    """Serve a request as the executor does; return the responses that were sent so far."""
+    gate._send(gate._serve(SetBool.Request(), SetBool.Response()), 'a request')
+    return [call.args[0].message for call in respond.call_args_list]
+
+
 def test_a_request_without_a_server_is_no_step() -> None:
     node, engine = MagicMock(), MagicMock()
+    respond = node.create_service.return_value.send_response
     node.create_client.return_value.service_is_ready.return_value = False
     gate = make_gate(node, engine)
-    with pytest.raises(StopIteration) as found:
-        gate._serve(SetBool.Request(), SetBool.Response()).send(None)
-    assert found.value.value.message == 'withheld'
+    assert sent(gate, respond) == ['withheld']
     assert gate.look().unsent == 1
     engine.judge.assert_not_called()
+
+
+def test_a_request_that_cannot_be_sent_is_refused() -> None:
+    node = MagicMock()
+    respond = node.create_service.return_value.send_response
+    gate = make_gate(node, MagicMock())
+    node.create_client.return_value.call_async.side_effect = _rclpy.RCLError
+    assert sent(gate, respond) == ['withheld']
+    assert gate.look().unsent == 1
 
 
 def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(service_gate, 'monotonic', lambda: now[0])
-    gate = make_gate(MagicMock(), MagicMock())
-    waiting = gate._serve(SetBool.Request(), SetBool.Response())
-    waiting.send(None)
+    node = MagicMock()
+    respond = node.create_service.return_value.send_response
+    gate = make_gate(node, MagicMock())
+    answer = node.create_client.return_value.call_async.return_value
+    assert sent(gate, respond) == []
     now[0] = 1.9
     gate.look()
-    waiting.send(None)  # it waits still
+    respond.assert_not_called()
     now[0] = 2.0
-    gate.look()
-    with pytest.raises(StopIteration) as found:
-        waiting.send(None)
-    assert found.value.value.message == 'withheld'
     assert gate.look().unsent == 1
+    assert respond.call_args.args[0].message == 'withheld'
+    answer.set_result(SetBool.Response(message='late'))
+    respond.assert_called_once()
+
+
+def test_a_request_that_waits_is_refused_before_the_service_is_withdrawn() -> None:
+    node = MagicMock()
+    respond = node.create_service.return_value.send_response
+    gate = make_gate(node, MagicMock())
+    assert sent(gate, respond) == []
+    gate.close()
+    names = [name for name, _, _ in node.mock_calls]
+    assert names.index('create_service().send_response') < names.index('destroy_service')
+
+
+def test_a_response_that_cannot_be_sent_is_logged() -> None:
+    node = MagicMock()
+    respond = node.create_service.return_value.send_response
+    respond.side_effect = _rclpy.RCLError('no client')
+    gate = make_gate(node, MagicMock())
+    sent(gate, respond)
+    gate.close()
+    assert 'is not sent: no client' in node.get_logger.return_value.warning.call_args.args[0]
+    node.destroy_service.assert_called_once()

@@ -22,7 +22,7 @@ A request is judged as the message of the service's events that an input may rea
 from contextlib import ExitStack
 from math import inf
 from time import monotonic, time_ns
-from typing import Any
+from typing import Any, cast
 
 from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.native import words
@@ -33,6 +33,7 @@ from fret_monitor.runtime import Engine, Judgement
 from fret_monitor.runtime.reporting import GateFacts
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
@@ -60,7 +61,7 @@ class ServiceGate:
         self._name = gate.name
         self._throttle = Throttle(_LOGGED_S)
         self._timeout = gate.timeout / 1e9
-        self._pending: dict[Future, float] = {}  # each with the end of its time
+        self._pending: dict[Future, tuple[float, Any]] = {}  # the end of its time, the request
         # Others may call while a request waits for the server.
         group = ReentrantCallbackGroup()
         with ExitStack() as undo:
@@ -72,6 +73,8 @@ class ServiceGate:
                 self._service: Any = node.create_service(
                     self._kind, gate.source, self._serve, callback_group=group)
             undo.pop_all()
+        self._respond = self._service.send_response
+        cast(Any, self._service).send_response = self._send
         self.unanswered = 0
         """Requests that passed, and that no server answered."""
 
@@ -85,18 +88,38 @@ class ServiceGate:
         """The full name of the service that is offered."""
         return str(self._service.service_name)
 
-    async def _serve(self, request: Any, response: Any) -> Any:
+    def _serve(self, request: Any, response: Any) -> Any:
+        """Return the response, or what `_send` waits for."""
         if not self._client.service_is_ready():  # not judged: a request that passes is a step
             return self._unanswered()
         if self._engine.judge(self._event(request), time_ns()) is not Judgement.PASSED:
             return self._refusal
-        future = self._client.call_async(request)
-        self._pending[future] = monotonic() + self._timeout
         try:
-            answer = await future
-        finally:
-            self._pending.pop(future, None)
-        return self._unanswered() if answer is None else answer
+            return self._client.call_async(request)
+        except _rclpy.RCLError:
+            return self._unanswered()
+
+    def _send(self, answer: Any, request: Any) -> None:
+        """
+        Send what `_serve` has returned, at once or when the server has answered.
+
+        The executor calls it, in place of the service's own `send_response`. It must not wait for
+        the server: `close` answers while the executor does not run.
+        """
+        if isinstance(answer, Future):
+            self._pending[answer] = monotonic() + self._timeout, request
+            answer.add_done_callback(self._pass_on)
+            return
+        try:
+            self._respond(answer, request)
+        except (_rclpy.RCLError, _rclpy.InvalidHandle) as error:
+            self._node.get_logger().warning(
+                f'the response of {self.source} is not sent: {error}')
+
+    def _pass_on(self, future: Future) -> None:
+        """Send the answer of the server, unless the request was refused meanwhile."""
+        if (waiting := self._pending.pop(future, None)) is not None:
+            self._send(future.result(), waiting[1])
 
     def _event(self, request: Any) -> bytes:
         info = ServiceEventInfo(event_type=ServiceEventInfo.REQUEST_RECEIVED)
@@ -122,10 +145,10 @@ class ServiceGate:
         return GateFacts(others, self.source, self.unanswered)
 
     def _refuse_pending(self, now: float = inf) -> None:
-        for future, end in list(self._pending.items()):
-            if now >= end:
+        for future, (end, request) in list(self._pending.items()):
+            if now >= end and self._pending.pop(future, None) is not None:
                 self._client.remove_pending_request(future)
-                future.cancel()
+                self._send(self._unanswered(), request)
 
     def close(self) -> None:
         """Withdraw the service; requests that wait for the server are refused."""
