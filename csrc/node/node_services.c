@@ -43,6 +43,11 @@
 
 #include "words.h"
 
+static void assign(rosidl_runtime_c__String * string, const char * text)
+{
+  (void)rosidl_runtime_c__String__assign(string, text);
+}
+
 // ---- the life cycle ----------------------------------------------------------------------------
 
 bool fm_lifecycle_begin(
@@ -122,22 +127,19 @@ bool fm_lifecycle_change(struct fm_lifecycle * lifecycle, uint8_t transition)
 static void write_state(lifecycle_msgs__msg__State * out, const rcl_lifecycle_state_t * state)
 {
   out->id = state->id;
-  (void)rosidl_runtime_c__String__assign(&out->label, state->label);
+  assign(&out->label, state->label);
 }
 
 static void write_transitions(
   lifecycle_msgs__srv__GetAvailableTransitions_Response * response,
   const rcl_lifecycle_transition_t * transitions, size_t n)
 {
-  if (!lifecycle_msgs__msg__TransitionDescription__Sequence__init(
-      &response->available_transitions, n))
-  {
-    return;
-  }
-  for (size_t k = 0; k < n; ++k) {
+  (void)lifecycle_msgs__msg__TransitionDescription__Sequence__init(
+    &response->available_transitions, n);
+  for (size_t k = 0; k < response->available_transitions.size; ++k) {
     lifecycle_msgs__msg__TransitionDescription * out = &response->available_transitions.data[k];
     out->transition.id = (uint8_t)transitions[k].id;
-    (void)rosidl_runtime_c__String__assign(&out->transition.label, transitions[k].label);
+    assign(&out->transition.label, transitions[k].label);
     write_state(&out->start_state, transitions[k].start);
     write_state(&out->goal_state, transitions[k].goal);
   }
@@ -166,10 +168,9 @@ FM_SERVER(serve_states, lifecycle_msgs, GetAvailableStates, struct fm_lifecycle,
 {
   const rcl_lifecycle_transition_map_t * map = &lifecycle->machine.transition_map;
   (void)request;
-  if (lifecycle_msgs__msg__State__Sequence__init(&response->available_states, map->states_size)) {
-    for (unsigned int k = 0; k < map->states_size; ++k) {
-      write_state(&response->available_states.data[k], &map->states[k]);
-    }
+  (void)lifecycle_msgs__msg__State__Sequence__init(&response->available_states, map->states_size);
+  for (size_t k = 0; k < response->available_states.size; ++k) {
+    write_state(&response->available_states.data[k], &map->states[k]);
   }
 }
 
@@ -203,26 +204,21 @@ void fm_lifecycle_services(
 
 // ---- parameters --------------------------------------------------------------------------------
 
-static void assign(rosidl_runtime_c__String * string, const char * text)
-{
-  (void)rosidl_runtime_c__String__assign(string, text);
-}
-
 static const struct fm_parameter * find(
   const struct fm_parameter_services * services, const rosidl_runtime_c__String * name)
 {
   return fm_parameter_find(services->parameters, name->data);
 }
 
-static bool are_known(
+// How many names there are; 0 if one of them is unknown.
+static size_t count_known(
   const struct fm_parameter_services * services, const rosidl_runtime_c__String__Sequence * names)
 {
-  for (size_t k = 0; k < names->size; ++k) {
-    if (find(services, &names->data[k]) == NULL) {
-      return false;
-    }
+  size_t n = 0;
+  while (n < names->size && find(services, &names->data[n]) != NULL) {
+    ++n;
   }
-  return true;
+  return n == names->size ? n : 0;
 }
 
 // ---- reading: as rclpy, an unknown name gives an empty answer ----------------------------------
@@ -230,13 +226,9 @@ static bool are_known(
 FM_SERVER(
   serve_describe, rcl_interfaces, DescribeParameters, struct fm_parameter_services, services)
 {
-  if (!are_known(services, &request->names) ||
-    !rcl_interfaces__msg__ParameterDescriptor__Sequence__init(
-      &response->descriptors, request->names.size))
-  {
-    return;
-  }
-  for (size_t k = 0; k < request->names.size; ++k) {
+  (void)rcl_interfaces__msg__ParameterDescriptor__Sequence__init(
+    &response->descriptors, count_known(services, &request->names));
+  for (size_t k = 0; k < response->descriptors.size; ++k) {
     const struct fm_parameter * found = find(services, &request->names.data[k]);
     rcl_interfaces__msg__ParameterDescriptor * descriptor = &response->descriptors.data[k];
     assign(&descriptor->name, found->name);
@@ -248,12 +240,9 @@ FM_SERVER(
 
 FM_SERVER(serve_get, rcl_interfaces, GetParameters, struct fm_parameter_services, services)
 {
-  if (!are_known(services, &request->names) ||
-    !rcl_interfaces__msg__ParameterValue__Sequence__init(&response->values, request->names.size))
-  {
-    return;
-  }
-  for (size_t k = 0; k < request->names.size; ++k) {
+  (void)rcl_interfaces__msg__ParameterValue__Sequence__init(
+    &response->values, count_known(services, &request->names));
+  for (size_t k = 0; k < response->values.size; ++k) {
     (void)rcl_interfaces__msg__ParameterValue__copy(
       &find(services, &request->names.data[k])->value, &response->values.data[k]);
   }
@@ -261,29 +250,21 @@ FM_SERVER(serve_get, rcl_interfaces, GetParameters, struct fm_parameter_services
 
 FM_SERVER(serve_types, rcl_interfaces, GetParameterTypes, struct fm_parameter_services, services)
 {
-  if (!are_known(services, &request->names) ||
-    !rosidl_runtime_c__uint8__Sequence__init(&response->types, request->names.size))
-  {
-    return;
-  }
-  for (size_t k = 0; k < request->names.size; ++k) {
+  (void)rosidl_runtime_c__uint8__Sequence__init(
+    &response->types, count_known(services, &request->names));
+  for (size_t k = 0; k < response->types.size; ++k) {
     response->types.data[k] = find(services, &request->names.data[k])->value.type;
   }
 }
 
-static size_t count_dots(const char * text)
-{
-  size_t n = 0;
-  for (; *text != '\0'; ++text) {
-    n += *text == '.' ? 1u : 0u;
-  }
-  return n;
-}
-
 static bool is_deep_enough(const char * name, uint64_t depth)
 {
-  return depth == rcl_interfaces__srv__ListParameters_Request__DEPTH_RECURSIVE ||
-         count_dots(name) < depth;
+  uint64_t dots = 0;
+  while ((name = strchr(name, '.')) != NULL) {
+    ++name;
+    ++dots;
+  }
+  return depth == rcl_interfaces__srv__ListParameters_Request__DEPTH_RECURSIVE || dots < depth;
 }
 
 static bool is_listed(
@@ -384,12 +365,9 @@ static void set_all(
 
 FM_SERVER(serve_set, rcl_interfaces, SetParameters, struct fm_parameter_services, services)
 {
-  if (!rcl_interfaces__msg__SetParametersResult__Sequence__init(
-      &response->results, request->parameters.size))
-  {
-    return;
-  }
-  for (size_t k = 0; k < request->parameters.size; ++k) {
+  (void)rcl_interfaces__msg__SetParametersResult__Sequence__init(
+    &response->results, request->parameters.size);
+  for (size_t k = 0; k < response->results.size; ++k) {
     const rcl_interfaces__msg__Parameter__Sequence one = {&request->parameters.data[k], 1, 1};
     set_all(services, &one, &response->results.data[k]);
   }
