@@ -67,7 +67,8 @@ class Actions:
         self._thread: _ActionThread | None = None
         self._ends: list[_Ends] = []
         self.locks: list[RclPublisher] = []
-        self._counts = ffi.new('struct fm_action_facts[]', table.pointer.n_actions)
+        self.counts: Any = ffi.new('struct fm_action_facts[]', table.pointer.n_actions)
+        """Of all actions but locks, in the manifest's order, at the last look."""
         with ExitStack() as undo:
             undo.callback(self.close)
             for action in manifest.actions:
@@ -102,7 +103,7 @@ class Actions:
         """Follow an engine, in a thread; after `prepare`. Raises `Unavailable`."""
         if self._ends:
             self._thread = _ActionThread(
-                self._node, engine, middleware, self._table, self._ends, self._counts)
+                self._node, engine, middleware, self._table, self._ends, self.counts)
 
     def stop(self) -> list[LogLine]:
         """Close the engine, wait until no action runs, and return the last lines; idempotent."""
@@ -110,7 +111,7 @@ class Actions:
         if thread is None:
             return []
         thread.end()
-        self._counts, lines = thread.look()
+        lines = thread.look(self.counts)
         thread.close()
         return lines
 
@@ -126,18 +127,7 @@ class Actions:
 
     def lines(self) -> list[LogLine]:
         """Return the lines about failures since the last call, and update the counts."""
-        if self._thread is None:
-            return []
-        self._counts, lines = self._thread.look()
-        return lines
-
-    def counts(self) -> Any:
-        """
-        Return the counts at the last look of all actions but locks, in the manifest's order.
-
-        They are a `struct fm_action_facts[]`.
-        """
-        return self._counts
+        return [] if self._thread is None else self._thread.look(self.counts)
 
     def describe(self) -> list[LogLine]:
         """Return the line at the start: all locks and actions; none if there are none."""
@@ -169,7 +159,6 @@ class _ActionThread(native_lifetimes.NativeThread):
     def __init__(self, node: Node, engine: Engine, middleware: Middleware, table: ReportTable,
                  ends: Sequence[_Ends], before: Any) -> None:
         super().__init__('actions', engine)
-        self._n = len(ends)
         with self._starting((node, *(part for end in ends for part in (
                 end if isinstance(end, tuple) else (end,))))):
             self._kept = (middleware, table, ends, ffi.new('struct fm_action_ends[]', [
@@ -184,11 +173,11 @@ class _ActionThread(native_lifetimes.NativeThread):
             return {'publisher': middleware.handle(end)}
         return {'services': [middleware.service_client(node, item) for item in end]}
 
-    def look(self) -> tuple[Any, list[LogLine]]:
-        """Return the counts, and the lines since the last look; before `close`."""
-        counts, lines = ffi.new('struct fm_action_facts[]', self._n), Lines(self._library)
+    def look(self, counts: Any) -> list[LogLine]:
+        """Update the counts, and return the lines since the last look; before `close`."""
+        lines = Lines(self._library)
         self._library.fm_actions_look(self._place[0], counts, lines.pointer)
-        return counts, lines.take()
+        return lines.take()
 
     def end(self) -> None:
         """Close the engine, and wait for the thread; idempotent."""

@@ -60,7 +60,7 @@ class Health:
         self._review = Review(reporter, **self._counts())
 
     def _counts(self) -> dict[str, Any]:
-        return {'actions': self._actions.counts(),
+        return {'actions': self._actions.counts,
                 'blackbox': ffi.NULL if self._blackbox is None else self._blackbox.counts()}
 
     def review(self, topics: Sequence[TopicFacts]) -> None:
