@@ -22,7 +22,7 @@ from fret_monitor.ros import LoggerNode, MonitorNode, Refusal
 from fret_monitor.ros.settings.opened import open_manifests
 from fret_monitor.ros.settings.parameters import read_settings
 import pytest
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from ros.harness import answer_of, Partner, started
 from ros.test_lifecycle import ACTIVATE, CONFIGURE, Manager, waiting
@@ -120,6 +120,21 @@ def test_a_parameter_decides_whether_callbacks_take_the_messages(
     # YAML reads `on` and `off` as booleans; here they are words.
     with started('monitor', '-p', f'spec:={bundle}', '-p', f'hot_path:={word}') as node:
         assert told in node.output
+
+
+@pytest.mark.parametrize('name', ['monitor', 'logger'])
+def test_a_value_of_a_type_that_there_is_not_does_not_end_the_process(
+    partner: Partner, bundle: Path, name: str,
+) -> None:
+    with started(name, '-p', f'spec:={bundle}'):
+        value = Parameter('log_level', value=1).to_parameter_msg()
+        value.value.type = 77
+        result = call(partner, SetParametersAtomically,
+                      f'/fret_{name}/set_parameters_atomically',
+                      SetParametersAtomically.Request(parameters=[value])).result
+        answer = call(partner, SetParameters, f'/fret_{name}/set_parameters',
+                      SetParameters.Request(parameters=[value]))
+        assert answer.results == [result]
 
 
 def test_the_log_level_changes_at_any_time(partner: Partner, bundle: Path) -> None:

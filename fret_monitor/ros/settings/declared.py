@@ -32,6 +32,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 _LARGEST_INTEGER = 2 ** 63
+_SETTERS = ('set_parameters', 'set_parameters_atomically')
 
 
 class Parameters:
@@ -48,6 +49,9 @@ class Parameters:
         self._node = node
         self._table = table
         self._is_configured = is_configured
+        for service in node.services:
+            if service.service_name.rpartition('/')[2] in _SETTERS:
+                service.callback = _knowing_types(service.callback)
         for name, item in table.items():
             node.declare_parameter(name, item.default, ParameterDescriptor(
                 description=item.description, read_only=item.read_only, dynamic_typing=True))
@@ -130,6 +134,21 @@ class Parameters:
 
     def _set_level(self) -> None:
         self._node.get_logger().set_level(_level(Given(self.values())))
+
+
+def _knowing_types(set_parameters: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """
+    Return a service callback for which a value of an unknown type is an empty list.
+
+    rclpy's own raises an error then, which would end the process.
+    """
+    def answer(request: Any, response: Any) -> Any:
+        for item in request.parameters:
+            if item.value.type > Parameter.Type.STRING_ARRAY.value:
+                item.value.type = Parameter.Type.STRING_ARRAY.value
+        return set_parameters(request, response)
+
+    return answer
 
 
 def _level(given: Given) -> LoggingSeverity:
