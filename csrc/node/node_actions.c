@@ -33,14 +33,13 @@ static bool make_locks(struct fm_node_actions * actions)
 {
   const struct fm_report_table * table = &actions->table->report;
   for (uint32_t k = 0; k < table->n_locks; ++k) {
-    actions->lock_names[k] =
-      fm_resolve(actions->node, &actions->memory, table->locks[k].topic, false);
-    if (actions->lock_names[k] == NULL || !fm_advertise(
+    if (!fm_advertise(
         actions->node, &actions->locks[k], ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, Bool),
         table->locks[k].topic, DEPTH))
     {
       return false;
     }
+    actions->lock_names[k] = rcl_publisher_get_topic_name(&actions->locks[k]);
   }
   return true;
 }
@@ -83,16 +82,15 @@ static bool make_call(struct fm_node_actions * actions, uint32_t k)
 
 static bool make_publisher(struct fm_node_actions * actions, uint32_t k)
 {
-  const struct fm_action * action = &actions->table->report.actions[k];
-  actions->names[k] = fm_resolve(actions->node, &actions->memory, action->target, false);
-  if (actions->names[k] == NULL || !fm_advertise(
-      actions->node, &actions->publishers[k], actions->table->action_types[k].message(),
-      action->target, DEPTH))
-  {
-    return false;
+  rcl_publisher_t * publisher = &actions->publishers[k];
+  const bool is_made = fm_advertise(
+    actions->node, publisher, actions->table->action_types[k].message(),
+    actions->table->report.actions[k].target, DEPTH);
+  if (is_made) {
+    actions->names[k] = rcl_publisher_get_topic_name(publisher);
+    actions->ends[k].publisher = rcl_publisher_get_rmw_handle(publisher);
   }
-  actions->ends[k].publisher = rcl_publisher_get_rmw_handle(&actions->publishers[k]);
-  return true;
+  return is_made;
 }
 
 static bool make_actions(struct fm_node_actions * actions)
