@@ -14,6 +14,7 @@
 
 """Requests that are not answered by their server, and responses that cannot be sent."""
 
+from typing import Any
 from unittest.mock import MagicMock
 
 from fret_monitor.model.manifest import ManifestGate
@@ -23,29 +24,58 @@ from fret_monitor.ros.acting import service_gate
 from fret_monitor.runtime import Judgement
 import pytest
 
+from rclpy import create_node
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
+from ros.harness import answer_of, Partner, wait_until
+from ros.test_executors import EXECUTORS, spun
 from std_srvs.srv import SetBool
 
 
-def make_gate(node: MagicMock, engine: MagicMock) -> service_gate.ServiceGate:
+GATE = ManifestGate(
+    name='arm', source='arm', target='arm_raw', interface='std_srvs/srv/SetBool',
+    is_service=True, topic=None, otherwise=Otherwise.RESPOND, hold=0, period=0,
+    substitute=bytes(serialize_message(SetBool.Response(message='withheld'))),
+    stamp_at=None, is_open_when_stale=False, latches=False, open_after=0, timeout=2 * 10**9)
+
+
+def make_gate(node: Any, engine: MagicMock) -> service_gate.ServiceGate:
     """Return a gate whose requests pass, with a timeout of 2 s."""
     engine.judge.return_value = Judgement.PASSED
+    engine.library = load_evaluator(evaluator_library())
+    return service_gate.ServiceGate(node, engine, GATE)
+
+
+def mocked() -> MagicMock:
+    """Return a node in whose place a mock is."""
+    node = MagicMock()
     node.create_client.return_value.call_async.return_value = Future()
     node.count_services.return_value = 1
-    engine.library = load_evaluator(evaluator_library())
-    return service_gate.ServiceGate(node, engine, ManifestGate(
-        name='arm', source='arm', target='arm_raw', interface='std_srvs/srv/SetBool',
-        is_service=True, topic=None, otherwise=Otherwise.RESPOND, hold=0, period=0,
-        substitute=bytes(serialize_message(SetBool.Response(message='withheld'))),
-        stamp_at=None, is_open_when_stale=False, latches=False, open_after=0,
-        timeout=2 * 10**9))
+    return node
 
 
 @pytest.fixture(autouse=True)
 def no_event(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service_gate.ServiceGate, '_event', lambda *_: b'')
+
+
+@pytest.mark.parametrize('executor', EXECUTORS)
+def test_the_answer_of_the_server_is_passed_on_in_every_executor(
+    partner: Partner, executor: Any,
+) -> None:
+    def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.message = f'done {request.data}'
+        return response
+
+    partner.node.create_service(SetBool, 'arm_raw', serve)
+    node = create_node('gated', context=partner.context)
+    gate = make_gate(node, MagicMock())
+    with spun(executor(context=partner.context), node):
+        client = partner.node.create_client(SetBool, 'arm')
+        wait_until(lambda: answer_of(client, SetBool.Request(data=True)).message == 'done True',
+                   'the answer of the server')
+        gate.close()
 
 
 def sent(gate: service_gate.ServiceGate, respond: MagicMock) -> list[str]:
@@ -55,7 +85,7 @@ def sent(gate: service_gate.ServiceGate, respond: MagicMock) -> list[str]:
 
 
 def test_a_request_without_a_server_is_no_step() -> None:
-    node, engine = MagicMock(), MagicMock()
+    node, engine = mocked(), MagicMock()
     respond = node.create_service.return_value.send_response
     node.create_client.return_value.service_is_ready.return_value = False
     gate = make_gate(node, engine)
@@ -65,7 +95,7 @@ def test_a_request_without_a_server_is_no_step() -> None:
 
 
 def test_a_request_that_cannot_be_sent_is_refused() -> None:
-    node = MagicMock()
+    node = mocked()
     respond = node.create_service.return_value.send_response
     gate = make_gate(node, MagicMock())
     node.create_client.return_value.call_async.side_effect = _rclpy.RCLError
@@ -76,7 +106,7 @@ def test_a_request_that_cannot_be_sent_is_refused() -> None:
 def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(service_gate, 'monotonic', lambda: now[0])
-    node = MagicMock()
+    node = mocked()
     respond = node.create_service.return_value.send_response
     gate = make_gate(node, MagicMock())
     answer = node.create_client.return_value.call_async.return_value
@@ -92,7 +122,7 @@ def test_a_request_waits_no_longer_than_its_timeout(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_request_that_waits_is_refused_before_the_service_is_withdrawn() -> None:
-    node = MagicMock()
+    node = mocked()
     respond = node.create_service.return_value.send_response
     gate = make_gate(node, MagicMock())
     assert sent(gate, respond) == []
@@ -102,7 +132,7 @@ def test_a_request_that_waits_is_refused_before_the_service_is_withdrawn() -> No
 
 
 def test_a_response_that_cannot_be_sent_is_logged() -> None:
-    node = MagicMock()
+    node = mocked()
     respond = node.create_service.return_value.send_response
     respond.side_effect = _rclpy.RCLError('no client')
     gate = make_gate(node, MagicMock())
