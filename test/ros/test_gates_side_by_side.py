@@ -422,10 +422,14 @@ class ServiceGate(Gate):
 def refuse_when_deactivated(gate: ServiceGate, partner: Partner, stranger: Partner) -> None:
     """Deactivate a gate while a request waits for the server; it answers, and can go on."""
     server = gate.serve(stranger)
-    before = len(gate.asked)
-    while len(gate.asked) == before:  # one that finds no server yet is refused
+
+    def passed() -> int:
+        return int(gate.counts('gate arm')['passed'])
+
+    before = passed()
+    while passed() == before:  # one that finds no server yet is refused
         answer = gate.ask(False)
-        wait_until(lambda: answer.done() or len(gate.asked) > before, 'a request')  # noqa: B023
+        wait_until(lambda: answer.done() or passed() > before, 'a request')  # noqa: B023
     change = partner.node.create_client(ChangeState, f'/{gate.name}/fret_gate/change_state')
     assert change_state(change, Transition.TRANSITION_DEACTIVATE)
     wait_until(answer.done, 'the answer')
