@@ -366,8 +366,6 @@ REASONS = ('action_call.c', 'health.c', 'input_log.c', 'condition_log.c',
            'monitor_node.c', 'graph_lines.c', 'instance_lines.c', 'figures.c')
 # Functions of Python that word what a node logs, but do not log it.
 WORDING = {'fret_monitor/ros/nodes/logger_node.py': '_contents',
-           'fret_monitor/ros/acting/gate.py': 'describe_gate',
-           'fret_monitor/ros/acting/actions.py': 'describe',
            'fret_monitor/model/parts.py': 'judged_by_gates',
            'fret_monitor/ros/native_start.py': '_compiling'}
 

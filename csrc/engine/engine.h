@@ -52,7 +52,7 @@ extern "C" {
 #endif
 
 /// Version of the functions and structs of this header, those it includes, and those in ros/.
-#define FM_ENGINE_ABI 37u
+#define FM_ENGINE_ABI 38u
 
 struct fm_engine;
 

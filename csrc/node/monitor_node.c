@@ -146,18 +146,16 @@ static void log_watching(const struct fm_monitor_node * monitor)
   struct fm_watched * watched = calloc(n, sizeof(*watched));
   struct fm_lines lines = {NULL, 0, 0};
   for (uint32_t k = 0; watched != NULL && k < n; ++k) {
+    const struct fm_session * session = &monitor->sessions[k];
     watched[k] = (struct fm_watched) {
-      &monitor->sessions[k].reporter, monitor->tables->tables[k]->origin};
-    fm_node_actions_describe(&monitor->sessions[k].actions);
+      &session->reporter, session->table->origin, session->gate_source, session->gate_target,
+      session->actions.lock_names, session->actions.names};
   }
   if (watched != NULL) {
     fm_add_watching(&lines, watched, n);
   }
   fm_log_lines(&monitor->node, &lines);
   free(watched);
-  for (uint32_t k = 0; k < n; ++k) {
-    fm_node_gate_describe(&monitor->sessions[k].gate);
-  }
 }
 
 static bool activate_all(struct fm_monitor_node * monitor)
@@ -197,7 +195,7 @@ static void release(void * context)
     deactivate(context);
   }
   for (uint32_t k = 0; monitor->sessions != NULL && k < n_sessions(monitor); ++k) {
-    if (monitor->sessions[k].is_configured) {
+    if (monitor->sessions[k].table != NULL) {
       fm_session_release(&monitor->sessions[k]);
     }
   }
@@ -492,7 +490,7 @@ static void serve_clock(struct fm_monitor_node * monitor)
     if (time < fm_clock_now(&monitor->clock)) {
       for_engines(monitor, fm_engine_drain);
     }
-    fm_clock_move(&monitor->clock, time);
+    __atomic_store_n(&monitor->clock.simulated, time, __ATOMIC_RELAXED);
     for_engines(monitor, fm_engine_wake);
   }
 }
@@ -535,21 +533,12 @@ static void serve_all(struct fm_monitor_node * monitor)
 
 // ---- timers ------------------------------------------------------------------------------------
 
-static bool is_due(int64_t * next, int64_t now, int64_t period)
-{
-  if (now < *next) {
-    return false;
-  }
-  *next = *next + period > now ? *next + period : now + period;
-  return true;
-}
-
 static void run_timers_of_sessions(struct fm_monitor_node * monitor, int64_t now)
 {
   if (now >= monitor->next_review) {
     monitor->next_review = earliest(monitor, fm_session_review);
   }
-  if (is_due(&monitor->next_report, now, REPORT_PERIOD_NS)) {
+  if (fm_passes(&monitor->next_report, now, REPORT_PERIOD_NS)) {
     for (uint32_t k = 0; k < n_sessions(monitor); ++k) {
       fm_health_review(&monitor->healths[k]);
     }
@@ -590,7 +579,7 @@ static void run_timers(struct fm_monitor_node * monitor)
   if (monitor->is_active) {
     run_timers_of_sessions(monitor, now);
   }
-  if (monitor->looks > 0 && is_due(&monitor->next_look, now, FM_SECOND)) {
+  if (monitor->looks > 0 && fm_passes(&monitor->next_look, now, FM_SECOND)) {
     look_for_namesake(monitor);
   }
 }

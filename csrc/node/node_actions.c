@@ -176,11 +176,3 @@ void fm_node_actions_stop(struct fm_node_actions * actions)
     fm_actions_join(&actions->thread);
   }
 }
-
-void fm_node_actions_describe(const struct fm_node_actions * actions)
-{
-  struct fm_lines lines = {NULL, 0, 0};
-  fm_describe_actions(
-    &lines, &actions->table->report, actions->lock_names, actions->names);
-  fm_log_lines(actions->node, &lines);
-}

@@ -81,11 +81,6 @@ bool fm_clock_take(struct fm_node_clock * clock, int64_t * time)
   return *time != before;
 }
 
-void fm_clock_move(struct fm_node_clock * clock, int64_t time)
-{
-  __atomic_store_n(&clock->simulated, time, __ATOMIC_RELAXED);
-}
-
 int64_t fm_clock_now(const struct fm_node_clock * clock)
 {
   return clock->is_simulated ?

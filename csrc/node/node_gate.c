@@ -393,11 +393,6 @@ bool fm_node_gate_start(struct fm_node_gate * gate, const struct fm_node_clock *
          start_relay(gate);
 }
 
-bool fm_node_gate_is_running(const struct fm_node_gate * gate)
-{
-  return gate->relay != NULL || gate->service.engine != NULL;
-}
-
 void fm_node_gate_stop(struct fm_node_gate * gate)
 {
   close_service(&gate->service);
@@ -449,11 +444,6 @@ void fm_node_gate_review(
   }
 }
 
-bool fm_node_gate_is_settled(const struct fm_node_gate * gate)
-{
-  return fm_gate_target_is_settled(gate->state);
-}
-
 struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate)
 {
   if (is_on_service(gate)) {
@@ -463,13 +453,4 @@ struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate)
   }
   return (struct fm_gate_facts) {
     fm_gate_target_others(gate->state), gate->target, fm_relay_unpublished(gate->relay)};
-}
-
-void fm_node_gate_describe(const struct fm_node_gate * gate)
-{
-  struct fm_lines lines = {NULL, 0, 0};
-  if (gate->table != NULL) {
-    fm_describe_gate(&lines, &gate->table->report, gate->source, gate->target);
-    fm_log_lines(gate->node, &lines);
-  }
 }

@@ -72,7 +72,7 @@ static void look(struct fm_health * health)
   struct fm_facts facts = facts_of(session, &written);
   facts.topics = health->topics;
   facts.waits_for_clock = session->clock->is_simulated && fm_clock_now(session->clock) <= 0;
-  if (fm_node_gate_is_running(&session->gate)) {
+  if (session->gate.table != NULL) {
     health->gate = fm_node_gate_facts(&session->gate);
     facts.gate = &health->gate;
   }

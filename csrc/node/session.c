@@ -161,7 +161,7 @@ bool fm_session_configure(
 {
   *session = (struct fm_session) {
     .table = tables->tables[place], .node = node, .clock = clock, .parameters = parameters,
-    .fixed = parameters->fixed[place], .taking = fm_taking_of(parameters), .is_configured = true};
+    .fixed = parameters->fixed[place], .taking = fm_taking_of(parameters)};
   if (!resolve_used(session) || !fm_node_blackbox_begin(
       &session->blackbox, node, session->table, session->topic_names, parameters) ||
     !name_gate(session) || !refuse_merged(session) || !advertise_all(session))

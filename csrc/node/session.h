@@ -62,12 +62,9 @@ struct fm_node_clock
 /// Subscribe to /clock, or end the subscription. Returns false, with the error logged.
 bool fm_clock_simulate(struct fm_node_clock * clock, bool is_simulated);
 
-/// Take the messages on /clock, without those of a negative time. Returns whether the time moves,
-/// to the last one.
+/// Take the messages on /clock, without those of a negative time. Returns whether the time is to
+/// move, to the last one.
 bool fm_clock_take(struct fm_node_clock * clock, int64_t * time);
-
-/// Move the time of /clock. O(1).
-void fm_clock_move(struct fm_node_clock * clock, int64_t time);
 
 /// The node's time in nanoseconds; 0 before the first message on /clock. O(1).
 int64_t fm_clock_now(const struct fm_node_clock * clock);
@@ -170,9 +167,6 @@ bool fm_node_gate_guard(
 /// logged.
 bool fm_node_gate_start(struct fm_node_gate * gate, const struct fm_node_clock * clock);
 
-/// Whether it judges.
-bool fm_node_gate_is_running(const struct fm_node_gate * gate);
-
 /// Take the messages of a subscription to the source, with this durability, unless that has to
 /// wait: then `*is_taken` stays false, and it is called again at a review. Returns false if the
 /// middleware has no callback for new messages.
@@ -185,13 +179,8 @@ bool fm_node_gate_take(
 void fm_node_gate_review(
   struct fm_node_gate * gate, const char * type, const struct fm_offer * offers, uint32_t n);
 
-bool fm_node_gate_is_settled(const struct fm_node_gate * gate);
-
 /// What is around the gate, which is there. Valid until the next review.
 struct fm_gate_facts fm_node_gate_facts(const struct fm_node_gate * gate);
-
-/// Log what the gate does, at the start.
-void fm_node_gate_describe(const struct fm_node_gate * gate);
 
 /// End the thread, and withdraw the target; its subscriptions were closed before.
 void fm_node_gate_stop(struct fm_node_gate * gate);
@@ -344,9 +333,6 @@ bool fm_node_actions_start(struct fm_node_actions * actions, struct fm_engine * 
 /// Wait until no action runs, and log the last lines. The engine is closed before.
 void fm_node_actions_stop(struct fm_node_actions * actions);
 
-/// Log all locks and actions, at the start.
-void fm_node_actions_describe(const struct fm_node_actions * actions);
-
 /// Update the counts, and log what has failed since the last look.
 void fm_node_actions_look(struct fm_node_actions * actions);
 
@@ -436,7 +422,6 @@ struct fm_session
   int64_t next_look;                  // at publishers; steady, as these two
   int64_t next_question;              // whether topics are settled
   int64_t next_round;                 // at which all are looked at
-  bool is_configured;
   bool is_active;
 };
 

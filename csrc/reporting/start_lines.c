@@ -115,38 +115,7 @@ static void add_terms(struct fm_text * text, const struct fm_watched * watched)
   }
 }
 
-void fm_add_watching(struct fm_lines * lines, const struct fm_watched * watched, uint32_t n)
-{
-  struct fm_text contents = {NULL, 0, 0};
-  struct fm_text terms = {NULL, 0, 0};
-  for (uint32_t k = 0; n > 1u && k < n; ++k) {
-    add_contents(&contents, &watched[k], 1);
-    add_terms(&terms, &watched[k]);
-    fm_lines_add(lines, FM_INFO, "bundle %s: %s, %s", watched[k].reporter->table->bundle,
-      fm_text_get(&contents), fm_text_get(&terms));
-    fm_text_clear(&contents);
-    fm_text_clear(&terms);
-  }
-  add_contents(&contents, watched, n);
-  if (n == 1u) {
-    add_terms(&terms, watched);
-    fm_lines_add(lines, FM_INFO, "watching %s, %s", fm_text_get(&contents), fm_text_get(&terms));
-  } else {
-    add_state(&terms, watched, n);
-    fm_lines_add(lines, FM_INFO, "watching %s in %u bundles, %s", fm_text_get(&contents), n,
-      fm_text_get(&terms));
-  }
-  fm_text_free(&contents);
-  fm_text_free(&terms);
-}
-
-void fm_add_restarted(struct fm_lines * lines, uint64_t groups)
-{
-  fm_lines_add(lines, FM_INFO, "restarted %" PRIu64 " step group%s; input values kept", groups,
-    groups == 1u ? "" : "s");
-}
-
-// ---- the gate ----------------------------------------------------------------------------------
+// ---- gates, locks and actions ------------------------------------------------------------------
 
 static void add_otherwise(struct fm_text * text, const struct fm_report_gate * gate)
 {
@@ -175,10 +144,9 @@ static void add_latch(struct fm_text * text, const struct fm_report_gate * gate)
   }
 }
 
-void fm_describe_gate(
-  struct fm_lines * lines, const struct fm_report_table * table, const char * source,
-  const char * target)
+static void describe_gate(struct fm_lines * lines, const struct fm_watched * watched)
 {
+  const struct fm_report_table * table = watched->reporter->table;
   struct fm_text ids = {NULL, 0, 0};
   struct fm_text rest = {NULL, 0, 0};
   for (uint32_t k = 0; k < table->n_requirements; ++k) {
@@ -189,19 +157,10 @@ void fm_describe_gate(
   fm_text_add(&rest, "%s", table->gate->passes_silent ?
     "; OPEN WHILE AN INPUT IS STALE (stale: open)" : "");
   fm_lines_add(lines, FM_INFO, "gate '%s': %s -> %s, keeps %s; otherwise %s", table->gate->name,
-    source, target, fm_text_get(&ids), fm_text_get(&rest));
+    watched->source, watched->target, fm_text_get(&ids), fm_text_get(&rest));
   fm_text_free(&ids);
   fm_text_free(&rest);
 }
-
-void fm_add_gate_refusal(
-  struct fm_lines * lines, const struct fm_report_gate * gate, const char * policy)
-{
-  fm_lines_add(lines, FM_ERROR, "the gate '%s' needs a step for each message: it cannot run with "
-    "the policy %s", gate->name, policy);
-}
-
-// ---- actions and locks -------------------------------------------------------------------------
 
 static void add_effect(
   struct fm_text * text, const struct fm_action * action, const char * full_name)
@@ -212,22 +171,67 @@ static void add_effect(
     is_transition ? " to " : "", is_transition ? action->state : "");
 }
 
-void fm_describe_actions(
-  struct fm_lines * lines, const struct fm_report_table * table, const char * const * locks,
-  const char * const * actions)
+static void describe_actions(struct fm_lines * lines, const struct fm_watched * watched)
 {
+  const struct fm_report_table * table = watched->reporter->table;
   struct fm_text text = {NULL, 0, 0};
   for (uint32_t k = 0; k < table->n_locks; ++k) {
-    fm_text_join(&text, "; ", "lock '%s' on %s, %g Hz", table->locks[k].name, locks[k],
+    fm_text_join(&text, "; ", "lock '%s' on %s, %g Hz", table->locks[k].name, watched->locks[k],
       1e9 / (double)table->locks[k].period);
   }
   for (uint32_t k = 0; k < table->n_actions; ++k) {
-    add_effect(&text, &table->actions[k], actions[k]);
+    add_effect(&text, &table->actions[k], watched->actions[k]);
   }
   if (text.length > 0) {
     fm_lines_add(lines, FM_INFO, "%s", fm_text_get(&text));
   }
   fm_text_free(&text);
+}
+
+void fm_add_watching(struct fm_lines * lines, const struct fm_watched * watched, uint32_t n)
+{
+  struct fm_text contents = {NULL, 0, 0};
+  struct fm_text terms = {NULL, 0, 0};
+  for (uint32_t k = 0; k < n; ++k) {
+    describe_actions(lines, &watched[k]);
+  }
+  for (uint32_t k = 0; n > 1u && k < n; ++k) {
+    add_contents(&contents, &watched[k], 1);
+    add_terms(&terms, &watched[k]);
+    fm_lines_add(lines, FM_INFO, "bundle %s: %s, %s", watched[k].reporter->table->bundle,
+      fm_text_get(&contents), fm_text_get(&terms));
+    fm_text_clear(&contents);
+    fm_text_clear(&terms);
+  }
+  add_contents(&contents, watched, n);
+  if (n == 1u) {
+    add_terms(&terms, watched);
+    fm_lines_add(lines, FM_INFO, "watching %s, %s", fm_text_get(&contents), fm_text_get(&terms));
+  } else {
+    add_state(&terms, watched, n);
+    fm_lines_add(lines, FM_INFO, "watching %s in %u bundles, %s", fm_text_get(&contents), n,
+      fm_text_get(&terms));
+  }
+  for (uint32_t k = 0; k < n; ++k) {
+    if (watched[k].reporter->table->gate != NULL) {
+      describe_gate(lines, &watched[k]);
+    }
+  }
+  fm_text_free(&contents);
+  fm_text_free(&terms);
+}
+
+void fm_add_restarted(struct fm_lines * lines, uint64_t groups)
+{
+  fm_lines_add(lines, FM_INFO, "restarted %" PRIu64 " step group%s; input values kept", groups,
+    groups == 1u ? "" : "s");
+}
+
+void fm_add_gate_refusal(
+  struct fm_lines * lines, const struct fm_report_gate * gate, const char * policy)
+{
+  fm_lines_add(lines, FM_ERROR, "the gate '%s' needs a step for each message: it cannot run with "
+    "the policy %s", gate->name, policy);
 }
 
 void fm_add_failure(

@@ -22,35 +22,28 @@
 #include "blackbox_writer.h"
 #include "reporter.h"
 
-/// A bundle that is watched, and where it is from: its file or folder; "": compiled into the node.
+/// A bundle that is watched. Names are full names, of as many locks and actions as its table has.
 struct fm_watched
 {
   const struct fm_reporter * reporter;
-  const char * origin;
+  const char * origin;   // its file or folder; "": it is compiled into the node
+  const char * source;   // of its gate, as the next
+  const char * target;
+  const char * const * locks;    // of their topics
+  const char * const * actions;  // of their topics, services or nodes
 };
 
-/// Add a line for all bundles, after one for each if there are several. Any thread.
-/// O(topics * topics).
+/// Add what is logged at the start: the locks and actions of each bundle, a line for all bundles,
+/// after one for each if there are several, and what gates do. Any thread. O(topics * topics).
 FM_EXPORT void fm_add_watching(
   struct fm_lines * lines, const struct fm_watched * watched, uint32_t n);
 
 /// Add the line of a reset of `groups` step groups. Any thread. O(1).
 FM_EXPORT void fm_add_restarted(struct fm_lines * lines, uint64_t groups);
 
-/// Add what the gate of a bundle does; `source` and `target` are full names. O(requirements).
-FM_EXPORT void fm_describe_gate(
-  struct fm_lines * lines, const struct fm_report_table * table, const char * source,
-  const char * target);
-
 /// Add why fm_gate_init refuses a policy.
 FM_EXPORT void fm_add_gate_refusal(
   struct fm_lines * lines, const struct fm_report_gate * gate, const char * policy);
-
-/// Add all locks and actions, as the log shows them at the start; nothing if there are none.
-/// `locks` and `actions` are full names: of their topics, services or nodes.
-FM_EXPORT void fm_describe_actions(
-  struct fm_lines * lines, const struct fm_report_table * table, const char * const * locks,
-  const char * const * actions);
 
 /// Add the line that an action has failed, and why; after `tries` of them, if more than one.
 FM_INTERNAL void fm_add_failure(

@@ -15,18 +15,31 @@
 """A wrapper of `csrc/reporting/start_lines.h`: what is watched, and lines of no bundle."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from fret_monitor.native.binding import ffi
 from fret_monitor.runtime.reporting import lines_of, LogLine, Reporter
 
 
-def watching(reporters: Sequence[Reporter], origins: Sequence[str]) -> list[LogLine]:
-    """Return the lines of all bundles, of at least one; `origins` are their files or folders."""
-    library, texts = reporters[0].library, [_characters(origin) for origin in origins]
+class WatchedBundle(NamedTuple):
+    """A bundle: its file or folder, and full names: of its gate, its locks and other actions."""
+
+    reporter: Reporter
+    origin: str
+    ends: tuple[str, str] = ('', '')
+    locks: Sequence[str] = ()
+    actions: Sequence[str] = ()
+
+
+def watching(bundles: Sequence[WatchedBundle]) -> list[LogLine]:
+    """Return what is logged of all bundles, of at least one, at the start."""
+    library = bundles[0].reporter.library
+    texts = [[*map(_characters, (item.origin, *item.ends, *item.locks, *item.actions))]
+             for item in bundles]
+    names = [ffi.new('char *[]', found[3:]) for found in texts]
     return lines_of(library, library.fm_add_watching, [
-        {'reporter': reporter.pointer, 'origin': text}
-        for reporter, text in zip(reporters, texts, strict=True)], len(reporters))
+        (item.reporter.pointer, *found[:3], name, name + len(item.locks))
+        for item, found, name in zip(bundles, texts, names)], len(bundles))
 
 
 def restarted(library: Any, groups: int) -> LogLine:

@@ -21,7 +21,7 @@ from fret_monitor.model.policies import Policy
 from fret_monitor.native import evaluator_library, load_evaluator
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.reporting import LogLevel, LogLine, Reporter, ReportTable
-from fret_monitor.runtime.start_lines import restarted, watching
+from fret_monitor.runtime.start_lines import restarted, WatchedBundle, watching
 import pytest
 
 ONE = """
@@ -75,8 +75,9 @@ def test_the_line_of_a_bundle_has_its_policy_with_what_belongs_to_it(
     one = reporter(tmp_path, 'one', ONE.replace('EVALUATION', evaluation), policy=policy,
                    period=period)
     watched = 'watching 1 requirement on 1 input of 1 topic, policy '
-    assert watching([one], ['']) == [LogLine(LogLevel.INFO, f'{watched}{terms}{state(one)}')]
-    line, = watching([one], ['one.yaml'])
+    assert watching([WatchedBundle(one, '')]) == [
+        LogLine(LogLevel.INFO, f'{watched}{terms}{state(one)}')]
+    line, = watching([WatchedBundle(one, 'one.yaml')])
     assert line.text == f'{watched}{terms}{state(one)} (one.yaml)'
 
 
@@ -85,7 +86,7 @@ def test_several_bundles_have_a_line_each_and_one_in_which_a_topic_counts_once(
     found = [reporter(tmp_path, name, text.replace('EVALUATION', ''), is_one_of_several=True)
              for name, text in (('one', ONE), ('two', TWO))]
     one, two = found
-    assert [line.text for line in watching(found, ['a', 'b'])] == [
+    assert [line.text for line in watching([*map(WatchedBundle, found, 'ab')])] == [
         f'bundle one: 1 requirement on 1 input of 1 topic, policy every_message, {state(one)} (a)',
         f'bundle two: 2 requirements on 3 inputs of 2 topics, policy every_message, {state(two)} '
         '(b)',

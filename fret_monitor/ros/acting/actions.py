@@ -34,7 +34,7 @@ from fret_monitor.ros.intake.hot_path import Middleware
 from fret_monitor.ros.intake.rcl_endpoint import RclClient, RclPublisher
 from fret_monitor.ros.settings.names import done_by, one_type
 from fret_monitor.runtime import Engine
-from fret_monitor.runtime.reporting import Lines, lines_of, LogLine, ReportTable
+from fret_monitor.runtime.reporting import Lines, LogLine, ReportTable
 
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
@@ -129,17 +129,12 @@ class Actions:
         """Return the lines about failures since the last call, and update the counts."""
         return [] if self._thread is None else self._thread.look(self.counts)
 
-    def describe(self) -> list[LogLine]:
-        """Return the line at the start: all locks and actions; none if there are none."""
-        texts = [[ffi.new('char[]', self._full_name(item).encode())
-                  for item in self._manifest.actions
-                  if (item.kind is ActionKind.LOCK) is is_lock] for is_lock in (True, False)]
-        return lines_of(self._library, self._library.fm_describe_actions, self._table.pointer,
-                        *(ffi.new('char *[]', item) for item in texts))
-
-    def _full_name(self, action: ManifestAction) -> str:
-        return action.target if action.kind is ActionKind.TRANSITION else \
-            done_by(self._node, action)[1]
+    def names(self) -> Iterator[list[str]]:
+        """Yield the full names of the topics of locks, then of what the other actions reach."""
+        for is_lock in (True, False):
+            yield [item.target if item.kind is ActionKind.TRANSITION
+                   else done_by(self._node, item)[1] for item in self._manifest.actions
+                   if (item.kind is ActionKind.LOCK) is is_lock]
 
 
 def _services(action: ManifestAction) -> Iterator[tuple[Any, str]]:

@@ -17,15 +17,15 @@
 from collections.abc import Mapping
 from typing import Any
 
-from fret_monitor.model.manifest import Manifest, ManifestGate
+from fret_monitor.model.manifest import ManifestGate
 from fret_monitor.native.errors import LibraryError
 from fret_monitor.ros.acting.relay import Relay
 from fret_monitor.ros.acting.service_gate import ServiceGate
 from fret_monitor.ros.intake.hot_path import Middleware
-from fret_monitor.ros.settings.names import ends_of, one_type
+from fret_monitor.ros.settings.names import one_type
 from fret_monitor.ros.settings.parameters import Refusal
 from fret_monitor.runtime import Engine, Evaluator, MessageGate
-from fret_monitor.runtime.reporting import lines_of, LogLine, ReportTable
+from fret_monitor.runtime.reporting import lines_of, ReportTable
 
 from rclpy.node import Node
 
@@ -41,14 +41,6 @@ def gate_of(evaluator: Evaluator, settings: ManifestGate, table: ReportTable) ->
         raise Refusal(*(line.text for line in lines_of(
             library, library.fm_add_gate_refusal, table.pointer.gate,
             evaluator.policy.value.encode()))) from None
-
-
-def describe_gate(node: Node, manifest: Manifest, table: ReportTable,
-                  library: Any) -> list[LogLine]:
-    """Return the log line of a gate at the start."""
-    assert manifest.gate is not None
-    return lines_of(library, library.fm_describe_gate, table.pointer,
-                    *(name.encode() for name in ends_of(node, manifest.gate)))
 
 
 def open_gate(node: Node, engine: Engine, settings: ManifestGate, middleware: Middleware,

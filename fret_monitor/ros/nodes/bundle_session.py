@@ -42,7 +42,7 @@ from fret_monitor.ros.intake.symbols import Unavailable
 from fret_monitor.ros.log_lines import log_lines
 from fret_monitor.ros.reports.details import DetailThread
 from fret_monitor.ros.reports.health import Health
-from fret_monitor.ros.settings.names import full_name, one_type, refuse_merged_topics
+from fret_monitor.ros.settings.names import ends_of, full_name, one_type, refuse_merged_topics
 from fret_monitor.ros.settings.opened import Opened
 from fret_monitor.ros.settings.parameters import Refusal, Settings
 from fret_monitor.ros.settings.qos import LAST, violation_profile
@@ -50,9 +50,10 @@ from fret_monitor.ros.watch import Watch
 from fret_monitor.runtime import Engine, Evaluator
 from fret_monitor.runtime.overrides import Overrides
 from fret_monitor.runtime.reporting import (
-    LogLine, Reporter, ReportTable, StatusRecord, together, TopicFacts,
+    Reporter, ReportTable, StatusRecord, together, TopicFacts,
 )
 from fret_monitor.runtime.scopes import Scopes
+from fret_monitor.runtime.start_lines import WatchedBundle
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
@@ -218,16 +219,13 @@ class BundleSession:
         turns = [None if thread is None else thread.turns for thread in threads]
         return tuple(item for item in turns if item is not None)
 
-    def describe_actions(self) -> list[LogLine]:
-        """Return the line about locks and actions at the start; none if there are none."""
-        return self._actions.describe()
-
-    def describe_gate(self) -> list[LogLine]:
-        """Return the line about the gate at the start; none if there is none."""
-        if self.manifest.gate is None:
-            return []
-        from fret_monitor.ros.acting.gate import describe_gate
-        return describe_gate(self._node, self.manifest, self._table, self.library)
+    @property
+    def watched(self) -> WatchedBundle:
+        """What the log says at the start."""
+        gate = self.manifest.gate
+        return WatchedBundle(self.reporter, self.opened.origin,
+                             ('', '') if gate is None else ends_of(self._node, gate),
+                             *self._actions.names())
 
     def reset(self) -> int:
         """Reset all step groups between two steps; return how many there are, of one instance."""

@@ -203,13 +203,7 @@ class MonitorNode(ClockNode, LifecycleNode):
                 [session.turns for session in self._sessions], self._watch)
             self._reports = steady_timer(self, PERIOD, self._report)
             undo.pop_all()
-        for session in self._sessions:
-            log_lines(self.get_logger(), session.describe_actions())
-        log_lines(self.get_logger(), watching(
-            [session.reporter for session in self._sessions],
-            [session.opened.origin for session in self._sessions]))
-        for session in self._sessions:
-            log_lines(self.get_logger(), session.describe_gate())
+        log_lines(self.get_logger(), watching([session.watched for session in self._sessions]))
         self._declared_overrides = self._declared_overrides or DeclaredOverrides(
             self, self._watch, self._overrides, self._subscribed())
 
